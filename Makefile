@@ -51,6 +51,7 @@ mutants: $(VENV)/.mutants
 
 lint: $(VENV)/.tests .types/icymoon
 	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check --quiet .
 	$(VENV)/bin/mypy
 
 # A link to the repository under the package's name, by which mypy finds it whatever the folder is called.

@@ -22,11 +22,22 @@ if TYPE_CHECKING:
     from .support.errors import IcyMoonError
 
 #: The names that programs use, and the modules that they are from.
-_NAMES = {"Evaluation": "library.evaluation", "IcyMoonError": "support.errors", "InProcess": "library.renderers",
-          "RenderedEye": "library.rendered_pair", "RenderedPair": "library.rendered_pair", "Scene": "library.scene",
-          "Sweep": "library.sweep", "SweepPoint": "library.sweep", "Worker": "library.renderers",
-          "evaluate": "library.evaluation", "export_ground": "library.ground", "open_pair": "library.rendered_pair",
-          "open_pairs": "library.rendered_pair", "preset_names": "settings.preset_files"}
+_NAMES = {
+    "Evaluation": "library.evaluation",
+    "IcyMoonError": "support.errors",
+    "InProcess": "library.renderers",
+    "RenderedEye": "library.rendered_pair",
+    "RenderedPair": "library.rendered_pair",
+    "Scene": "library.scene",
+    "Sweep": "library.sweep",
+    "SweepPoint": "library.sweep",
+    "Worker": "library.renderers",
+    "evaluate": "library.evaluation",
+    "export_ground": "library.ground",
+    "open_pair": "library.rendered_pair",
+    "open_pairs": "library.rendered_pair",
+    "preset_names": "settings.preset_files",
+}
 #: The module ``icymoon.torch``. A file of this name at the root would hide PyTorch from whoever runs there.
 _MODULES = {"torch": "stereo.torch_data"}
 

@@ -14,12 +14,17 @@ from pathlib import Path
 from types import TracebackType
 
 #: Verbs that are separate programs: the other verbs must work without the imports of these.
-_PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker",
-             "resident-worker": "render.resident_worker", "assets": "render.asset_worker",
-             "geometry": "render.geometry_worker",
-             "probe": "render.probe_blender", "measure": "stereo.measuring_processes",
-             "decode": "stereo.images.bounded_decoding",
-             "install": "stereo.environment.install"}
+_PROGRAMS = {
+    "stereo": "stereo.cli",
+    "worker": "render.worker",
+    "resident-worker": "render.resident_worker",
+    "assets": "render.asset_worker",
+    "geometry": "render.geometry_worker",
+    "probe": "render.probe_blender",
+    "measure": "stereo.measuring_processes",
+    "decode": "stereo.images.bounded_decoding",
+    "install": "stereo.environment.install",
+}
 #: Those that run in Blender.
 _IN_BLENDER = {"worker", "resident-worker", "assets", "probe"}
 #: Pythons that Blender as a module is made for, see pyproject.toml; the least that anything here runs on.
@@ -30,8 +35,10 @@ def no_blender() -> str:
     """What to do in a Python that has no Blender, as a sentence."""
     if sys.version_info[:2] in _WITH_BLENDER:
         return f'{sys.executable} has no Blender; give one with --blender, or pip install "icymoon[blender]".'
-    return (f"{sys.executable} is Python {sys.version_info[0]}.{sys.version_info[1]}, for which there is no Blender as "
-            'a module; give a Blender with --blender, or use Python 3.11 or 3.13 and pip install "icymoon[blender]".')
+    return (
+        f"{sys.executable} is Python {sys.version_info[0]}.{sys.version_info[1]}, for which there is no Blender as "
+        'a module; give a Blender with --blender, or use Python 3.11 or 3.13 and pip install "icymoon[blender]".'
+    )
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -76,8 +83,9 @@ def _end_quietly(kind: type[BaseException], error: BaseException, trace: Traceba
 
 def _load_package() -> None:
     root = Path(__file__).resolve().parent
-    spec = importlib.util.spec_from_file_location("icymoon", root / "__init__.py",
-                                                  submodule_search_locations=[str(root)])
+    spec = importlib.util.spec_from_file_location(
+        "icymoon", root / "__init__.py", submodule_search_locations=[str(root)]
+    )
     assert spec is not None
     assert spec.loader is not None
     package = importlib.util.module_from_spec(spec)
@@ -89,7 +97,7 @@ def _arguments() -> list[str]:
     inside_blender = "bpy" in sys.modules
     if inside_blender:
         importlib.import_module("icymoon.support.system").raise_at_interrupt()
-        return sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []
+        return sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
     return sys.argv[1:]
 
 
@@ -105,5 +113,7 @@ if __name__ == "__main__":
     except ModuleNotFoundError as error:
         if error.name not in ("numpy", "rich"):
             raise
-        sys.exit(f"icymoon: {sys.executable} lacks {error.name}; run make, which makes an environment in .venv, or in "
-                 f"the folder of icymoon: {sys.executable} -m pip install .")
+        sys.exit(
+            f"icymoon: {sys.executable} lacks {error.name}; run make, which makes an environment in .venv, or in "
+            f"the folder of icymoon: {sys.executable} -m pip install ."
+        )

@@ -74,8 +74,10 @@ def main() -> None:
     print(ROW.format("", "wall ms", "CPU ms", "first wall", "first CPU"))
     with tempfile.TemporaryDirectory() as folder:
         for library, line in libraries.items():
-            for method, text, fields, pairs in (("resident", RESIDENT, "", 50), ("external", ONCE,
-                                                                                " {left} {right} {out}", 5)):
+            for method, text, fields, pairs in (
+                ("resident", RESIDENT, "", 50),
+                ("external", ONCE, " {left} {right} {out}", 5),
+            ):
                 script = Path(folder, f"{method}_{library}.py")
                 script.write_text(text.format(library=line), encoding="utf-8")
                 command = shlex.join([sys.executable, str(script)]) + fields

@@ -38,8 +38,9 @@ DIRECT = 64
 
 def kendall(one: Sequence[float], other: Sequence[float]) -> float:
     """Kendall's tau-b of two lists: 1 if they are in the same order, -1 if in the opposite one; nan if one is equal."""
-    signs = np.array([(np.sign(one[i] - one[k]), np.sign(other[i] - other[k]))
-                      for i, k in combinations(range(len(one)), 2)])
+    signs = np.array(
+        [(np.sign(one[i] - one[k]), np.sign(other[i] - other[k])) for i, k in combinations(range(len(one)), 2)]
+    )
     untied = (signs != 0).sum(axis=0)
     return float((signs[:, 0] * signs[:, 1]).sum() / np.sqrt(untied[0] * untied[1])) if untied.all() else float("nan")
 
@@ -64,13 +65,22 @@ def measured(folder: Path, reference: Path | None) -> dict[str, Any]:
     wrong = {name: float((found.seen & ~(off <= 1)).sum() / found.seen.sum()) for name, off in found.off.items()}
     light = grey(pair.light["left"].radiance)
     indirect = json.loads((folder / "pair.json").read_text()).get("indirect", {})
-    row = {"verdict": noise.verdict, "larger": noise.larger, "hidden": hidden(noise), "between": hidden(between),
-           "baked": indirect.get("noise_of_image"), "wrong": wrong, "light": light}
+    row = {
+        "verdict": noise.verdict,
+        "larger": noise.larger,
+        "hidden": hidden(noise),
+        "between": hidden(between),
+        "baked": indirect.get("noise_of_image"),
+        "wrong": wrong,
+        "light": light,
+    }
     if reference is not None:
         true = measured(reference, None)
-        row |= {"distance": float(np.sqrt(np.mean((light - true["light"]) ** 2)) / true["light"].mean()),
-                "bias": float(light.mean() / true["light"].mean() - 1),
-                "changed": {name: share - true["wrong"][name] for name, share in wrong.items()}}
+        row |= {
+            "distance": float(np.sqrt(np.mean((light - true["light"]) ** 2)) / true["light"].mean()),
+            "bias": float(light.mean() / true["light"].mean() - 1),
+            "changed": {name: share - true["wrong"][name] for name, share in wrong.items()},
+        }
     return row
 
 
@@ -82,13 +92,20 @@ def main(options: argparse.Namespace, dataset: Path) -> None:
 
     icymoon.register()
     rung = next(each for each in ladder() if each.name == LAMBERT)
-    traced = {f"traced {n}": {"indirect": "TRACED", "samples": n, "denoiser": "NONE"}
-              for n in (*options.traced, options.converged)}
-    baked = {f"baked {n}": {"indirect": "BAKED", "bake_area": "VIEW", "bake_samples": n, "direct_samples": DIRECT}
-             for n in options.bakes}
+    traced = {
+        f"traced {n}": {"indirect": "TRACED", "samples": n, "denoiser": "NONE"}
+        for n in (*options.traced, options.converged)
+    }
+    baked = {
+        f"baked {n}": {"indirect": "BAKED", "bake_area": "VIEW", "bake_samples": n, "direct_samples": DIRECT}
+        for n in options.bakes
+    }
     for sun_deg in options.suns:
-        scene = merged(snow(options.scale), check(dict(rung.settings), "benchmark"),
-                       check({"light": {"sun_elevation_deg": sun_deg}}, "benchmark"))
+        scene = merged(
+            snow(options.scale),
+            check(dict(rung.settings), "benchmark"),
+            check({"light": {"sun_elevation_deg": sun_deg}}, "benchmark"),
+        )
         for heading in options.headings:
             pairs = {name: planned(scene, quality, heading) for name, quality in (baked | traced).items()}
             with ScenesFromSettings(lambda warning: None) as stage:
@@ -97,15 +114,22 @@ def main(options: argparse.Namespace, dataset: Path) -> None:
             rows = {name: measured(pairs[name].folder(dataset), pairs[best].folder(dataset)) for name in names}
             print(f"Sun {sun_deg:g}°, heading {heading:g}°, against {best}:")
             for name, row in rows.items():
-                print(f"  {name:11} {row['verdict']:14} {row['larger'] or '':7} hidden {100 * row['hidden']:5.1f} %, "
-                      f"between the eyes {100 * row['between']:5.1f} %, "
-                      f"bake {'-' if row['baked'] is None else format(100 * row['baked'], '.1f'):>4} %, "
-                      f"distance {100 * row['distance']:5.1f} %, bias {100 * row['bias']:+5.1f} %, "
-                      + ", ".join(f"{label} {100 * change:+5.1f}" for label, change in row["changed"].items()))
+                print(
+                    f"  {name:11} {row['verdict']:14} {row['larger'] or '':7} hidden {100 * row['hidden']:5.1f} %, "
+                    f"between the eyes {100 * row['between']:5.1f} %, "
+                    f"bake {'-' if row['baked'] is None else format(100 * row['baked'], '.1f'):>4} %, "
+                    f"distance {100 * row['distance']:5.1f} %, bias {100 * row['bias']:+5.1f} %, "
+                    + ", ".join(f"{label} {100 * change:+5.1f}" for label, change in row["changed"].items())
+                )
             distances = [row["distance"] for row in rows.values()]
-            print("  tau with the distance: " + ", ".join(
-                f"{what} {kendall([row[key] for row in rows.values()], distances):+.2f}"
-                for what, key in (("hidden", "hidden"), ("between the eyes", "between"))), flush=True)
+            print(
+                "  tau with the distance: "
+                + ", ".join(
+                    f"{what} {kendall([row[key] for row in rows.values()], distances):+.2f}"
+                    for what, key in (("hidden", "hidden"), ("between the eyes", "between"))
+                ),
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ PLANET: dict[str, Any] = {"planet_elevation_deg": 40.0, "planet_azimuth_deg": 18
 def planned(settings: Settings, quality: dict[str, Any], heading_deg: float) -> PlannedPair:
     """A pair with this quality and heading."""
     part = {"quality": {"bake_noise": 0.0, "truth": "SEMANTIC", **quality}, "rig": {"heading_deg": heading_deg}}
-    pair, = expand_headings(merged(settings, check(part, "benchmark")))
+    (pair,) = expand_headings(merged(settings, check(part, "benchmark")))
     return PlannedPair(pair.id, pair.settings, 0.0)
 
 
@@ -44,8 +44,10 @@ def means_of(pair: PlannedPair, dataset: Path) -> dict[str, float]:
 
     found = read_pair(pair.folder(dataset))
     views = [read_view(found.image(eye)) for eye in ("left", "right")]
-    means = {"all": np.mean([view.radiance.mean() for view in views]),
-             **{group: np.mean([view.groups[group].mean() for view in views]) for group in views[0].groups}}
+    means = {
+        "all": np.mean([view.radiance.mean() for view in views]),
+        **{group: np.mean([view.groups[group].mean() for view in views]) for group in views[0].groups},
+    }
     of_rocks = [view.radiance[np.asarray(view.semantic) == ROCK] for view in views]
     if all(map(len, of_rocks)):
         means["rocks"] = np.mean([each.mean() for each in of_rocks])
@@ -60,11 +62,21 @@ def main(options: argparse.Namespace, dataset: Path) -> None:
 
     icymoon.register()
     rung = next(each for each in ladder() if each.name == LAMBERT)
-    scene = merged(snow(options.scale), check(dict(rung.settings), "benchmark"),
-                   check({"rocks": {"coverage": options.rocks}, "light": {"planet": options.planet} | (
-                       PLANET if options.planet else {})}, "benchmark"))
-    traced, baked = ({"indirect": "TRACED", "samples": options.samples, "denoiser": "NONE"},
-                     {"indirect": "BAKED", "bake_samples": options.bake_samples, "direct_samples": options.samples})
+    scene = merged(
+        snow(options.scale),
+        check(dict(rung.settings), "benchmark"),
+        check(
+            {
+                "rocks": {"coverage": options.rocks},
+                "light": {"planet": options.planet} | (PLANET if options.planet else {}),
+            },
+            "benchmark",
+        ),
+    )
+    traced, baked = (
+        {"indirect": "TRACED", "samples": options.samples, "denoiser": "NONE"},
+        {"indirect": "BAKED", "bake_samples": options.bake_samples, "direct_samples": options.samples},
+    )
     pairs = [[planned(scene, each, heading) for each in (traced, baked)] for heading in options.headings]
     with ScenesFromSettings(lambda warning: None) as stage:
         for heading, both in zip(options.headings, pairs, strict=True):
@@ -73,11 +85,18 @@ def main(options: argparse.Namespace, dataset: Path) -> None:
             true, made = of_traced["all"], of_baked["all"]
             stated = json.loads((both[1].folder(dataset) / "pair.json").read_text())["indirect"]
             off = made - true
-            print(f"heading {heading:5.0f}°: {100 * stated['share']:.1f} % of the light is baked; it is "
-                  f"{100 * off / (stated['share'] * made - off):+.1f} % off, which is {100 * off / true:+.1f} % of all "
-                  f"light; noise {100 * stated['noise']:.1f} %"
-                  + "".join(f"; {name} {100 * (of_baked[name] / of_traced[name] - 1):+.1f} %"
-                            for name in of_traced if name != "all"), file=sys.stderr, flush=True)
+            print(
+                f"heading {heading:5.0f}°: {100 * stated['share']:.1f} % of the light is baked; it is "
+                f"{100 * off / (stated['share'] * made - off):+.1f} % off, which is {100 * off / true:+.1f} % of all "
+                f"light; noise {100 * stated['noise']:.1f} %"
+                + "".join(
+                    f"; {name} {100 * (of_baked[name] / of_traced[name] - 1):+.1f} %"
+                    for name in of_traced
+                    if name != "all"
+                ),
+                file=sys.stderr,
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

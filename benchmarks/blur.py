@@ -39,7 +39,8 @@ ROWS: tuple[tuple[str, dict[str, Any], dict[str, Any]], ...] = (
     ("turn, 100°/s x 10 ms", {"turn_right_deg_s": 100.0}, {}),
     ("toe-in 1°", {"toe_in_deg": 1.0}, {}),
     ("toe-in 5°", {"toe_in_deg": 5.0}, {}),
-    ("toe-in 5°, overscan 0.1", {"toe_in_deg": 5.0, "overscan": 0.1}, {}))
+    ("toe-in 5°, overscan 0.1", {"toe_in_deg": 5.0, "overscan": 0.1}, {}),
+)
 
 
 def numbers(folder: Path) -> str:
@@ -58,13 +59,17 @@ def numbers(folder: Path) -> str:
 
 def main(arguments: list[str]) -> None:
     """Print the table."""
-    width, samples = (int(word) for word in (*arguments, *("320", "32")[len(arguments):]))
+    width, samples = (int(word) for word in (*arguments, *("320", "32")[len(arguments) :]))
     icymoon.register()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     base = description.merged(
-        description.defaults(), preset_files.load_preset("enceladus_block_field"),
-        {"rig": {"width_px": width, "height_px": width * 3 // 4, "motion_exposure_s": SECONDS},
-         "quality": {"samples": samples, "threads": 1}})
+        description.defaults(),
+        preset_files.load_preset("enceladus_block_field"),
+        {
+            "rig": {"width_px": width, "height_px": width * 3 // 4, "motion_exposure_s": SECONDS},
+            "quality": {"samples": samples, "threads": 1},
+        },
+    )
     built = build(bpy.context.scene, base)
     heads = "".join(f"  {method + ' cov':>6} {'L1 cm':>7} {'bad1 %':>6}" for method in METHODS)
     print(f"{'':26}{'both %':>6}{heads}   CPU")

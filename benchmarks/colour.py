@@ -53,8 +53,12 @@ def errors(pair: Pair, views: dict[str, View], visible: np.ndarray, images: Imag
         off = (disparity - pair.camera.disparity(truth))[found]
         l1 = np.abs(pair.camera.focal_baseline_px_m / disparity.astype(np.float64)[found] - truth[found]).mean()
         near = np.abs(off) <= 1
-        found_errors += [100 * found.sum() / visible.sum(), 100 * l1, 100 * (1 - near.mean()),
-                         float(np.sqrt(np.mean(off[near] ** 2)))]
+        found_errors += [
+            100 * found.sum() / visible.sum(),
+            100 * l1,
+            100 * (1 - near.mean()),
+            float(np.sqrt(np.mean(off[near] ** 2))),
+        ]
     return found_errors
 
 
@@ -76,8 +80,10 @@ def main(arguments: list[str]) -> None:
     print(f"{'':30}{head}  CPU s")
     for label, values in rows.items():
         means = np.mean(values, axis=0)
-        text = "".join(f"  {means[k]:10.1f} {means[k + 1]:6.2f} {means[k + 2]:6.2f} {means[k + 3]:6.3f}"
-                       for k in range(0, len(means), 4))
+        text = "".join(
+            f"  {means[k]:10.1f} {means[k + 1]:6.2f} {means[k + 2]:6.2f} {means[k + 3]:6.3f}"
+            for k in range(0, len(means), 4)
+        )
         print(f"{label:30}{text} {seconds[label] / len(values):6.2f}")
 
 

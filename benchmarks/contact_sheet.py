@@ -29,10 +29,13 @@ from icymoon.stereo.images.exr import read_view
 SHEET = Path(__file__).resolve().parents[1] / "docs" / "images" / "terrains.png"
 WIDTH_PX, HEIGHT_PX, COLUMNS, LABEL_PX = 320, 200, 4, 18
 #: From the edge of the patch over all of it.
-VIEW: Parts = {"rig": {"width_px": WIDTH_PX, "height_px": HEIGHT_PX, "y_m": -9.0, "height_m": 2.6, "pitch_deg": 20.0},
-        "terrain": {"resolution": 641}, "mesh": {"seen": "FINE"},
-        "quality": {"samples": 8, "denoiser": "OIDN", "truth": "DEPTH"},
-        "light": {"sun_elevation_deg": 25.0, "sun_azimuth_deg": 300.0}}
+VIEW: Parts = {
+    "rig": {"width_px": WIDTH_PX, "height_px": HEIGHT_PX, "y_m": -9.0, "height_m": 2.6, "pitch_deg": 20.0},
+    "terrain": {"resolution": 641},
+    "mesh": {"seen": "FINE"},
+    "quality": {"samples": 8, "denoiser": "OIDN", "truth": "DEPTH"},
+    "light": {"sun_elevation_deg": 25.0, "sun_azimuth_deg": 300.0},
+}
 
 
 def picture(preset: str, folder: Path) -> np.ndarray:
@@ -50,8 +53,7 @@ def picture(preset: str, folder: Path) -> np.ndarray:
     found = built.statistics
     asked, made = (found[key]["rms_slope_deg"] for key in ("asked", "made"))
     text = f"{preset.split('/')[1]}: {asked:.0f} deg asked, {made:.0f} deg made"
-    cv2.putText(label, text, (4, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255,), 1,
-                cv2.LINE_AA)
+    cv2.putText(label, text, (4, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255,), 1, cv2.LINE_AA)
     return np.vstack([image, label])
 
 
@@ -69,7 +71,7 @@ def main(arguments: list[str]) -> None:
         for preset in arguments[1:] or every:
             row, column = divmod(every.index(preset), COLUMNS)
             left, top = column * WIDTH_PX, row * high
-            shown[top:top + high, left:left + WIDTH_PX] = picture(preset, Path(folder))
+            shown[top : top + high, left : left + WIDTH_PX] = picture(preset, Path(folder))
             print(preset, flush=True)
     sheet.parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(str(sheet), shown, [cv2.IMWRITE_PNG_COMPRESSION, 9])

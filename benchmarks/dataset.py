@@ -32,8 +32,9 @@ FRESH_SCENES, FRESH_HEADINGS, FRESH_SAMPLES = 2, 4, 16
 
 def planned(*parts: dict[str, Any]) -> PlannedPair:
     """A pair with changes, on one thread."""
-    settings = description.merged(description.defaults(), {"quality": {"threads": 1}},
-                                  *(description.check(part, "benchmark") for part in parts))
+    settings = description.merged(
+        description.defaults(), {"quality": {"threads": 1}}, *(description.check(part, "benchmark") for part in parts)
+    )
     return PlannedPair(description.digest(settings), settings, 0.0)
 
 
@@ -64,23 +65,34 @@ def rendered(pairs: list[PlannedPair], folder: Path, after: Any = lambda: None) 
 
 def memory(folder: Path) -> None:
     """Slope of the resident memory over scenes, each with a pair."""
-    small = {"rig": {"width_px": 64, "height_px": 48}, "quality": {"samples": 1}, "rocks": {"coverage": 0.05},
-             "mesh": {"kind": "GRID"}, "terrain": {"resolution": 257}}
+    small = {
+        "rig": {"width_px": 64, "height_px": 48},
+        "quality": {"samples": 1},
+        "rocks": {"coverage": 0.05},
+        "mesh": {"kind": "GRID"},
+        "terrain": {"resolution": 257},
+    }
     laws: tuple[dict[str, Any], ...] = ({}, {"surface": {"model": "HAPKE"}}, {"textures": {"set": "FROST"}})
     pairs = [planned(small, laws[k % len(laws)], {"dataset": {"seed": k}}) for k in range(SCENES)]
     resident: list[float] = []
     rendered(pairs, folder, lambda: resident.append(resident_mib()))
     slope = np.polyfit(np.arange(WARM_UP, SCENES), resident[WARM_UP:], 1)[0]
-    print(f"memory   {SCENES} scenes: {resident[WARM_UP]:.0f} MiB after {WARM_UP}, {resident[-1]:.0f} MiB at the end, "
-          f"{slope:+.2f} MiB per scene")
+    print(
+        f"memory   {SCENES} scenes: {resident[WARM_UP]:.0f} MiB after {WARM_UP}, {resident[-1]:.0f} MiB at the end, "
+        f"{slope:+.2f} MiB per scene"
+    )
 
 
 class Ledger:
     """Processor seconds by what Cycles was last heard to do, since the last call of ``taken``."""
 
     #: What a status line says, by what it stands for; whatever follows the saving is this extension's own.
-    LINES = (("sampling", r"Sample \d+/(?!1\b)"), ("truth's sample", "Sample"), ("writing files", "Finished"),
-             ("own code", "Saving"))
+    LINES = (
+        ("sampling", r"Sample \d+/(?!1\b)"),
+        ("truth's sample", "Sample"),
+        ("writing files", "Finished"),
+        ("own code", "Saving"),
+    )
 
     def __init__(self) -> None:
         self._seconds: dict[str, float] = {}
@@ -111,30 +123,44 @@ def overhead(folder: Path) -> None:
     rendered(pairs, folder, lambda: spent.append(ledger.taken()))
     for name, seconds in zip(("first", "next"), spent, strict=True):
         total = sum(seconds.values())
-        print(f"overhead {name:5} pair of a scene, {SAMPLES} samples: {total:.1f} CPU s, of which "
-              f"{100 * (1 - seconds['sampling'] / total):.1f} % are not sampling: "
-              + ", ".join(f"{part} {seconds[part]:.2f} s" for part in sorted(seconds) if part != "sampling"))
+        print(
+            f"overhead {name:5} pair of a scene, {SAMPLES} samples: {total:.1f} CPU s, of which "
+            f"{100 * (1 - seconds['sampling'] / total):.1f} % are not sampling: "
+            + ", ".join(f"{part} {seconds[part]:.2f} s" for part in sorted(seconds) if part != "sampling")
+        )
 
 
 def fresh(folder: Path) -> None:
     """A data set in one worker, against a fresh Blender for each of its pairs; scene by scene in turn."""
     costs = {"one worker": 0.0, "fresh Blenders": 0.0}
     for seed in range(FRESH_SCENES):
-        pairs = [planned({"quality": {"samples": FRESH_SAMPLES}, "dataset": {"seed": seed},
-                          "rig": {"heading_deg": 30.0 * k, "width_px": 160, "height_px": 120}})
-                 for k in range(FRESH_HEADINGS)]
+        pairs = [
+            planned(
+                {
+                    "quality": {"samples": FRESH_SAMPLES},
+                    "dataset": {"seed": seed},
+                    "rig": {"heading_deg": 30.0 * k, "width_px": 160, "height_px": 120},
+                }
+            )
+            for k in range(FRESH_HEADINGS)
+        ]
         for name, sets in (("one worker", [pairs]), ("fresh Blenders", [[pair] for pair in pairs])):
             before = os.times()
             for k, some in enumerate(sets):
                 dataset = folder / name.split()[0] / f"{seed}_{k}"
                 datasets.freeze_plan(dataset, ordered(some), "benchmark")
-                subprocess.run([sys.executable, "-m", "icymoon", "work", str(dataset), "--threads-per-worker", "1",
-                                "--json"], check=True, stdout=subprocess.DEVNULL)
+                subprocess.run(
+                    [sys.executable, "-m", "icymoon", "work", str(dataset), "--threads-per-worker", "1", "--json"],
+                    check=True,
+                    stdout=subprocess.DEVNULL,
+                )
             now = os.times()
             costs[name] += now.children_user + now.children_system - before.children_user - before.children_system
     for name, seconds in costs.items():
-        print(f"fresh    {FRESH_SCENES} scenes of {FRESH_HEADINGS} pairs, 160 x 120, {FRESH_SAMPLES} samples, {name}: "
-              f"{seconds:.1f} CPU s")
+        print(
+            f"fresh    {FRESH_SCENES} scenes of {FRESH_HEADINGS} pairs, 160 x 120, {FRESH_SAMPLES} samples, {name}: "
+            f"{seconds:.1f} CPU s"
+        )
     print(f"fresh    ratio {costs['fresh Blenders'] / costs['one worker']:.2f}")
 
 

@@ -40,10 +40,11 @@ def write_workspace(folder: Path) -> Path:
     half = CELLS * CELL_M / 2
     np.save(folder / "workspace.npy", np.zeros((2, CELLS, CELLS), np.float32))
     data = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
-    data |= {"poses_camera_to_world": {"left": left.tolist(), "right": right.tolist()},
-             "light": {"sun": {"direction_to_world": [0.8, 0.0, 0.6]}},
-             "workspace": {"file": "workspace.npy", "cell_m": CELL_M, "origin_m": [-half, half],
-                           "shape": [CELLS, CELLS]}}
+    data |= {
+        "poses_camera_to_world": {"left": left.tolist(), "right": right.tolist()},
+        "light": {"sun": {"direction_to_world": [0.8, 0.0, 0.6]}},
+        "workspace": {"file": "workspace.npy", "cell_m": CELL_M, "origin_m": [-half, half], "shape": [CELLS, CELLS]},
+    }
     (folder / "pair.json").write_text(json.dumps(data), encoding="utf-8")
     return folder
 
@@ -69,8 +70,7 @@ def main() -> None:
             run = partial(match, method, prepared.left, prepared.right, {}, prepared.pair.camera)
             depth = depth_of(prepared, run()[0])
             print(f"{'match ' + method:<40}{cost(run):8.3f} s")
-            print(f"{'decide and compare, ' + method:<40}"
-                  f"{cost(partial(decide_on, workspace, depth)):8.3f} s")
+            print(f"{'decide and compare, ' + method:<40}{cost(partial(decide_on, workspace, depth)):8.3f} s")
 
 
 if __name__ == "__main__":

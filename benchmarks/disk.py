@@ -31,23 +31,29 @@ from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings
 
-SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120},
-                         "quality": {"samples": 16, "noise_threshold": 0.0, "denoiser": "NONE"}}
+SMALL: dict[str, Any] = {
+    "rig": {"width_px": 160, "height_px": 120},
+    "quality": {"samples": 16, "noise_threshold": 0.0, "denoiser": "NONE"},
+}
 #: What is varied about ``SMALL`` with the default scene, each alone.
 ROWS: dict[str, dict[str, Any]] = {
     **{f"{n} samples": {"quality": {"samples": n}} for n in (1, 4, 16, 64)},
-    **{f"{w} x {h}": {"rig": {"width_px": w, "height_px": h}, "quality": {"samples": 1}}
-       for w, h in ((320, 240), (640, 480), (1280, 960))},
+    **{
+        f"{w} x {h}": {"rig": {"width_px": w, "height_px": h}, "quality": {"samples": 1}}
+        for w, h in ((320, 240), (640, 480), (1280, 960))
+    },
     "mesh of 4 px": {"mesh": {"error_px": 2.0, "edge_px": 4.0}},
     "mesh of 24 px": {"mesh": {"error_px": 4.0, "edge_px": 24.0}},
     "grid": {"mesh": {"kind": "GRID"}, "terrain": {"resolution": 513}},
     "denoised": {"quality": {"denoiser": "OIDN"}},
     "depth alone": {"quality": {"truth": "DEPTH"}},
     "planet": {"light": {"planet": True, "planet_elevation_deg": 40.0}},
-    "toe-in": {"rig": {"toe_in_deg": 1.0}}, "overscan": {"rig": {"overscan": 0.1}},
+    "toe-in": {"rig": {"toe_in_deg": 1.0}},
+    "overscan": {"rig": {"overscan": 0.1}},
     "depth of field": {"rig": {"focus_distance_m": 3.0}},
     "no relief": {"surface": {"grain_amplitude_m": 0.0}},
-    "blocks": {"rocks": {"coverage": 0.2}}, "images": {"textures": {"set": "FROST"}},
+    "blocks": {"rocks": {"coverage": 0.2}},
+    "images": {"textures": {"set": "FROST"}},
     **{f"pitch {pitch:g}": {"rig": {"pitch_deg": pitch}} for pitch in (-60.0, -20.0, 0.0, 10.0)},
 }
 
@@ -84,16 +90,21 @@ def main(arguments: list[str]) -> int:
         if arguments and not any(word.lower() in name.lower() for word in arguments):
             continue
         first = () if len(parts) > 1 else (SMALL,)
-        settings = description.merged(description.defaults(), *first, *(
-            description.check(part, "benchmark") for part in parts))
+        settings = description.merged(
+            description.defaults(), *first, *(description.check(part, "benchmark") for part in parts)
+        )
         with tempfile.TemporaryDirectory() as folder:
             sizes, total, sky = measured(settings, Path(folder))
         pixels, expected = estimate.work_of(settings).pixels, estimate.bytes_of(settings)
-        passes = " ".join(f"{name.split('.')[-1].replace(' ', '')} {size / pixels:.2f}"
-                          for name, size in sorted(sizes.items()))
+        passes = " ".join(
+            f"{name.split('.')[-1].replace(' ', '')} {size / pixels:.2f}" for name, size in sorted(sizes.items())
+        )
         ratios.append(expected / total)
-        print(f"{name:34} {total / pixels:6.2f} {expected / pixels:6.2f} {ratios[-1]:5.2f} "
-              f"sky {sky:.2f} ({estimate.sky_fraction(settings):.2f}) {passes}", flush=True)
+        print(
+            f"{name:34} {total / pixels:6.2f} {expected / pixels:6.2f} {ratios[-1]:5.2f} "
+            f"sky {sky:.2f} ({estimate.sky_fraction(settings):.2f}) {passes}",
+            flush=True,
+        )
     print(f"expected over measured: {min(ratios):.2f} to {max(ratios):.2f}, mean {np.mean(ratios):.3f}")
     return 0
 

@@ -46,10 +46,15 @@ def main(arguments: list[str]) -> None:
         print(f"seed {seed:<20}" + "".join(f"{k + 1:>6}" for k in range(len(NAMES))))
         for k, (name, row) in enumerate(zip(NAMES, matrix, strict=True)):
             print(f"{k + 1:>2} {name.split('/')[1]:<22}" + "".join(f"{value:>6.2f}" for value in row))
-        for what, found in (("whole heights", of_pairs(matrix)),
-                            (f"waves under {LONG_M:g} m", of_pairs(correlations(seed, long_waves=False)))):
-            print(f"{what}: largest {found.max():.2f}, median {np.median(found):.2f}, "
-                  f"{np.mean(found >= 0.3):.0%} of {len(found)} pairs of presets at 0.3 or above", flush=True)
+        for what, found in (
+            ("whole heights", of_pairs(matrix)),
+            (f"waves under {LONG_M:g} m", of_pairs(correlations(seed, long_waves=False))),
+        ):
+            print(
+                f"{what}: largest {found.max():.2f}, median {np.median(found):.2f}, "
+                f"{np.mean(found >= 0.3):.0%} of {len(found)} pairs of presets at 0.3 or above",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -25,9 +25,25 @@ def main() -> None:
     parser.add_argument("--extras", default="blender,evaluate")
     extras = parser.parse_args().extras
     with tempfile.TemporaryDirectory() as folder:
-        done = subprocess.run([sys.executable, "-m", "pip", "download", "--no-cache-dir", "--progress-bar", "off",
-                               "-c", str(ROOT / "constraints" / "blender.txt"), "--dest", folder,
-                               f"{ROOT}[{extras}]"], capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [
+                sys.executable,
+                "-m",
+                "pip",
+                "download",
+                "--no-cache-dir",
+                "--progress-bar",
+                "off",
+                "-c",
+                str(ROOT / "constraints" / "blender.txt"),
+                "--dest",
+                folder,
+                f"{ROOT}[{extras}]",
+            ],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         if done.returncode:
             sys.exit(done.stderr)
         kept = {file.name: file.stat().st_size for file in Path(folder).iterdir() if not file.name.startswith(_OURS)}

@@ -24,10 +24,17 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 
 #: Functions whose cumulative time is printed: part of the module's path, name.
-PARTS = (("measure/prepare.py", "prepare"), ("measure/prepare.py", "load"), ("matchers/__init__.py", "match"),
-         ("measure/result_row.py", "own_numbers"), ("measure/result_row.py", "common_numbers"),
-         ("stereo/artefacts.py", "write_method_pictures"), ("stereo/artefacts.py", "write_pair_pictures"),
-         ("report/row_log.py", "append"), ("report/results.py", "write_results"))
+PARTS = (
+    ("measure/prepare.py", "prepare"),
+    ("measure/prepare.py", "load"),
+    ("matchers/__init__.py", "match"),
+    ("measure/result_row.py", "own_numbers"),
+    ("measure/result_row.py", "common_numbers"),
+    ("stereo/artefacts.py", "write_method_pictures"),
+    ("stereo/artefacts.py", "write_pair_pictures"),
+    ("report/row_log.py", "append"),
+    ("report/results.py", "write_results"),
+)
 
 
 def main() -> None:
@@ -41,16 +48,21 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         for k in range(options.pairs + 1):
-            pairs.write_pair(root / ("first" if k == 0 else "set") / "pairs" / f"p{k}", pairs.Scene(distance_m=3.0),
-                             pairs.camera(640, 480), noise=0.02)
+            pairs.write_pair(
+                root / ("first" if k == 0 else "set") / "pairs" / f"p{k}",
+                pairs.Scene(distance_m=3.0),
+                pairs.camera(640, 480),
+                noise=0.02,
+            )
         evaluate([root / "first"], methods, root / "warm", jobs=1)  # imports and charts
         profile = cProfile.Profile(time.process_time)
         start = time.process_time()
         if options.profile:
             profile.enable()
         written = []
-        evaluate([root / "set"], methods, root / "out", jobs=1,
-                 on_event=lambda event: written.append(time.process_time()))
+        evaluate(
+            [root / "set"], methods, root / "out", jobs=1, on_event=lambda event: written.append(time.process_time())
+        )
         profile.disable()
         measured = written[-1] - start
         whole = time.process_time() - start

@@ -31,8 +31,9 @@ DUG: dict[str, Any] = {"path": "LINE", "states": 4, "bite_m": 0.04, "start_y_m":
 
 def settings_of(excavation: dict[str, Any]) -> Settings:
     """Complete settings of Europa with an excavation."""
-    return description.merged(description.defaults(), description.check(
-        {"excavation": excavation, "light": {"body": "EUROPA"}}, "benchmark"))
+    return description.merged(
+        description.defaults(), description.check({"excavation": excavation, "light": {"body": "EUROPA"}}, "benchmark")
+    )
 
 
 def dig(excavation: dict[str, Any], rolling_m: float = 0.0) -> Series:
@@ -45,26 +46,39 @@ def dig(excavation: dict[str, Any], rolling_m: float = 0.0) -> Series:
 
 def random_trench(random: np.random.Generator) -> dict[str, Any]:
     """Settings of a trench of any shape, strength and heap."""
-    return {"path": str(random.choice(["LINE", "ARC"])), "states": 3, "cell_m": 0.01,
-            "heading_deg": float(random.uniform(-180, 180)), "length_m": float(random.uniform(0.1, 0.4)),
-            "width_m": float(random.uniform(0.05, 0.2)), "bite_m": float(random.uniform(0.01, 0.06)),
-            "radius_m": float(random.uniform(0.15, 0.4)), "cohesion_pa": float(random.choice([0.0, 100.0])),
-            "friction_deg": float(random.uniform(30, 45)), "bulking": float(random.uniform(1.0, 1.7)),
-            "chips_m": float(random.uniform(0.0, 0.01)), "clods_m": float(random.choice([0.0, 0.01])),
-            "heaped_share": float(random.uniform(0.2, 1.0))}
+    return {
+        "path": str(random.choice(["LINE", "ARC"])),
+        "states": 3,
+        "cell_m": 0.01,
+        "heading_deg": float(random.uniform(-180, 180)),
+        "length_m": float(random.uniform(0.1, 0.4)),
+        "width_m": float(random.uniform(0.05, 0.2)),
+        "bite_m": float(random.uniform(0.01, 0.06)),
+        "radius_m": float(random.uniform(0.15, 0.4)),
+        "cohesion_pa": float(random.choice([0.0, 100.0])),
+        "friction_deg": float(random.uniform(30, 45)),
+        "bulking": float(random.uniform(1.0, 1.7)),
+        "chips_m": float(random.uniform(0.0, 0.01)),
+        "clods_m": float(random.choice([0.0, 0.01])),
+        "heaped_share": float(random.uniform(0.2, 1.0)),
+    }
 
 
 def measure_volumes() -> None:
     """Print the error of mass of random trenches, and of the volume of shapes with a formula."""
     random = np.random.default_rng(SEED)
     errors = [dig(random_trench(random), rolling_m=0.02).mass_error(2) for _ in range(TRENCHES)]
-    print(f"mass, {TRENCHES} random trenches of 2 bites: largest error {max(errors):.1e}, median "
-          f"{np.median(errors):.1e}", flush=True)
+    print(
+        f"mass, {TRENCHES} random trenches of 2 bites: largest error {max(errors):.1e}, median {np.median(errors):.1e}",
+        flush=True,
+    )
     plain: dict[str, Any] = {"path": "LINE", "states": 2, "bite_m": 0.1, "chips_m": 0.0, "cell_m": 0.0025}
     along = dig({**plain, "start_x_m": 0.0}).facts(1)["taken_m3"] / (0.08 * 0.3 * 0.1) - 1
     print(f"prism along the cells: {along:+.1e}")
-    turned = [dig({**plain, "heading_deg": float(a)}).facts(1)["taken_m3"] / (0.08 * 0.3 * 0.1) - 1
-              for a in random.uniform(0, 90, 40)]
+    turned = [
+        dig({**plain, "heading_deg": float(a)}).facts(1)["taken_m3"] / (0.08 * 0.3 * 0.1) - 1
+        for a in random.uniform(0, 90, 40)
+    ]
     print(f"prism turned, 40 angles: RMS {np.std(turned):.1e}, largest {np.abs(turned).max():.1e}")
     arc = dig({**plain, "path": "ARC", "length_m": 0.0, "radius_m": 0.25, "heading_deg": 30.0}).facts(1)["taken_m3"]
     half = math.acos(1 - 0.1 / 0.25)
@@ -77,14 +91,18 @@ def measure_volumes() -> None:
     sweeps, rests = relax(layers, grid.cell_m, 38.0)
     spent = time.process_time() - start
     height, _ = cone_m(volume, 38.0)
-    print(f"cone of a pile: height {layers.spoil.max() / height - 1:+.1%}, volume "
-          f"{float(layers.spoil.sum()) * grid.cell_m**2 / volume - 1:+.1e}; {sweeps} sweeps, {spent:.2f} s, "
-          f"{'at rest' if rests else 'not at rest'}")
+    print(
+        f"cone of a pile: height {layers.spoil.max() / height - 1:+.1%}, volume "
+        f"{float(layers.spoil.sum()) * grid.cell_m**2 / volume - 1:+.1e}; {sweeps} sweeps, {spent:.2f} s, "
+        f"{'at rest' if rests else 'not at rest'}"
+    )
     steep = dig({**plain, "cell_m": 0.005, "cohesion_pa": 0.0, "states": 3, "bite_m": 0.05}, rolling_m=0.15)
     start = time.process_time()
     steep.at(2)
-    print(f"loose ground on waves of up to 46 degrees: {time.process_time() - start:.2f} s, "
-          f"{'at rest' if steep.at(2).rests else 'not at rest'}, mass {steep.mass_error(2):.1e}")
+    print(
+        f"loose ground on waves of up to 46 degrees: {time.process_time() - start:.2f} s, "
+        f"{'at rest' if steep.at(2).rests else 'not at rest'}, mass {steep.mass_error(2):.1e}"
+    )
 
 
 def measure_builds() -> None:
@@ -94,9 +112,13 @@ def measure_builds() -> None:
 
     icymoon.register()
     scene = description.merged(description.defaults(), preset_files.load_preset(BASE))
-    runs = {"first, not counted": {}, "no excavation": {}, "state 0": {**DUG, "state": 0},
-            **{f"state {k}, after the one before": {**DUG, "state": k} for k in (1, 2, 3)},
-            "state 3, cohesion 0, from nothing": {**DUG, "state": 3, "cohesion_pa": 0.0}}
+    runs = {
+        "first, not counted": {},
+        "no excavation": {},
+        "state 0": {**DUG, "state": 0},
+        **{f"state {k}, after the one before": {**DUG, "state": k} for k in (1, 2, 3)},
+        "state 3, cohesion 0, from nothing": {**DUG, "state": 3, "cohesion_pa": 0.0},
+    }
     base = math.nan
     for name, excavation in runs.items():
         settings = description.merged(scene, description.check({"excavation": excavation}, "benchmark"))

@@ -64,20 +64,40 @@ def main(arguments: list[str]) -> None:
         tables: dict[str, list[tuple[str, dict[str, Any]]]] = {
             f"Saturation: auto exposure is {base:.3g} s": [
                 (f"exposure x {factor:g}", {"auto_exposure": False, "exposure_s": base * factor})
-                for factor in (0.01, 0.1, 0.5, 1, 1.5, 2, 3, 4, 8)],
+                for factor in (0.01, 0.1, 0.5, 1, 1.5, 2, 3, 4, 8)
+            ],
             "Noise: full well, so signal to noise, at auto exposure": [
                 (f"full well {well:g} e-", {"full_well_e": float(well), "read_noise_e": 15.0})
-                for well in (20000, 5000, 1000, 300, 100)],
+                for well in (20000, 5000, 1000, 300, 100)
+            ],
             "Gain at a 12-bit converter and square-root encoding": [
-                (f"gain {gain:g}", {"bits": 12, "encoding": "SQUARE_ROOT", "gain": gain}) for gain in (1.0, 8.0, 64.0)],
+                (f"gain {gain:g}", {"bits": 12, "encoding": "SQUARE_ROOT", "gain": gain}) for gain in (1.0, 8.0, 64.0)
+            ],
             "Brackets of 2 stops at 4 x the exposure": [
-                (f"{n} exposures", {"auto_exposure": False, "exposure_s": 4 * base, "brackets": n, "bits": 12,
-                                    "encoding": "SQUARE_ROOT"}) for n in (1, 3, 5)],
-            "Glare and blur": [(f"glare {g:g}, PSF {p:g} px", {"veiling_glare": g, "psf_sigma_px": p})
-                               for g, p in ((0.05, 0.0), (0.5, 0.0), (0.0, 0.7), (0.0, 2.0))],
-            "Particles, 10 ms": [(f"{flux:.0e} per cm² and s", {
-                "auto_exposure": False, "exposure_s": base, "radiation_flux_cm2_s": flux * 0.01 / base})
-                for flux in (1e3, 1e4, 1e5)]}
+                (
+                    f"{n} exposures",
+                    {
+                        "auto_exposure": False,
+                        "exposure_s": 4 * base,
+                        "brackets": n,
+                        "bits": 12,
+                        "encoding": "SQUARE_ROOT",
+                    },
+                )
+                for n in (1, 3, 5)
+            ],
+            "Glare and blur": [
+                (f"glare {g:g}, PSF {p:g} px", {"veiling_glare": g, "psf_sigma_px": p})
+                for g, p in ((0.05, 0.0), (0.5, 0.0), (0.0, 0.7), (0.0, 2.0))
+            ],
+            "Particles, 10 ms": [
+                (
+                    f"{flux:.0e} per cm² and s",
+                    {"auto_exposure": False, "exposure_s": base, "radiation_flux_cm2_s": flux * 0.01 / base},
+                )
+                for flux in (1e3, 1e4, 1e5)
+            ],
+        }
         for title, rows in tables.items():
             print(f"\n{title}\n{head}")
             for name, sensor in rows:

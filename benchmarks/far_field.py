@@ -22,7 +22,10 @@ from typing import Any
 WIDTH_PX, HEIGHT_PX = 480, 320
 WITHOUT: dict[str, dict[str, dict[str, float]]] = {
     "neither": {"hills": {"rms_slope_deg": 0.0}, "rocks": {"beyond_px": 0.0}},
-    "hills": {"rocks": {"beyond_px": 0.0}}, "rocks": {"hills": {"rms_slope_deg": 0.0}}, "both": {}}
+    "hills": {"rocks": {"beyond_px": 0.0}},
+    "rocks": {"hills": {"rms_slope_deg": 0.0}},
+    "both": {},
+}
 
 
 def measure(preset: str, way: str) -> dict[str, Any]:
@@ -40,17 +43,26 @@ def measure(preset: str, way: str) -> dict[str, Any]:
     icymoon.register()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     settings = description.merged(
-        description.defaults(), load_preset(preset), load_preset("rigs/gallery"), load_preset("qualities/draft"),
-        {"rig": {"width_px": WIDTH_PX, "height_px": HEIGHT_PX}}, WITHOUT[way])
+        description.defaults(),
+        load_preset(preset),
+        load_preset("rigs/gallery"),
+        load_preset("qualities/draft"),
+        {"rig": {"width_px": WIDTH_PX, "height_px": HEIGHT_PX}},
+        WITHOUT[way],
+    )
     start = time.process_time()
     built = scenes.build(bpy.context.scene, settings)
     middle = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         render_pairs(built, expand_headings(settings), Path(folder), 1, 0.0, lambda *a, **k: None)
     rock = bpy.data.objects.get("Icy Moon Rock")
-    return {"vertices": len(built.terrain.data.vertices), "rocks": len(rock.data.vertices) if rock else 0,
-            "build": middle - start, "render": time.process_time() - middle,
-            "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}
+    return {
+        "vertices": len(built.terrain.data.vertices),
+        "rocks": len(rock.data.vertices) if rock else 0,
+        "build": middle - start,
+        "render": time.process_time() - middle,
+        "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
 
 
 def main(arguments: list[str]) -> None:
@@ -67,8 +79,11 @@ def main(arguments: list[str]) -> None:
             row = json.loads(done.stdout.strip().splitlines()[-1])
             first = first or row
             more = sum(row[key] - first[key] for key in ("build", "render"))
-            print(f"| {preset.split('/')[1]} | {way} | {row['vertices']} | {row['rocks']} | {row['build']:.2f} "
-                  f"| {row['render']:.2f} | {more:.2f} | {row['peak'] - first['peak']:.0f} |", flush=True)
+            print(
+                f"| {preset.split('/')[1]} | {way} | {row['vertices']} | {row['rocks']} | {row['build']:.2f} "
+                f"| {row['render']:.2f} | {more:.2f} | {row['peak'] - first['peak']:.0f} |",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

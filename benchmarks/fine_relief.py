@@ -59,10 +59,15 @@ def measure(preset: str, samples: int, headings: int, scale: float, way: str, fo
 
     icymoon.register()
     settings = description.merged(description.defaults(), load_preset(preset))
-    rig = {"width_px": round(settings.rig.width_px * scale), "height_px": round(settings.rig.height_px * scale),
-           "height_m": settings.rig.height_m * scale, "baseline_m": settings.rig.baseline_m * scale}
-    settings = description.merged(settings, {"rig": rig, "surface": {"relief": WAYS[way]},
-                                             "quality": {"samples": samples, "denoiser": "NONE"}})
+    rig = {
+        "width_px": round(settings.rig.width_px * scale),
+        "height_px": round(settings.rig.height_px * scale),
+        "height_m": settings.rig.height_m * scale,
+        "baseline_m": settings.rig.baseline_m * scale,
+    }
+    settings = description.merged(
+        settings, {"rig": rig, "surface": {"relief": WAYS[way]}, "quality": {"samples": samples, "denoiser": "NONE"}}
+    )
     build = render = vertices = 0.0
     angles: list[np.ndarray] = []
     depths: list[np.ndarray] = []
@@ -82,10 +87,16 @@ def measure(preset: str, samples: int, headings: int, scale: float, way: str, fo
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     angle, depth = np.concatenate(angles), np.concatenate(depths)
     near = depth < 2 * nearest_m(settings.rig)
-    return {"vertices": vertices, "build": build / headings, "render": render / headings,
-            "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, "median": float(np.median(angle)),
-            "most": float(np.quantile(angle, 0.9)), "near": float(np.median(angle[near])),
-            "warnings": warnings}
+    return {
+        "vertices": vertices,
+        "build": build / headings,
+        "render": render / headings,
+        "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "median": float(np.median(angle)),
+        "most": float(np.quantile(angle, 0.9)),
+        "near": float(np.median(angle[near])),
+        "warnings": warnings,
+    }
 
 
 def matched(folder: Path) -> dict[str, tuple[float, ...]]:
@@ -97,14 +108,13 @@ def matched(folder: Path) -> dict[str, tuple[float, ...]]:
     found: dict[str, tuple[float, ...]] = {}
     for method in METHODS.split(","):
         own = [row for row in rows if row["method"] == method]
-        found[method] = tuple(float(np.mean([each[key] for each in own])) for key in (
-            "epe_px", "l1_m", "total_bad_1"))
+        found[method] = tuple(float(np.mean([each[key] for each in own])) for key in ("epe_px", "l1_m", "total_bad_1"))
     return found
 
 
 def main(arguments: list[str]) -> None:
     """Measure each way in a process of its own and print two tables."""
-    preset, samples, headings, scale = (arguments + ["scenes/europa_rough_ice", "8", "1", "1"][len(arguments):])[:4]
+    preset, samples, headings, scale = (arguments + ["scenes/europa_rough_ice", "8", "1", "1"][len(arguments) :])[:4]
     if len(arguments) == 6:
         print(json.dumps(measure(preset, int(samples), int(headings), float(scale), *arguments[4:])), flush=True)
         os._exit(0)  # Blender as a module may crash or hang when the interpreter ends
@@ -113,13 +123,20 @@ def main(arguments: list[str]) -> None:
     errors = {}
     with tempfile.TemporaryDirectory() as top:
         for way in WAYS:
-            done = subprocess.run([sys.executable, __file__, preset, samples, headings, scale, way, f"{top}/{way}"],
-                                  capture_output=True, text=True, check=False)
+            done = subprocess.run(
+                [sys.executable, __file__, preset, samples, headings, scale, way, f"{top}/{way}"],
+                capture_output=True,
+                text=True,
+                check=False,
+            )
             if done.returncode:
                 sys.exit(done.stderr)
             row = json.loads(done.stdout.strip().splitlines()[-1])
-            print(f"| {way} | {row['vertices']:.0f} | {row['build']:.1f} | {row['render']:.1f} | {row['peak']:.0f} "
-                  f"| {row['median']:.1f}° | {row['most']:.1f}° | {row['near']:.1f}° |", flush=True)
+            print(
+                f"| {way} | {row['vertices']:.0f} | {row['build']:.1f} | {row['render']:.1f} | {row['peak']:.0f} "
+                f"| {row['median']:.1f}° | {row['most']:.1f}° | {row['near']:.1f}° |",
+                flush=True,
+            )
             for warning in dict.fromkeys(row["warnings"]):
                 print(f"  {warning}", file=sys.stderr)
             errors[way] = matched(Path(top) / way)

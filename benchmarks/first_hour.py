@@ -39,22 +39,39 @@ def main(words: list[str]) -> int:
     user = Path(tempfile.mkdtemp(prefix="icymoon-newcomer-"))
     print(f"Blender {blender.name}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} before", flush=True)
     began, cpu = time.monotonic(), sum(os.times()[2:4])
-    subprocess.run([sys.executable, str(ROOT / "tests" / "extension_zip.py"), str(archive)], cwd=ROOT, check=True,
-                   stdout=subprocess.DEVNULL)
+    subprocess.run(
+        [sys.executable, str(ROOT / "tests" / "extension_zip.py"), str(archive)],
+        cwd=ROOT,
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
     zipped = time.monotonic() - began
-    steps: list[dict[str, Any]] = [{"step": "make zip", "seconds": zipped, "machine": zipped, "user": 0.0,
-                                    "cpu": sum(os.times()[2:4]) - cpu}]
+    steps: list[dict[str, Any]] = [
+        {"step": "make zip", "seconds": zipped, "machine": zipped, "user": 0.0, "cpu": sum(os.times()[2:4]) - cpu}
+    ]
     # An evaluator in this shell's environment would replace the one that the button installs.
-    done = blender.run("--python-exit-code", "5", "--python", str(Path(__file__).with_name("first_hour_window.py")),
-                       "--", str(folder), str(archive), str(time.time()), window=True, timeout_s=TIMEOUT_S,
-                       environment={"BLENDER_USER_RESOURCES": str(user), "ICYMOON_EVALUATOR": ""})
+    done = blender.run(
+        "--python-exit-code",
+        "5",
+        "--python",
+        str(Path(__file__).with_name("first_hour_window.py")),
+        "--",
+        str(folder),
+        str(archive),
+        str(time.time()),
+        window=True,
+        timeout_s=TIMEOUT_S,
+        environment={"BLENDER_USER_RESOURCES": str(user), "ICYMOON_EVALUATOR": ""},
+    )
     report = folder / "steps.json"
     steps += json.loads(report.read_text()) if report.is_file() else []
     columns = ("seconds", "machine", "user", "cpu")
     print(" clock s  waiting  user s  CPU s")
     for step in [*steps, {"step": "total", **{key: sum(step[key] for step in steps) for key in columns}}]:
-        print(f"{step['seconds']:8.1f} {step['machine']:8.1f} {step['user']:7.1f} {step['cpu']:6.1f}  {step['step']}"
-              f"{'  FAILED' if step.get('failed') else ''}")
+        print(
+            f"{step['seconds']:8.1f} {step['machine']:8.1f} {step['user']:7.1f} {step['cpu']:6.1f}  {step['step']}"
+            f"{'  FAILED' if step.get('failed') else ''}"
+        )
     print(f"Load {os.getloadavg()[0]:.1f} after; screenshots in {folder}")
     if "--keep" in words:
         print(f"settings in {user}")

@@ -73,6 +73,7 @@ def screenshot(name: str) -> Waiting:
 
 # ---- the steps ------------------------------------------------------------------------------------------------------
 
+
 def drop_the_zip() -> Waiting:
     """Drop the zip into the window, OK."""
     yield from key("Escape")  # the splash screen
@@ -191,8 +192,15 @@ def evaluate() -> Waiting:
     yield 10 * TICK_S
 
 
-STEPS = (drop_the_zip, open_the_tab, choose_a_picture, lower_the_samples, render_stereo_pair, install_the_evaluator,
-         evaluate)
+STEPS = (
+    drop_the_zip,
+    open_the_tab,
+    choose_a_picture,
+    lower_the_samples,
+    render_stereo_pair,
+    install_the_evaluator,
+    evaluate,
+)
 
 
 def processor_s() -> float:
@@ -211,8 +219,14 @@ def walk() -> Waiting:
     steps[-1].update(step="Blender's window appears", seconds=waited, machine=waited, user=0.0, cpu=processor_s())
     for step in STEPS:
         start, cpu = time.monotonic(), processor_s()
-        record = {"step": (step.__doc__ or "").rstrip("."), "machine": 0.0, "user": 0.0, "seconds": 0.0, "cpu": 0.0,
-                  "failed": True}
+        record = {
+            "step": (step.__doc__ or "").rstrip("."),
+            "machine": 0.0,
+            "user": 0.0,
+            "seconds": 0.0,
+            "cpu": 0.0,
+            "failed": True,
+        }
         steps.append(record)
         yield from step()
         record.update(seconds=time.monotonic() - start, cpu=processor_s() - cpu, failed=False)

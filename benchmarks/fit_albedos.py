@@ -34,8 +34,12 @@ GEOMETRIC, BOND, EQUIGONAL, BRIGHTEST = 1.375, 0.81, 0.89, 0.92
 
 def make_law(w: float, b: float, c: float, b_c0: float) -> photometry.Law:
     """Shadow hiding at its maximum, both surges as wide, roughness 6 degrees: chosen, see the presets."""
-    return partial(bidirectional_reflectance, parameters=HapkeParameters(
-        w=w, b=b, c=c, b_s0=1.0, h_s=0.014, b_c0=b_c0, h_c=0.014, theta_bar=math.radians(6.0)))
+    return partial(
+        bidirectional_reflectance,
+        parameters=HapkeParameters(
+            w=w, b=b, c=c, b_s0=1.0, h_s=0.014, b_c0=b_c0, h_c=0.014, theta_bar=math.radians(6.0)
+        ),
+    )
 
 
 def solve(excess: Callable[[float, float], tuple[float, float]]) -> tuple[float, float]:
@@ -55,23 +59,43 @@ def solve(excess: Callable[[float, float], tuple[float, float]]) -> tuple[float,
 def report(name: str, w: float, b: float, c: float, b_c0: float) -> None:
     """Print parameters and what follows."""
     law = make_law(w, b, c, b_c0)
-    print(f"{name:20s} w {w:.5f}  b {b:.2f}  c {c:.1f}  b_c0 {b_c0:.4f}   geometric "
-          f"{photometry.geometric_albedo(law):.4f}  Bond {photometry.bond_albedo(law):.4f}  equigonal "
-          f"{photometry.equigonal_albedo(law):.4f}", flush=True)
+    print(
+        f"{name:20s} w {w:.5f}  b {b:.2f}  c {c:.1f}  b_c0 {b_c0:.4f}   geometric "
+        f"{photometry.geometric_albedo(law):.4f}  Bond {photometry.bond_albedo(law):.4f}  equigonal "
+        f"{photometry.equigonal_albedo(law):.4f}",
+        flush=True,
+    )
 
 
 def europa_law(w: float, b_s0: float) -> photometry.Law:
     """Europa's whole disc after Domingue et al. 1991, with another w and surge."""
-    return partial(bidirectional_reflectance, parameters=HapkeParameters(
-        w=w, b=0.429, c=0.113, b_s0=b_s0, h_s=0.0016, b_c0=0.0, h_c=0.0, theta_bar=math.radians(10.0),
-        h_function="1981"))
+    return partial(
+        bidirectional_reflectance,
+        parameters=HapkeParameters(
+            w=w,
+            b=0.429,
+            c=0.113,
+            b_s0=b_s0,
+            h_s=0.0016,
+            b_c0=0.0,
+            h_c=0.0,
+            theta_bar=math.radians(10.0),
+            h_function="1981",
+        ),
+    )
 
 
 def fit_europa() -> None:
     """Print Europa's terrains."""
     wanted = 1.5 * opposition_effect(europa_law(0.964, 0.5))
-    found = {"bright plains": solve(lambda w, surge: (
-        photometry.bond_albedo(europa_law(w, surge)) - 0.68, opposition_effect(europa_law(w, surge)) - wanted))}
+    found = {
+        "bright plains": solve(
+            lambda w, surge: (
+                photometry.bond_albedo(europa_law(w, surge)) - 0.68,
+                opposition_effect(europa_law(w, surge)) - wanted,
+            )
+        )
+    }
     surge, plains, dark = found["bright plains"][1], reflectance_at_five(europa_law(*found["bright plains"])), 0.17
     for name, amplitude, share in (("dark lineae", 1.0, 1.0), ("ridges", surge, 0.25), ("bands", surge, 0.5)):
         mixed = (1 - share) * plains + share * dark
@@ -82,8 +106,11 @@ def fit_europa() -> None:
         found[name] = low, amplitude
     for name, (w, amplitude) in found.items():
         law = europa_law(w, amplitude)
-        print(f"Europa, {name:14s} w {w:.5f}  b_s0 {amplitude:.4f}   I/F at 5° {reflectance_at_five(law):.4f}  "
-              f"geometric {photometry.geometric_albedo(law):.4f}  Bond {photometry.bond_albedo(law):.4f}", flush=True)
+        print(
+            f"Europa, {name:14s} w {w:.5f}  b_s0 {amplitude:.4f}   I/F at 5° {reflectance_at_five(law):.4f}  "
+            f"geometric {photometry.geometric_albedo(law):.4f}  Bond {photometry.bond_albedo(law):.4f}",
+            flush=True,
+        )
 
 
 def main() -> None:
@@ -92,20 +119,27 @@ def main() -> None:
     found = []
     for b in (0.2, 0.25, 0.3, 0.35, 0.4):
         for c in (0.0, 0.5, 1.0):
-            w, b_c0 = solve(lambda w, amplitude, b=b, c=c: (  # type: ignore[misc]
-                photometry.bond_albedo(make_law(w, b, c, amplitude)) - BOND,
-                photometry.geometric_albedo(make_law(w, b, c, amplitude)) - GEOMETRIC))
+            w, b_c0 = solve(
+                lambda w, amplitude, b=b, c=c: (  # type: ignore[misc]
+                    photometry.bond_albedo(make_law(w, b, c, amplitude)) - BOND,
+                    photometry.geometric_albedo(make_law(w, b, c, amplitude)) - GEOMETRIC,
+                )
+            )
             found.append((abs(photometry.equigonal_albedo(make_law(w, b, c, b_c0)) - EQUIGONAL), w, b, c, b_c0))
             report("", w, b, c, b_c0)
     _, w, b, c, b_c0 = min(found)
     report("Enceladus", w, b, c, b_c0)
-    south, _ = solve(lambda w, amplitude: (
-        photometry.equigonal_albedo(make_law(w, b, c, b_c0)) - BRIGHTEST, amplitude - b_c0))
+    south, _ = solve(
+        lambda w, amplitude: (photometry.equigonal_albedo(make_law(w, b, c, b_c0)) - BRIGHTEST, amplitude - b_c0)
+    )
     report("south polar terrain", south, b, c, b_c0)
     for name, (geometric, equigonal) in MOONS.items():
-        w, amplitude = solve(lambda w, amplitude, g=geometric, e=equigonal: (  # type: ignore[misc]
-            photometry.geometric_albedo(make_law(w, b, c, amplitude)) - g,
-            photometry.equigonal_albedo(make_law(w, b, c, amplitude)) - e))
+        w, amplitude = solve(
+            lambda w, amplitude, g=geometric, e=equigonal: (  # type: ignore[misc]
+                photometry.geometric_albedo(make_law(w, b, c, amplitude)) - g,
+                photometry.equigonal_albedo(make_law(w, b, c, amplitude)) - e,
+            )
+        )
         report(name, w, b, c, amplitude)
 
 

@@ -28,8 +28,16 @@ from icymoon.stereo.measure.prepare import Loaded, Prepared, load
 from icymoon.stereo.sources import RenderedPair, find_sources
 from icymoon.support.errors import IcyMoonError
 
-SCENES = ("europa_rough_ice", "enceladus_fresh_snow", "europa_chaos", "europa_penitentes", "europa_ridged_plain",
-          "enceladus_suncups", "europa_brash_ice", "enceladus_block_field")
+SCENES = (
+    "europa_rough_ice",
+    "enceladus_fresh_snow",
+    "europa_chaos",
+    "europa_penitentes",
+    "europa_ridged_plain",
+    "enceladus_suncups",
+    "europa_brash_ice",
+    "enceladus_block_field",
+)
 #: Of each fault: the map that a careless writer makes of a pair, its kind, and the names that the check gives it.
 Made = Callable[[Prepared], np.ndarray]
 
@@ -44,18 +52,19 @@ def _disparity(pair: Prepared) -> np.ndarray:
 
 def _along_ray(pair: Prepared) -> np.ndarray:
     camera = pair.pair.camera
-    v, u = np.mgrid[:camera.height_px, :camera.width_px] + 0.5
-    return pair.truth * np.sqrt(1 + ((u - camera.cx_px) ** 2 + (v - camera.cy_px) ** 2) / camera.focal_px ** 2)
+    v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
+    return pair.truth * np.sqrt(1 + ((u - camera.cx_px) ** 2 + (v - camera.cy_px) ** 2) / camera.focal_px**2)
 
 
 def _noise(pair: Prepared) -> np.ndarray:
     """A normal's third component taken for a depth."""
     slope = np.gradient(np.nan_to_num(pair.truth))[0]
-    return np.where(np.isfinite(pair.truth), 1 / np.sqrt(1 + slope ** 2), np.nan)
+    return np.where(np.isfinite(pair.truth), 1 / np.sqrt(1 + slope**2), np.nan)
 
 
 FAULTS: dict[str, tuple[Made, str, str]] = {
-    "sound depth": (_depth, "depth", ""), "sound disparity": (_disparity, "disparity", ""),
+    "sound depth": (_depth, "depth", ""),
+    "sound disparity": (_disparity, "disparity", ""),
     "distance along the ray": (_along_ray, "depth", "ray"),
     "upside down": (lambda p: _depth(p)[::-1], "depth", "upside_down"),
     "mirrored": (lambda p: _depth(p)[:, ::-1], "depth", "mirrored"),
@@ -65,8 +74,10 @@ FAULTS: dict[str, tuple[Made, str, str]] = {
     "10 % too small": (lambda p: 0.9 * _depth(p), "depth", "factor|scale"),
     "16 steps per px": (lambda p: 16 * _disparity(p), "disparity", "factor"),
     "1 / depth": (lambda p: 1 / _depth(p), "depth", "inverse"),
-    "disparity as depth": (_disparity, "depth", "disparity"), "depth as disparity": (_depth, "disparity", "depth"),
-    "a normal as depth": (_noise, "depth", "nothing")}
+    "disparity as depth": (_disparity, "depth", "disparity"),
+    "depth as disparity": (_depth, "disparity", "depth"),
+    "a normal as depth": (_noise, "depth", "nothing"),
+}
 
 
 #: The same of maps of the right eye, made of its depth, and of masks, made of what both eyes see.
@@ -75,11 +86,14 @@ RIGHT_FAULTS: dict[str, tuple[Callable[[Loaded], np.ndarray], str, str]] = {
     "sound disparity": (lambda p: p.pair.camera.disparity(p.depth["right"]), "disparity", ""),
     "upside down": (lambda p: p.depth["right"][::-1], "depth", "upside_down"),
     "millimetres": (lambda p: 1000 * p.depth["right"], "depth", "factor"),
-    "the left eye's map": (lambda p: p.depth["left"], "depth", "right_eye")}
+    "the left eye's map": (lambda p: p.depth["left"], "depth", "right_eye"),
+}
 MASK_FAULTS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
-    "sound": (lambda seen: seen, ""), "exchanged": (lambda seen: ~seen, "with seen and hidden exchanged"),
+    "sound": (lambda seen: seen, ""),
+    "exchanged": (lambda seen: ~seen, "with seen and hidden exchanged"),
     "upside down": (lambda seen: seen[::-1], KINDS["upside_down"]),
-    "mirrored": (lambda seen: seen[:, ::-1], KINDS["mirrored"])}
+    "mirrored": (lambda seen: seen[:, ::-1], KINDS["mirrored"]),
+}
 
 
 def judge_visibility(folder: Path, counts: dict[str, Counter[str]]) -> None:
@@ -114,17 +128,34 @@ def render(dataset: Path, grounds: int) -> None:
     random = np.random.default_rng(5)
     for k in range(grounds):
         sun, pitch, base, height, samples, azimuth = random.random(6)
-        settings = merged(defaults(), load_preset(f"scenes/{SCENES[k % len(SCENES)]}"), check({
-            "light": {"sun_elevation_deg": 2 + 78 * sun, "sun_azimuth_deg": 360 * azimuth},
-            "rig": {"pitch_deg": 5 + 80 * pitch, "baseline_m": 0.05 * 12 ** base, "height_m": 0.5 * 8 ** height,
-                    "width_px": 192, "height_px": 144, "toe_in_deg": 0.5 + 4.5 * base if k // 8 % 4 == 3 else 0.0},
-            "dataset": {"seed": k, "headings": 4}, "mesh": {"kind": "GRID"}, "terrain": {"resolution": 257},
-            "surface": {"model": "LAMBERT", "relief": "BUMP"},
-            "quality": {"samples": int(4 * 4 ** samples), "truth": "DEPTH", "denoiser": "NONE"}}, "benchmark"))
+        settings = merged(
+            defaults(),
+            load_preset(f"scenes/{SCENES[k % len(SCENES)]}"),
+            check(
+                {
+                    "light": {"sun_elevation_deg": 2 + 78 * sun, "sun_azimuth_deg": 360 * azimuth},
+                    "rig": {
+                        "pitch_deg": 5 + 80 * pitch,
+                        "baseline_m": 0.05 * 12**base,
+                        "height_m": 0.5 * 8**height,
+                        "width_px": 192,
+                        "height_px": 144,
+                        "toe_in_deg": 0.5 + 4.5 * base if k // 8 % 4 == 3 else 0.0,
+                    },
+                    "dataset": {"seed": k, "headings": 4},
+                    "mesh": {"kind": "GRID"},
+                    "terrain": {"resolution": 257},
+                    "surface": {"model": "LAMBERT", "relief": "BUMP"},
+                    "quality": {"samples": int(4 * 4**samples), "truth": "DEPTH", "denoiser": "NONE"},
+                },
+                "benchmark",
+            ),
+        )
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         try:
-            render_pairs(build(bpy.context.scene, settings), expand_headings(settings), dataset, 1, 0.0,
-                         lambda *_, **__: None)
+            render_pairs(
+                build(bpy.context.scene, settings), expand_headings(settings), dataset, 1, 0.0, lambda *_, **__: None
+            )
         except IcyMoonError as error:
             print(f"ground {k}: {error}")
 
@@ -136,9 +167,15 @@ def main() -> None:
     options = parser.parse_args()
     if options.render:
         render(options.datasets[0], options.render)
-    counts: dict[str, Counter[str]] = {name: Counter() for name in (
-        *FAULTS, "images exchanged", *(f"right eye: {name}" for name in RIGHT_FAULTS),
-        *(f"mask: {name}" for name in MASK_FAULTS))}
+    counts: dict[str, Counter[str]] = {
+        name: Counter()
+        for name in (
+            *FAULTS,
+            "images exchanged",
+            *(f"right eye: {name}" for name in RIGHT_FAULTS),
+            *(f"mask: {name}" for name in MASK_FAULTS),
+        )
+    }
     seconds, pairs = 0.0, 0
     for source in find_sources(options.datasets):
         try:

@@ -38,8 +38,9 @@ _PIXELS = 16
 _EMISSION, _SHARE = np.arccos(np.sqrt((_NODES + 1) / 2)), _WEIGHTS / 2
 
 
-def albedo(make: Callable[[], bpy.types.Material], *, samples: int = 64, view_m: float = 0.5,
-           size_m: float = 100.0) -> np.ndarray:
+def albedo(
+    make: Callable[[], bpy.types.Material], *, samples: int = 64, view_m: float = 0.5, size_m: float = 100.0
+) -> np.ndarray:
     """Bihemispherical reflectance (3,) in red, green and blue of a horizontal plane of the material.
 
     The sky above and below has radiance 1; a black floor absorbs the light that passes through. The mean is
@@ -51,8 +52,13 @@ def albedo(make: Callable[[], bpy.types.Material], *, samples: int = 64, view_m:
     scene.world = shining()
     plane(scene, "Surface", 0.0, size_m, make())
     plane(scene, "Floor", -1.0, 2 * size_m, _black())
-    return np.sum([share * radiance(scene, emission, view_m, _PIXELS).mean(axis=(0, 1))
-                   for emission, share in zip(_EMISSION, _SHARE, strict=True)], axis=0)
+    return np.sum(
+        [
+            share * radiance(scene, emission, view_m, _PIXELS).mean(axis=(0, 1))
+            for emission, share in zip(_EMISSION, _SHARE, strict=True)
+        ],
+        axis=0,
+    )
 
 
 def shining() -> bpy.types.World:
@@ -69,16 +75,18 @@ def _black() -> bpy.types.Material:
     material = bpy.data.materials.new("Black")
     tree = compat.ensure_nodes(material)
     tree.nodes.clear()
-    tree.links.new(tree.nodes.new("ShaderNodeHoldout").outputs[0],
-                   tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
+    tree.links.new(tree.nodes.new("ShaderNodeHoldout").outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
     return material
 
 
 def plane(scene: bpy.types.Scene, name: str, height_m: float, size_m: float, material: bpy.types.Material) -> None:
     """Add a horizontal square of a material."""
     mesh, half = bpy.data.meshes.new(name), size_m / 2
-    mesh.from_pydata([(-half, -half, height_m), (half, -half, height_m), (half, half, height_m),
-                      (-half, half, height_m)], [], [(0, 1, 2, 3)])
+    mesh.from_pydata(
+        [(-half, -half, height_m), (half, -half, height_m), (half, half, height_m), (-half, half, height_m)],
+        [],
+        [(0, 1, 2, 3)],
+    )
     mesh.materials.append(material)
     scene.collection.objects.link(bpy.data.objects.new(name, mesh))
 
@@ -148,10 +156,20 @@ def bumpy(steepness: float) -> bpy.types.Material:
 
 def table() -> dict[str, Any]:
     """The reflectances that ``physics/surfaces/principled.py`` interpolates."""
+
     def measured(base: float, root_f0: float, roughness: float, **inputs: Any) -> float:
         index = (1 + root_f0) / (1 - root_f0)
-        found = albedo(lambda: principled(Base_Color=(base,) * 3 + (1,), IOR=index, Roughness=roughness,
-                                          Subsurface_Radius=(1, 1, 1), Subsurface_Scale=0.01, **inputs), samples=32)
+        found = albedo(
+            lambda: principled(
+                Base_Color=(base,) * 3 + (1,),
+                IOR=index,
+                Roughness=roughness,
+                Subsurface_Radius=(1, 1, 1),
+                Subsurface_Scale=0.01,
+                **inputs,
+            ),
+            samples=32,
+        )
         return round(float(found.mean()), 4)
 
     grid = [(q, r) for q in ROOT_F0 for r in ROUGHNESS]
@@ -159,12 +177,18 @@ def table() -> dict[str, Any]:
     specular = np.array([measured(0.0, q, r) for q, r in grid]).reshape(shape)
     glass = np.array([measured(1.0, q, r, Transmission_Weight=1.0) for q, r in grid]).reshape(shape)
     subsurface = np.array([[measured(b, q, r, Subsurface_Weight=1.0) for b in BASE] for q, r in grid])
-    return {"made_by": "python benchmarks/furnace.py", "blender": bpy.app.version_string,
-            "steepness": STEEPNESS, "bump": [round(float(albedo(partial(bumpy, q), view_m=1.0).mean()), 4)
-                                             for q in STEEPNESS],
-            "root_f0": np.round(ROOT_F0, 6).tolist(), "roughness": ROUGHNESS, "base": BASE,
-            "specular": specular.tolist(), "transmission": glass.tolist(),
-            "subsurface": subsurface.reshape(*shape, len(BASE)).tolist()}
+    return {
+        "made_by": "python benchmarks/furnace.py",
+        "blender": bpy.app.version_string,
+        "steepness": STEEPNESS,
+        "bump": [round(float(albedo(partial(bumpy, q), view_m=1.0).mean()), 4) for q in STEEPNESS],
+        "root_f0": np.round(ROOT_F0, 6).tolist(),
+        "roughness": ROUGHNESS,
+        "base": BASE,
+        "specular": specular.tolist(),
+        "transmission": glass.tolist(),
+        "subsurface": subsurface.reshape(*shape, len(BASE)).tolist(),
+    }
 
 
 if __name__ == "__main__":

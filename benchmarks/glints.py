@@ -39,8 +39,10 @@ def main(folder: Path) -> None:
     views = {eye: grey(read_view(pair.image(eye)).radiance).astype(np.float64) for eye in ("left", "right")}
     (left, lit_left), (right, lit_right) = (find_glints(views[eye]) for eye in ("left", "right"))
     depth, rig = read_truth(pair.truth("left"), "left").depth, pair.settings.rig
-    print(f"glints: {left.sum() / lit_left.sum():.2%} of lit pixels on the left, {right.sum() / lit_right.sum():.2%} "
-          "on the right")
+    print(
+        f"glints: {left.sum() / lit_left.sum():.2%} of lit pixels on the left, {right.sum() / lit_right.sum():.2%} "
+        "on the right"
+    )
     about = cv2.dilate(right.astype(np.uint8), np.ones((1, 3), np.uint8)).astype(bool)
     print(f"in both eyes by chance: {about[lit_right].mean():.1%}")
     row, column = np.nonzero(left & np.isfinite(depth))

@@ -25,14 +25,17 @@ from typing import Any
 import numpy as np
 
 WAYS: dict[str, tuple[str, dict[str, Any]]] = {
-        "graded 4 px": ("mesh", {"error_px": 4.0, "edge_px": 24.0}),
-        "graded 2 px": ("mesh", {"error_px": 2.0, "edge_px": 12.0}),
-        "graded 1 px": ("mesh", {"error_px": 1.0}),
-        "graded 0.5 px": ("mesh", {"error_px": 0.5}),
-        "grid 513": ("terrain", {"resolution": 513}), "grid 1025": ("terrain", {"resolution": 1025}),
-        "grid 2049": ("terrain", {"resolution": 2049}),
-        "dicing 4 px": ("dice", {"px": 4.0}), "dicing 2 px": ("dice", {"px": 2.0}),
-        "dicing 1 px": ("dice", {"px": 1.0})}
+    "graded 4 px": ("mesh", {"error_px": 4.0, "edge_px": 24.0}),
+    "graded 2 px": ("mesh", {"error_px": 2.0, "edge_px": 12.0}),
+    "graded 1 px": ("mesh", {"error_px": 1.0}),
+    "graded 0.5 px": ("mesh", {"error_px": 0.5}),
+    "grid 513": ("terrain", {"resolution": 513}),
+    "grid 1025": ("terrain", {"resolution": 1025}),
+    "grid 2049": ("terrain", {"resolution": 2049}),
+    "dicing 4 px": ("dice", {"px": 4.0}),
+    "dicing 2 px": ("dice", {"px": 2.0}),
+    "dicing 1 px": ("dice", {"px": 1.0}),
+}
 PIXELS, IMAGE = 4, 4096
 
 
@@ -47,8 +50,9 @@ def _dice(terrain: Any, heights: np.ndarray, size_m: float, px: float) -> None:
     image.pixels.foreach_set(values.ravel())
     material = terrain.data.materials[0]
     nodes, links = material.node_tree.nodes, material.node_tree.links
-    place, scale, lookup, push = (nodes.new(f"ShaderNode{k}") for k in
-                                  ("NewGeometry", "VectorMath", "TexImage", "Displacement"))
+    place, scale, lookup, push = (
+        nodes.new(f"ShaderNode{k}") for k in ("NewGeometry", "VectorMath", "TexImage", "Displacement")
+    )
     scale.operation = "MULTIPLY_ADD"
     scale.inputs[1].default_value, scale.inputs[2].default_value = [1 / size_m] * 3, [0.5] * 3
     lookup.image, lookup.interpolation = image, "Cubic"
@@ -76,11 +80,17 @@ def _errors(pair: Any, ground: Any) -> dict[str, float]:
     """Error percentiles in pixels of a pair's left depth, against the height function."""
     from icymoon.stereo.images.exr import read_view
 
-    depth = read_view(pair.image("left")).depth[PIXELS // 2::PIXELS, PIXELS // 2::PIXELS]
+    depth = read_view(pair.image("left")).depth[PIXELS // 2 :: PIXELS, PIXELS // 2 :: PIXELS]
     camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"]["left"])
-    v, u = (np.arange(n)[PIXELS // 2::PIXELS] for n in (camera.height_px, camera.width_px))
-    tangent = np.stack(np.broadcast_arrays(((u + 0.5 - camera.cx_px) / camera.focal_px)[None, :],
-                                           ((v + 0.5 - camera.cy_px) / camera.focal_px)[:, None], 1.0), -1)
+    v, u = (np.arange(n)[PIXELS // 2 :: PIXELS] for n in (camera.height_px, camera.width_px))
+    tangent = np.stack(
+        np.broadcast_arrays(
+            ((u + 0.5 - camera.cx_px) / camera.focal_px)[None, :],
+            ((v + 0.5 - camera.cy_px) / camera.focal_px)[:, None],
+            1.0,
+        ),
+        -1,
+    )
     ray = tangent @ pose[:3, :3].T
     place = pose[:3, 3] + ray * depth[..., None]
     half = ground.size_m / 2
@@ -107,9 +117,13 @@ def _errors(pair: Any, ground: Any) -> dict[str, float]:
         part = np.where(ok, before / np.where(ok, before - after, 1), np.nan)
         truth[some] = z[row, first - 1] + part * (z[row, first] - z[row, first - 1])
     disparity = np.abs(camera.focal_px * camera.baseline_m * (1 / depth - 1 / truth))
-    return {"off_p50": float(np.median(off)), "off_p95": float(np.quantile(off, 0.95)),
-            "disp_p50": float(np.nanmedian(disparity)), "disp_p95": float(np.nanquantile(disparity, 0.95)),
-            "missed": float(np.isnan(disparity).mean())}
+    return {
+        "off_p50": float(np.median(off)),
+        "off_p95": float(np.quantile(off, 0.95)),
+        "disp_p50": float(np.nanmedian(disparity)),
+        "disp_p95": float(np.nanquantile(disparity, 0.95)),
+        "missed": float(np.isnan(disparity).mean()),
+    }
 
 
 def measure(way: str, preset: str) -> dict[str, Any]:
@@ -128,9 +142,12 @@ def measure(way: str, preset: str) -> dict[str, Any]:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     kind, changes = WAYS[way]
     settings = description.merged(
-        description.defaults(), preset_files.load_preset(preset), {"quality": {"samples": 1}},
+        description.defaults(),
+        preset_files.load_preset(preset),
+        {"quality": {"samples": 1}},
         {"mesh": {"kind": "GRADED" if kind == "mesh" else "GRID"}},
-        {kind: changes} if kind != "dice" else {"terrain": {"resolution": 65}})
+        {kind: changes} if kind != "dice" else {"terrain": {"resolution": 65}},
+    )
     ground = scenes.ground_of(settings)
     pixels = (np.arange(IMAGE) + 0.5) / IMAGE * ground.size_m - ground.size_m / 2
     baked = ground.heights(pixels[None, :], pixels[:, None], 2 * ground.size_m / IMAGE) if kind == "dice" else None
@@ -148,8 +165,13 @@ def measure(way: str, preset: str) -> dict[str, Any]:
         mesh = built.terrain.data
         triangles = len(mesh.loops) - 2 * len(mesh.polygons)
         errors = _errors(read_pair(made[0]), ground)
-    return {"triangles": 0 if baked is not None else triangles, "build": middle - start, "render": end - middle,
-            "peak": peak, **errors}
+    return {
+        "triangles": 0 if baked is not None else triangles,
+        "build": middle - start,
+        "render": end - middle,
+        "peak": peak,
+        **errors,
+    }
 
 
 def main(arguments: list[str]) -> None:
@@ -158,8 +180,10 @@ def main(arguments: list[str]) -> None:
     if len(arguments) == 2:
         print(json.dumps(measure(arguments[1], preset)), flush=True)
         os._exit(0)  # Blender as a module may crash or hang when the interpreter ends
-    print(f"{'':>15}{'triangles':>11}{'build s':>9}{'render s':>10}{'peak MiB':>10}   surface px: 50, 95 %"
-          "   disparity px: 50, 95 %, share without")
+    print(
+        f"{'':>15}{'triangles':>11}{'build s':>9}{'render s':>10}{'peak MiB':>10}   surface px: 50, 95 %"
+        "   disparity px: 50, 95 %, share without"
+    )
     for way in WAYS:
         done = subprocess.run([sys.executable, __file__, preset, way], capture_output=True, text=True, check=False)
         if done.returncode:
@@ -167,9 +191,12 @@ def main(arguments: list[str]) -> None:
             continue
         row = json.loads(done.stdout.strip().splitlines()[-1])
         triangles = f"{row['triangles']:>11}" if row["triangles"] else f"{'':>11}"
-        print(f"{way:>15}{triangles}{row['build']:>9.2f}{row['render']:>10.2f}{row['peak']:>10.0f}"
-              f"{row['off_p50']:>10.3f}{row['off_p95']:>8.3f}{row['disp_p50']:>10.4f}{row['disp_p95']:>8.4f}"
-              f"{row['missed']:>8.3f}", flush=True)
+        print(
+            f"{way:>15}{triangles}{row['build']:>9.2f}{row['render']:>10.2f}{row['peak']:>10.0f}"
+            f"{row['off_p50']:>10.3f}{row['off_p95']:>8.3f}{row['disp_p50']:>10.4f}{row['disp_p95']:>8.4f}"
+            f"{row['missed']:>8.3f}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

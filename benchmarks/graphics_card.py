@@ -79,8 +79,9 @@ class Step:
     @property
     def key(self) -> str:
         """What tells it apart."""
-        return ", ".join(each for each in (self.name, self.way, self.device, f"seed {self.repeat}" * bool(self.repeat))
-                         if each)
+        return ", ".join(
+            each for each in (self.name, self.way, self.device, f"seed {self.repeat}" * bool(self.repeat)) if each
+        )
 
     @property
     def folder(self) -> str:
@@ -91,18 +92,30 @@ class Step:
 def rough_ice(scale: float, quality: str, headings: int, *changes: Parts) -> Settings:
     """Europa's rough ice as the qualities are measured on it, see ``qualities.py``."""
     made = description.merged(
-        description.defaults(), preset_files.load_preset("scenes/europa_rough_ice"),
-        {"surface": {"model": "LAMBERT"}, "light": {"planet": False, "sun_elevation_deg": 30.0},
-         "dataset": {"headings": headings}}, preset_files.load_preset(f"qualities/{quality}"), *changes)
+        description.defaults(),
+        preset_files.load_preset("scenes/europa_rough_ice"),
+        {
+            "surface": {"model": "LAMBERT"},
+            "light": {"planet": False, "sun_elevation_deg": 30.0},
+            "dataset": {"headings": headings},
+        },
+        preset_files.load_preset(f"qualities/{quality}"),
+        *changes,
+    )
     return scaled_view(made, scale)
 
 
 def scene(name: str, scale: float) -> Settings:
     """A scene preset with few samples. Hapke's law is made of nodes, as a card has it."""
     made = description.merged(
-        description.defaults(), preset_files.load_preset(name),
-        {"hapke": {"backend": "NODES", "accuracy": "FAST"}, "dataset": {"headings": 1},
-         "quality": {"samples": FEW, "denoiser": "NONE", "noise_threshold": 0.0, "indirect": "TRACED"}})
+        description.defaults(),
+        preset_files.load_preset(name),
+        {
+            "hapke": {"backend": "NODES", "accuracy": "FAST"},
+            "dataset": {"headings": 1},
+            "quality": {"samples": FEW, "denoiser": "NONE", "noise_threshold": 0.0, "indirect": "TRACED"},
+        },
+    )
     return scaled_view(made, SMALL * scale)
 
 
@@ -119,21 +132,30 @@ def steps(devices: Sequence[str], scale: float) -> list[Step]:
     cards = [device for device in devices if device != PROCESSOR]
     processor = [PROCESSOR] * (PROCESSOR in devices)
     main, others = [*cards[:1], *processor], cards[1:]
-    return [*(Step("first use", card, [first_use]) for card in cards[:1]),
-            *(Step("law that needs OSL", card, [needs_osl]) for card in cards[:1]),
-            *(Step("snow", device, [paper]) for device in main),
-            *(Step("snow", device, [one], repeat=1, like=[f"snow, {device}"]) for device in main),
-            *(Step("many samples", device, [many]) for device in main),
-            *(Step("baked", device, [baked]) for device in main),
-            *(Step("scenes", device, scenes) for device in main),
-            *(Step(name, card, [settings]) for card in others for name, settings in (
-                ("first use", first_use), ("snow", paper), ("many samples", many), ("baked", baked))),
-            *(Step("snow", card, [paper], way=way, like=[f"snow, {card}"])
-              for card in cards[:1] for way in (UNKEPT, DENOISED_THERE)),
-            *(Step("truth by Cycles", device, [by_cycles]) for device in main)]
+    return [
+        *(Step("first use", card, [first_use]) for card in cards[:1]),
+        *(Step("law that needs OSL", card, [needs_osl]) for card in cards[:1]),
+        *(Step("snow", device, [paper]) for device in main),
+        *(Step("snow", device, [one], repeat=1, like=[f"snow, {device}"]) for device in main),
+        *(Step("many samples", device, [many]) for device in main),
+        *(Step("baked", device, [baked]) for device in main),
+        *(Step("scenes", device, scenes) for device in main),
+        *(
+            Step(name, card, [settings])
+            for card in others
+            for name, settings in (("first use", first_use), ("snow", paper), ("many samples", many), ("baked", baked))
+        ),
+        *(
+            Step("snow", card, [paper], way=way, like=[f"snow, {card}"])
+            for card in cards[:1]
+            for way in (UNKEPT, DENOISED_THERE)
+        ),
+        *(Step("truth by Cycles", device, [by_cycles]) for device in main),
+    ]
 
 
 # In a process of its own, with Blender.
+
 
 def render(job: dict[str, Any], told: Path) -> None:
     """Render the pairs of a step and write what came of them to ``told``."""
@@ -147,8 +169,9 @@ def render(job: dict[str, Any], told: Path) -> None:
     if job["way"] == DENOISED_THERE:
         apply = cycles_settings.apply
 
-        def applied(scene: Any, quality: QualitySettings, seed: int, blurred: bool = False,
-                    through: bool = False) -> None:
+        def applied(
+            scene: Any, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False
+        ) -> None:
             apply(scene, quality, seed, blurred, through)
             scene.cycles.denoising_use_gpu = True
 
@@ -173,12 +196,12 @@ def render(job: dict[str, Any], told: Path) -> None:
 
 # In the process that measures.
 
+
 def job_of(step: Step, out: Path) -> dict[str, Any]:
     """The job of a step, as a worker takes it."""
     device: Parts = {"quality": {"device": "CPU" if step.device == PROCESSOR else "GPU"}}
     settings = [description.merged(each, device, ALL_IN_32_BITS) for each in step.settings]
-    made: dict[str, Any] = {"dataset": str(out / step.folder), "repeat": step.repeat, "way": step.way,
-                            "again": True}
+    made: dict[str, Any] = {"dataset": str(out / step.folder), "repeat": step.repeat, "way": step.way, "again": True}
     if len(settings) == 1:
         return made | {"settings": settings[0]}
     return made | {"pairs": [{"id": expand_headings(each)[0].id, "settings": each} for each in settings]}
@@ -194,8 +217,13 @@ def run(step: Step, out: Path, most_s: float) -> dict[str, Any]:
             environment[ENVIRONMENT] = f"{step.device}:0"
         start = time.perf_counter()
         with log.open("wb") as stream:
-            process = subprocess.Popen([sys.executable, __file__, "--render", str(job), str(told)], env=environment,
-                                       stdout=stream, stderr=subprocess.STDOUT, start_new_session=True)
+            process = subprocess.Popen(
+                [sys.executable, __file__, "--render", str(job), str(told)],
+                env=environment,
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
             try:
                 status = str(process.wait(most_s))
             except subprocess.TimeoutExpired:
@@ -215,13 +243,23 @@ def facts_of(folder: Path, seconds: float) -> dict[str, Any]:
     """What ``pair.json`` states of a pair's time and device, and the seconds of a clock that its bakes took."""
     stated = json.loads((folder / "pair.json").read_text())
     took = stated["seconds"]
-    bakes = {light["file"]: light["cpu_seconds_of_bake"]
-             for light in stated.get("indirect", {}).get("lights", {}).values()}
-    return {"took": took, "cpu_s": stated["cpu_seconds"]["pair"], "bake_cpu_s": round(sum(bakes.values()), 2),
-            "bake_s": round(seconds - took["build"] - took["render"] - took["write"], 2) if bakes else 0.0,
-            "device": stated["device"], "cards": stated.get("cards", []), "truth": stated.get("truth", {}),
-            "indirect": {key: stated["indirect"][key] for key in ("method", "share", "noise", "why")
-                         if key in stated["indirect"]} if "indirect" in stated else {}}
+    bakes = {
+        light["file"]: light["cpu_seconds_of_bake"] for light in stated.get("indirect", {}).get("lights", {}).values()
+    }
+    return {
+        "took": took,
+        "cpu_s": stated["cpu_seconds"]["pair"],
+        "bake_cpu_s": round(sum(bakes.values()), 2),
+        "bake_s": round(seconds - took["build"] - took["render"] - took["write"], 2) if bakes else 0.0,
+        "device": stated["device"],
+        "cards": stated.get("cards", []),
+        "truth": stated.get("truth", {}),
+        "indirect": {
+            key: stated["indirect"][key] for key in ("method", "share", "noise", "why") if key in stated["indirect"]
+        }
+        if "indirect" in stated
+        else {},
+    }
 
 
 def passes_of(folder: Path) -> dict[str, np.ndarray]:
@@ -238,15 +276,23 @@ def compare(one: Path, other: Path) -> dict[str, Any]:
     mean, true = (np.bincount(region.ravel(), each.ravel()) for each in (grey, base))
     lit = true > 0.01 * true.mean()
     off = np.abs(grey - base) / np.maximum(base, 0.05 * base.mean())
-    truth = {name: float(np.mean(here[name].view(np.uint32) != there[name].view(np.uint32)))
-             for name in here if name.startswith(f"{TRUTH}.") and name in there}
+    truth = {
+        name: float(np.mean(here[name].view(np.uint32) != there[name].view(np.uint32)))
+        for name in here
+        if name.startswith(f"{TRUTH}.") and name in there
+    }
     depth = f"{TRUTH}.Depth"
     far = np.isfinite(there[depth]) & (there[depth] < 1e9) if depth in there else np.zeros(0, bool)
-    return {"mean": float(grey.sum() / base.sum() - 1), "regions": float(np.sqrt(np.mean((mean / true - 1)[lit] ** 2))),
-            "median_pixel": float(np.median(off)), "off_by_1_percent": float(np.mean(off > 0.01)),
-            "rms": float(np.sqrt(np.mean((grey - base) ** 2)) / base.mean()), "same_bytes": bool((grey == base).all()),
-            "truth_values_that_differ": {name: share for name, share in truth.items() if share},
-            "depth_off": float(np.quantile(np.abs(here[depth] / there[depth] - 1)[far], 0.999)) if far.any() else 0.0}
+    return {
+        "mean": float(grey.sum() / base.sum() - 1),
+        "regions": float(np.sqrt(np.mean((mean / true - 1)[lit] ** 2))),
+        "median_pixel": float(np.median(off)),
+        "off_by_1_percent": float(np.mean(off > 0.01)),
+        "rms": float(np.sqrt(np.mean((grey - base) ** 2)) / base.mean()),
+        "same_bytes": bool((grey == base).all()),
+        "truth_values_that_differ": {name: share for name, share in truth.items() if share},
+        "depth_off": float(np.quantile(np.abs(here[depth] / there[depth] - 1)[far], 0.999)) if far.any() else 0.0,
+    }
 
 
 def compared(step: Step, done: Mapping[str, Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:
@@ -256,8 +302,11 @@ def compared(step: Step, done: Mapping[str, Mapping[str, Any]]) -> dict[str, lis
     made: dict[str, list[dict[str, Any]]] = {}
     for key in keys:
         there = {scene_of(pair): pair["folder"] for pair in done[key]["pairs"]}
-        made[key] = [{"scene": scene_of(pair), **compare(Path(pair["folder"]), Path(there[scene_of(pair)]))}
-                     for pair in done[step.key]["pairs"] if scene_of(pair) in there]
+        made[key] = [
+            {"scene": scene_of(pair), **compare(Path(pair["folder"]), Path(there[scene_of(pair)]))}
+            for pair in done[step.key]["pairs"]
+            if scene_of(pair) in there
+        ]
     return made
 
 
@@ -265,19 +314,39 @@ def scene_of(pair: Mapping[str, Any]) -> str:
     """What a pair shows, whatever renders it: its ground, its place and its heading."""
     stated = json.loads((Path(pair["folder"]) / "pair.json").read_text())
     settings = stated["settings"]
-    return json.dumps([settings["terrain"], settings["surface"], settings["rocks"], settings["light"], settings["rig"],
-                       stated["poses_camera_to_world"]], sort_keys=True)
+    return json.dumps(
+        [
+            settings["terrain"],
+            settings["surface"],
+            settings["rocks"],
+            settings["light"],
+            settings["rig"],
+            stated["poses_camera_to_world"],
+        ],
+        sort_keys=True,
+    )
 
 
 def machine() -> dict[str, Any]:
     """The processor, and what the driver of an NVIDIA card tells of it."""
     try:
-        card = subprocess.run(["nvidia-smi", "--query-gpu=name,driver_version,memory.total,memory.used",
-                               "--format=csv,noheader"], capture_output=True, text=True, timeout=30, check=True).stdout
+        card = subprocess.run(
+            ["nvidia-smi", "--query-gpu=name,driver_version,memory.total,memory.used", "--format=csv,noheader"],
+            capture_output=True,
+            text=True,
+            timeout=30,
+            check=True,
+        ).stdout
     except (OSError, subprocess.SubprocessError) as error:
         card = f"none known ({error})"
-    model = next((line.split(":")[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines()
-                  if line.startswith("model name")), platform.processor())
+    model = next(
+        (
+            line.split(":")[1].strip()
+            for line in Path("/proc/cpuinfo").read_text().splitlines()
+            if line.startswith("model name")
+        ),
+        platform.processor(),
+    )
     return {"processor": model, "processors": count_processors(), "card": card.strip()}
 
 
@@ -289,13 +358,21 @@ def row_of(step: Step, found: Mapping[str, Any]) -> str:
         return f"{step.key:40} {why}"
 
     def told(some: Sequence[Mapping[str, Any]]) -> str:
-        return (f"{np.mean([pair['seconds'] for pair in some]):7.2f} s "
-                f"({np.mean([pair['took']['render'] for pair in some]):6.2f})") if some else f"{'':18}"
+        return (
+            (
+                f"{np.mean([pair['seconds'] for pair in some]):7.2f} s "
+                f"({np.mean([pair['took']['render'] for pair in some]):6.2f})"
+            )
+            if some
+            else f"{'':18}"
+        )
 
     bake, cpu = (np.mean([pair[key] for pair in pairs]) for key in ("bake_s", "cpu_s"))
-    return (f"{step.key:40} {len(pairs):2} pairs: first {told(pairs[:1])}, further {told(pairs[1:])}, "
-            f"bake {bake:6.2f} s, {cpu:6.1f} CPU s; process {found['seconds']:.1f} s"
-            + (f", {found['status']}" if found["status"] != "0" else ""))
+    return (
+        f"{step.key:40} {len(pairs):2} pairs: first {told(pairs[:1])}, further {told(pairs[1:])}, "
+        f"bake {bake:6.2f} s, {cpu:6.1f} CPU s; process {found['seconds']:.1f} s"
+        + (f", {found['status']}" if found["status"] != "0" else "")
+    )
 
 
 def main(options: argparse.Namespace) -> None:
@@ -318,12 +395,16 @@ def main(options: argparse.Namespace) -> None:
         results["compared"][step.key] = compared(step, results["steps"])
         for key, each in results["compared"][step.key].items():
             if each:
-                print(f"    against {key}: " + ", ".join(
-                    f"{name.replace('_', ' ')} {100 * max((one[name] for one in each), key=abs):.4f} %"
-                    for name in ("mean", "regions", "median_pixel", "off_by_1_percent", "rms", "depth_off"))
+                print(
+                    f"    against {key}: "
+                    + ", ".join(
+                        f"{name.replace('_', ' ')} {100 * max((one[name] for one in each), key=abs):.4f} %"
+                        for name in ("mean", "regions", "median_pixel", "off_by_1_percent", "rms", "depth_off")
+                    )
                     + f", {sum(one['same_bytes'] for one in each)} of {len(each)} with the same bytes, truth that "
                     f"differs: {[one['truth_values_that_differ'] for one in each if one['truth_values_that_differ']]}",
-                    flush=True)
+                    flush=True,
+                )
         (out / "results.json").write_text(json.dumps(results, indent=1))
 
 
@@ -332,8 +413,9 @@ if __name__ == "__main__":
         render(json.loads(Path(sys.argv[2]).read_text()), Path(sys.argv[3]))
     parser = argparse.ArgumentParser()
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--devices", nargs="*", default=["CUDA", PROCESSOR, "OPTIX"],
-                        help="interfaces of cards, and the processor")
+    parser.add_argument(
+        "--devices", nargs="*", default=["CUDA", PROCESSOR, "OPTIX"], help="interfaces of cards, and the processor"
+    )
     parser.add_argument("--scale", type=float, default=1.0, help="factor for the width and height of the image")
     parser.add_argument("--seconds", type=float, default=3600.0, help="time for all steps")
     parser.add_argument("--only", nargs="*", default=[], help="names of steps, such as snow")

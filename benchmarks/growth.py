@@ -84,11 +84,24 @@ def write_dataset(folder: Path, count: int) -> tuple[Path, list[PlannedPair]]:
         for name in record["files"]:
             shutil.copy(made / name, copy / name)
         poses = poses_of(pair)
-        (copy / "pair.json").write_text(json_text(record | {
-            "id": pair.id, "settings": pair.settings, "edited_by_hand": False, "own_files_sha256": "",
-            "poses_camera_to_world": poses, "poses_rectified_to_world": poses, "eyes": rig.eyes_json(),
-            "light": sky_facts(sky(pair.settings.light)), "device": pair.settings.quality.device,
-            "seeds": {"dataset": pair.settings.dataset.seed, "render": pair.render_seed}}), encoding="utf-8")
+        (copy / "pair.json").write_text(
+            json_text(
+                record
+                | {
+                    "id": pair.id,
+                    "settings": pair.settings,
+                    "edited_by_hand": False,
+                    "own_files_sha256": "",
+                    "poses_camera_to_world": poses,
+                    "poses_rectified_to_world": poses,
+                    "eyes": rig.eyes_json(),
+                    "light": sky_facts(sky(pair.settings.light)),
+                    "device": pair.settings.quality.device,
+                    "seeds": {"dataset": pair.settings.dataset.seed, "render": pair.render_seed},
+                }
+            ),
+            encoding="utf-8",
+        )
     shutil.rmtree(made)
     return plan, pairs
 
@@ -108,17 +121,24 @@ def seconds_of(work: Callable[[], object]) -> float:
 
 def run(*words: object) -> None:
     """Run a command of ours."""
-    subprocess.run([sys.executable, "-m", "icymoon", *map(str, words)], check=True, stdout=subprocess.DEVNULL,
-                   stderr=subprocess.DEVNULL)
+    subprocess.run(
+        [sys.executable, "-m", "icymoon", *map(str, words)],
+        check=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
 
 
 def measure(folder: Path, count: int, evaluates: bool) -> dict[str, float]:
     """The costs of so many pairs by name, in processor seconds and megabytes."""
     dataset = folder / f"set{count}"
     plan, pairs = write_dataset(dataset, count)
-    found = {"help": seconds_of(lambda: run("--help")), "verify": seconds_of(lambda: run("verify", dataset)),
-             "resume": seconds_of(lambda: run("batch", plan, "--out", dataset, "--json")),
-             "work": seconds_of(lambda: run("work", dataset, "--json"))}
+    found = {
+        "help": seconds_of(lambda: run("--help")),
+        "verify": seconds_of(lambda: run("verify", dataset)),
+        "resume": seconds_of(lambda: run("batch", plan, "--out", dataset, "--json")),
+        "work": seconds_of(lambda: run("work", dataset, "--json")),
+    }
     jobs: list[Job] = []
     found["job out"] = seconds_of(lambda: jobs.append(Job(dataset, pairs=pairs)))
     found["job in"] = seconds_of(lambda: read_planned_pairs(read_job(jobs[0].file)))

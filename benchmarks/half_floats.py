@@ -51,17 +51,26 @@ def size(channels: dict[str, np.ndarray], codec: int) -> int:
 
 def print_sizes(folder: Path) -> None:
     """Print bytes per pixel of each pass, by codec."""
-    there = {name: getattr(OpenEXR, f"{name}_COMPRESSION") for name in CODECS
-             if hasattr(OpenEXR, f"{name}_COMPRESSION")}
+    there = {
+        name: getattr(OpenEXR, f"{name}_COMPRESSION") for name in CODECS if hasattr(OpenEXR, f"{name}_COMPRESSION")
+    }
     print(f"{'bytes per pixel':32}" + "".join(f"{name:>16}" for name in there))
     for piece in read_pieces((folder / "left.exr").read_bytes()):
         pixels = Pixels(piece)
         values = pixels.decode()
         cells = []
         for codec in there.values():
-            each = [size({name.split(".")[-1]: np.ascontiguousarray(values[:, k].astype(kind))
-                          for k, name in enumerate(pixels.channels)}, codec) / values[:, 0].size
-                    for kind in (np.float32, np.float16)]
+            each = [
+                size(
+                    {
+                        name.split(".")[-1]: np.ascontiguousarray(values[:, k].astype(kind))
+                        for k, name in enumerate(pixels.channels)
+                    },
+                    codec,
+                )
+                / values[:, 0].size
+                for kind in (np.float32, np.float16)
+            ]
             cells.append(f"{each[0]:8.2f} {each[1]:7.2f}")
         print(f"{piece.name:32}" + "".join(cells), flush=True)
 
@@ -139,8 +148,16 @@ def print_errors(folders: list[Path], methods: Any) -> None:
     changes: dict[str, list[tuple[float, float]]] = {}
 
     def rounded(*arguments: Any) -> Any:
-        return [(view, {name: values.astype(np.float16).astype(np.float32) if name.startswith("Beauty.Combined")
-                        else values for name, values in channels.items()}) for view, channels in whole(*arguments)]
+        return [
+            (
+                view,
+                {
+                    name: values.astype(np.float16).astype(np.float32) if name.startswith("Beauty.Combined") else values
+                    for name, values in channels.items()
+                },
+            )
+            for view, channels in whole(*arguments)
+        ]
 
     for folder in folders:
         full = disparity_errors(folder, methods)
@@ -160,7 +177,7 @@ if __name__ == "__main__":
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--pairs", type=int, default=10, help="pairs that are matched at most")
     given = parser.parse_args()
-    pairs = find_pair_folders(given.dataset)[:given.pairs]
+    pairs = find_pair_folders(given.dataset)[: given.pairs]
     print_sizes(pairs[0])
     print_compact(pairs[0])
     print_errors(pairs, parse_methods("bm,sgbm,jplv"))

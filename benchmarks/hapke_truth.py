@@ -26,11 +26,16 @@ from typing import Any
 import numpy as np
 
 SAMPLES, DEPTH = 256, 12
-SETS = {"Europa": {"w": 0.964, "b": 0.429, "c": 0.113, "b_s0": 0.5, "h_s": 0.0016, "theta_bar_deg": 10.0},
-        "bright": {"w": 0.99, "b": 0.39, "c": 1.0, "b_s0": 1.0, "h_s": 0.014, "theta_bar_deg": 6.0}}
-WAYS = {"nodes": {"backend": "NODES"}, "OSL fast": {"backend": "OSL"},
-        "OSL accurate": {"backend": "OSL", "accuracy": "ACCURATE"},
-        "OSL reference": {"backend": "OSL", "accuracy": "REFERENCE"}}
+SETS = {
+    "Europa": {"w": 0.964, "b": 0.429, "c": 0.113, "b_s0": 0.5, "h_s": 0.0016, "theta_bar_deg": 10.0},
+    "bright": {"w": 0.99, "b": 0.39, "c": 1.0, "b_s0": 1.0, "h_s": 0.014, "theta_bar_deg": 6.0},
+}
+WAYS = {
+    "nodes": {"backend": "NODES"},
+    "OSL fast": {"backend": "OSL"},
+    "OSL accurate": {"backend": "OSL", "accuracy": "ACCURATE"},
+    "OSL reference": {"backend": "OSL", "accuracy": "REFERENCE"},
+}
 
 
 def of_mitsuba(folder: Path) -> None:
@@ -41,17 +46,31 @@ def of_mitsuba(folder: Path) -> None:
     mi.set_variant("llvm_ad_rgb" if "llvm_ad_rgb" in mi.variants() else "scalar_rgb")
     described = {
         "type": "scene",
-        "ground": {"type": "ply", "filename": str(folder / "ground.ply"), "face_normals": True,
-                   "bsdf": {"type": "twosided", "nested": {"type": "hapke", **scene["hapke"]}}},
+        "ground": {
+            "type": "ply",
+            "filename": str(folder / "ground.ply"),
+            "face_normals": True,
+            "bsdf": {"type": "twosided", "nested": {"type": "hapke", **scene["hapke"]}},
+        },
         "sun": {"type": "directional", "direction": [-x for x in scene["sun"]], "irradiance": 50.26},
-        "camera": {"type": "perspective", "fov": scene["fov_deg"], "fov_axis": "x", "near_clip": 0.01,
-                   "to_world": mi.ScalarTransform4f().look_at(*scene["look_at"]),
-                   "film": {"type": "hdrfilm", "width": scene["width"], "height": scene["height"],
-                            "rfilter": {"type": "box"}, "pixel_format": "luminance"},
-                   "sampler": {"type": "independent", "sample_count": SAMPLES}}}
+        "camera": {
+            "type": "perspective",
+            "fov": scene["fov_deg"],
+            "fov_axis": "x",
+            "near_clip": 0.01,
+            "to_world": mi.ScalarTransform4f().look_at(*scene["look_at"]),
+            "film": {
+                "type": "hdrfilm",
+                "width": scene["width"],
+                "height": scene["height"],
+                "rfilter": {"type": "box"},
+                "pixel_format": "luminance",
+            },
+            "sampler": {"type": "independent", "sample_count": SAMPLES},
+        },
+    }
     for name, depth in (("all", DEPTH), ("sunlight", 2)):
-        image = mi.render(mi.load_dict({**described, "integrator": {"type": "path", "max_depth": depth}}),
-                          spp=SAMPLES)
+        image = mi.render(mi.load_dict({**described, "integrator": {"type": "path", "max_depth": depth}}), spp=SAMPLES)
         np.save(folder / f"{name}.npy", np.array(image)[..., 0])
 
 
@@ -77,29 +96,58 @@ def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> n
     from icymoon.stereo.images.exr import read_view
     from rendering import complete, empty_scene
 
-    settings = complete({
-        "terrain": {"resolution": 129, "size_m": 8.0, "rms_slope_deg": 28.0, "multifractality": 0.0},
-        "surface": {"grain_amplitude_m": 0.0, **surface}, "hapke": {**hapke, "h_function": "2002"},
-        "light": {"sun_irradiance_wm2": 50.26, "sun_elevation_deg": 27.0, "sun_azimuth_deg": 300.0,
-                  "sun_angular_diameter_deg": 0.0},
-        "rig": {"width_px": 160, "height_px": 120, "y_m": -3.0, "height_m": 2.5, "pitch_deg": 50.0},
-        "quality": {"samples": SAMPLES, "diffuse_bounces": DEPTH - 2}})
+    settings = complete(
+        {
+            "terrain": {"resolution": 129, "size_m": 8.0, "rms_slope_deg": 28.0, "multifractality": 0.0},
+            "surface": {"grain_amplitude_m": 0.0, **surface},
+            "hapke": {**hapke, "h_function": "2002"},
+            "light": {
+                "sun_irradiance_wm2": 50.26,
+                "sun_elevation_deg": 27.0,
+                "sun_azimuth_deg": 300.0,
+                "sun_angular_diameter_deg": 0.0,
+            },
+            "rig": {"width_px": 160, "height_px": 120, "y_m": -3.0, "height_m": 2.5, "pitch_deg": 50.0},
+            "quality": {"samples": SAMPLES, "diffuse_bounces": DEPTH - 2},
+        }
+    )
     built = build(empty_scene(), settings)
     _flatten(built)
     bpy.context.view_layer.update()
-    pair, = render_pairs(built, expand_headings(settings), folder, 1, 0.0, lambda *a, **k: None)
+    (pair,) = render_pairs(built, expand_headings(settings), folder, 1, 0.0, lambda *a, **k: None)
     q, camera = from_settings(settings.hapke), np.array(built.camera.matrix_world)
-    (folder / "scene.json").write_text(json.dumps({
-        "hapke": {"w": q.w, "b": q.b, "c": (1 + q.c) / 2, "theta": math.degrees(q.theta_bar), "B_0": q.b_s0,
-                  "h": q.h_s},
-        "sun": list(built.sun.matrix_world.to_3x3().col[2]), "width": 160, "height": 120,
-        "fov_deg": math.degrees(2 * math.atan(0.5 * settings.rig.sensor_width_mm
-                                              / settings.rig.focal_length_mm)),
-        "look_at": [camera[:3, 3].tolist(), (camera[:3, 3] - camera[:3, 2]).tolist(), camera[:3, 1].tolist()]}))
+    (folder / "scene.json").write_text(
+        json.dumps(
+            {
+                "hapke": {
+                    "w": q.w,
+                    "b": q.b,
+                    "c": (1 + q.c) / 2,
+                    "theta": math.degrees(q.theta_bar),
+                    "B_0": q.b_s0,
+                    "h": q.h_s,
+                },
+                "sun": list(built.sun.matrix_world.to_3x3().col[2]),
+                "width": 160,
+                "height": 120,
+                "fov_deg": math.degrees(
+                    2 * math.atan(0.5 * settings.rig.sensor_width_mm / settings.rig.focal_length_mm)
+                ),
+                "look_at": [camera[:3, 3].tolist(), (camera[:3, 3] - camera[:3, 2]).tolist(), camera[:3, 1].tolist()],
+            }
+        )
+    )
     bpy.ops.object.select_all(action="DESELECT")
     built.terrain.select_set(True)
-    bpy.ops.wm.ply_export(filepath=str(folder / "ground.ply"), export_selected_objects=True, forward_axis="Y",
-                          up_axis="Z", export_normals=False, export_uv=False, export_triangulated_mesh=True)
+    bpy.ops.wm.ply_export(
+        filepath=str(folder / "ground.ply"),
+        export_selected_objects=True,
+        forward_axis="Y",
+        up_axis="Z",
+        export_normals=False,
+        export_uv=False,
+        export_triangulated_mesh=True,
+    )
     return np.asarray(read_view(pair / "left.exr").radiance[..., 0], np.float64)
 
 
@@ -111,7 +159,7 @@ def _inside(part: np.ndarray) -> np.ndarray:
     """Pixels whose neighbours, which the pixel filter of Cycles reaches, are of the same part."""
     wide = np.pad(part, 2)
     rows, columns = part.shape
-    return np.all([wide[r:r + rows, c:c + columns] for r in range(5) for c in range(5)], axis=0)
+    return np.all([wide[r : r + rows, c : c + columns] for r in range(5) for c in range(5)], axis=0)
 
 
 def compare(python: str) -> None:
@@ -131,8 +179,10 @@ def compare(python: str) -> None:
             truth, sunlight = (np.load(folder / f"{part}.npy") for part in ("all", "sunlight"))
         ground, lit, dark = (_inside(part) for part in (truth > 0, sunlight > 0, (truth > 0) & (sunlight == 0)))
         whole = _blocks(_inside(truth > 0).astype(float)) == 1.0
-        print(f"{name}: light from the ground {1 - sunlight[ground].sum() / truth[ground].sum():.1%}, "
-              f"in shadow {dark.mean():.1%} of the pixels")
+        print(
+            f"{name}: light from the ground {1 - sunlight[ground].sum() / truth[ground].sum():.1%}, "
+            f"in shadow {dark.mean():.1%} of the pixels"
+        )
         for way, image in images.items():
             mean, sunny, shade = (image[part].sum() / truth[part].sum() for part in (ground, lit, dark))
             rms = np.sqrt(np.mean((_blocks(image)[whole] / _blocks(truth)[whole] - 1) ** 2))
@@ -145,6 +195,7 @@ if __name__ == "__main__":
     elif len(sys.argv) == 2:
         sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
         import icymoon
+
         icymoon.register()
         compare(sys.argv[1])
         sys.stdout.flush()

@@ -49,10 +49,14 @@ def main(names: list[str]) -> None:
     for name in names or preset_files.preset_names("scenes"):
         with tempfile.TemporaryDirectory(prefix="icymoon-statistics-") as folder:
             slope, side, saturated, dark = measure(name, Path(folder, "own"), {})
-            low, _, low_saturated, low_dark = measure(name, Path(folder, "low"), {"light": {
-                "sun_elevation_deg": LOW_SUN_DEG}})
-        print(f"| `{name.split('/')[1]}` | {slope:.2f} ({side}) | {100 * saturated:.1f}, {100 * dark:.0f} | {low:.2f} "
-              f"| {100 * low_saturated:.1f}, {100 * low_dark:.0f} |", flush=True)
+            low, _, low_saturated, low_dark = measure(
+                name, Path(folder, "low"), {"light": {"sun_elevation_deg": LOW_SUN_DEG}}
+            )
+        print(
+            f"| `{name.split('/')[1]}` | {slope:.2f} ({side}) | {100 * saturated:.1f}, {100 * dark:.0f} | {low:.2f} "
+            f"| {100 * low_saturated:.1f}, {100 * low_dark:.0f} |",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

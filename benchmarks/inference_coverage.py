@@ -29,7 +29,8 @@ ERRORS: dict[str, tuple[Draw, float, float]] = {
     "normal": (lambda random, shape: random.normal(5, 1, shape), 5.0, 1.0),
     "lognormal": (lambda random, shape: random.lognormal(0, 1, shape), np.exp(0.5), np.exp(0.5) * (np.e - 1) ** 0.5),
     "exponential": (lambda random, shape: random.exponential(1, shape), 1.0, 1.0),
-    "beta": (lambda random, shape: random.beta(0.3, 5, shape), 0.3 / 5.3, (0.3 * 5 / 5.3 ** 2 / 6.3) ** 0.5)}
+    "beta": (lambda random, shape: random.beta(0.3, 5, shape), 0.3 / 5.3, (0.3 * 5 / 5.3**2 / 6.3) ** 0.5),
+}
 #: The spread of the first method, relative to the others.
 SPREADS = (1.0, 0.25)
 #: By how many standard deviations each method is worse than the one before.
@@ -38,13 +39,17 @@ EFFECTS = (0.0, 1.0, 3.0, 20.0)
 SCENES = {2: (6, 7, 8, 10, 20, 50, 200), 3: (8, 9, 10, 20, 50, 200), 6: (10, 11, 12, 20, 50, 200)}
 #: Shares of a scene: how they are drawn, and their mean.
 SHARES: dict[str, tuple[Draw, float]] = {
-    "beta(0.3, 5)": (ERRORS["beta"][0], 0.3 / 5.3), "beta(5, 5)": (lambda random, shape: random.beta(5, 5, shape), 0.5),
+    "beta(0.3, 5)": (ERRORS["beta"][0], 0.3 / 5.3),
+    "beta(5, 5)": (lambda random, shape: random.beta(5, 5, shape), 0.5),
     "beta(0.5, 0.5)": (lambda random, shape: random.beta(0.5, 0.5, shape), 0.5),
     "zero in 0.8, else beta(1, 3)": (
-        lambda random, shape: random.beta(1, 3, shape) * (random.random(shape) < 0.2), 0.05),
+        lambda random, shape: random.beta(1, 3, shape) * (random.random(shape) < 0.2),
+        0.05,
+    ),
     "zero in 0.9, else uniform": (lambda random, shape: random.random(shape) * (random.random(shape) < 0.1), 0.05),
     "yes in 0.05": (lambda random, shape: (random.random(shape) < 0.05) + 0.0, 0.05),
-    "yes in 0.5": (lambda random, shape: (random.random(shape) < 0.5) + 0.0, 0.5)}
+    "yes in 0.5": (lambda random, shape: (random.random(shape) < 0.5) + 0.0, 0.5),
+}
 SCENES_OF_MEANS = (2, 3, 6, 10, 20, 30, 50, 100, 200)
 #: Procedures of the comparisons, see ``wrong``: the bounds, and where methods are called different.
 Procedure = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
@@ -64,7 +69,7 @@ def typical_difference(errors: str, spread: float) -> float:
     random, draw = np.random.default_rng(1), ERRORS[errors][0]
     found = []
     for _ in range(4):
-        one, other = (draw(random, (2, 2 ** 20)).sum(axis=0) for _ in range(2))
+        one, other = (draw(random, (2, 2**20)).sum(axis=0) for _ in range(2))
         found.append(np.median(spread * one - other) / 2)
     return float(np.mean(found))
 
@@ -95,8 +100,11 @@ def wrong(cell: tuple[str, float, int, int], runs: int, procedure: Procedure = t
             low, high, found = procedure(differences_of(drawn + shift))
             rounding = 1e-9 * (1 + np.abs(true))
             side = np.sign(low + high)
-            counts[:, k] += ((found & (side != np.sign(true))).any(),
-                             ((low > true + rounding) | (high < true - rounding)).any(), found[0])
+            counts[:, k] += (
+                (found & (side != np.sign(true))).any(),
+                ((low > true + rounding) | (high < true - rounding)).any(),
+                found[0],
+            )
     return counts / runs
 
 
@@ -116,8 +124,10 @@ def wrong_shares(shares: str, scenes: int, runs: int, most_pairs: int) -> tuple[
     pairs = np.repeat(np.arange(scenes), random.integers(1, most_pairs + 1, scenes))
     drawn = draw(random, (scenes, runs))[pairs]
     bounds = scene_means.intervals(drawn, pairs, np.ones(runs, bool))
-    return (float(((bounds[:, 0] > mean + 1e-12) | (bounds[:, 1] < mean - 1e-12)).mean()),
-            float(np.median(bounds[:, 1] - bounds[:, 0])))
+    return (
+        float(((bounds[:, 0] > mean + 1e-12) | (bounds[:, 1] < mean - 1e-12)).mean()),
+        float(np.median(bounds[:, 1] - bounds[:, 0])),
+    )
 
 
 def wrong_mean_differences(cell: tuple[str, float, int, int], runs: int) -> float:
@@ -129,7 +139,8 @@ def wrong_mean_differences(cell: tuple[str, float, int, int], runs: int) -> floa
     for run in range(runs):
         random = np.random.default_rng((scenes, methods, list(ERRORS).index(errors), int(spread == 1), run))
         bounds = scene_means.simultaneous_intervals(
-            differences_of(draw_errors(random, errors, spread, scenes, methods)), 0)
+            differences_of(draw_errors(random, errors, spread, scenes, methods)), 0
+        )
         misses += bool(((bounds[:, 0] > true) | (bounds[:, 1] < true)).any())
     return misses / runs
 
@@ -152,32 +163,55 @@ def percent(shares: np.ndarray | list[float]) -> str:
 
 def rows(runs: int, pool: ProcessPoolExecutor) -> Iterator[tuple[str, float]]:
     """The lines of both tables, and the processor seconds that each took."""
-    yield ("| methods | scenes | false verdicts | joint coverage at " + ", ".join(f"{effect:g}" for effect in EFFECTS)
-           + " sd | with normal errors | 1 sd is found |"), 0
+    yield (
+        (
+            "| methods | scenes | false verdicts | joint coverage at "
+            + ", ".join(f"{effect:g}" for effect in EFFECTS)
+            + " sd | with normal errors | 1 sd is found |"
+        ),
+        0,
+    )
     yield "|---|---|---|---|---|---|", 0
     for methods, numbers in SCENES.items():
         for scenes in numbers:
             those = cells(methods, scenes)
             done = list(pool.map(timed, [partial(wrong, cell, runs) for cell in those]))
             found = np.array([shares for shares, _ in done])
-            yield (f"| {methods} | {scenes} | {percent([found[:, 0].max()])} | "
-                   f"{percent(1 - found[:, 1].max(axis=0))} | {percent([1 - found[0, 1].max()])} | "
-                   f"{percent([found[0, 2, 1]])} |", sum(seconds for _, seconds in done))
+            yield (
+                f"| {methods} | {scenes} | {percent([found[:, 0].max()])} | "
+                f"{percent(1 - found[:, 1].max(axis=0))} | {percent([1 - found[0, 1].max()])} | "
+                f"{percent([found[0, 2, 1]])} |",
+                sum(seconds for _, seconds in done),
+            )
     yield "", 0
     yield f"| scenes | shares | width | means: {', '.join(ERRORS)} | mean differences of 2, 3, 6 methods |", 0
     yield "|---|---|---|---|---|", 0
     for scenes in SCENES_OF_MEANS:
-        done = list(pool.map(timed, [partial(wrong_shares, *each) for each in product(
-            SHARES, [scenes], [2 * runs], [1, 4])]))
+        done = list(
+            pool.map(timed, [partial(wrong_shares, *each) for each in product(SHARES, [scenes], [2 * runs], [1, 4])])
+        )
         told = scenes >= scene_means.FEWEST_FOR_MEAN
         means = list(pool.map(timed, [partial(wrong_means, errors, scenes, 2 * runs) for errors in ERRORS] * told))
-        joint = [list(pool.map(timed, [partial(wrong_mean_differences, cell, max(1, runs // 4))
-                                       for cell in cells(methods, scenes)])) for methods in SCENES] if told else []
-        yield (f"| {scenes} | {percent([1 - max(miss for (miss, _), _ in done)])} | "
-               f"{np.median([width for (_, width), _ in done]):.2f} | "
-               f"{percent([1 - miss for miss, _ in means]) or 'none'} | "
-               f"{percent([1 - max(miss for miss, _ in each) for each in joint]) or 'none'} |",
-               sum(seconds for each in (done, means, *joint) for _, seconds in each))
+        joint = (
+            [
+                list(
+                    pool.map(
+                        timed,
+                        [partial(wrong_mean_differences, cell, max(1, runs // 4)) for cell in cells(methods, scenes)],
+                    )
+                )
+                for methods in SCENES
+            ]
+            if told
+            else []
+        )
+        yield (
+            f"| {scenes} | {percent([1 - max(miss for (miss, _), _ in done)])} | "
+            f"{np.median([width for (_, width), _ in done]):.2f} | "
+            f"{percent([1 - miss for miss, _ in means]) or 'none'} | "
+            f"{percent([1 - max(miss for miss, _ in each) for each in joint]) or 'none'} |",
+            sum(seconds for each in (done, means, *joint) for _, seconds in each),
+        )
 
 
 def main() -> None:

@@ -33,15 +33,28 @@ from icymoon.settings import description
 
 #: Rough Lambert ground in small images, baked with few samples.
 BASE: dict[str, Any] = {
-    "surface": {"model": "LAMBERT", "albedo": 0.8}, "dataset": {"headings": 2},
-    "terrain": {"size_m": 20.0, "rms_slope_deg": 30.0, "resolution": 65}, "mesh": {"kind": "GRID"},
+    "surface": {"model": "LAMBERT", "albedo": 0.8},
+    "dataset": {"headings": 2},
+    "terrain": {"size_m": 20.0, "rms_slope_deg": 30.0, "resolution": 65},
+    "mesh": {"kind": "GRID"},
     "rig": {"width_px": 96, "height_px": 72},
-    "quality": {"samples": 4, "threads": 1, "indirect": "BAKED", "bake_samples": 16, "bake_noise": 0.0,
-                "direct_samples": 2}}
+    "quality": {
+        "samples": 4,
+        "threads": 1,
+        "indirect": "BAKED",
+        "bake_samples": 16,
+        "bake_noise": 0.0,
+        "direct_samples": 2,
+    },
+}
 #: Two pairs share a light, by Sun and ground; those of VIEW have one each. The last is too noisy, so it is traced.
 CHANGES: tuple[dict[str, Any], ...] = (
-    {}, {"light": {"sun_elevation_deg": 35.0}}, {"dataset": {"seed": 7}}, {"quality": {"bake_area": "VIEW"}},
-    {"light": {"sun_elevation_deg": 12.0}, "quality": {"bake_noise": 1e-4}})
+    {},
+    {"light": {"sun_elevation_deg": 35.0}},
+    {"dataset": {"seed": 7}},
+    {"quality": {"bake_area": "VIEW"}},
+    {"light": {"sun_elevation_deg": 12.0}, "quality": {"bake_noise": 1e-4}},
+)
 _END_S = 120.0
 #: In which share of the stops claims become stale before the process goes on.
 _LONG_STOPS = 0.4
@@ -49,8 +62,15 @@ _LONG_STOPS = 0.4
 
 def pairs() -> list[PlannedPair]:
     """The planned pairs."""
-    return [pair for change in CHANGES for pair in expand_headings(description.merged(
-        description.defaults(), *(description.check(part, "benchmark") for part in (BASE, change))))]
+    return [
+        pair
+        for change in CHANGES
+        for pair in expand_headings(
+            description.merged(
+                description.defaults(), *(description.check(part, "benchmark") for part in (BASE, change))
+            )
+        )
+    ]
 
 
 def start(dataset: Path, workers: int) -> subprocess.Popen[bytes]:
@@ -77,8 +97,11 @@ def send(pids: list[int], number: signal.Signals) -> None:
 
 def content(dataset: Path, *patterns: str) -> dict[str, bytes]:
     """The files of some patterns."""
-    return {path.relative_to(dataset).as_posix(): path.read_bytes()
-            for pattern in patterns for path in sorted(dataset.glob(pattern))}
+    return {
+        path.relative_to(dataset).as_posix(): path.read_bytes()
+        for pattern in patterns
+        for path in sorted(dataset.glob(pattern))
+    }
 
 
 def complete(dataset: Path) -> set[str]:
@@ -158,8 +181,10 @@ def main() -> int:
     leftovers = [*dataset.rglob("*.part"), *dataset.glob(CLAIMS_FOLDER)]
     faults += [f"{path} is left over" for path in leftovers]
     print(f"{options.rounds} rounds: {', '.join(f'{count} x {what}' for what, count in sorted(counts.items()))}")
-    print(f"{found.complete} of {found.pairs} pairs whole, {len(content(dataset, 'light/*'))} lights, {removed} pairs "
-          f"removed in between and made again, {lost} lost, {len(leftovers)} leftovers, {len(found.problems)} problems")
+    print(
+        f"{found.complete} of {found.pairs} pairs whole, {len(content(dataset, 'light/*'))} lights, {removed} pairs "
+        f"removed in between and made again, {lost} lost, {len(leftovers)} leftovers, {len(found.problems)} problems"
+    )
     for fault in faults:
         print(f"WRONG: {fault}")
     return 1 if faults else 0

@@ -40,9 +40,14 @@ def render_seconds(settings: Settings, folder: Path) -> float:
 
 def scene(width: int, samples: int, kind: str) -> Settings:
     """The scene with a lander of a kind, small and without a denoiser."""
-    image: Parts = {"rig": {"width_px": width, "height_px": width * 3 // 4}, "mesh": {"kind": "GRID"},
-                    "terrain": {"resolution": 257, "size_m": 12.0}, "workspace": {"cell_m": 0.0},
-                    "quality": {"samples": samples, "denoiser": "NONE", "threads": 1}, "lander": {"kind": kind}}
+    image: Parts = {
+        "rig": {"width_px": width, "height_px": width * 3 // 4},
+        "mesh": {"kind": "GRID"},
+        "terrain": {"resolution": 257, "size_m": 12.0},
+        "workspace": {"cell_m": 0.0},
+        "quality": {"samples": samples, "denoiser": "NONE", "threads": 1},
+        "lander": {"kind": kind},
+    }
     return description.merged(description.defaults(), preset_files.load_preset("scenes/workspace_europa_lander"), image)
 
 
@@ -53,8 +58,13 @@ def kinematics_error_m() -> float:
     worst = 0.0
     for yaw, q1, q2, q3, q4 in np.random.default_rng(1).uniform(arm.low, arm.high, (POSES, 5)):
         pitches = (0.0, q1, q1 + q2, q1 + q2 + q3)
-        out, up = (sum(length * turn(pitch) for length, turn, pitch in zip(
-            (offset, upper, fore, hand), (each,) * 4, pitches, strict=True)) for each in (math.cos, math.sin))
+        out, up = (
+            sum(
+                length * turn(pitch)
+                for length, turn, pitch in zip((offset, upper, fore, hand), (each,) * 4, pitches, strict=True)
+            )
+            for each in (math.cos, math.sin)
+        )
         place = arm.base @ [out * math.cos(yaw), out * math.sin(yaw), up, 1.0]
         worst = max(worst, float(np.linalg.norm(place[:3] - tip_of(arm, np.array([yaw, q1, q2, q3, q4])))))
     return worst

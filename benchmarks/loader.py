@@ -36,6 +36,7 @@ def seconds_of(step: Callable[[int], object], count: int) -> float:
 
 def read_shards(folder: Path) -> Callable[[int], object]:
     """What reads the next sample of a webdataset, over and over."""
+
     def samples() -> Iterator[dict[str, Any]]:
         for file in sorted(folder.glob("*.tar")):
             with tarfile.open(file) as shard:
@@ -54,9 +55,13 @@ def read_shards(folder: Path) -> Callable[[int], object]:
 
     def step(_: int) -> object:
         sample = next(each)
-        return [json.loads(data) if name.endswith(".json") else cv2.imdecode(np.frombuffer(data, np.uint8),
-                                                                             cv2.IMREAD_UNCHANGED)
-                for name, data in sample.items() if name != "key"]
+        return [
+            json.loads(data)
+            if name.endswith(".json")
+            else cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+            for name, data in sample.items()
+            if name != "key"
+        ]
 
     return step
 
@@ -75,8 +80,10 @@ def main() -> None:
     for data in (whole, crops):
         data._response = response
     sample = whole.arrays(0)
-    files = [cv2.imencode(".png", np.rint(65535 * np.moveaxis(sample[eye], 0, -1)).astype(np.uint16))[1]
-             for eye in ("left", "right")]
+    files = [
+        cv2.imencode(".png", np.rint(65535 * np.moveaxis(sample[eye], 0, -1)).astype(np.uint16))[1]
+        for eye in ("left", "right")
+    ]
     files.append(cv2.imencode(".png", np.rint(256 * sample["disparity_px"]).astype(np.uint16))[1])
 
     def cropped(k: int) -> object:
@@ -85,7 +92,9 @@ def main() -> None:
 
     ways: dict[str, Callable[[int], object]] = {
         "16-bit PNG, decoded": lambda k: [cv2.imdecode(file, cv2.IMREAD_UNCHANGED) for file in files],
-        "whole sample": lambda k: whole.arrays(k % len(whole)), "crop": cropped}
+        "whole sample": lambda k: whole.arrays(k % len(whole)),
+        "crop": cropped,
+    }
     if options.shards:
         ways["of a shard"] = read_shards(options.shards)
     took = {name: seconds_of(step, options.count) for name, step in ways.items()}

@@ -27,10 +27,25 @@ import pairs
 from icymoon.stereo.matchers import match
 
 REFERENCE = "bm:preset=guiss"
-CLASSICAL = (REFERENCE, "bm", "sgbm:mode=3way", "sgbm:mode=sgbm", "sgbm:mode=hh", "sgbm_wls", "sgbm_wls:mode=3way",
-             "jplv", "jplv:pyramid_level=1", "jplv:subpixel=affine")
-NETWORKS = ("igev:iterations=8", "igev:iterations=16", "igev:iterations=32",
-            "igev:iterations=8:precision=bfloat16", "dsmnet")
+CLASSICAL = (
+    REFERENCE,
+    "bm",
+    "sgbm:mode=3way",
+    "sgbm:mode=sgbm",
+    "sgbm:mode=hh",
+    "sgbm_wls",
+    "sgbm_wls:mode=3way",
+    "jplv",
+    "jplv:pyramid_level=1",
+    "jplv:subpixel=affine",
+)
+NETWORKS = (
+    "igev:iterations=8",
+    "igev:iterations=16",
+    "igev:iterations=32",
+    "igev:iterations=8:precision=bfloat16",
+    "dsmnet",
+)
 ROW = "{:<40}{:>9}{:>8}{:>9}{:>8}{:>10}{:>9}{:>8}{:>9}"
 
 
@@ -39,8 +54,10 @@ def pair() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     scene, rig = pairs.Scene(contrast=0.4), pairs.camera(640, 480)
     random = np.random.default_rng(0)
     (depth, left, _), (_, right, _) = pairs.view(scene, rig, "left"), pairs.view(scene, rig, "right")
-    eyes = [np.rint(light / (2 * scene.radiance) * 255 + random.normal(0, 2, light.shape)).clip(0, 255).astype(np.uint8)
-            for light in (left, right)]
+    eyes = [
+        np.rint(light / (2 * scene.radiance) * 255 + random.normal(0, 2, light.shape)).clip(0, 255).astype(np.uint8)
+        for light in (left, right)
+    ]
     return eyes[0], eyes[1], rig.disparity(depth)
 
 
@@ -60,8 +77,14 @@ def measured(images: str, label: str, options: dict[str, str], runs: int) -> dic
     good = np.abs(error) < 1
     classes = np.floor(truth[valid][good] % 1 * 16).astype(int)
     means = np.bincount(classes, error[good], 16) / np.maximum(np.bincount(classes, minlength=16), 1)
-    return {"seconds": info["seconds"], "memory_mb": memory, "coverage": float(valid.mean()),
-            "epe": float(np.abs(error).mean()), "bad_1": float(1 - good.mean()), "locking": float(np.std(means))}
+    return {
+        "seconds": info["seconds"],
+        "memory_mb": memory,
+        "coverage": float(valid.mean()),
+        "epe": float(np.abs(error).mean()),
+        "bad_1": float(1 - good.mean()),
+        "locking": float(np.std(means)),
+    }
 
 
 def memory_mb(what: str) -> float:
@@ -90,11 +113,27 @@ def table(labels: tuple[str, ...], folder: Path) -> None:
         found = in_a_process(str(folder / "images.npz"), label, options, 1 if network else 3)
         reference = reference or found
         # The errors of a network with random parameters mean nothing.
-        errors = ["–"] * 4 if network else [f"{100 * found['coverage']:.1f} %", f"{found['epe']:.3f}",
-                                           f"{100 * found['bad_1']:.2f} %", f"{found['locking']:.4f}"]
-        print(ROW.format(label, f"{found['seconds']:.3f}", f"{found['seconds'] / reference['seconds']:.1f}",
-                         f"{found['memory_mb']:.0f}", f"{found['memory_mb'] / reference['memory_mb']:.1f}",
-                         *errors), flush=True)
+        errors = (
+            ["–"] * 4
+            if network
+            else [
+                f"{100 * found['coverage']:.1f} %",
+                f"{found['epe']:.3f}",
+                f"{100 * found['bad_1']:.2f} %",
+                f"{found['locking']:.4f}",
+            ]
+        )
+        print(
+            ROW.format(
+                label,
+                f"{found['seconds']:.3f}",
+                f"{found['seconds'] / reference['seconds']:.1f}",
+                f"{found['memory_mb']:.0f}",
+                f"{found['memory_mb'] / reference['memory_mb']:.1f}",
+                *errors,
+            ),
+            flush=True,
+        )
 
 
 def random_checkpoints(folder: Path) -> None:
@@ -111,18 +150,27 @@ def random_checkpoints(folder: Path) -> None:
 def on_cuda(folder: Path) -> None:
     """Seconds per pair on the device, and the difference to the processor."""
     left, right, _ = pair()
-    for method, more in (("igev", {"iterations": 8}), ("igev", {"iterations": 8, "precision": "bfloat16"}),
-                         ("dsmnet", {})):
+    for method, more in (
+        ("igev", {"iterations": 8}),
+        ("igev", {"iterations": 8, "precision": "bfloat16"}),
+        ("dsmnet", {}),
+    ):
         options = more | {"checkpoint": str(folder / f"{method}.pth")}
         match(method, left, right, options | {"device": "cuda"})
         start = time.perf_counter()
         there, valid, info = match(method, left, right, options | {"device": "cuda"})
         seconds = time.perf_counter() - start
-        here, valid_here, _ = match(method, left, right, options | {"device": "cpu", "precision": "float32"}
-                                    if method == "igev" else options | {"device": "cpu"})
+        here, valid_here, _ = match(
+            method,
+            left,
+            right,
+            options | {"device": "cpu", "precision": "float32"} if method == "igev" else options | {"device": "cpu"},
+        )
         difference = np.abs(there - here)[valid & valid_here]
-        print(f"{method} {more} on {info['facts']['device']}: {seconds:.3f} s a pair, differs from the processor by "
-              f"{np.median(difference):.2g} px in the median, {difference.max():.2g} px at most")
+        print(
+            f"{method} {more} on {info['facts']['device']}: {seconds:.3f} s a pair, differs from the processor by "
+            f"{np.median(difference):.2g} px in the median, {difference.max():.2g} px at most"
+        )
 
 
 def main(arguments: list[str]) -> None:

@@ -82,22 +82,25 @@ def main() -> None:
             "reference code's metrics": lambda: reference_metrics(disparity, truth, 4),
             "cumulative error": lambda: error_curve(depth, truth),
             "sparsification": lambda: sparsification(error.ravel()[by_confidence(prepared.gradient)]),
-            "errors by stratum": lambda: sums_by_class(prepared.cells, *(values[prepared.known] for values in (
-                depth, truth, disparity, true))),
+            "errors by stratum": lambda: sums_by_class(
+                prepared.cells, *(values[prepared.known] for values in (depth, truth, disparity, true))
+            ),
             "texture": lambda: texture(prepared.left),
             "occlusion of one eye": lambda: visible_in_right(loaded.depth["left"], loaded.depth["right"], camera),
             "points": lambda: measured_points(prepared, disparity),
             "a row, its own numbers": lambda: own_numbers(prepared, disparity),
             "numbers of two methods in common": lambda: common_numbers(prepared, {"a": disparity, "b": disparity}),
             "a pair: check, read, develop, classify": lambda: prepare(pair, {}),
-            "15 comparisons over 500 scenes": lambda: compare(differences, 0)}
+            "15 comparisons over 500 scenes": lambda: compare(differences, 0),
+        }
         print(f"{'':<50}{'CPU s':>9}{'x BM':>8}{'MiB':>8}{'x BM':>8}")
         base: tuple[float, float] | None = None
         for name, work in works.items():
             seconds, memory = cost(work)
             base = base or (seconds, memory)
-            print(f"{name:<50}{seconds:>9.4f}{seconds / base[0]:>8.1f}{memory:>8.1f}{memory / base[1]:>8.1f}",
-                  flush=True)
+            print(
+                f"{name:<50}{seconds:>9.4f}{seconds / base[0]:>8.1f}{memory:>8.1f}{memory / base[1]:>8.1f}", flush=True
+            )
 
 
 if __name__ == "__main__":

@@ -56,19 +56,29 @@ def both_columns(disparity: np.ndarray, other: np.ndarray, eye: str) -> np.ndarr
 
 def main(arguments: list[str]) -> None:
     """Print the table."""
-    preset, quality, width = (*arguments[:3], *("europa_rough_ice", "draft", "640")[len(arguments):])
+    preset, quality, width = (*arguments[:3], *("europa_rough_ice", "draft", "640")[len(arguments) :])
     icymoon.register()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     settings = description.merged(
-        description.defaults(), preset_files.load_preset(preset), preset_files.load_preset(f"qualities/{quality}"),
+        description.defaults(),
+        preset_files.load_preset(preset),
+        preset_files.load_preset(f"qualities/{quality}"),
         *map(preset_files.load_preset, arguments[3:]),
-        {"rig": {"width_px": int(width), "height_px": int(width) * 3 // 4}, "surface": {"relief": "BUMP"},
-         "quality": {"threads": 1, "truth_by": "CYCLES"}})
+        {
+            "rig": {"width_px": int(width), "height_px": int(width) * 3 // 4},
+            "surface": {"relief": "BUMP"},
+            "quality": {"threads": 1, "truth_by": "CYCLES"},
+        },
+    )
     built = build(bpy.context.scene, settings)
     by_rays = _find_by_rays(built, settings)
     pair, own, between, cost = _render(built, settings)
-    rays = {number: {eye: np.stack([own[eye], *between[eye]][::4 // number], axis=-1)
-                     .reshape(len(own[eye]), -1) for eye in EYES} for number in (1, 2, 4)}
+    rays = {
+        number: {
+            eye: np.stack([own[eye], *between[eye]][:: 4 // number], axis=-1).reshape(len(own[eye]), -1) for eye in EYES
+        }
+        for number in (1, 2, 4)
+    }
     tree = tree_of_scene(pair)
     met = {eye: cast_from_other_eye(tree, pair, eye, own[eye]) for eye in EYES}
     truth: Masks = {}
@@ -80,23 +90,31 @@ def main(arguments: list[str]) -> None:
             truth[eye] = inside & (met[eye] > own[eye] + _NEARER_PX)
             quarter[eye] = inside & (met[eye] > own[eye] + 0.25)
             far[eye] = inside & (met[eye] > own[eye] + 1.0)
-    print(f"{' '.join((preset, *arguments[3:]))}, {quality}, {width} px: hidden {_percent(truth, None):.3f} %, "
-          f"by more than 1 px {_percent(far, None):.3f} %")
+    print(
+        f"{' '.join((preset, *arguments[3:]))}, {quality}, {width} px: hidden {_percent(truth, None):.3f} %, "
+        f"by more than 1 px {_percent(far, None):.3f} %"
+    )
     print(f"{'rays a pixel':14}{'nearer by':>10}{'found':>9}{'> 0.25 px':>11}{'> 1 px':>9}{'false':>9}{'CPU':>7}")
 
     def line(name: str, tolerance: str, masks: Masks, cost: float | None = None) -> None:
         wrong = {eye: masks[eye] & ~truth[eye] for eye in EYES}
-        print(f"{name:14}{tolerance:>10}{_percent(masks, truth):9.2f}{_percent(masks, quarter):11.2f}"
-              f"{_percent(masks, far):9.2f}"
-              f"{_percent(wrong, None):9.4f}{'' if cost is None else f'{cost:7.3f}'}", flush=True)
+        print(
+            f"{name:14}{tolerance:>10}{_percent(masks, truth):9.2f}{_percent(masks, quarter):11.2f}"
+            f"{_percent(masks, far):9.2f}"
+            f"{_percent(wrong, None):9.4f}{'' if cost is None else f'{cost:7.3f}'}",
+            flush=True,
+        )
 
     line("to each point", "0.25", by_rays)
     line("both columns", "0.5", {eye: both_columns(own[eye], own[other], eye) for eye, other in _OTHERS.items()})
     for number, tolerance in product(rays, TOLERANCES_PX):
         columns._NEARER_PX = tolerance
-        line(str(number), f"{tolerance:g}",
-             {eye: find_hidden(own[eye], rays[number][other], eye) for eye, other in _OTHERS.items()},
-             cost if number == 4 else None)
+        line(
+            str(number),
+            f"{tolerance:g}",
+            {eye: find_hidden(own[eye], rays[number][other], eye) for eye, other in _OTHERS.items()},
+            cost if number == 4 else None,
+        )
 
 
 def _percent(masks: Masks, of: Masks | None) -> float:

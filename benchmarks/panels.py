@@ -66,13 +66,24 @@ def add_results() -> None:
     atexit.register(shutil.rmtree, folder)
     scene.icymoon.dataset.folder, pair = str(folder), "0" * 12
     row = {"total_bad_1": 0.35, "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25, "coverage": 0.75}
-    write_json(folder / "evaluation_scene" / "report.json", {
-        "summary": [{"method": method, **row} for method in methods], "rows": [],
-        "provenance": {"created": "2038-06-01T12:00:00+00:00"}})
-    write_json(folder / "decisions" / "decisions.json", {
-        "rules": {"site": {"slope_deg": 10.0, "disc_m": 0.3}},
-        "rows": [{"pair": pair, "method": method, "images": {"suitability": "a.npy"}, "numbers": None}
-                 for method in methods]})
+    write_json(
+        folder / "evaluation_scene" / "report.json",
+        {
+            "summary": [{"method": method, **row} for method in methods],
+            "rows": [],
+            "provenance": {"created": "2038-06-01T12:00:00+00:00"},
+        },
+    )
+    write_json(
+        folder / "decisions" / "decisions.json",
+        {
+            "rules": {"site": {"slope_deg": 10.0, "disc_m": 0.3}},
+            "rows": [
+                {"pair": pair, "method": method, "images": {"suitability": "a.npy"}, "numbers": None}
+                for method in methods
+            ],
+        },
+    )
     results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [pair])
     for setting in ("light.sun_elevation_deg", "surface.model"):
         bpy.ops.icymoon.vary(setting=setting)
@@ -96,8 +107,11 @@ def main() -> None:
 
     group = bpy.context.scene.icymoon
     group.mesh.kind, group.terrain.resolution = "GRID", 65
-    for state, reach in {"empty": lambda: None, "built": bpy.ops.icymoon.build_scene,
-                         "with results, decisions and variations": add_results}.items():
+    for state, reach in {
+        "empty": lambda: None,
+        "built": bpy.ops.icymoon.build_scene,
+        "with results, decisions and variations": add_results,
+    }.items():
         reach()
         whole = milliseconds(draw_all)
         once = milliseconds(lambda: scene_properties.read_unchecked(group))

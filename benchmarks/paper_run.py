@@ -70,8 +70,9 @@ def render(name: str, scenes: Sequence[Sequence[PlannedPair]], out: Path) -> Non
     if not datasets.read_frozen_plan(dataset).find_missing(dataset):
         return
     before, start = os.times(), time.perf_counter()
-    status = subprocess.run([sys.executable, "-m", "icymoon", "work", str(dataset), "--workers", "1", "--json"],
-                            stdout=subprocess.DEVNULL).returncode
+    status = subprocess.run(
+        [sys.executable, "-m", "icymoon", "work", str(dataset), "--workers", "1", "--json"], stdout=subprocess.DEVNULL
+    ).returncode
     now = os.times()
     spent = now.children_user + now.children_system - before.children_user - before.children_system
     with (out / f"{name}.log").open("a", encoding="utf-8") as log:
@@ -103,12 +104,19 @@ def measured(name: str, scenes: Sequence[Sequence[PlannedPair]], out: Path) -> d
         baked += sum(bakes.values())
         of_scenes.append((spent + sum(bakes.values())) / len(scene))
     pairs = len(facts)
-    return {"pairs": pairs, "cpu_s": sum(each["cpu_s"] for each in log) / pairs,
-            "error": float(np.std(of_scenes, ddof=1)) / math.sqrt(len(of_scenes)) if len(of_scenes) > 1 else math.nan,
-            "stated": float(np.mean(of_scenes)), "bakes": baked / pairs,
-            "wall_s": sum(each["wall_s"] for each in log) / pairs, "mb": sum(facts) / pairs / 1e6,
-            "light_mb": sum(file.stat().st_size for file in (dataset / "light").glob("*")) / pairs / 1e6,
-            "baked": methods["BAKED"], "noise": noise, "share": float(np.mean(share)) if share else 0.0}
+    return {
+        "pairs": pairs,
+        "cpu_s": sum(each["cpu_s"] for each in log) / pairs,
+        "error": float(np.std(of_scenes, ddof=1)) / math.sqrt(len(of_scenes)) if len(of_scenes) > 1 else math.nan,
+        "stated": float(np.mean(of_scenes)),
+        "bakes": baked / pairs,
+        "wall_s": sum(each["wall_s"] for each in log) / pairs,
+        "mb": sum(facts) / pairs / 1e6,
+        "light_mb": sum(file.stat().st_size for file in (dataset / "light").glob("*")) / pairs / 1e6,
+        "baked": methods["BAKED"],
+        "noise": noise,
+        "share": float(np.mean(share)) if share else 0.0,
+    }
 
 
 def main(options: argparse.Namespace) -> None:
@@ -119,25 +127,30 @@ def main(options: argparse.Namespace) -> None:
     chosen = {}
     for name in options.sets:
         wanted = max(options.least, options.pairs * sizes[name] / total)
-        chosen[name] = every[name][:math.ceil(wanted / len(every[name][0]))]
+        chosen[name] = every[name][: math.ceil(wanted / len(every[name][0]))]
     rows: dict[str, dict[str, Any]] = {}
     for name, scenes in chosen.items():
         render(name, scenes, options.out)
         rows[name] = measured(name, scenes, options.out)
         row = rows[name]
         expected = estimate([pair for scene in scenes for pair in scene], None, recall_speed("CPU"))
-        print(f"{name:16} {row['pairs']:4.0f} of {sizes[name]:4} pairs, {row['baked']:4.0f} baked: "
-              f"{row['cpu_s']:6.2f} ± {row['error']:.2f} CPU s a pair "
-              f"({row['stated'] - row['bakes']:.2f} pairs, {row['bakes']:.2f} bakes; expected "
-              f"{expected.seconds / expected.pairs:.2f} s, {expected.left_bytes / expected.pairs / 1e6:.2f} MB), "
-              f"{row['wall_s']:.1f} s, {row['mb']:.2f} MB and {row['light_mb']:.2f} of light; of the light "
-              f"{100 * row['share']:.1f} % is baked, noise at most {100 * row['noise']:.2f} %", flush=True)
+        print(
+            f"{name:16} {row['pairs']:4.0f} of {sizes[name]:4} pairs, {row['baked']:4.0f} baked: "
+            f"{row['cpu_s']:6.2f} ± {row['error']:.2f} CPU s a pair "
+            f"({row['stated'] - row['bakes']:.2f} pairs, {row['bakes']:.2f} bakes; expected "
+            f"{expected.seconds / expected.pairs:.2f} s, {expected.left_bytes / expected.pairs / 1e6:.2f} MB), "
+            f"{row['wall_s']:.1f} s, {row['mb']:.2f} MB and {row['light_mb']:.2f} of light; of the light "
+            f"{100 * row['share']:.1f} % is baked, noise at most {100 * row['noise']:.2f} %",
+            flush=True,
+        )
     for what, names in (("made-up ground", [name for name in rows if name != FROM_FILES]), ("all", list(rows))):
         pairs = sum(sizes[name] for name in names)
         hours = sum(sizes[name] * rows[name]["cpu_s"] for name in names) / 3600
         error = math.sqrt(sum((sizes[name] * rows[name]["error"]) ** 2 for name in names)) / 3600
-        print(f"{pairs} pairs of {what}: {hours:.2f} ± {error:.2f} processor hours, "
-              f"{sum(sizes[name] * (rows[name]['mb'] + rows[name]['light_mb']) for name in names) / 1e3:.1f} GB")
+        print(
+            f"{pairs} pairs of {what}: {hours:.2f} ± {error:.2f} processor hours, "
+            f"{sum(sizes[name] * (rows[name]['mb'] + rows[name]['light_mb']) for name in names) / 1e3:.1f} GB"
+        )
 
 
 if __name__ == "__main__":

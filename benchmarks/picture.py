@@ -26,13 +26,26 @@ def main(target: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         dataset = Path(folder) / "set"
         subprocess.run([sys.executable, "-m", "icymoon", "render", *SCENE, "--out", str(dataset)], check=True)
-        subprocess.run([sys.executable, "-m", "icymoon.stereo", "evaluate", str(dataset), "--methods", "sgbm", "--out",
-                        str(Path(folder) / "report")], check=True)
+        subprocess.run(
+            [
+                sys.executable,
+                "-m",
+                "icymoon.stereo",
+                "evaluate",
+                str(dataset),
+                "--methods",
+                "sgbm",
+                "--out",
+                str(Path(folder) / "report"),
+            ],
+            check=True,
+        )
         shown = next((Path(folder) / "report" / "pairs").iterdir())
         images = [cv2.imread(str(shown / f"{name}.png")) for name in ("left", "true_depth", "sgbm_error")]
     height = max(image.shape[0] for image in images)
-    padded = [np.pad(image, ((0, height - image.shape[0]), (0, GAP_PX), (0, 0)), constant_values=255)
-              for image in images]
+    padded = [
+        np.pad(image, ((0, height - image.shape[0]), (0, GAP_PX), (0, 0)), constant_values=255) for image in images
+    ]
     target.parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(str(target), np.hstack(padded)[:, :-GAP_PX], [cv2.IMWRITE_PNG_COMPRESSION, 9])
     print(target)

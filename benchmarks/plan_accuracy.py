@@ -31,16 +31,18 @@ _RIG = "[rig]\nwidth_px = {}\nheight_px = {}\n"
 PLANS = {
     "paper's reconstructions": ('extends = "datasets/guiss_reconstructions"\nat_most = 8', "", (320, 240)),
     "paper's snow": ('extends = "datasets/guiss_snow"\nat_most = 8', "", (320, 240)),
-    "rough ice to train on": (
-        'include = ["scenes/europa_rough_ice", "qualities/training"]\nseeds = 8', "", (160, 120)),
+    "rough ice to train on": ('include = ["scenes/europa_rough_ice", "qualities/training"]\nseeds = 8', "", (160, 120)),
     "paper's textures": ('extends = "datasets/guiss_textures"\nat_most = 8', "", (320, 240)),
     "paper's textures, glossy": (
         'extends = "datasets/guiss_textures"\ninclude = ["qualities/guiss"]\nat_most = 8',
-        '[surface]\nmodel = "PRINCIPLED"\n', (160, 120)),
+        '[surface]\nmodel = "PRINCIPLED"\n',
+        (160, 120),
+    ),
     "rough ice, many headings": (
         'include = ["scenes/europa_rough_ice", "qualities/many_headings"]',
         '[surface]\nmodel = "LAMBERT"\n\n[light]\nplanet = false\n\n[[sweep]]\nkind = "panorama"\nheadings = 16\n',
-        (160, 120)),
+        (160, 120),
+    ),
 }
 
 
@@ -48,15 +50,22 @@ def plan_text(name: str) -> str:
     """The text of one of ``PLANS``."""
     header, rest, size = PLANS[name]
     tables, _, sweeps = rest.partition("[[sweep]]")
-    return (f'[plan]\ntitle = "{name}"\n{header}\n\n' + tables + "\n" + _RIG.format(*size)
-            + (f"\n[[sweep]]{sweeps}" if sweeps else ""))
+    return (
+        f'[plan]\ntitle = "{name}"\n{header}\n\n'
+        + tables
+        + "\n"
+        + _RIG.format(*size)
+        + (f"\n[[sweep]]{sweeps}" if sweeps else "")
+    )
 
 
 def main(options: argparse.Namespace, out: Path) -> None:
     """Render, and print the table."""
     speed = measure_speed(sys.executable, "CPU", out / "speed", lambda message: None)
-    print(f"this machine: {speed.factor:.2f} of the processor seconds that are expected without a measurement, "
-          f"{speed.busy:.0%} of {count_processors()} processors at work")
+    print(
+        f"this machine: {speed.factor:.2f} of the processor seconds that are expected without a measurement, "
+        f"{speed.busy:.0%} of {count_processors()} processors at work"
+    )
     for name in PLANS:
         if options.only and not any(word in name for word in options.only):
             continue
@@ -65,21 +74,29 @@ def main(options: argparse.Namespace, out: Path) -> None:
         dataset = out / "".join(letter for letter in name.replace(" ", "_") if letter.isalnum() or letter == "_")
         frozen_plan.freeze_plan(dataset, ordered(pairs), name)
         before = os.times()
-        subprocess.run([sys.executable, "-m", "icymoon", "work", str(dataset), "--workers", "1", "--json"],
-                       stdout=subprocess.DEVNULL, check=True)
+        subprocess.run(
+            [sys.executable, "-m", "icymoon", "work", str(dataset), "--workers", "1", "--json"],
+            stdout=subprocess.DEVNULL,
+            check=True,
+        )
         now = os.times()
         taken_s = now.children_user + now.children_system - before.children_user - before.children_system
         folders = [pair.folder(dataset) for pair in pairs]
         taken_bytes = sum(file.stat().st_size for folder in (*folders, dataset / "light") for file in folder.glob("*"))
         facts = [json.loads((folder / "pair.json").read_text(encoding="utf-8")) for folder in folders]
-        bakes = {light["file"]: light["cpu_seconds_of_bake"] for each in facts
-                 for light in each.get("indirect", {}).get("lights", {}).values()}
+        bakes = {
+            light["file"]: light["cpu_seconds_of_bake"]
+            for each in facts
+            for light in each.get("indirect", {}).get("lights", {}).values()
+        }
         pair_s = sum(each["cpu_seconds"]["pair"] for each in facts)
-        print(f"{name:40} {len(pairs):3} pairs: {expected.seconds:7.1f} CPU s expected, {taken_s:7.1f} taken "
-              f"({expected.seconds / taken_s:.2f}); {expected.left_bytes / 1e6:6.2f} MB expected, "
-              f"{taken_bytes / 1e6:6.2f} taken ({expected.left_bytes / taken_bytes:.2f})\n"
-              f"{'':40} pairs {pair_s:.1f} s, {len(bakes)} bakes {sum(bakes.values()):.1f} s, {expected.scenes} scenes",
-              flush=True)
+        print(
+            f"{name:40} {len(pairs):3} pairs: {expected.seconds:7.1f} CPU s expected, {taken_s:7.1f} taken "
+            f"({expected.seconds / taken_s:.2f}); {expected.left_bytes / 1e6:6.2f} MB expected, "
+            f"{taken_bytes / 1e6:6.2f} taken ({expected.left_bytes / taken_bytes:.2f})\n"
+            f"{'':40} pairs {pair_s:.1f} s, {len(bakes)} bakes {sum(bakes.values()):.1f} s, {expected.scenes} scenes",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -46,8 +46,12 @@ TOLD = {"bad_1": 1.0, "coverage": -1.0}
 
 def view(scale: float, sun_deg: float) -> Settings:
     """Complete settings of the scene under a Sun."""
-    scene = description.merged(description.defaults(), preset_files.load_preset(SCENE), LAMBERT, {
-        "light": {"sun_elevation_deg": sun_deg}, "dataset": {"headings": HEADINGS}})
+    scene = description.merged(
+        description.defaults(),
+        preset_files.load_preset(SCENE),
+        LAMBERT,
+        {"light": {"sun_elevation_deg": sun_deg}, "dataset": {"headings": HEADINGS}},
+    )
     return scaled_view(scene, scale)
 
 
@@ -66,10 +70,15 @@ def render(settings: Settings, folder: Path, repeat: int = 0) -> list[Path]:
 def costs(folders: Sequence[Path]) -> tuple[float, float]:
     """Processor seconds of the pairs but the first, a pair, and of baking: a pair if each bakes for itself."""
     facts = [read_pair(folder).data for folder in folders]
-    bakes = {light["file"]: float(light["cpu_seconds_of_bake"]) for each in facts
-             for light in each.get("indirect", {}).get("lights", {}).values()}
-    return (float(np.mean([each["cpu_seconds"]["pair"] for each in facts[1:]])),
-            sum(bakes.values()) / max(1, len(bakes)))
+    bakes = {
+        light["file"]: float(light["cpu_seconds_of_bake"])
+        for each in facts
+        for light in each.get("indirect", {}).get("lights", {}).values()
+    }
+    return (
+        float(np.mean([each["cpu_seconds"]["pair"] for each in facts[1:]])),
+        sum(bakes.values()) / max(1, len(bakes)),
+    )
 
 
 def mean_of(values: Sequence[float | None]) -> float:
@@ -91,24 +100,37 @@ def distances(folders: Sequence[Path], best: Sequence[Reference], methods: Seque
             values.append(value)
         return mean_of(values)
 
-    return {"radiance_bias": mean("bias"), "radiance_rms": math.hypot(*(found["rmse"] for found in each))
-            / len(each) ** 0.5,
-            **{f"{method.label}_px": mean("loss", method.label, "epe_px") for method in methods},
-            **{f"{method.label}_wrong": mean("loss", method.label, "wrong_or_missing") for method in methods},
-            **{f"{method.label}_{key}": sign * mean("loss", method.label, key)
-               for method in methods for key, sign in TOLD.items()}}
+    return {
+        "radiance_bias": mean("bias"),
+        "radiance_rms": math.hypot(*(found["rmse"] for found in each)) / len(each) ** 0.5,
+        **{f"{method.label}_px": mean("loss", method.label, "epe_px") for method in methods},
+        **{f"{method.label}_wrong": mean("loss", method.label, "wrong_or_missing") for method in methods},
+        **{
+            f"{method.label}_{key}": sign * mean("loss", method.label, key)
+            for method in methods
+            for key, sign in TOLD.items()
+        },
+    }
 
 
 def table_of(by_sun: Mapping[float, Mapping[str, float]], where: str, command: str) -> str:
     """The ``[measured]`` tables of a preset: means over the Suns, and each Sun's own."""
+
     def mean(key: str) -> str:
         return f"{key} = {np.mean([found[key] for found in by_sun.values()]):.4f}"
 
-    lines = ["[measured]", f'scene = "{where}"', f'command = "{command}"',
-             *(mean(key) for key in ("cpu_s", "bake_cpu_s", "sgbm_px", "sgbm_wrong", "radiance_bias", "radiance_rms"))]
+    lines = [
+        "[measured]",
+        f'scene = "{where}"',
+        f'command = "{command}"',
+        *(mean(key) for key in ("cpu_s", "bake_cpu_s", "sgbm_px", "sgbm_wrong", "radiance_bias", "radiance_rms")),
+    ]
     for sun, found in by_sun.items():
-        lines += ["", f"[measured.sun_{sun:g}_deg]",
-                  *(f"{label}_{key} = {found[f'{label}_{key}']:+.4f}" for label in METHODS.split(",") for key in TOLD)]
+        lines += [
+            "",
+            f"[measured.sun_{sun:g}_deg]",
+            *(f"{label}_{key} = {found[f'{label}_{key}']:+.4f}" for label in METHODS.split(",") for key in TOLD),
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -123,20 +145,30 @@ def main(options: argparse.Namespace, out: Path) -> None:
     methods = parse_methods(METHODS)
     scenes = {sun: view(options.scale, sun) for sun in SUNS}
     rig = scenes[SUNS[0]].rig
-    where = (f"{SCENE} at {rig.width_px} x {rig.height_px} px with Lambert's law, Suns of "
-             f"{' and '.join(f'{sun:g}' for sun in SUNS)} degrees, {HEADINGS} headings, against "
-             f"{options.reference_samples} samples")
-    command = (f"python benchmarks/qualities.py --scale {options.scale:g} --reference-samples "
-               f"{options.reference_samples} --write")
+    where = (
+        f"{SCENE} at {rig.width_px} x {rig.height_px} px with Lambert's law, Suns of "
+        f"{' and '.join(f'{sun:g}' for sun in SUNS)} degrees, {HEADINGS} headings, against "
+        f"{options.reference_samples} samples"
+    )
+    command = (
+        f"python benchmarks/qualities.py --scale {options.scale:g} --reference-samples "
+        f"{options.reference_samples} --write"
+    )
     print(f"{where}; differences from the converged render:", flush=True)
     best = {}
     for sun, scene in scenes.items():
         settings = reference(scene, options.reference_samples).settings
         renders = [render(settings, out / "converged", repeat) for repeat in range(2)]
         best[sun] = [read_reference(pair, methods, {}) for pair in zip(*renders, strict=True)]
-        print(f"converged, Sun {sun:g}°: noise {np.mean([one.noise for one in best[sun]]):.2%}; " + ", ".join(
-            f"{method.label} {key} {100 * mean_of([one.stereo[method.label][key] for one in best[sun]]):.1f} %"
-            for method in methods for key in TOLD), flush=True)
+        print(
+            f"converged, Sun {sun:g}°: noise {np.mean([one.noise for one in best[sun]]):.2%}; "
+            + ", ".join(
+                f"{method.label} {key} {100 * mean_of([one.stereo[method.label][key] for one in best[sun]]):.1f} %"
+                for method in methods
+                for key in TOLD
+            ),
+            flush=True,
+        )
     for name in preset_files.preset_names("qualities"):
         if options.only and name.split("/")[1] not in options.only:
             continue
@@ -145,12 +177,17 @@ def main(options: argparse.Namespace, out: Path) -> None:
             folders = render(with_quality(scene, name), out / name.split("/")[1])
             pair_s, bake_s = costs(folders)
             found = by_sun[sun] = {"cpu_s": pair_s, "bake_cpu_s": bake_s, **distances(folders, best[sun], methods)}
-            print(f"{name.split('/')[1]:14} Sun {sun:2g}° {pair_s:6.2f} CPU s, bake {bake_s:6.2f};"
-                  + "".join(f" {method.label} {found[f'{method.label}_px']:+.3f} px,"
-                            f" bad-1 {100 * found[f'{method.label}_bad_1']:+.2f} %,"
-                            f" coverage {100 * found[f'{method.label}_coverage']:+.2f} %;" for method in methods)
-                  + f" radiance {100 * found['radiance_bias']:+.2f} %, RMS {100 * found['radiance_rms']:.1f} %",
-                  flush=True)
+            print(
+                f"{name.split('/')[1]:14} Sun {sun:2g}° {pair_s:6.2f} CPU s, bake {bake_s:6.2f};"
+                + "".join(
+                    f" {method.label} {found[f'{method.label}_px']:+.3f} px,"
+                    f" bad-1 {100 * found[f'{method.label}_bad_1']:+.2f} %,"
+                    f" coverage {100 * found[f'{method.label}_coverage']:+.2f} %;"
+                    for method in methods
+                )
+                + f" radiance {100 * found['radiance_bias']:+.2f} %, RMS {100 * found['radiance_rms']:.1f} %",
+                flush=True,
+            )
         if options.write:
             write(preset_files.preset_path(name), table_of(by_sun, where, command))
 

@@ -30,8 +30,11 @@ from icymoon.support.version import ROOT
 
 RESULT = ROOT / "docs" / "make" / "requires.json"
 REPEATS = 2
-SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120}, "quality": {"samples": 16, "threads": 1},
-                         "mesh": {"error_px": 2.0}}
+SMALL: dict[str, Any] = {
+    "rig": {"width_px": 160, "height_px": 120},
+    "quality": {"samples": 16, "threads": 1},
+    "mesh": {"error_px": 2.0},
+}
 _SNOW = {"surface": {"subsurface_weight": 1.0, "subsurface_radius_m": 5.0e-4, "albedo": 0.8}}
 _CRESCENT = {"light": {"planet": True, "sun_elevation_deg": 26.0, "sun_azimuth_deg": 0.0}}
 
@@ -51,43 +54,73 @@ class Feature:
 
 FEATURES = {
     "osl": Feature(
-        "Open Shading Language", "a surface by Hapke's law that is not made of nodes",
+        "Open Shading Language",
+        "a surface by Hapke's law that is not made of nodes",
         "Nothing, if no surface is made of it; measured by switching it on for Lambert's law",
-        {"surface": {"model": "LAMBERT"}}, {"surface": {"model": "LAMBERT"}}, forced=True),
+        {"surface": {"model": "LAMBERT"}},
+        {"surface": {"model": "LAMBERT"}},
+        forced=True,
+    ),
     "walk": Feature(
-        "Subsurface scattering", "a mean free path of `quality.walk_px` pixels or more, where the ground is nearest",
+        "Subsurface scattering",
+        "a mean free path of `quality.walk_px` pixels or more, where the ground is nearest",
         "Blurs light over the mean free path, here 0.02 of a pixel. Without it the mean radiance is within 3 %; the "
-        "truth is the same", {**_SNOW, "quality": {"walk_px": 0.0}}, _SNOW),
+        "truth is the same",
+        {**_SNOW, "quality": {"walk_px": 0.0}},
+        _SNOW,
+    ),
     "planet": Feature(
         "Light of the planet",
         "a planet above the horizon, and by day `light.planet_least` of the Sun's light or more",
         "The planet's part of the light, here under 0.0001 of the Sun's. Its disc is in the sky in both cases; the "
         "truth is the same",
-        {**_CRESCENT, "light": {**_CRESCENT["light"], "planet_least": 0.0}}, _CRESCENT),
+        {**_CRESCENT, "light": {**_CRESCENT["light"], "planet_least": 0.0}},
+        _CRESCENT,
+    ),
     "planet_on_ice": Feature(
-        "Light of the planet on Hapke's ice", "the same; Sun and planet are then rendered separately",
-        "The same", {**_CRESCENT, "surface": {"model": "HAPKE"},
-                     "light": {**_CRESCENT["light"], "planet_least": 0.0}},
-        {**_CRESCENT, "surface": {"model": "HAPKE"}}),
+        "Light of the planet on Hapke's ice",
+        "the same; Sun and planet are then rendered separately",
+        "The same",
+        {**_CRESCENT, "surface": {"model": "HAPKE"}, "light": {**_CRESCENT["light"], "planet_least": 0.0}},
+        {**_CRESCENT, "surface": {"model": "HAPKE"}},
+    ),
     "labels": Feature(
-        "Normals and labels", "`quality.truth` is FULL",
+        "Normals and labels",
+        "`quality.truth` is FULL",
         "Normals, semantic and instance labels, from a separate render. The depth is identical to the bit",
-        {}, {"quality": {"truth": "DEPTH"}}),
+        {},
+        {"quality": {"truth": "DEPTH"}},
+    ),
     "mesh": Feature(
-        "Ground as fine everywhere as near the camera", "`mesh.kind` is GRID",
+        "Ground as fine everywhere as near the camera",
+        "`mesh.kind` is GRID",
         "Detail far away that no pixel shows. The grid has vertices every 20 mm on 20 m; the graded mesh has rings as "
         "fine as 2 pixels need, out to the horizon, which the grid does not reach. Light and depth therefore differ a "
         "little",
-        {"mesh": {"kind": "GRID"}}, {}),
+        {"mesh": {"kind": "GRID"}},
+        {},
+    ),
     "far": Feature(
-        "Ground beyond the horizon", "a larger body; the ground ends where `terrain.body_radius_m` hides it",
-        "Nothing, because no ray hits it", {"terrain": {"body_radius_m": 1.0e8}}, {}),
+        "Ground beyond the horizon",
+        "a larger body; the ground ends where `terrain.body_radius_m` hides it",
+        "Nothing, because no ray hits it",
+        {"terrain": {"body_radius_m": 1.0e8}},
+        {},
+    ),
     "torch": Feature(
-        "PyTorch", "a network among the matchers", "Nothing in an image",
-        "import icymoon.stereo.evaluate, torch", "import icymoon.stereo.evaluate"),
+        "PyTorch",
+        "a network among the matchers",
+        "Nothing in an image",
+        "import icymoon.stereo.evaluate, torch",
+        "import icymoon.stereo.evaluate",
+    ),
     "spice": Feature(
-        "SpiceyPy", "`light.directions_from` is KERNELS", "Nothing in a sky from angles or from a date",
-        "import icymoon.physics.light.sky, spiceypy", "import icymoon.physics.light.sky"),
+        "SpiceyPy",
+        "`light.directions_from` is KERNELS",
+        "Nothing in a sky from angles or from a date",
+        "import icymoon.physics.light.sky, spiceypy",
+        "import icymoon.physics.light.sky",
+    ),
 }
 
 
@@ -98,8 +131,7 @@ def _forced_osl(on: bool) -> Iterator[None]:
 
     original = cycles_settings.apply
 
-    def apply(scene: Any, quality: QualitySettings, seed: int, blurred: bool = False,
-              through: bool = False) -> None:
+    def apply(scene: Any, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False) -> None:
         original(scene, quality, seed, blurred, through)
         scene.cycles.shading_system = on
 
@@ -149,8 +181,11 @@ def measured(feature: Feature) -> dict[str, Any]:
             pairs.append((found[0], found[1]))
     (_, with_it, depth), (_, without, other) = pairs[-1]
     same = np.isclose(depth, other, rtol=1e-3, equal_nan=True)
-    return {**_least([(on[0], off[0]) for on, off in pairs]), "radiance": without / with_it - 1,
-            "depth_differs": float(1 - same.mean())}
+    return {
+        **_least([(on[0], off[0]) for on, off in pairs]),
+        "radiance": without / with_it - 1,
+        "depth_differs": float(1 - same.mean()),
+    }
 
 
 def _least(seconds: list[tuple[float, float]]) -> dict[str, Any]:
@@ -173,9 +208,13 @@ def main(names: list[str]) -> None:
         rows[name] = {"title": feature.title, "needed": feature.needed, "changes": feature.changes, **found}
         say(f"{feature.title:50} {found}")
     if not names:
-        facts = {"command": "python benchmarks/requires.py", "blender": bpy.app.version_string, "repeats": REPEATS,
-                 "pair": f"{SMALL['rig']['width_px']} x {SMALL['rig']['height_px']}, "
-                         f"{SMALL['quality']['samples']} samples", "rows": rows}
+        facts = {
+            "command": "python benchmarks/requires.py",
+            "blender": bpy.app.version_string,
+            "repeats": REPEATS,
+            "pair": f"{SMALL['rig']['width_px']} x {SMALL['rig']['height_px']}, {SMALL['quality']['samples']} samples",
+            "rows": rows,
+        }
         RESULT.write_text(json.dumps(facts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         say(str(RESULT))
 

@@ -29,11 +29,17 @@ def _as_objects(carrier: bpy.types.Object) -> None:
     import bpy
     import numpy as np
 
-    shapes = sorted(carrier.modifiers[0].node_group.nodes["Shapes"].inputs["Collection"].default_value.objects,
-                    key=lambda item: item.name)
+    shapes = sorted(
+        carrier.modifiers[0].node_group.nodes["Shapes"].inputs["Collection"].default_value.objects,
+        key=lambda item: item.name,
+    )
     columns = {}
-    for name, width, kind, key in (("position", 3, np.float32, "vector"), ("rotation", 3, np.float32, "vector"),
-                                   ("scale", 3, np.float32, "vector"), ("shape", 1, np.int32, "value")):
+    for name, width, kind, key in (
+        ("position", 3, np.float32, "vector"),
+        ("rotation", 3, np.float32, "vector"),
+        ("scale", 3, np.float32, "vector"),
+        ("shape", 1, np.int32, "value"),
+    ):
         values = np.empty(len(carrier.data.vertices) * width, kind)
         carrier.data.attributes[name].data.foreach_get(key, values)
         columns[name] = values.reshape(-1, width).tolist()
@@ -58,9 +64,14 @@ def measure(number: int, way: str) -> dict[str, float]:
 
     icymoon.register()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    settings = description.merged(description.defaults(), {
-        "terrain": {"resolution": 725}, "quality": {"samples": 1},
-        "rocks": {"coverage": 0.3 if number else 0.0, "smallest_m": 0.01, "largest_m": 0.8, "most": number}})
+    settings = description.merged(
+        description.defaults(),
+        {
+            "terrain": {"resolution": 725},
+            "quality": {"samples": 1},
+            "rocks": {"coverage": 0.3 if number else 0.0, "smallest_m": 0.01, "largest_m": 0.8, "most": number},
+        },
+    )
     start = time.process_time(), time.perf_counter()
     built = scenes.build(bpy.context.scene, settings)
     if way == "objects" and number:
@@ -69,9 +80,14 @@ def measure(number: int, way: str) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         render_pairs(built, expand_headings(settings), Path(folder), 1, 0.0, lambda *a, **k: None)
     end = time.process_time(), time.perf_counter()
-    return {"blocks": number, "build": middle[0] - start[0], "render": end[0] - middle[0],
-            "build_wall": middle[1] - start[1], "render_wall": end[1] - middle[1],
-            "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}
+    return {
+        "blocks": number,
+        "build": middle[0] - start[0],
+        "render": end[0] - middle[0],
+        "build_wall": middle[1] - start[1],
+        "render_wall": end[1] - middle[1],
+        "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
 
 
 def main(arguments: list[str]) -> None:
@@ -86,9 +102,12 @@ def main(arguments: list[str]) -> None:
         done = subprocess.run([sys.executable, __file__, way, str(number)], capture_output=True, text=True, check=True)
         row = json.loads(done.stdout.strip().splitlines()[-1])
         none = none or row
-        print(f"{number:>10}{row['build']:>10.2f}{row['render']:>10.2f}{row['render'] - none['render']:>10.2f}"
-              f"{row['peak']:>10.0f}{row['peak'] - none['peak']:>8.0f}   ({row['build_wall']:.1f}, "
-              f"{row['render_wall']:.1f})", flush=True)
+        print(
+            f"{number:>10}{row['build']:>10.2f}{row['render']:>10.2f}{row['render'] - none['render']:>10.2f}"
+            f"{row['peak']:>10.0f}{row['peak'] - none['peak']:>8.0f}   ({row['build_wall']:.1f}, "
+            f"{row['render_wall']:.1f})",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

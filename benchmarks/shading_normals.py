@@ -36,10 +36,12 @@ def find_turned_from_sun(mi: Any, scene: Any, shape: tuple[int, int], sun: np.nd
     offsets = (np.arange(FINER) + 0.5) / FINER
     for down in offsets:
         for right in offsets:
-            v, u = np.meshgrid((np.arange(shape[0]) + down) / shape[0], (np.arange(shape[1]) + right) / shape[1],
-                               indexing="ij")
-            ray, _ = scene.sensors()[0].sample_ray(0.0, 0.5, mi.Point2f(u.ravel().astype(np.float32), v.ravel().astype(
-                np.float32)), mi.Point2f(0.5, 0.5))
+            v, u = np.meshgrid(
+                (np.arange(shape[0]) + down) / shape[0], (np.arange(shape[1]) + right) / shape[1], indexing="ij"
+            )
+            ray, _ = scene.sensors()[0].sample_ray(
+                0.0, 0.5, mi.Point2f(u.ravel().astype(np.float32), v.ravel().astype(np.float32)), mi.Point2f(0.5, 0.5)
+            )
             hit = scene.ray_intersect(ray)
             facet, smooth = (sun @ np.array(normal).reshape(3, -1) for normal in (hit.n, hit.sh_frame.n))
             found |= (np.array(hit.is_valid()) & (smooth > 0) & (facet <= 0)).reshape(shape)
@@ -51,8 +53,11 @@ def report(name: str, ours: np.ndarray, theirs: np.ndarray, left: np.ndarray) ->
     share = region_means(left.astype(float))
     here, there = (region_means(np.where(left, image, 0.0))[share > LEAST_LEFT] for image in (ours, theirs))
     difference = (here - there) / np.maximum(there, 0.02 * there.mean())
-    print(f"  {name:45s} {left.mean():6.1%} left  mean {ours[left].sum() / theirs[left].sum():.4f}  RMS "
-          f"{np.sqrt(np.mean(difference**2)):.4f}  largest {difference[np.abs(difference).argmax()]:+.4f}", flush=True)
+    print(
+        f"  {name:45s} {left.mean():6.1%} left  mean {ours[left].sum() / theirs[left].sum():.4f}  RMS "
+        f"{np.sqrt(np.mean(difference**2)):.4f}  largest {difference[np.abs(difference).argmax()]:+.4f}",
+        flush=True,
+    )
 
 
 def main() -> None:
@@ -62,20 +67,30 @@ def main() -> None:
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
-    register_law("never_black", lambda props: {"albedo": float(props["albedo"])},
-                 lambda q, wi, wo: q["albedo"] / math.pi)
+    register_law(
+        "never_black", lambda props: {"albedo": float(props["albedo"])}, lambda q, wi, wo: q["albedo"] / math.pi
+    )
     folder = Path(sys.argv[1])
     scenes = [scene for scene in SCENES if scene.name in SCENE_NAMES]
     for scene, pair in zip(scenes, Bench(folder).render(list(map(describe_scene, scenes))), strict=True):
         ours = read_view(pair.image("left")).radiance[..., 0].astype(np.float64)
         export = folder / "mitsuba" / pair.folder.name
-        text = (export / "scene_left.xml").read_text(encoding="utf-8").replace(
-            "terrain.ply", str((export / "terrain.ply").absolute()))
+        text = (
+            (export / "scene_left.xml")
+            .read_text(encoding="utf-8")
+            .replace("terrain.ply", str((export / "terrain.ply").absolute()))
+        )
         never_black = re.sub(r'<bsdf type="diffuse">.*?</bsdf>', NEVER_BLACK, text, flags=re.DOTALL)
-        images = [np.array(mi.render(mi.load_string(described), spp=SAMPLES, seed=1))[..., 0].astype(np.float64)
-                  for described in (text, never_black)]
-        turned = find_turned_from_sun(mi, mi.load_string(text), (ours.shape[0], ours.shape[1]),
-                                      np.array(pair.data["light"]["sun"]["direction_to_world"]))
+        images = [
+            np.array(mi.render(mi.load_string(described), spp=SAMPLES, seed=1))[..., 0].astype(np.float64)
+            for described in (text, never_black)
+        ]
+        turned = find_turned_from_sun(
+            mi,
+            mi.load_string(text),
+            (ours.shape[0], ours.shape[1]),
+            np.array(pair.data["light"]["sun"]["direction_to_world"]),
+        )
         print(scene.name)
         whole = np.ones(ours.shape, bool)
         report("as exported", ours, images[0], whole)

@@ -25,12 +25,16 @@ from icymoon.settings.topics.declaration import Parts
 PLAIN: Parts = {"surface": {"albedo": 0.8, "albedo_variation": 0.1}, "light": {"planet": False}}
 _CLEAR: Parts = {"rocks": {"own_surface": True}, "rock_surface": {"transmission": 0.7}}
 LAYERS: dict[str, Parts] = {
-    "none": {}, "glints": {"surface": {"glint_share": 0.03}}, "crust": {"surface": {"crust_share": 0.45}},
-    "frost": {"surface": {"frost_share": 0.5}}, "bubbles": {"surface": {"bubble_share": 0.02}},
+    "none": {},
+    "glints": {"surface": {"glint_share": 0.03}},
+    "crust": {"surface": {"crust_share": 0.45}},
+    "frost": {"surface": {"frost_share": 0.5}},
+    "bubbles": {"surface": {"bubble_share": 0.02}},
     "bubbles in bands": {"surface": {"bubble_share": 0.02, "bubble_band_m": 0.5}},
     "fractures in bubbly ice": {"surface": {"bubble_share": 0.004, "fracture_share": 0.3}},
-    "frost with glints on bubbles in bands": {"surface": {
-        "bubble_share": 0.02, "bubble_band_m": 0.5, "frost_share": 0.5, "glint_share": 0.03}},
+    "frost with glints on bubbles in bands": {
+        "surface": {"bubble_share": 0.02, "bubble_band_m": 0.5, "frost_share": 0.5, "glint_share": 0.03}
+    },
     "rocks with transmission, lost": _CLEAR,
     "rocks with transmission, through": description.merged(_CLEAR, {"rock_surface": {"transmitted": "THROUGH"}}),
 }
@@ -47,8 +51,10 @@ def render_seconds(settings: description.Settings, folder: Path) -> float:
 
 def small(preset: str, width: int, samples: int, *parts: Parts) -> description.Settings:
     """A preset's settings for an image this wide, without a denoiser, with changes."""
-    image: Parts = {"rig": {"width_px": width, "height_px": width * 3 // 4},
-                    "quality": {"samples": samples, "denoiser": "NONE", "threads": 2}}
+    image: Parts = {
+        "rig": {"width_px": width, "height_px": width * 3 // 4},
+        "quality": {"samples": samples, "denoiser": "NONE", "threads": 2},
+    }
     return description.merged(description.defaults(), preset_files.load_preset(preset), image, *parts)
 
 

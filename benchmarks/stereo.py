@@ -44,8 +44,10 @@ def main() -> None:
         for method in ("bm", "sgbm"):
             print(f"{'match ' + method:<40}{cost(partial(match, method, prepared.left, prepared.right)):8.3f} s")
         truth = prepared.truth.ravel()
-        for name, prediction in (("continuous depths", truth * np.random.default_rng(0).normal(1, 0.02, truth.size)),
-                                 ("1/16 px disparities", 1 / (np.rint(16 * 85.333 / truth) / 16))):
+        for name, prediction in (
+            ("continuous depths", truth * np.random.default_rng(0).normal(1, 0.02, truth.size)),
+            ("1/16 px disparities", 1 / (np.rint(16 * 85.333 / truth) / 16)),
+        ):
             seconds = cost(partial(depth_order_disagreement, prediction, truth))
             print(f"{f'exact DOD, {truth.size} px, {name}':<40}{seconds:8.3f} s")
         seconds = cost(lambda: evaluate([pair], parse_methods("bm,sgbm"), Path(folder) / "out"))

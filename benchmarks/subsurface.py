@@ -25,18 +25,28 @@ _COMMON: dict[str, Any] = {"diffuse_bounces": 3, "noise_threshold": 0.0, "truth"
 
 def rows(samples: list[int]) -> list[Rung]:
     """The rows: the walk with the paper's samples, then the others with each number of ``samples``."""
+
     def row(name: str, count: int, surface: dict[str, Any]) -> Rung:
         return Rung(f"{name}, {count} samples", {"quality": {**_COMMON, "samples": count}, "surface": surface})
 
-    return [row("random walk", 16, {}),
-            *(row("Burley's profile", n, {"subsurface_method": "BURLEY"}) for n in samples),
-            *(row("not followed", n, {"subsurface_weight": 0.0}) for n in samples)]
+    return [
+        row("random walk", 16, {}),
+        *(row("Burley's profile", n, {"subsurface_method": "BURLEY"}) for n in samples),
+        *(row("not followed", n, {"subsurface_weight": 0.0}) for n in samples),
+    ]
 
 
 def mean_radiance(folders: list[Path]) -> float:
     """The mean of both eyes of pairs, W/(m² sr)."""
-    return float(np.mean([read_view(folder / f"{eye}.exr").radiance.mean(dtype=np.float64)
-                          for folder in folders for eye in ("left", "right")]))
+    return float(
+        np.mean(
+            [
+                read_view(folder / f"{eye}.exr").radiance.mean(dtype=np.float64)
+                for folder in folders
+                for eye in ("left", "right")
+            ]
+        )
+    )
 
 
 def main(options: argparse.Namespace, out: Path) -> None:
@@ -46,8 +56,9 @@ def main(options: argparse.Namespace, out: Path) -> None:
     most = light = 0.0
     print(head(), flush=True)
     for k, rung in enumerate(rows(options.samples)):
-        settings = description.merged(scene, description.check(dict(rung.settings), "benchmark"),
-                                      {"dataset": {"headings": options.pairs}})
+        settings = description.merged(
+            scene, description.check(dict(rung.settings), "benchmark"), {"dataset": {"headings": options.pairs}}
+        )
         pairs = rendered(rung, settings, out / f"row{k}")
         found = [errors(Path(pair["folder"]), methods) for pair in pairs]
         first = first or found

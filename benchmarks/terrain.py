@@ -29,9 +29,15 @@ from mathutils import Vector, noise
 
 SIZE, SIDE, OCTAVES, LOOPED = 20.0, 1000, 8, 200
 AXIS = np.linspace(-SIZE / 2, SIZE / 2, SIDE)
-LANDFORMS = {"chaos": {"relief_m": 1.0, "matrix_m": 0.1}, "ridges": {"height_m": 0.5}, "cracks": {"depth_m": 0.3},
-             "craters": {"coverage": 0.2}, "hollows": {"depth_m": 0.05}, "penitentes": {"height_m": 1.0},
-             "pits": {"depth_m": 0.3}}
+LANDFORMS = {
+    "chaos": {"relief_m": 1.0, "matrix_m": 0.1},
+    "ridges": {"height_m": 0.5},
+    "cracks": {"depth_m": 0.3},
+    "craters": {"coverage": 0.2},
+    "hollows": {"depth_m": 0.05},
+    "penitentes": {"height_m": 1.0},
+    "pits": {"depth_m": 0.3},
+}
 EIGHT = {"outer_scale_m": 8.0, "inner_scale_m": 8.0 / 2 ** (OCTAVES - 1)}
 
 
@@ -47,10 +53,12 @@ def seconds(work: Callable[[], Any], repeat: int = 3) -> float:
 
 def looped(function: Callable[[Vector], float]) -> float:
     """Seconds per million points of a Python loop over a noise."""
+
     def work() -> None:
         for k in range(LOOPED):
             for i in range(LOOPED):
                 function(Vector((0.05 * i, 0.05 * k, 0.0)))
+
     return seconds(work) * (1e6 / LOOPED**2)
 
 
@@ -85,6 +93,7 @@ def built(*parts: dict) -> Callable[[], Any]:
 
     def work() -> None:
         bpy.data.meshes.remove(build_mesh("benchmark", described.terrain, make_terrain(described, 1)))
+
     return work
 
 
@@ -103,8 +112,10 @@ def main() -> None:
         print(f"{name:<48}{cost:>8.2f}{loop / cost:>8.0f}", flush=True)
 
     row(f"loop: hetero terrain of Voronoi F2, {OCTAVES} octaves", loop)
-    row(f"layer: hetero terrain of Voronoi F2, {OCTAVES} octaves", seconds(one_layer(
-        basis="VORONOI_F2", fractal="HETERO", octaves=OCTAVES, scale_m=8.0)))
+    row(
+        f"layer: hetero terrain of Voronoi F2, {OCTAVES} octaves",
+        seconds(one_layer(basis="VORONOI_F2", fractal="HETERO", octaves=OCTAVES, scale_m=8.0)),
+    )
     row(f"loop: fractal of Perlin noise, {OCTAVES} octaves", looped(lambda p: noise.fractal(p, 0.8, 2.0, OCTAVES)))
     row(f"random surface, {OCTAVES} octaves", seconds(fractal(0.0)))
     row(f"random surface, {OCTAVES} octaves, multifractal", seconds(fractal(1.0)))

@@ -34,9 +34,24 @@ _PLANET = 4  # its semantic label; it has no facets of its own
 def render(scene: str, scale: float, by: str, folder: Path) -> Pair:
     """The first pair of a scene, with the truth ``by`` an engine."""
     whole = description.merged(description.defaults(), preset_files.load_preset(scene))
-    settings = typed(description.merged(scaled_view(whole, scale), description.check({
-        "quality": {"samples": 1, "denoiser": "NONE", "noise_threshold": 0.0, "truth_by": by, "indirect": "TRACED",
-                    "files": "FULL"}}, "benchmark")))
+    settings = typed(
+        description.merged(
+            scaled_view(whole, scale),
+            description.check(
+                {
+                    "quality": {
+                        "samples": 1,
+                        "denoiser": "NONE",
+                        "noise_threshold": 0.0,
+                        "truth_by": by,
+                        "indirect": "TRACED",
+                        "files": "FULL",
+                    }
+                },
+                "benchmark",
+            ),
+        )
+    )
     pair = expand_headings(settings)[0]
     with ScenesFromSettings(lambda warning: None) as stage:
         render_from(stage, [pair], folder / by, lambda kind, **_: None)
@@ -57,9 +72,17 @@ def compare(ours: Pair, cycles: Pair) -> list[float]:
         ground = where & (other.semantic != _PLANET)
         facets = np.abs(mine.normal[ground] - other.normal[ground]).max(axis=-1)
         labels = np.asarray(mine.semantic != other.semantic) | np.asarray(mine.instance != other.instance)
-        figures.append([np.median(relative), np.quantile(relative, 0.999), np.mean(shift > 0.01),
-                        np.mean(known[0] != known[1]), np.mean(labels), np.mean(facets > 1e-3),
-                        np.mean(np.asarray(mine.hidden != other.hidden))])
+        figures.append(
+            [
+                np.median(relative),
+                np.quantile(relative, 0.999),
+                np.mean(shift > 0.01),
+                np.mean(known[0] != known[1]),
+                np.mean(labels),
+                np.mean(facets > 1e-3),
+                np.mean(np.asarray(mine.hidden != other.hidden)),
+            ]
+        )
     return np.mean(figures, axis=0).tolist()
 
 
@@ -77,8 +100,12 @@ def main() -> None:
             pairs = [render(scene, options.scale, by, Path(place)) for by in ("RAYS", "CYCLES")]
             found = compare(*pairs)
         assert [pair.data["truth"]["by"] == "Cycles" for pair in pairs] == [False, True]
-        print(f"| {scene} | " + " | ".join([f"{each:.1e}" for each in found[:2]]
-                                           + [f"{100 * each:.3f} %" for each in found[2:]]) + " |", flush=True)
+        print(
+            f"| {scene} | "
+            + " | ".join([f"{each:.1e}" for each in found[:2]] + [f"{100 * each:.3f} %" for each in found[2:]])
+            + " |",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -37,15 +37,35 @@ def render(scene: str, way: int, options: argparse.Namespace) -> None:
     from icymoon.stereo.trade.measure_variants import scaled_view
 
     icymoon.register()
-    for name in ("take_surfaces_off", "switch_lights_off")[:max(0, len(WAYS) - 1 - max(way, _CYCLES))]:
+    for name in ("take_surfaces_off", "switch_lights_off")[: max(0, len(WAYS) - 1 - max(way, _CYCLES))]:
         setattr(unlit, name, lambda what: nullcontext())
     unlit.MOST_TRIANGLES_A_PIXEL = 10**9
-    made = (guiss_cost.snow(options.scale) if scene == "paper" else scaled_view(description.merged(
-        description.defaults(), preset_files.load_preset(f"scenes/{scene}")), options.scale))
-    settings = typed(description.merged(made, description.check({
-        "quality": {"samples": 1, "denoiser": "NONE", "truth": "FULL" if way else "DEPTH", "noise_threshold": 0.0,
-                    "truth_by": "CYCLES" if way >= _CYCLES else "RAYS"},
-        "surface": {"subsurface_weight": 0.0}, "dataset": {"headings": options.pairs}}, "benchmark")))
+    made = (
+        guiss_cost.snow(options.scale)
+        if scene == "paper"
+        else scaled_view(
+            description.merged(description.defaults(), preset_files.load_preset(f"scenes/{scene}")), options.scale
+        )
+    )
+    settings = typed(
+        description.merged(
+            made,
+            description.check(
+                {
+                    "quality": {
+                        "samples": 1,
+                        "denoiser": "NONE",
+                        "truth": "FULL" if way else "DEPTH",
+                        "noise_threshold": 0.0,
+                        "truth_by": "CYCLES" if way >= _CYCLES else "RAYS",
+                    },
+                    "surface": {"subsurface_weight": 0.0},
+                    "dataset": {"headings": options.pairs},
+                },
+                "benchmark",
+            ),
+        )
+    )
     pairs = expand_headings(settings)
     with tempfile.TemporaryDirectory() as place, ScenesFromSettings(lambda warning: None) as stage:
         render_from(stage, pairs, Path(place), lambda kind, **_: None)
@@ -59,11 +79,26 @@ def main(options: argparse.Namespace) -> None:
     """Print the table."""
     for scene in options.scenes:
         for way, name in enumerate(WAYS):
-            told = subprocess.run([sys.executable, __file__, "--scale", str(options.scale), "--pairs",
-                                   str(options.pairs), "--way", str(way), scene], check=True, capture_output=True)
+            told = subprocess.run(
+                [
+                    sys.executable,
+                    __file__,
+                    "--scale",
+                    str(options.scale),
+                    "--pairs",
+                    str(options.pairs),
+                    "--way",
+                    str(way),
+                    scene,
+                ],
+                check=True,
+                capture_output=True,
+            )
             first, *more = json.loads(told.stdout.decode().splitlines()[-1])
-            print(f"{scene:22}{name:30} {first:6.2f} CPU s the first, {sum(more) / len(more):6.2f} each further pair",
-                  flush=True)
+            print(
+                f"{scene:22}{name:30} {first:6.2f} CPU s the first, {sum(more) / len(more):6.2f} each further pair",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

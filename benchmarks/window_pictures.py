@@ -23,8 +23,9 @@ def main(folder: Path) -> None:
         view = cv2.imread(str(path))
         size = WIDTH_PX, round(WIDTH_PX * view.shape[0] / view.shape[1])
         target = TARGET / f"{path.stem}.jpg"
-        cv2.imwrite(str(target), cv2.resize(view, size, interpolation=cv2.INTER_AREA),
-                    [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        cv2.imwrite(
+            str(target), cv2.resize(view, size, interpolation=cv2.INTER_AREA), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+        )
         print(target)
 
 

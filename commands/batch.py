@@ -39,15 +39,32 @@ def add_batch_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``batch``."""
     parser.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
     parser.add_argument("--out", type=as_path, required=True, metavar="DATASET", help="folder of the data set")
-    parser.add_argument("--evaluate", metavar="METHODS", help="match its pairs with these, separated by commas: "
-                        "each while others are rendered, and then what is left")
-    parser.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
-                        help="option of your own matcher, which --evaluate then names as own:NAME; may repeat")
+    parser.add_argument(
+        "--evaluate",
+        metavar="METHODS",
+        help="match its pairs with these, separated by commas: each while others are rendered, and then what is left",
+    )
+    parser.add_argument(
+        "--own",
+        action="append",
+        default=[],
+        metavar="NAME:METHOD:KEY=VALUE",
+        help="option of your own matcher, which --evaluate then names as own:NAME; may repeat",
+    )
     parser.add_argument("--evaluator", metavar="PYTHON", help="Python that matches them (this Python)")
-    parser.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
-                        help="another camera response to match them with than they were rendered for")
-    parser.add_argument("--dask", metavar="ADDRESS", help="render on the Dask cluster whose scheduler is there, as in "
-                        "tcp://host:8786, or on N of its processes here with local:N")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="sensor.KEY=VALUE",
+        help="another camera response to match them with than they were rendered for",
+    )
+    parser.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="render on the Dask cluster whose scheduler is there, as in "
+        "tcp://host:8786, or on N of its processes here with local:N",
+    )
     _add_worker_options(parser)
     parser.set_defaults(run=_run_batch)
 
@@ -69,8 +86,13 @@ def add_slurm_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cpus", type=int, default=8, metavar="N", help="processors of each (%(default)s)")
     parser.add_argument("--memory", default="8G", help="memory of each (%(default)s)")
     parser.add_argument("--time", default="04:00:00", help="time of each; what is left then is requeued (%(default)s)")
-    parser.add_argument("--sbatch", action="append", default=[], metavar="OPTION",
-                        help="further option of sbatch, as in --sbatch=--partition=long; may repeat")
+    parser.add_argument(
+        "--sbatch",
+        action="append",
+        default=[],
+        metavar="OPTION",
+        help="further option of sbatch, as in --sbatch=--partition=long; may repeat",
+    )
     parser.add_argument("--python", default=sys.executable, help="Python on the cluster's machines (this Python)")
     parser.add_argument("--blender", default=sys.executable, help="Blender there, or a Python with bpy (this Python)")
     parser.set_defaults(run=_run_slurm)
@@ -79,8 +101,11 @@ def add_slurm_options(parser: argparse.ArgumentParser) -> None:
 def add_verify_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``verify``."""
     parser.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
-    parser.add_argument("--remove", action="store_true",
-                        help="remove broken pairs and leftovers, so that icymoon batch makes them again")
+    parser.add_argument(
+        "--remove",
+        action="store_true",
+        help="remove broken pairs and leftovers, so that icymoon batch makes them again",
+    )
     parser.add_argument("--json", action="store_true", help="print JSON lines")
     parser.set_defaults(run=_run_verify)
 
@@ -89,8 +114,13 @@ def _add_worker_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, metavar="N", help="processes that render (one for four processors)")
     parser.add_argument("--threads-per-worker", type=int, metavar="N", help="threads of each (all, divided evenly)")
     add_cards_option(parser)
-    parser.add_argument("--scenes-per-worker", type=int, default=MOST_SCENES, metavar="N",
-                        help="scenes after which a process is replaced by a fresh one (%(default)s)")
+    parser.add_argument(
+        "--scenes-per-worker",
+        type=int,
+        default=MOST_SCENES,
+        metavar="N",
+        help="scenes after which a process is replaced by a fresh one (%(default)s)",
+    )
     add_blender_option(parser)
     parser.add_argument("--json", action="store_true", help="print what happens as JSON lines")
 
@@ -195,8 +225,9 @@ def _evaluate_meanwhile(dataset: Path, options: argparse.Namespace) -> Iterator[
     out = dataset / "evaluation"
     command, environment = _evaluation_command(dataset, options, "--follow")
     try:
-        process = start(command, environment, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
-                        stderr=subprocess.DEVNULL)
+        process = start(
+            command, environment, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
     except OSError:  # told by the evaluation that follows
         yield
         return
@@ -216,19 +247,31 @@ def _evaluate(dataset: Path, options: argparse.Namespace) -> int:
     return call_ours(*_evaluation_command(dataset, options, *(["--json-lines"] if options.json else [])))
 
 
-def _evaluation_command(dataset: Path, options: argparse.Namespace, *more: str
-                        ) -> tuple[list[str], dict[str, str] | None]:
+def _evaluation_command(
+    dataset: Path, options: argparse.Namespace, *more: str
+) -> tuple[list[str], dict[str, str] | None]:
     """The command that matches the pairs, and its environment (None: ours)."""
     words = [word for flag in ("set", "own") for text in getattr(options, flag) for word in (f"--{flag}", text)]
     return python_command(
-        options.evaluator or sys.executable, "stereo", "evaluate", str(dataset), "--methods", options.evaluate,
-        "--out", str(dataset / "evaluation"), *words, *more), clean_environment() if options.evaluator else None
+        options.evaluator or sys.executable,
+        "stereo",
+        "evaluate",
+        str(dataset),
+        "--methods",
+        options.evaluate,
+        "--out",
+        str(dataset / "evaluation"),
+        *words,
+        *more,
+    ), clean_environment() if options.evaluator else None
 
 
 def _report_status(status: int, dataset: Path, as_json: bool) -> int:
     if status:
-        printer.warn(f"some pairs of {dataset} were set aside, named above and in its manifest.json; run the same "
-                     "command again to try them once more.")
+        printer.warn(
+            f"some pairs of {dataset} were set aside, named above and in its manifest.json; run the same "
+            "command again to try them once more."
+        )
     elif not as_json:
         printer.say(str(dataset))
     return status
@@ -260,13 +303,17 @@ def _run_slurm(options: argparse.Namespace) -> int:
             raise IcyMoonError(f"--{name} is {getattr(options, name)}; give 1 or more.")
     dataset = options.out.absolute()
     frozen = _freeze_plan(options.plan, dataset)
-    request = SlurmRequest(options.shards, options.at_once, options.cpus, options.memory, options.time,
-                           tuple(options.sbatch))
+    request = SlurmRequest(
+        options.shards, options.at_once, options.cpus, options.memory, options.time, tuple(options.sbatch)
+    )
     if frozen.note:
         printer.warn(frozen.note)
     script = write_script(dataset, frozen, request, options.python, options.blender)
-    printer.say(f"sbatch {shlex.quote(str(script))}" if script else
-                f"Nothing to render: {count_of(len(frozen.pairs), 'pair')} in {dataset}.")
+    printer.say(
+        f"sbatch {shlex.quote(str(script))}"
+        if script
+        else f"Nothing to render: {count_of(len(frozen.pairs), 'pair')} in {dataset}."
+    )
     return 0
 
 
@@ -287,9 +334,11 @@ def _run_verify(options: argparse.Namespace) -> int:
     elif not found.problems:
         printer.say(f"{count_of(found.complete, 'pair')}, all whole and as {_measure(found)}.")
     if found.problems:
-        raise IcyMoonError(f"{options.dataset}: {count_of(len(found.problems), 'problem')}, {found.complete} of "
-                           f"{count_of(found.pairs, 'pair')} whole and as {_measure(found)}; "
-                           f"{_describe_fix(found, options.remove)}.")
+        raise IcyMoonError(
+            f"{options.dataset}: {count_of(len(found.problems), 'problem')}, {found.complete} of "
+            f"{count_of(found.pairs, 'pair')} whole and as {_measure(found)}; "
+            f"{_describe_fix(found, options.remove)}."
+        )
     return 0
 
 

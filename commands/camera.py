@@ -48,8 +48,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``camera``."""
     parser.add_argument("left", type=as_path, help="the left camera: a .cahvor file, a PDS3 label, or ROS' YAML")
     parser.add_argument("right", type=as_path, help="the right camera")
-    parser.add_argument("--most-px", type=float, default=FIT_LIMIT_PX, metavar="PX",
-                        help="largest error of a lens that can only be fitted (%(default)s)")
+    parser.add_argument(
+        "--most-px",
+        type=float,
+        default=FIT_LIMIT_PX,
+        metavar="PX",
+        help="largest error of a lens that can only be fitted (%(default)s)",
+    )
     parser.set_defaults(run=_run_camera)
 
 
@@ -79,21 +84,30 @@ def read_rig(left: Path, right: Path, most_px: float = FIT_LIMIT_PX) -> tuple[Se
     width, height = first.size_px
     if first.size_px != second.size_px:
         sizes = " and ".join(f"{eye.size_px[0]} x {eye.size_px[1]} px" for eye in (first, second))
-        raise IcyMoonError(f"{where} have images of {sizes}, and both eyes of a rig here have one size; rectify their "
-                           "images first.")
-    _check_parallel(first, second, where, "calibrate both eyes as a stereo pair" if of_ros[0] else
-                    _how_to_rectify(left, right))
-    baseline_m, doubt = _baseline(first, second, "the fourth number of projection_matrix is -fx times the baseline"
-                                  if of_ros[0] else "the vector C is")
+        raise IcyMoonError(
+            f"{where} have images of {sizes}, and both eyes of a rig here have one size; rectify their images first."
+        )
+    _check_parallel(
+        first, second, where, "calibrate both eyes as a stereo pair" if of_ros[0] else _how_to_rectify(left, right)
+    )
+    baseline_m, doubt = _baseline(
+        first,
+        second,
+        "the fourth number of projection_matrix is -fx times the baseline" if of_ros[0] else "the vector C is",
+    )
     lens, averaged = _mean_lens(first.lens, second.lens, width, where)
     width_mm = defaults().rig.sensor_width_mm
-    rig = {"width_px": width, "height_px": height, "sensor_width_mm": width_mm,
-           "focal_length_mm": lens.focal_px / width * width_mm,
-           # Rounding of the model's vectors leaves 1e-14 px where the middle is meant; adding 0 makes -0 plain.
-           "principal_x_px": round(lens.cx_px + 0.5 - width / 2, 9) + 0.0,
-           "principal_y_px": round(lens.cy_px + 0.5 - height / 2, 9) + 0.0,
-           "baseline_m": baseline_m,
-           **{f"distortion_{name}": value for name, value in zip(COEFFICIENTS, lens.k, strict=True)}}
+    rig = {
+        "width_px": width,
+        "height_px": height,
+        "sensor_width_mm": width_mm,
+        "focal_length_mm": lens.focal_px / width * width_mm,
+        # Rounding of the model's vectors leaves 1e-14 px where the middle is meant; adding 0 makes -0 plain.
+        "principal_x_px": round(lens.cx_px + 0.5 - width / 2, 9) + 0.0,
+        "principal_y_px": round(lens.cy_px + 0.5 - height / 2, 9) + 0.0,
+        "baseline_m": baseline_m,
+        **{f"distortion_{name}": value for name, value in zip(COEFFICIENTS, lens.k, strict=True)},
+    }
     fitted = [f"The lens is fitted, off by up to {lens.residual_px:.2g} px."] if lens.residual_px else []
     return check({"rig": rig}, where), [*taken, *fitted, *averaged, *doubt]
 
@@ -112,26 +126,42 @@ def _read_ros_eyes(left: Path, right: Path) -> tuple[_Eye, _Eye, list[str]]:
             if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
                 raise IcyMoonError(f"{path}: {name} has no focal length; calibrate both eyes as a stereo pair.")
     reason = _why_rectified(*(camera for _, camera in cameras))
-    notes = [] if reason is None else [
-        "This is the rig of the rectified images, with the focal length and the principal point of projection_matrix "
-        f"and no distortion: {reason}."]
+    notes = (
+        []
+        if reason is None
+        else [
+            "This is the rig of the rectified images, with the focal length and the principal point of "
+            "projection_matrix "
+            f"and no distortion: {reason}."
+        ]
+    )
     of_left, of_right = (camera for _, camera in cameras)
     if (of_left.window, of_left.binning) != (of_right.window, of_right.binning):
-        raise IcyMoonError(f"{left} and {right} have another binning or roi each, and both eyes of a rig here read out "
-                           "alike; write the same binning_x, binning_y and roi into both.")
+        raise IcyMoonError(
+            f"{left} and {right} have another binning or roi each, and both eyes of a rig here read out "
+            "alike; write the same binning_x, binning_y and roi into both."
+        )
     if of_left.window or of_left.binning != (1, 1):
-        notes.append(f"The binning and the roi of the calibration are applied: images have {of_left.width_px} x "
-                     f"{of_left.height_px} px.")
+        notes.append(
+            f"The binning and the roi of the calibration are applied: images have {of_left.width_px} x "
+            f"{of_left.height_px} px."
+        )
     first, second = (_ros_eye(path, camera, reason is not None) for path, camera in cameras)
-    if reason is not None and max(abs(first.lens.focal_px - second.lens.focal_px),
-                                  abs(first.lens.cy_px - second.lens.cy_px)) > _ALIKE_PX:
-        raise IcyMoonError(f"{left} and {right}: {reason}, and the images that projection_matrix states are no "
-                           f"rectified pair: focal lengths of {first.lens.focal_px:.2f} and "
-                           f"{second.lens.focal_px:.2f} px, rows of the principal point {first.lens.cy_px:.2f} and "
-                           f"{second.lens.cy_px:.2f} px; calibrate both eyes as a stereo pair.")
+    if (
+        reason is not None
+        and max(abs(first.lens.focal_px - second.lens.focal_px), abs(first.lens.cy_px - second.lens.cy_px)) > _ALIKE_PX
+    ):
+        raise IcyMoonError(
+            f"{left} and {right}: {reason}, and the images that projection_matrix states are no "
+            f"rectified pair: focal lengths of {first.lens.focal_px:.2f} and "
+            f"{second.lens.focal_px:.2f} px, rows of the principal point {first.lens.cy_px:.2f} and "
+            f"{second.lens.cy_px:.2f} px; calibrate both eyes as a stereo pair."
+        )
     if not np.linalg.norm(second.centre_m - first.centre_m) > 0:
-        raise IcyMoonError(f"{right}: projection_matrix states no baseline (-f B, its fourth number); calibrate both "
-                           "eyes as a stereo pair.")
+        raise IcyMoonError(
+            f"{right}: projection_matrix states no baseline (-f B, its fourth number); calibrate both "
+            "eyes as a stereo pair."
+        )
     return first, second, notes
 
 
@@ -152,8 +182,10 @@ def _why_rectified(left: RosCamera, right: RosCamera) -> str | None:
         return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
     x, y, z = map(float, left.rectification.T @ (_place(right) - _place(left)))
     if max(abs(y), abs(z)) > _ASIDE * abs(x):
-        return (f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it, so "
-                "they are not side by side")
+        return (
+            f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it, so "
+            "they are not side by side"
+        )
     return None
 
 
@@ -165,14 +197,23 @@ def _place(camera: RosCamera) -> np.ndarray:
 def _ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
     """A camera as it is, or the camera of its rectified images. Raises IcyMoonError if their pixels are no squares."""
     if rectified and not _has_squares(camera.projection):
-        fix = ("calibrate both eyes as a stereo pair, which gives projection_matrix one focal length"
-               if camera.binning[0] == camera.binning[1] else
-               "bin as many pixels along x as along y, and set binning_x and binning_y to that")
-        raise IcyMoonError(f"{path}: its pixels are no squares, in projection_matrix too "
-                           f"({_focal_lengths(camera.projection)}), which Icy Moon's cameras cannot be; {fix}.")
+        fix = (
+            "calibrate both eyes as a stereo pair, which gives projection_matrix one focal length"
+            if camera.binning[0] == camera.binning[1]
+            else "bin as many pixels along x as along y, and set binning_x and binning_y to that"
+        )
+        raise IcyMoonError(
+            f"{path}: its pixels are no squares, in projection_matrix too "
+            f"({_focal_lengths(camera.projection)}), which Icy Moon's cameras cannot be; {fix}."
+        )
     lens = _lens_of_ros(camera, rectified)
-    return _Eye(path, lens, np.eye(3) if rectified else camera.rectification.T, _place(camera),
-                (camera.width_px, camera.height_px))
+    return _Eye(
+        path,
+        lens,
+        np.eye(3) if rectified else camera.rectification.T,
+        _place(camera),
+        (camera.width_px, camera.height_px),
+    )
 
 
 def _lens_of_ros(camera: RosCamera, rectified: bool) -> Lens:
@@ -202,11 +243,14 @@ def _baseline(left: _Eye, right: _Eye, stated_in: str) -> tuple[float, list[str]
     """
     baseline_m, most = float(np.linalg.norm(right.centre_m - left.centre_m)), TOPICS["rig"]["baseline_m"].maximum
     if baseline_m > most:
-        raise IcyMoonError(f"{right.path}: its eye is {baseline_m:g} m from that of {left.path}, more than {most:g} m; "
-                           f"{stated_in} in metres, and seems to be in millimetres here: divide by 1000.")
+        raise IcyMoonError(
+            f"{right.path}: its eye is {baseline_m:g} m from that of {left.path}, more than {most:g} m; "
+            f"{stated_in} in metres, and seems to be in millimetres here: divide by 1000."
+        )
     return baseline_m, [] if baseline_m <= _LIKELY_BASELINE_M else [
         f"The eyes are {baseline_m:g} m apart, since {stated_in} in metres. If it is in millimetres, set "
-        f"rig.baseline_m to {baseline_m / 1000:g}."]
+        f"rig.baseline_m to {baseline_m / 1000:g}."
+    ]
 
 
 def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens, list[str]]:
@@ -215,23 +259,33 @@ def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens
     Raises IcyMoonError if they differ too much for one lens.
     """
     if differ := _tell_unlike(left, right, width_px):
-        raise IcyMoonError(f"{where} differ by {differ}, and both eyes of a rig here have one lens; rectify their "
-                           "images first.")
+        raise IcyMoonError(
+            f"{where} differ by {differ}, and both eyes of a rig here have one lens; rectify their images first."
+        )
     focal, centre, bent = _differences(left, right)
     if max(focal, centre, bent) <= _ALIKE_PX:
         return left if left.residual_px >= right.residual_px else right, []
-    mean = Lens((left.focal_px + right.focal_px) / 2, (left.cx_px + right.cx_px) / 2, (left.cy_px + right.cy_px) / 2,
-                tuple(map(float, np.mean([left.k, right.k], axis=0))), max(left.residual_px, right.residual_px))
-    return mean, [f"Both eyes have the mean of two lenses: focal lengths of {left.focal_px:.2f} and "
-                  f"{right.focal_px:.2f} px, principal points at ({left.cx_px:.2f}, {left.cy_px:.2f}) and "
-                  f"({right.cx_px:.2f}, {right.cy_px:.2f}) px, distortion that differs by up to {bent:.2g} px."]
+    mean = Lens(
+        (left.focal_px + right.focal_px) / 2,
+        (left.cx_px + right.cx_px) / 2,
+        (left.cy_px + right.cy_px) / 2,
+        tuple(map(float, np.mean([left.k, right.k], axis=0))),
+        max(left.residual_px, right.residual_px),
+    )
+    return mean, [
+        f"Both eyes have the mean of two lenses: focal lengths of {left.focal_px:.2f} and "
+        f"{right.focal_px:.2f} px, principal points at ({left.cx_px:.2f}, {left.cy_px:.2f}) and "
+        f"({right.cx_px:.2f}, {right.cy_px:.2f}) px, distortion that differs by up to {bent:.2g} px."
+    ]
 
 
 def _differences(left: Lens, right: Lens) -> tuple[float, float, float]:
     """By how many px two lenses differ in focal length, principal point and distortion."""
-    return (abs(left.focal_px - right.focal_px),
-            float(np.abs([left.cx_px - right.cx_px, left.cy_px - right.cy_px]).max()),
-            float(np.abs(np.subtract(left.k, right.k)).max() * left.focal_px))
+    return (
+        abs(left.focal_px - right.focal_px),
+        float(np.abs([left.cx_px - right.cx_px, left.cy_px - right.cy_px]).max()),
+        float(np.abs(np.subtract(left.k, right.k)).max() * left.focal_px),
+    )
 
 
 def _tell_unlike(left: Lens, right: Lens, width_px: int) -> str:
@@ -246,8 +300,10 @@ def _how_to_rectify(left: Path, right: Path) -> str:
     """What to do with models of two eyes that are not parallel, as our own exports write them beside others."""
     beside = [path.with_name(path.name.replace("_sensor.", ".")) for path in (left, right)]
     if all(other != path and other.is_file() for other, path in zip(beside, (left, right), strict=True)):
-        return (f"give {beside[0].name} and {beside[1].name} beside them, the models of the rectified images, and set "
-                "rig.toe_in_deg, to half of that angle, for eyes that are turned toward each other")
+        return (
+            f"give {beside[0].name} and {beside[1].name} beside them, the models of the rectified images, and set "
+            "rig.toe_in_deg, to half of that angle, for eyes that are turned toward each other"
+        )
     return "rectify their images first"
 
 
@@ -258,17 +314,23 @@ def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
     turned = _angle(first, second)
     x, y, z = map(float, first @ (right.centre_m - left.centre_m))
     if turned > _PARALLEL_RAD:
-        raise IcyMoonError(f"{where}: the eyes are turned against each other by {np.degrees(turned):.3g} degrees; "
-                           f"{fix}.")
+        raise IcyMoonError(
+            f"{where}: the eyes are turned against each other by {np.degrees(turned):.3g} degrees; {fix}."
+        )
     aside = max(abs(y), abs(z)) > _ASIDE * abs(x)
     if x < 0 and not aside:
-        raise IcyMoonError(f"{right.path} stands {-x:.4g} m to the left of {left.path}, so it is the left eye; give it "
-                           "first.")
+        raise IcyMoonError(
+            f"{right.path} stands {-x:.4g} m to the left of {left.path}, so it is the left eye; give it first."
+        )
     if abs(y) > abs(x):
-        raise IcyMoonError(f"{where}: one eye is {abs(y):.4g} m above the other, and a rig here has its eyes side by "
-                           "side; turn the images of both by 90 degrees and calibrate them again.")
+        raise IcyMoonError(
+            f"{where}: one eye is {abs(y):.4g} m above the other, and a rig here has its eyes side by "
+            "side; turn the images of both by 90 degrees and calibrate them again."
+        )
     if aside:
-        raise IcyMoonError(f"{where}: the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and "
-                           f"{z:.4g} m before it, so they are not side by side; {fix}.")
+        raise IcyMoonError(
+            f"{where}: the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and "
+            f"{z:.4g} m before it, so they are not side by side; {fix}."
+        )
     if x == 0:
         raise IcyMoonError(f"{where}: both eyes are at one place; give the calibrations of two cameras.")

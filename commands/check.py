@@ -28,12 +28,20 @@ from .renderer_options import add_blender_option
 #: Level ground with patches of 8 cm that are up to a quarter darker, seen from 1.5 m by a small camera.
 _ALBEDO, _DARKER = 0.7, 0.25
 _SCENE: Parts = {
-    "terrain": {"rms_slope_deg": 0.0, "size_m": 20.0, "resolution": 33}, "mesh": {"kind": "GRID"},
-    "surface": {"model": "LAMBERT", "grain_amplitude_m": 0.0, "albedo": _ALBEDO, "albedo_variation": _DARKER,
-                "albedo_patch_m": 0.08},
-    "light": {"sun_elevation_deg": 35.0, "planet": False}, "rocks": {"coverage": 0.0},
+    "terrain": {"rms_slope_deg": 0.0, "size_m": 20.0, "resolution": 33},
+    "mesh": {"kind": "GRID"},
+    "surface": {
+        "model": "LAMBERT",
+        "grain_amplitude_m": 0.0,
+        "albedo": _ALBEDO,
+        "albedo_variation": _DARKER,
+        "albedo_patch_m": 0.08,
+    },
+    "light": {"sun_elevation_deg": 35.0, "planet": False},
+    "rocks": {"coverage": 0.0},
     "rig": {"width_px": 96, "height_px": 72, "height_m": 1.5, "pitch_deg": 50.0, "baseline_m": 0.25},
-    "quality": {"samples": 16, "diffuse_bounces": 0, "denoiser": "NONE"}}
+    "quality": {"samples": 16, "diffuse_bounces": 0, "denoiser": "NONE"},
+}
 #: Largest errors of a right installation: relative error of depth, from rounding to single precision; relative error of
 #: the mean light, from noise of samples and of the texture's mean; mean error in px of SGBM on a texture it can match.
 _MOST = {"depth": 1e-4, "light": 0.03, "sgbm": 0.3}
@@ -53,10 +61,14 @@ def _run_check(options: argparse.Namespace) -> int:
             (pair,) = render_job(job, options.blender, show)
         faults = list(_measure(pair, folder / "evaluation"))
     if faults:
-        raise IcyMoonError(f"The installation is not right: {'; '.join(faults)}. Run icymoon doctor, and report this "
-                           "with what it prints.")
-    say(f"The installation is right. This took {_processor_s() - before:.0f} s of processor time, "
-        f"{time.perf_counter() - start:.0f} s in all.")
+        raise IcyMoonError(
+            f"The installation is not right: {'; '.join(faults)}. Run icymoon doctor, and report this "
+            "with what it prints."
+        )
+    say(
+        f"The installation is right. This took {_processor_s() - before:.0f} s of processor time, "
+        f"{time.perf_counter() - start:.0f} s in all."
+    )
     return 0
 
 
@@ -83,11 +95,18 @@ def _measure(folder: Path, out: Path) -> Iterator[str]:
     light = math.pi * float(view.radiance[known].mean()) / (lit * _ALBEDO * (1 - _DARKER / 2))
     (row_of_sgbm,) = evaluate([folder], parse_methods("sgbm"), out)["rows"]
     found: dict[str, tuple[str, float, Callable[[float], str]]] = {
-        "depth": ("largest relative error of the depth of a plane", float(np.abs(
-            view.depth[known] / plane[:, None] - 1).max()), lambda value: f"{value:.1e}"),
+        "depth": (
+            "largest relative error of the depth of a plane",
+            float(np.abs(view.depth[known] / plane[:, None] - 1).max()),
+            lambda value: f"{value:.1e}",
+        ),
         "light": ("error of the mean light under Lambert's law", abs(light - 1), lambda value: f"{100 * value:.1f} %"),
-        "sgbm": ("mean error of the disparity by SGBM", float(row_of_sgbm.get("epe_px") or math.nan),
-                 lambda value: f"{value:.3f} px")}
+        "sgbm": (
+            "mean error of the disparity by SGBM",
+            float(row_of_sgbm.get("epe_px") or math.nan),
+            lambda value: f"{value:.3f} px",
+        ),
+    }
     for key, (text, value, show) in found.items():
         say(f"{text[0].upper()}{text[1:]}: {show(value)} (at most {show(_MOST[key])})")
         if not value <= _MOST[key]:

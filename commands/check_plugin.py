@@ -26,8 +26,12 @@ def find_all() -> dict[str, Found]:
     from ..stereo.export import plug_in as exports
     from ..stereo.measure import plug_in as metrics
 
-    return {"matcher": matchers.find_plugins(), "landform": find("landform", ()), "metric": metrics.find_plugins(),
-            "export": exports.find_plugins()}
+    return {
+        "matcher": matchers.find_plugins(),
+        "landform": find("landform", ()),
+        "metric": metrics.find_plugins(),
+        "export": exports.find_plugins(),
+    }
 
 
 def checks_of(plugin: Plugin) -> Iterator[Check]:
@@ -39,7 +43,10 @@ def checks_of(plugin: Plugin) -> Iterator[Check]:
     from ..stereo.plugin_checks import check_export, check_matcher, check_metric
 
     special: dict[str, Callable[[Plugin], Iterator[Check]]] = {
-        "matcher": check_matcher, "metric": check_metric, "export": check_export}
+        "matcher": check_matcher,
+        "metric": check_metric,
+        "export": check_export,
+    }
     yield from special[plugin.kind](plugin)
 
 
@@ -50,8 +57,12 @@ def _run(options: argparse.Namespace) -> int:
         return _list(found)
     if refused := [each.refused[options.name] for each in found.values() if options.name in each.refused]:
         raise IcyMoonError(refused[0])
-    chosen = [plugin for each in found.values() for plugin in each.usable.values()
-              if options.name in (plugin.name, plugin.package)]
+    chosen = [
+        plugin
+        for each in found.values()
+        for plugin in each.usable.values()
+        if options.name in (plugin.name, plugin.package)
+    ]
     if not chosen:
         raise IcyMoonError(_not_found(options.name, found))
     faults = 0
@@ -69,8 +80,10 @@ def _run(options: argparse.Namespace) -> int:
 def _not_found(name: str, found: dict[str, Found]) -> str:
     known: Collection[str] = [plugin.name for each in found.values() for plugin in each.usable.values()]
     if not known:
-        return (f"No plug-in {name!r} is installed in this Python, nor any other; install its package with pip, and "
-                f"give it an entry point in one of {', '.join(GROUPS.values())}.")
+        return (
+            f"No plug-in {name!r} is installed in this Python, nor any other; install its package with pip, and "
+            f"give it an entry point in one of {', '.join(GROUPS.values())}."
+        )
     return f"No plug-in {name!r} is installed in this Python; {nearest(name, known)}"
 
 

@@ -19,38 +19,67 @@ from ..support.version import version
 STEREO_VERBS = ("check", "methods", "match", "metrics", "evaluate", "decide", "truth", "export", "develop")
 #: Each verb: its meaning, the module here that runs it, and the function there that adds its arguments.
 _VERBS = {
-    "demo": ("build two scenes, render a pair of each, evaluate them, show the report",
-             "render_scenes", "add_demo_options"),
+    "demo": (
+        "build two scenes, render a pair of each, evaluate them, show the report",
+        "render_scenes",
+        "add_demo_options",
+    ),
     "render": ("build the described scene and render its stereo pairs", "render_scenes", "add_render_options"),
     "evaluate": ("match the pairs of a data set and write a report", "evaluate", "add_evaluate_options"),
-    "decide": ("measure what a lander would decide by each matcher, and write a report",
-               "evaluate", "add_decide_options"),
+    "decide": (
+        "measure what a lander would decide by each matcher, and write a report",
+        "evaluate",
+        "add_decide_options",
+    ),
     "stereo": (f"the evaluator by itself: {', '.join(STEREO_VERBS)}", "", ""),
     "settings": ("print the described scene as TOML, every setting stated", "print_settings", "add_settings_options"),
     "presets": ("list the shipped presets", "print_settings", "add_presets_options"),
     "sources": ("print which preset and source each number of a pair is from", "print_settings", "add_sources_options"),
-    "quality": ("print what each quality costs on this machine and what error it leaves",
-                "quality", "add_quality_options"),
+    "quality": (
+        "print what each quality costs on this machine and what error it leaves",
+        "quality",
+        "add_quality_options",
+    ),
     "trade": ("measure how much accuracy each way to save time costs, on one scene", "quality", "add_trade_options"),
     "auto": ("find the cheapest quality whose stereo error is tolerable, on one scene", "quality", "add_auto_options"),
-    "gallery": ("render the scenes of the gallery, as pictures and all on one sheet",
-                "render_scenes", "add_gallery_options"),
-    "camera": ("print the rig of two calibrated cameras as settings (CAHV, CAHVOR, CAHVORE, or YAML of ROS)",
-               "camera", "add_options"),
+    "gallery": (
+        "render the scenes of the gallery, as pictures and all on one sheet",
+        "render_scenes",
+        "add_gallery_options",
+    ),
+    "camera": (
+        "print the rig of two calibrated cameras as settings (CAHV, CAHVOR, CAHVORE, or YAML of ROS)",
+        "camera",
+        "add_options",
+    ),
     "sky": ("print Sun, planet and eclipse over a site at a date, without a render", "sky", "add_options"),
     "check": ("render and measure a small pair whose truth is known: does all work?", "check", "add_options"),
     "plan": ("list the pairs that a plan of a data set asks for, or what they will take", "plan", "add_options"),
     "batch": ("render the data set that a plan describes, and go on where it stopped", "batch", "add_batch_options"),
     "work": ("render a shard of a data set that icymoon batch or slurm has planned", "batch", "add_work_options"),
     "slurm": ("write the job script that renders a data set on a cluster with SLURM", "batch", "add_slurm_options"),
-    "verify": ("check every file of a data set against its plan, if it has one, and what its pairs state, and print "
-               "what is missing or wrong", "batch", "add_verify_options"),
-    "stand-ins": ("list the textures and meshes made by code in place of the GUISS paper's, or write them to a folder",
-                  "stand_ins", "add_options"),
-    "validate": ("compare the surfaces and the renders with measurements and with other programs, and print how far "
-                 "off they are", "validate", "add_options"),
-    "check-plugin": ("try a plug-in that is installed in this Python, and print what it lacks",
-                     "check_plugin", "add_options"),
+    "verify": (
+        "check every file of a data set against its plan, if it has one, and what its pairs state, and print "
+        "what is missing or wrong",
+        "batch",
+        "add_verify_options",
+    ),
+    "stand-ins": (
+        "list the textures and meshes made by code in place of the GUISS paper's, or write them to a folder",
+        "stand_ins",
+        "add_options",
+    ),
+    "validate": (
+        "compare the surfaces and the renders with measurements and with other programs, and print how far "
+        "off they are",
+        "validate",
+        "add_options",
+    ),
+    "check-plugin": (
+        "try a plug-in that is installed in this Python, and print what it lacks",
+        "check_plugin",
+        "add_options",
+    ),
     "doctor": ("print what is installed, what is missing and how to fix that", "doctor", "add_options"),
 }
 
@@ -61,8 +90,7 @@ def main(arguments: list[str]) -> int:
     verb = next((word for word in arguments if not word.startswith("-")), "")
     with silence_interrupts():
         parser = make_parser(verb)
-    return run_verb(parser, arguments, "icymoon",
-                    "stopped; finished pairs are kept, run the same command to go on.")
+    return run_verb(parser, arguments, "icymoon", "stopped; finished pairs are kept, run the same command to go on.")
 
 
 def make_parser(only: str | None = None) -> argparse.ArgumentParser:

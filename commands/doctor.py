@@ -66,21 +66,42 @@ def examine_blender(executable: str) -> list[Finding]:
         facts = probe_blender(executable)
     except IcyMoonError as error:
         fact, _, fix = str(error).partition("; ")  # a known fault says what to do
-        return [Finding("Blender", "missing", fact.removesuffix("."), f"{fix[0].upper()}{fix[1:]}" if fix else
-                        "Install the bpy package or give a Blender with --blender.")]
+        return [
+            Finding(
+                "Blender",
+                "missing",
+                fact.removesuffix("."),
+                f"{fix[0].upper()}{fix[1:]}" if fix else "Install the bpy package or give a Blender with --blender.",
+            )
+        ]
     version = tuple(int(part) for part in facts["blender"].split()[0].split(".")[:2])
     supported = version >= (4, 2)
     devices = ", ".join(facts["devices"])
     return [
-        Finding("Blender", "ok" if supported else "missing", f"{facts['blender']}, Python {facts['python']}",
-                "" if supported else "Use Blender 4.2 LTS or later."),
-        Finding("Open Shading Language", "ok" if facts["osl"] else "limited", "built in" if facts["osl"] else "absent",
-                "" if facts["osl"] else "Not needed by the Principled surface; official builds have it."),
-        Finding("OpenImageDenoise", "ok" if facts["denoiser"] else "limited",
-                "built in" if facts["denoiser"] else "absent",
-                "" if facts["denoiser"] else "Set quality.denoiser to NONE, or use an official build."),
-        Finding("Graphics card", "ok" if devices else "limited", devices or "none that Cycles can use",
-                "" if devices else "Set quality.device to CPU."),
+        Finding(
+            "Blender",
+            "ok" if supported else "missing",
+            f"{facts['blender']}, Python {facts['python']}",
+            "" if supported else "Use Blender 4.2 LTS or later.",
+        ),
+        Finding(
+            "Open Shading Language",
+            "ok" if facts["osl"] else "limited",
+            "built in" if facts["osl"] else "absent",
+            "" if facts["osl"] else "Not needed by the Principled surface; official builds have it.",
+        ),
+        Finding(
+            "OpenImageDenoise",
+            "ok" if facts["denoiser"] else "limited",
+            "built in" if facts["denoiser"] else "absent",
+            "" if facts["denoiser"] else "Set quality.denoiser to NONE, or use an official build.",
+        ),
+        Finding(
+            "Graphics card",
+            "ok" if devices else "limited",
+            devices or "none that Cycles can use",
+            "" if devices else "Set quality.device to CPU.",
+        ),
     ]
 
 
@@ -90,22 +111,42 @@ def examine_evaluator(python: str) -> list[Finding]:
         facts = _check_evaluator(python)
     except IcyMoonError as error:
         return [Finding("Evaluator", "missing", str(error), "Install Python 3.11 or later and give its path.")]
-    names = {"python": "Python", "cv2": "OpenCV", "numpy": "numpy", "OpenEXR": "OpenEXR", "jinja2": "jinja2",
-             "torch": "torch"}
+    names = {
+        "python": "Python",
+        "cv2": "OpenCV",
+        "numpy": "numpy",
+        "OpenEXR": "OpenEXR",
+        "jinja2": "jinja2",
+        "torch": "torch",
+    }
     found = [f"{text} {facts[name]}" for name, text in names.items() if facts.get(name)]
     matchers = facts.get("matchers", {})
-    return [Finding("Evaluator", "ok" if facts["ok"] else "missing", ", ".join(found), facts["message"]),
-            *([Finding(PLUGINS, "ok", ", ".join(f"{name} ({release})" for name, release in matchers.items()),
-                       names=tuple(matchers))] if matchers else []),
-            *(Finding("Plug-in", "limited", sentence) for sentence in facts.get("refused", ()))]
+    return [
+        Finding("Evaluator", "ok" if facts["ok"] else "missing", ", ".join(found), facts["message"]),
+        *(
+            [
+                Finding(
+                    PLUGINS,
+                    "ok",
+                    ", ".join(f"{name} ({release})" for name, release in matchers.items()),
+                    names=tuple(matchers),
+                )
+            ]
+            if matchers
+            else []
+        ),
+        *(Finding("Plug-in", "limited", sentence) for sentence in facts.get("refused", ())),
+    ]
 
 
 def examine_landforms() -> list[Finding]:
     """The landforms of plug-ins in this Python, and why any cannot be used."""
     usable, faults = landform_plugins()
     found = [f"{landform.label} ({landform.plugin.release})" for landform in usable.values()]
-    return [*([Finding("Landforms of plug-ins", "ok", ", ".join(found))] if found else []),
-            *(Finding("Plug-in", "limited", fault) for fault in faults.values())]
+    return [
+        *([Finding("Landforms of plug-ins", "ok", ", ".join(found))] if found else []),
+        *(Finding("Plug-in", "limited", fault) for fault in faults.values()),
+    ]
 
 
 def examine_kernels(kernels: str) -> list[Finding]:
@@ -114,11 +155,23 @@ def examine_kernels(kernels: str) -> list[Finding]:
         return []
     folder = Path(kernels)
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
-        return [Finding("SPICE kernels", "missing", f"{kernels} is not there or empty",
-                        "Give a meta-kernel or a folder of kernels, or leave it empty.")]
+        return [
+            Finding(
+                "SPICE kernels",
+                "missing",
+                f"{kernels} is not there or empty",
+                "Give a meta-kernel or a folder of kernels, or leave it empty.",
+            )
+        ]
     if importlib.util.find_spec("spiceypy") is None:
-        return [Finding("SPICE kernels", "limited", f"{kernels}, but this Python has no SpiceyPy",
-                        'In the Python that renders: pip install "icymoon[ephemeris]".')]
+        return [
+            Finding(
+                "SPICE kernels",
+                "limited",
+                f"{kernels}, but this Python has no SpiceyPy",
+                'In the Python that renders: pip install "icymoon[ephemeris]".',
+            )
+        ]
     return [Finding("SPICE kernels", "ok", kernels)]
 
 
@@ -126,7 +179,9 @@ def examine(blender: str, evaluator: str) -> int:
     """Print all findings as a table; 1 if something that is needed is missing."""
     findings = examine_blender(blender) + examine_evaluator(evaluator) + examine_landforms()
     colours = {"ok": "green", "limited": "yellow", "missing": "red"}
-    print_table(("", "found", "what to do"),
-                [((finding.subject, colours[finding.state]), finding.fact, finding.fix) for finding in findings],
-                left=range(3))
+    print_table(
+        ("", "found", "what to do"),
+        [((finding.subject, colours[finding.state]), finding.fact, finding.fix) for finding in findings],
+        left=range(3),
+    )
     return int(any(finding.state == "missing" for finding in findings))

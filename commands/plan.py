@@ -30,13 +30,21 @@ _MOST_ADVICE = 2
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``plan``."""
-    parser.add_argument("plan", nargs="?",
-                        help="TOML file, or the name of a shipped plan; without one these are listed")
+    parser.add_argument(
+        "plan", nargs="?", help="TOML file, or the name of a shipped plan; without one these are listed"
+    )
     parser.add_argument("--dry-run", action="store_true", help="print how many pairs there are and what they will take")
-    parser.add_argument("--out", type=as_path, metavar="DATASET",
-                        help="folder of the data set; its pairs are counted, and what they took is learnt from")
-    parser.add_argument("--blender", help="Blender, or a Python with bpy, that is to render it: a dry run asks it "
-                        "whether it can (this Python, if it has bpy)")
+    parser.add_argument(
+        "--out",
+        type=as_path,
+        metavar="DATASET",
+        help="folder of the data set; its pairs are counted, and what they took is learnt from",
+    )
+    parser.add_argument(
+        "--blender",
+        help="Blender, or a Python with bpy, that is to render it: a dry run asks it "
+        "whether it can (this Python, if it has bpy)",
+    )
     parser.add_argument("--json", action="store_true", help="print JSON lines")
     parser.set_defaults(run=_run_plan)
 
@@ -50,10 +58,15 @@ def check_plan(plan: Plan) -> None:
 def varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
     """(topic, key) of the settings that are not the same in all pairs."""
     # Pairs share most of their tables; each is compared once.
-    tables = {topic: list({id(table): table for pair in pairs if (table := pair.settings[topic]) is not None}.values())
-              for topic in dict.fromkeys(topic for topic, _ in all_settings())}
-    return [(topic, s.key) for topic, s in all_settings()
-            if any(table[s.key] != tables[topic][0][s.key] for table in tables[topic])]
+    tables = {
+        topic: list({id(table): table for pair in pairs if (table := pair.settings[topic]) is not None}.values())
+        for topic in dict.fromkeys(topic for topic, _ in all_settings())
+    }
+    return [
+        (topic, s.key)
+        for topic, s in all_settings()
+        if any(table[s.key] != tables[topic][0][s.key] for table in tables[topic])
+    ]
 
 
 def describe_pair(pair: PlannedPair, names: Sequence[tuple[str, str]]) -> str:
@@ -115,8 +128,15 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
     told = [line for line in (plan.describe_splits(), plan.describe_draws()) if line]
     # One image size mostly, so the same sentence of most pairs.
     centred = dict.fromkeys(said for pair in pairs for said in centre_advice(pair.settings.rig))
-    lines = [*lack, *found.lines(), *told, *plan.describe_stand_ins(), *list(centred)[:_MOST_ADVICE],
-             *_bake_lines(pairs), *_refusal_lines(plan)]
+    lines = [
+        *lack,
+        *found.lines(),
+        *told,
+        *plan.describe_stand_ins(),
+        *list(centred)[:_MOST_ADVICE],
+        *_bake_lines(pairs),
+        *_refusal_lines(plan),
+    ]
     if options.json:
         emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.to_json() | {"lines": lines})
         return
@@ -129,8 +149,9 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
 def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) -> list[str]:
     """Why the Blender that is to render the pairs cannot, as a list of no or one sentence."""
     own = sys.executable if importlib.util.find_spec("bpy") else ""
-    missing = [pair.settings for pair in pairs
-               if not (options.out and is_complete(pair.folder(options.out.absolute())))]
+    missing = [
+        pair.settings for pair in pairs if not (options.out and is_complete(pair.folder(options.out.absolute())))
+    ]
     blender = options.blender or own
     if blender:
         return [lack for lack in (find_lack(missing, blender),) if lack]

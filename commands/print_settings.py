@@ -26,8 +26,12 @@ def add_presets_options(parser: argparse.ArgumentParser) -> None:
 def add_sources_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``sources``."""
     parser.add_argument("path", type=as_path, help="pair folder, or a data set of one pair")
-    parser.add_argument("names", nargs="*", metavar="NAME", help="topic such as light, or setting such as "
-                         "light.planet_albedo (all that are not defaults)")
+    parser.add_argument(
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help="topic such as light, or setting such as light.planet_albedo (all that are not defaults)",
+    )
     parser.set_defaults(run=_run_sources)
 
 

@@ -27,8 +27,9 @@ def add_quality_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``quality``."""
     add_scene_options(parser)
     add_blender_option(parser)
-    parser.add_argument("--measure", action="store_true",
-                        help="measure this machine again by a small render, not only the first time")
+    parser.add_argument(
+        "--measure", action="store_true", help="measure this machine again by a small render, not only the first time"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON lines")
     parser.set_defaults(run=_run_quality)
 
@@ -38,8 +39,12 @@ def add_trade_options(parser: argparse.ArgumentParser) -> None:
     add_scene_options(parser)
     add_blender_option(parser)
     _add_bench_options(parser)
-    parser.add_argument("--groups", default="", help="what to vary, separated by commas: samples, bounces, threshold, "
-                        "indirect, shortcuts, files, subsurface, glints, mesh, relief, hapke (all that the scene has)")
+    parser.add_argument(
+        "--groups",
+        default="",
+        help="what to vary, separated by commas: samples, bounces, threshold, "
+        "indirect, shortcuts, files, subsurface, glints, mesh, relief, hapke (all that the scene has)",
+    )
     parser.add_argument("--repeats", type=int, default=2, help="renders of each variant (%(default)s)")
     parser.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     parser.set_defaults(run=_run_trade)
@@ -50,11 +55,18 @@ def add_auto_options(parser: argparse.ArgumentParser) -> None:
     add_scene_options(parser)
     add_blender_option(parser)
     _add_bench_options(parser)
-    parser.add_argument("--tolerance-px", type=float, metavar="PX",
-                        help=f"mean disparity error that may be added ({PX:g}, or any if --tolerance-bad-1 is given)")
-    parser.add_argument("--tolerance-bad-1", type=parse_fraction, metavar="SHARE",
-                        help="share of pixels that may be added to those missing or off by more than 1 px, as 0.5%% or "
-                        "0.005 (any)")
+    parser.add_argument(
+        "--tolerance-px",
+        type=float,
+        metavar="PX",
+        help=f"mean disparity error that may be added ({PX:g}, or any if --tolerance-bad-1 is given)",
+    )
+    parser.add_argument(
+        "--tolerance-bad-1",
+        type=parse_fraction,
+        metavar="SHARE",
+        help="share of pixels that may be added to those missing or off by more than 1 px, as 0.5%% or 0.005 (any)",
+    )
     parser.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     parser.set_defaults(run=_run_auto)
 
@@ -68,14 +80,24 @@ def _parse_count(text: str) -> int:
 
 def _add_bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--methods", default="sgbm,bm,jplv", help="matchers, separated by commas (%(default)s)")
-    parser.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
-                        help="option of your own matcher, which --methods then names as own:NAME; may repeat")
-    parser.add_argument("--reference-samples", type=int, default=1024,
-                        help="light paths per pixel of the reference (%(default)s)")
+    parser.add_argument(
+        "--own",
+        action="append",
+        default=[],
+        metavar="NAME:METHOD:KEY=VALUE",
+        help="option of your own matcher, which --methods then names as own:NAME; may repeat",
+    )
+    parser.add_argument(
+        "--reference-samples", type=int, default=1024, help="light paths per pixel of the reference (%(default)s)"
+    )
     parser.add_argument("--scale", type=float, default=1.0, help="share of the image's width and height (%(default)s)")
-    parser.add_argument("--images", type=_parse_count, default=1, metavar="N",
-                        help="images of the ground under this Sun, which share what it takes to bake its light "
-                        "(%(default)s)")
+    parser.add_argument(
+        "--images",
+        type=_parse_count,
+        default=1,
+        metavar="N",
+        help="images of the ground under this Sun, which share what it takes to bake its light (%(default)s)",
+    )
     parser.add_argument("--out", type=as_path, required=True, help="folder for renders and report")
 
 
@@ -91,16 +113,21 @@ def _run_quality(options: argparse.Namespace) -> int:
         speed = None if options.measure else recall_speed(device)
         if speed is None:
             with scratch_folder() as folder, show_progress("Measuring this machine") as show:
-                speed = measure_speed(options.blender, device, folder,
-                                      lambda message: show(message) if message["type"] == "progress" else None)
+                speed = measure_speed(
+                    options.blender,
+                    device,
+                    folder,
+                    lambda message: show(message) if message["type"] == "progress" else None,
+                )
         found = list_qualities(settings, count_triangles(settings), speed, _ask_abilities(options.blender))
     if options.json:
         printer.emit("result", speed=asdict(speed), qualities=[asdict(each) for each in found])
         return 0
     printer.say(f"A pair of this scene takes ({speed.basis}, {speed.processors} processors):")
     for each in found:
-        printer.say(f"  {each.name or each.title.lower():22} {each.cost:28} "
-                    f"{'' if each.lacks else each.error}".rstrip())
+        printer.say(
+            f"  {each.name or each.title.lower():22} {each.cost:28} {'' if each.lacks else each.error}".rstrip()
+        )
     measured = next((each.errors for each in found if each.errors), None)
     if measured:
         printer.say(f"Errors are those of {measured['scene']}; of this scene: icymoon auto, icymoon trade.")
@@ -119,16 +146,32 @@ def _emit_event(event: Message) -> None:
     printer.emit_json(event)
 
 
-def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], dict[str, Any]],
-               show: Callable[[dict[str, Any]], None], repeats: int = 1) -> int:
+def _run_bench(
+    options: argparse.Namespace,
+    title: str,
+    work: Callable[[Bench], dict[str, Any]],
+    show: Callable[[dict[str, Any]], None],
+    repeats: int = 1,
+) -> int:
     """Do ``work`` with a bench as the options describe it, showing progress, then ``show`` its result."""
     from ..stereo.trade.measure_variants import Bench, scaled_view
 
     told = nullcontext(_emit_event) if options.json_lines else show_counted_progress(title)
     with report_errors(options.json_lines), told as on_event:
         view = description.merged(read_settings(options), {"dataset": {"headings": 1}})
-        found = work(Bench(scaled_view(view, options.scale), options.out.absolute(), options.blender, options.methods,
-                           options.reference_samples, repeats, on_event, tuple(options.own), options.images))
+        found = work(
+            Bench(
+                scaled_view(view, options.scale),
+                options.out.absolute(),
+                options.blender,
+                options.methods,
+                options.reference_samples,
+                repeats,
+                on_event,
+                tuple(options.own),
+                options.images,
+            )
+        )
     if options.json_lines:
         printer.emit("result", **found)
     else:
@@ -150,8 +193,9 @@ def _run_trade(options: argparse.Namespace) -> int:
         printer.say(str(page))
 
     groups = named([group for group in options.groups.split(",") if group])
-    return _run_bench(options, "Measuring", lambda bench: {**run_trade(bench, groups), "report": str(page)}, show,
-                      options.repeats)
+    return _run_bench(
+        options, "Measuring", lambda bench: {**run_trade(bench, groups), "report": str(page)}, show, options.repeats
+    )
 
 
 def _print_decided(report: dict[str, Any]) -> None:
@@ -165,10 +209,21 @@ def _print_decided(report: dict[str, Any]) -> None:
         return
     printer.print_table(
         ("Variant", "CPU (s)", "Matcher", "Decisions", *(column.title for column in DECISION_COLUMNS)),
-        [(row["name"], f"{row['cpu_s'] or 0.0:.1f}", describe_method(method), SAME[found["same"]],
-          *(format_number(found, column) for column in DECISION_COLUMNS))
-         for row in sorted(rows, key=lambda row: row["cpu_s"] or 0.0) for method, found in row["decisions"].items()],
-        "Decisions against those on the reference", left=(0, 2), narrowest=160)
+        [
+            (
+                row["name"],
+                f"{row['cpu_s'] or 0.0:.1f}",
+                describe_method(method),
+                SAME[found["same"]],
+                *(format_number(found, column) for column in DECISION_COLUMNS),
+            )
+            for row in sorted(rows, key=lambda row: row["cpu_s"] or 0.0)
+            for method, found in row["decisions"].items()
+        ],
+        "Decisions against those on the reference",
+        left=(0, 2),
+        narrowest=160,
+    )
     printer.say(report["decision_rule"])
 
 

@@ -25,15 +25,24 @@ _MOST_STOPS = 20.0
 #: its indirect light is baked.
 DEMO_ALIKE: Parts = {"rig": {"width_px": 320, "height_px": 240}, "surface": {"model": "LAMBERT"}}
 DEMO: dict[str, Parts] = {
-    "enceladus_fresh_snow": {"quality": {"indirect": "BAKED", "bake_area": "VIEW", "bake_samples": 64,
-                                         "bake_noise": 0.004, "direct_samples": 128}},
-    "europa_rough_ice": {"light": {"sun_elevation_deg": 55.0}, "quality": {"samples": 40, "diffuse_bounces": 2}}}
+    "enceladus_fresh_snow": {
+        "quality": {
+            "indirect": "BAKED",
+            "bake_area": "VIEW",
+            "bake_samples": 64,
+            "bake_noise": 0.004,
+            "direct_samples": 128,
+        }
+    },
+    "europa_rough_ice": {"light": {"sun_elevation_deg": 55.0}, "quality": {"samples": 40, "diffuse_bounces": 2}},
+}
 
 
 def add_demo_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``demo``."""
-    parser.add_argument("--out", type=as_path, default=Path("out/demo"),
-                        help="folder for pairs and report (%(default)s)")
+    parser.add_argument(
+        "--out", type=as_path, default=Path("out/demo"), help="folder for pairs and report (%(default)s)"
+    )
     parser.set_defaults(run=_run_demo)
 
 
@@ -51,10 +60,19 @@ def add_gallery_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``gallery``."""
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="one scene; may repeat (all)")
     parser.add_argument("--scale", type=float, default=1.0, help="share of the images' width and height (%(default)s)")
-    parser.add_argument("--stops", type=float, default=0.0, help="expose pictures and sheet so many stops longer than "
-                         "the camera does; files then end in the number (%(default)s)")
-    parser.add_argument("--out", type=as_path, default=Path("out/gallery"), help="folder for the pairs, a picture of "
-                         "each and the sheet gallery.jpg (%(default)s)")
+    parser.add_argument(
+        "--stops",
+        type=float,
+        default=0.0,
+        help="expose pictures and sheet so many stops longer than "
+        "the camera does; files then end in the number (%(default)s)",
+    )
+    parser.add_argument(
+        "--out",
+        type=as_path,
+        default=Path("out/gallery"),
+        help="folder for the pairs, a picture of each and the sheet gallery.jpg (%(default)s)",
+    )
     add_blender_option(parser)
     parser.set_defaults(run=_run_gallery)
 
@@ -107,8 +125,9 @@ def _run_gallery(options: argparse.Namespace) -> int:
         raise IcyMoonError(f"--stops is {options.stops:g}, not a number from -{_MOST_STOPS:g} to {_MOST_STOPS:g}.")
     ending = f"_{options.stops:+g}" if options.stops else ""
     shown, shown_on_sheet = only or known, []
-    described = {name: description.merged(description.defaults(), preset_files.load_preset(f"gallery/{name}"))
-                 for name in shown}
+    described = {
+        name: description.merged(description.defaults(), preset_files.load_preset(f"gallery/{name}")) for name in shown
+    }
     check_abilities(described.values(), options.blender)
     for name in known:
         preset, picture = f"gallery/{name}", out / f"{name}{ending}.jpg"
@@ -116,7 +135,7 @@ def _run_gallery(options: argparse.Namespace) -> int:
         command = f"icymoon render --preset {preset}"
         if name in shown:
             printer.say(f"{title}. {text}: python -m {command} --out DATASET", at_once=True)
-            pair, = render_settings(scaled_view(described[name], options.scale), out, options.blender)
+            (pair,) = render_settings(scaled_view(described[name], options.scale), out, options.blender)
             write_picture(pair, picture, options.stops)
         if picture.is_file():
             shown_on_sheet.append((picture, title, command))

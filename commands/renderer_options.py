@@ -13,5 +13,10 @@ def add_blender_option(parser: argparse.ArgumentParser) -> None:
 
 def add_cards_option(parser: argparse.ArgumentParser) -> None:
     """Add ``--cards``."""
-    parser.add_argument("--cards", default="", metavar="N,N", help="graphics cards for scenes with quality.device GPU, "
-                        "numbered as icymoon doctor lists them; each worker takes one (ICYMOON_CARDS, or all)")
+    parser.add_argument(
+        "--cards",
+        default="",
+        metavar="N,N",
+        help="graphics cards for scenes with quality.device GPU, "
+        "numbered as icymoon doctor lists them; each worker takes one (ICYMOON_CARDS, or all)",
+    )

@@ -36,8 +36,7 @@ def run_validate(options: argparse.Namespace) -> int:
     packages.require("numpy", "cv2", "OpenEXR")
     only = named(options.only)
     chosen = choose_comparisons(only, options.own_files, options.quick)
-    without = [each for each in chosen if each.needs and each.name not in only
-               and getattr(options, each.needs) is None]
+    without = [each for each in chosen if each.needs and each.name not in only and getattr(options, each.needs) is None]
     for each in without:
         printer.warn(f"{each.title}: left out, because it needs data; give their folder by --{each.needs}.")
     chosen = [each for each in chosen if each not in without]
@@ -46,8 +45,11 @@ def run_validate(options: argparse.Namespace) -> int:
     out = options.out.absolute()
     results = [_run_one(each, out, options) for each in chosen]
     out.mkdir(parents=True, exist_ok=True)
-    report = {"passes": all(result.passes for result in results), "quick": options.quick,
-              "comparisons": [result.to_json() for result in results]}
+    report = {
+        "passes": all(result.passes for result in results),
+        "quick": options.quick,
+        "comparisons": [result.to_json() for result in results],
+    }
     write_text(out / "validation.json", json_text(report))
     write_text(out / "validation.md", "\n".join(markdown_section(result) for result in results))
     if options.page:
@@ -68,6 +70,7 @@ def _run_one(comparison: Comparison, out: Path, options: argparse.Namespace) -> 
     if options.json:
         return run_comparison(comparison, Bench(out, options.blender, options.quick, polar=options.polar))
     with show_progress(comparison.title) as show:
+
         def say(message: dict[str, Any]) -> None:
             if message["type"] == "progress":
                 show(message)

@@ -13,8 +13,14 @@ def add_scene_options(parser: argparse.ArgumentParser) -> None:
     """Add ``--preset``, ``--settings`` and ``--set``."""
     parser.add_argument("--preset", action="append", default=[], help="shipped preset, see icymoon presets; may repeat")
     parser.add_argument("--settings", type=as_path, action="append", default=[], help="TOML file; may repeat")
-    parser.add_argument("--set", action="append", default=[], metavar="TOPIC.KEY=VALUE", dest="overrides",
-                        help="one setting; may repeat")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="TOPIC.KEY=VALUE",
+        dest="overrides",
+        help="one setting; may repeat",
+    )
 
 
 def read_settings(options: argparse.Namespace) -> Settings:
@@ -23,4 +29,5 @@ def read_settings(options: argparse.Namespace) -> Settings:
         description.defaults(),
         *(preset_files.load_preset(name) for name in options.preset),
         *(preset_files.load(path) for path in options.settings),
-        *(description.override(text) for text in options.overrides))
+        *(description.override(text) for text in options.overrides),
+    )

@@ -21,39 +21,65 @@ from .scene_options import add_scene_options, read_settings
 _MOST_ROWS = 1000
 #: Characters of a row that goes into a pipe.
 _WIDTH = 132
-_COLUMNS = ("Date (UTC)", "Sun el.°", "az.°", "W/m²", "level", "hidden %", "Planet el.°", "az.°", "size°", "phase°",
-            "W/m²", "level")
+_COLUMNS = (
+    "Date (UTC)",
+    "Sun el.°",
+    "az.°",
+    "W/m²",
+    "level",
+    "hidden %",
+    "Planet el.°",
+    "az.°",
+    "size°",
+    "phase°",
+    "W/m²",
+    "level",
+)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``sky``."""
     add_scene_options(parser)
-    parser.add_argument("--body", help="light.body with its preset: ENCELADUS or EUROPA; or any that the kernels "
-                        "cover, whose planet --set light.parent=NAME names")
+    parser.add_argument(
+        "--body",
+        help="light.body with its preset: ENCELADUS or EUROPA; or any that the kernels "
+        "cover, whose planet --set light.parent=NAME names",
+    )
     parser.add_argument("--latitude", type=float, metavar="DEG", help="light.latitude_deg, north")
     parser.add_argument("--longitude", type=float, metavar="DEG", help="light.longitude_deg, east")
     parser.add_argument("--date", help="light.date_utc, such as 2035-03-01T12:00:00")
     parser.add_argument("--kernels", help="light.kernels: a SPICE meta-kernel or a folder, in place of own elements")
     parser.add_argument("--hours", type=float, default=0.0, help="a table from the date to so many hours after it")
-    parser.add_argument("--every", type=float, default=1.0, metavar="HOURS",
-                        help="hours between its rows (%(default)s)")
+    parser.add_argument(
+        "--every", type=float, default=1.0, metavar="HOURS", help="hours between its rows (%(default)s)"
+    )
     parser.add_argument("--json", action="store_true", help="print facts as JSON, a line for each date")
     parser.set_defaults(run=_run_sky)
 
 
 def _run_sky(options: argparse.Namespace) -> int:
     by_date = bool(options.date or options.kernels)
-    stated = {"body": options.body, "latitude_deg": options.latitude, "longitude_deg": options.longitude,
-              "date_utc": options.date, "kernels": options.kernels,
-              "directions_from": "KERNELS" if options.kernels else "DATE" if options.date else None,
-              "planet": True if by_date else None}
+    stated = {
+        "body": options.body,
+        "latitude_deg": options.latitude,
+        "longitude_deg": options.longitude,
+        "date_utc": options.date,
+        "kernels": options.kernels,
+        "directions_from": "KERNELS" if options.kernels else "DATE" if options.date else None,
+        "planet": True if by_date else None,
+    }
     options.preset += _preset_of(options.body)
-    settings = merged(read_settings(options), check(
-        {"light": {key: value for key, value in stated.items() if value is not None}}, "sky"))
+    settings = merged(
+        read_settings(options),
+        check({"light": {key: value for key, value in stated.items() if value is not None}}, "sky"),
+    )
     if options.body is None:
         name = settings.light.body.strip().upper()
-        check_body(settings, f"give --body {name} for the sky of {name.title()}, with its preset, or set light.body to "
-                             "what the ground is of.")
+        check_body(
+            settings,
+            f"give --body {name} for the sky of {name.title()}, with its preset, or set light.body to "
+            "what the ground is of.",
+        )
     rows = []
     for date in _dates(settings.light.date_utc, settings.light.directions_from, options.hours, options.every):
         light = merged(settings, {"light": {"date_utc": date}}).light
@@ -65,10 +91,16 @@ def _run_sky(options: argparse.Namespace) -> int:
         rows.append(_row(date.replace("T", " ").removesuffix(":00") if dated else "by angles", facts))
     if not options.json:
         print_table(_COLUMNS, rows, narrowest=_WIDTH)
-        where = f"{light.body.title()}, {show_place(light.latitude_deg, light.longitude_deg)}, by " + (
-            "SPICE kernels. " if light.directions_from == "KERNELS" else "mean orbits. ") if dated else ""
-        say(f"{where}W/m² are on a surface that faces the light, and on level ground. Hidden is the share of the Sun's "
-            "disc behind the planet; its W/m² are without that share, and 0 by night.")
+        where = (
+            f"{light.body.title()}, {show_place(light.latitude_deg, light.longitude_deg)}, by "
+            + ("SPICE kernels. " if light.directions_from == "KERNELS" else "mean orbits. ")
+            if dated
+            else ""
+        )
+        say(
+            f"{where}W/m² are on a surface that faces the light, and on level ground. Hidden is the share of the Sun's "
+            "disc behind the planet; its W/m² are without that share, and 0 by night."
+        )
     return 0
 
 
@@ -85,8 +117,9 @@ def _dates(first: str, source: str, hours: float, every: float) -> list[str]:
     if source == "ANGLES":
         raise IcyMoonError("--hours needs a date; give --date, or set light.directions_from to DATE.")
     if not (0 < hours < np.inf and 0 < every < np.inf) or hours / every > _MOST_ROWS:
-        raise IcyMoonError(f"--hours is {hours:g} and --every {every:g}; give numbers above 0 that make at most "
-                           f"{_MOST_ROWS} rows.")
+        raise IcyMoonError(
+            f"--hours is {hours:g} and --every {every:g}; give numbers above 0 that make at most {_MOST_ROWS} rows."
+        )
     start = parse_date(first).astype("datetime64[s]")
     steps = np.arange(0.0, hours + every / 1e6, every)
     return [date_text(start + np.timedelta64(round(3600 * step), "s")) for step in steps]
@@ -94,10 +127,22 @@ def _dates(first: str, source: str, hours: float, every: float) -> list[str]:
 
 def _row(date: str, facts: dict[str, Any]) -> tuple[str, ...]:
     sun, planet = facts["sun"], facts["planet"]
-    cells = [date, f"{sun['elevation_deg']:.2f}", f"{sun['azimuth_deg']:.2f}", f"{sun['irradiance_wm2']:.3f}",
-             f"{sun['ground_irradiance_wm2']:.3f}", f"{100 * sun['eclipse']:.0f}"]
+    cells = [
+        date,
+        f"{sun['elevation_deg']:.2f}",
+        f"{sun['azimuth_deg']:.2f}",
+        f"{sun['irradiance_wm2']:.3f}",
+        f"{sun['ground_irradiance_wm2']:.3f}",
+        f"{100 * sun['eclipse']:.0f}",
+    ]
     if planet is None:
         return (*cells, *["–"] * 6)
-    return (*cells, f"{planet['elevation_deg']:.2f}", f"{planet['azimuth_deg']:.2f}",
-            f"{planet['angular_diameter_deg']:.2f}", f"{planet['phase_deg']:.1f}", f"{planet['irradiance_wm2']:.4f}",
-            f"{planet['ground_irradiance_wm2']:.4f}")
+    return (
+        *cells,
+        f"{planet['elevation_deg']:.2f}",
+        f"{planet['azimuth_deg']:.2f}",
+        f"{planet['angular_diameter_deg']:.2f}",
+        f"{planet['phase_deg']:.1f}",
+        f"{planet['irradiance_wm2']:.4f}",
+        f"{planet['ground_irradiance_wm2']:.4f}",
+    )

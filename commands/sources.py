@@ -56,12 +56,12 @@ def _read_preset(name: str) -> _Preset:
     path = preset_files.preset_path(name)
     raw = toml_text.read_toml(path)
     stated = {topic: values for topic, values in raw.items() if topic in TOPICS}
-    return _Preset(name, description.check(stated, str(path)), raw.get("sources", {}),
-                   tuple(raw["preset"].get("include", ())))
+    return _Preset(
+        name, description.check(stated, str(path)), raw.get("sources", {}), tuple(raw["preset"].get("include", ()))
+    )
 
 
-def _likeness(stated: Settings, settings: Settings,
-              defaults: Settings) -> tuple[float, int]:
+def _likeness(stated: Settings, settings: Settings, defaults: Settings) -> tuple[float, int]:
     """The share of the stated values that are in the settings, and the number of these values.
 
     Values that are defaults count only if all stated values are defaults.
@@ -106,8 +106,9 @@ def find_origins(settings: Settings, asked: Iterable[str] = ()) -> Iterator[Orig
         if word not in names:
             raise IcyMoonError(f"{word!r} is no topic and no setting; give for example light, or light.planet_albedo.")
     presets = _rank_presets(settings)
-    stand_ins = {"source.stand_in" if isinstance(item, MeshItem) else "textures.stand_in": item
-                 for item in items_of(settings)}
+    stand_ins = {
+        "source.stand_in" if isinstance(item, MeshItem) else "textures.stand_in": item for item in items_of(settings)
+    }
     for topic, setting in all_settings():
         if wanted and topic not in wanted and f"{topic}.{setting.key}" not in wanted:
             continue

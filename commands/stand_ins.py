@@ -42,8 +42,9 @@ def _run(options: argparse.Namespace) -> int:
 def _describe_size(item: TextureItem | MeshItem) -> str:
     if isinstance(item, TextureItem):
         return f"{item.width_m:g} m wide, {PIXELS} pixels"
-    return (f"{item.size_m:g} m wide, about {item.triangles} triangles, {item.holes} holes, image of {MESH_PIXELS} "
-            "pixels")
+    return (
+        f"{item.size_m:g} m wide, about {item.triangles} triangles, {item.holes} holes, image of {MESH_PIXELS} pixels"
+    )
 
 
 def _describe(item: TextureItem | MeshItem) -> str:

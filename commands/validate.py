@@ -13,17 +13,34 @@ from .renderer_options import add_blender_option
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``validate``."""
     names = ", ".join(MODULES)
-    parser.add_argument("--only", action="append", default=[], metavar="NAME",
-                        help=f"one comparison; may repeat ({names}; all)")
+    parser.add_argument(
+        "--only", action="append", default=[], metavar="NAME", help=f"one comparison; may repeat ({names}; all)"
+    )
     parser.add_argument("--quick", action="store_true", help="only what takes a minute, with fewer cases")
-    parser.add_argument("--own", action="append", default=[], type=as_path, metavar="FILE.py", dest="own_files",
-                        help="Python file with a comparison of your own, which is run; may repeat")
-    parser.add_argument("--polar", type=as_path, metavar="FOLDER", help="labels and scanned rocks of POLAR-Sim, a real "
-                        "scene that is rendered again; see Validation in the manual")
-    parser.add_argument("--out", type=as_path, default=Path("out/validation"), help="folder for renders, the tables "
-                        "validation.json and validation.md, and pictures (%(default)s)")
-    parser.add_argument("--page", type=as_path, metavar="FILE.md",
-                        help="page whose sections of these comparisons are written anew")
+    parser.add_argument(
+        "--own",
+        action="append",
+        default=[],
+        type=as_path,
+        metavar="FILE.py",
+        dest="own_files",
+        help="Python file with a comparison of your own, which is run; may repeat",
+    )
+    parser.add_argument(
+        "--polar",
+        type=as_path,
+        metavar="FOLDER",
+        help="labels and scanned rocks of POLAR-Sim, a real scene that is rendered again; see Validation in the manual",
+    )
+    parser.add_argument(
+        "--out",
+        type=as_path,
+        default=Path("out/validation"),
+        help="folder for renders, the tables validation.json and validation.md, and pictures (%(default)s)",
+    )
+    parser.add_argument(
+        "--page", type=as_path, metavar="FILE.md", help="page whose sections of these comparisons are written anew"
+    )
     add_blender_option(parser)
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     parser.set_defaults(run=_run)

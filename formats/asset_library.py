@@ -21,9 +21,15 @@ from ..support.version import version
 #: The catalog of all others. Blender would add it and report the catalogs as changed.
 _PARENT = "Icy Moon"
 #: The catalog of each kind of asset. The kind is also the folder of its .blend files.
-CATALOGS = {"scenes": f"{_PARENT}/Scenes", "gallery": f"{_PARENT}/Scenes", "surfaces": f"{_PARENT}/Surfaces",
-            "rigs": f"{_PARENT}/Rigs", "lights": f"{_PARENT}/Lights", "bodies": f"{_PARENT}/Lights",
-            "skies": f"{_PARENT}/Skies"}
+CATALOGS = {
+    "scenes": f"{_PARENT}/Scenes",
+    "gallery": f"{_PARENT}/Scenes",
+    "surfaces": f"{_PARENT}/Surfaces",
+    "rigs": f"{_PARENT}/Rigs",
+    "lights": f"{_PARENT}/Lights",
+    "bodies": f"{_PARENT}/Lights",
+    "skies": f"{_PARENT}/Skies",
+}
 #: Names that Blender and we give to files in the folder. Blender keeps the list of catalogs that it has replaced.
 _CATALOG_FILE, _OLDER, RECORD = "blender_assets.cats.txt", "blender_assets.cats.txt~", "icymoon_assets.json"
 _SHAPE = {"made_with": TEXT, "files": Each(TEXT)}

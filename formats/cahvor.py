@@ -25,8 +25,15 @@ from ..support.number_text import count_of
 from .odl import Group, Value, parse_label
 
 _LETTERS = "CAHVORE"
-_NAMES = {"C": "CENTER", "A": "AXIS", "H": "HORIZONTAL", "V": "VERTICAL", "O": "OPTICAL", "R": "RADIAL",
-          "E": "ENTRANCE"}
+_NAMES = {
+    "C": "CENTER",
+    "A": "AXIS",
+    "H": "HORIZONTAL",
+    "V": "VERTICAL",
+    "O": "OPTICAL",
+    "R": "RADIAL",
+    "E": "ENTRANCE",
+}
 _UNITS = {"C": "METER", "H": "PIXEL", "V": "PIXEL"}
 #: How far H and V of a camera with square, upright pixels may be from being perpendicular, as a cosine.
 _SKEW = 1e-6
@@ -76,13 +83,13 @@ class Cahvor:
             d = d / np.linalg.norm(d, axis=-1, keepdims=True)
         zeta = d @ o
         away = d - zeta[..., None] * o
-        l2 = (away ** 2).sum(axis=-1)
+        l2 = (away**2).sum(axis=-1)
         if self.e is None:
-            t = l2 / zeta ** 2
+            t = l2 / zeta**2
             return d + (r[0] + t * (r[1] + t * r[2]))[..., None] * away
         length = np.sqrt(l2)
         chi = _chi(_pupil_angle(zeta, length, self.e), self.linearity)
-        mu = r[0] + chi ** 2 * (r[1] + chi ** 2 * r[2])
+        mu = r[0] + chi**2 * (r[1] + chi**2 * r[2])
         along = np.where(chi > 1e-8, length / np.where(chi > 1e-8, chi, 1.0), zeta)
         return along[..., None] * o + (1 + mu)[..., None] * away
 
@@ -97,8 +104,10 @@ class Cahvor:
         if not (fx > 0 and fy > 0 and abs(np.linalg.norm(self.a) - 1) < 1e-6):
             raise IcyMoonError("The camera model has no unit axis A, or H or V along it; check its file.")
         if abs(right @ down) > _SKEW * fx * fy:
-            raise IcyMoonError("The pixels of the camera model are skewed, which Icy Moon's cameras cannot be; rectify "
-                               "its images first.")
+            raise IcyMoonError(
+                "The pixels of the camera model are skewed, which Icy Moon's cameras cannot be; rectify "
+                "its images first."
+            )
         return np.array([[fx, 0, hc], [0, fy, vc], [0, 0, 1.0]]), np.stack([right / fx, down / fy, self.a])
 
 
@@ -106,11 +115,12 @@ def _pupil_angle(zeta: np.ndarray, length: np.ndarray, e: np.ndarray) -> np.ndar
     """Angles off the optical axis at which light enters the moving pupil, by Newton's method."""
     theta = np.arctan2(length, zeta)
     for _ in range(_STEPS if e.any() else 0):
-        sine, cosine, t2 = np.sin(theta), np.cos(theta), theta ** 2
+        sine, cosine, t2 = np.sin(theta), np.cos(theta), theta**2
         shift = e[0] + t2 * (e[1] + t2 * e[2])
         value = zeta * sine - length * cosine - (theta - sine) * shift
-        slope = (zeta * cosine + length * sine - (1 - cosine) * shift
-                 - (theta - sine) * theta * (2 * e[1] + 4 * e[2] * t2))
+        slope = (
+            zeta * cosine + length * sine - (1 - cosine) * shift - (theta - sine) * theta * (2 * e[1] + 4 * e[2] * t2)
+        )
         step = value / slope
         theta = theta - step
         if np.abs(step).max(initial=0.0) < 1e-15:
@@ -124,8 +134,14 @@ def _chi(theta: np.ndarray, linearity: float) -> np.ndarray:
     return np.asarray(np.tan(linearity * theta) / linearity) if linearity > 0 else theta
 
 
-def from_pinhole(matrix: np.ndarray, rotation: np.ndarray, centre_m: np.ndarray, size_px: tuple[int, int],
-                 k: Sequence[float] = (), most_px: float = FIT_LIMIT_PX) -> Cahvor:
+def from_pinhole(
+    matrix: np.ndarray,
+    rotation: np.ndarray,
+    centre_m: np.ndarray,
+    size_px: tuple[int, int],
+    k: Sequence[float] = (),
+    most_px: float = FIT_LIMIT_PX,
+) -> Cahvor:
     """The model of a camera with matrix K (3, 3), ``rotation`` (3, 3) from world axes to its own, and distortion ``k``,
     OpenCV's k1, k2, p1, p2, k3.
 
@@ -155,8 +171,14 @@ def _made(p: np.ndarray, rotation: np.ndarray, centre_m: np.ndarray, size_px: tu
     return Cahvor(centre_m, a, p[0] * right + p[2] * a, p[1] * down + p[3] * a, *size_px, o, p[6:9])
 
 
-def _fit(matrix: np.ndarray, rotation: np.ndarray, centre_m: np.ndarray, size_px: tuple[int, int],
-         k: tuple[float, ...], most_px: float) -> Cahvor:
+def _fit(
+    matrix: np.ndarray,
+    rotation: np.ndarray,
+    centre_m: np.ndarray,
+    size_px: tuple[int, int],
+    k: tuple[float, ...],
+    most_px: float,
+) -> Cahvor:
     """The nearest CAHVOR, by least squares over the image (Levenberg and Marquardt)."""
     width, height = size_px
     pixels = _grid(width, height)
@@ -173,8 +195,7 @@ def _fit(matrix: np.ndarray, rotation: np.ndarray, centre_m: np.ndarray, size_px
     damping, found = 1e-3, residuals(p)
     for _ in range(_STEPS):
         slope = np.stack([(residuals(p + step) - found) / 1e-6 for step in np.diag(1e-6 * scale)], axis=1)
-        change = np.linalg.solve(slope.T @ slope + damping * np.diag((slope ** 2).sum(axis=0) + 1e-12),
-                                 -slope.T @ found)
+        change = np.linalg.solve(slope.T @ slope + damping * np.diag((slope**2).sum(axis=0) + 1e-12), -slope.T @ found)
         tried = residuals(p + change * scale)
         if tried @ tried < found @ found:
             p, found, damping = p + change * scale, tried, damping / 5
@@ -184,8 +205,10 @@ def _fit(matrix: np.ndarray, rotation: np.ndarray, centre_m: np.ndarray, size_px
             break
     residual = float(np.abs(found).max())
     if not residual <= most_px:
-        raise IcyMoonError(f"rig.distortion_p1, p2 and k3 have no equal in CAHVOR: the nearest model is off by up to "
-                           f"{residual:.2g} px, more than {most_px:g} px; export raw, or lower them.")
+        raise IcyMoonError(
+            f"rig.distortion_p1, p2 and k3 have no equal in CAHVOR: the nearest model is off by up to "
+            f"{residual:.2g} px, more than {most_px:g} px; export raw, or lower them."
+        )
     made = _made(p, rotation, centre_m, size_px)
     return Cahvor(made.c, made.a, made.h, made.v, *size_px, made.o, made.r, residual_px=residual)
 
@@ -212,8 +235,9 @@ def nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
     """
     matrix, rotation = model.pinhole()
     focal, principal = matrix[[0, 1], [0, 1]], matrix[:2, 2]
-    radial = model.e is None and (model.o is None or model.r is None or (
-        model.r[0] == 0.0 and np.allclose(model.o, model.a, rtol=0, atol=1e-12)))
+    radial = model.e is None and (
+        model.o is None or model.r is None or (model.r[0] == 0.0 and np.allclose(model.o, model.a, rtol=0, atol=1e-12))
+    )
     if radial and abs(focal[0] - focal[1]) < 1e-9 * focal[0]:
         k1, k2 = (0.0, 0.0) if model.r is None else model.r[1:]
         cx, cy = map(float, principal)
@@ -221,18 +245,28 @@ def nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
     # Columns and rows are linear in f, cx, cy and f times each coefficient.
     x, y = ((_grid(model.width_px, model.height_px) - principal) / focal).T
     seen = model.project(np.stack([x, y, np.ones_like(x)], axis=1) @ rotation + model.c)
-    r2, one, none = x ** 2 + y ** 2, np.ones_like(x), np.zeros_like(x)
+    r2, one, none = x**2 + y**2, np.ones_like(x), np.zeros_like(x)
     if not np.isfinite(seen).all():
         raise IcyMoonError("The lens of the camera model sees no place at some of its pixels; check its file.")
-    columns = [(x, y), (one, none), (none, one), (x * r2, y * r2), (x * r2 ** 2, y * r2 ** 2),
-               (2 * x * y, r2 + 2 * y ** 2), (r2 + 2 * x ** 2, 2 * x * y), (x * r2 ** 3, y * r2 ** 3)]
+    columns = [
+        (x, y),
+        (one, none),
+        (none, one),
+        (x * r2, y * r2),
+        (x * r2**2, y * r2**2),
+        (2 * x * y, r2 + 2 * y**2),
+        (r2 + 2 * x**2, 2 * x * y),
+        (x * r2**3, y * r2**3),
+    ]
     design = np.stack([np.concatenate(each) for each in columns], axis=1)
     wanted = seen.T.ravel()
     found, *_ = np.linalg.lstsq(design, wanted, rcond=None)
     residual = float(np.abs(design @ found - wanted).max())
     if not residual <= most_px:
-        raise IcyMoonError("The lens of the camera model has no equal in k1, k2, p1, p2, k3: the nearest is off by up "
-                           f"to {residual:.2g} px, more than {most_px:g} px; rectify its images first.")
+        raise IcyMoonError(
+            "The lens of the camera model has no equal in k1, k2, p1, p2, k3: the nearest is off by up "
+            f"to {residual:.2g} px, more than {most_px:g} px; rectify its images first."
+        )
     f, cx, cy, *k = found.tolist()
     return Lens(f, cx, cy, tuple(each / f for each in k), residual)
 
@@ -240,14 +274,19 @@ def nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
 def cahvor_text(model: Cahvor) -> str:
     """The model in the text form of JPL's and mrcal's ``.cahvor`` files, with all digits."""
     matrix, _ = model.pinhole()
-    words = {"CAHV": "CAHV = perspective, linear", "CAHVOR": "CAHVOR = perspective, distortion",
-             "CAHVORE": f"CAHVORE3,{model.linearity:.17g} = general"}[model.kind]
+    words = {
+        "CAHV": "CAHV = perspective, linear",
+        "CAHVOR": "CAHVOR = perspective, distortion",
+        "CAHVORE": f"CAHVORE3,{model.linearity:.17g} = general",
+    }[model.kind]
     lines = [f"Dimensions = {model.width_px} {model.height_px}", f"Model = {words}"]
     if model.residual_px:
         lines.insert(0, f"# fitted to a lens that is no CAHVOR, off by up to {model.residual_px:.2g} px")
     lines += [f"{letter} = {' '.join(f'{value:.17g}' for value in vector)}" for letter, vector in _vectors(model)]
-    lines += [f"{name} = {value:.17g}" for name, value in (
-        ("Hs", matrix[0, 0]), ("Hc", matrix[0, 2]), ("Vs", matrix[1, 1]), ("Vc", matrix[1, 2]))]
+    lines += [
+        f"{name} = {value:.17g}"
+        for name, value in (("Hs", matrix[0, 0]), ("Hc", matrix[0, 2]), ("Vs", matrix[1, 1]), ("Vc", matrix[1, 2]))
+    ]
     return "\n".join([*lines, "Theta = -1.5707963267948966 (-90.0 deg)", ""])
 
 
@@ -262,18 +301,33 @@ def pds_text(model: Cahvor, frame: str) -> str:
     # The letters T and P are the type of CAHVORE, 3 for general, and its linearity.
     more = ["T", "P"] if model.kind == "CAHVORE" else []
     names = [*(_NAMES[x] for x in letters), *(["TYPE", "PARAMETER"] if more else [])]
-    lines = ["GROUP = GEOMETRIC_CAMERA_MODEL", f'  MODEL_TYPE = "{model.kind}"',
-             f"  MODEL_COMPONENT_ID = {quoted([*letters, *more])}",
-             f"  MODEL_COMPONENT_NAME = {quoted(names)}",
-             f"  MODEL_COMPONENT_UNIT = {quoted([*(_UNITS.get(x, 'N/A') for x in letters), *(['N/A'] * len(more))])}"]
-    lines += [f"  MODEL_COMPONENT_{k} = ({', '.join(f'{value:.17g}' for value in vector)})"
-              for k, (_, vector) in enumerate(vectors, 1)]
+    lines = [
+        "GROUP = GEOMETRIC_CAMERA_MODEL",
+        f'  MODEL_TYPE = "{model.kind}"',
+        f"  MODEL_COMPONENT_ID = {quoted([*letters, *more])}",
+        f"  MODEL_COMPONENT_NAME = {quoted(names)}",
+        f"  MODEL_COMPONENT_UNIT = {quoted([*(_UNITS.get(x, 'N/A') for x in letters), *(['N/A'] * len(more))])}",
+    ]
+    lines += [
+        f"  MODEL_COMPONENT_{k} = ({', '.join(f'{value:.17g}' for value in vector)})"
+        for k, (_, vector) in enumerate(vectors, 1)
+    ]
     if more:
-        lines += [f"  MODEL_COMPONENT_{len(vectors) + 1} = 3",
-                  f"  MODEL_COMPONENT_{len(vectors) + 2} = {model.linearity:.17g}"]
-    lines += [f'  REFERENCE_COORD_SYSTEM_NAME = "{frame}"', "  REFERENCE_COORD_SYSTEM_INDEX = 0",
-              "END_GROUP = GEOMETRIC_CAMERA_MODEL", "GROUP = IMAGE_DATA", f"  LINES = {model.height_px}",
-              f"  LINE_SAMPLES = {model.width_px}", "END_GROUP = IMAGE_DATA", "END", ""]
+        lines += [
+            f"  MODEL_COMPONENT_{len(vectors) + 1} = 3",
+            f"  MODEL_COMPONENT_{len(vectors) + 2} = {model.linearity:.17g}",
+        ]
+    lines += [
+        f'  REFERENCE_COORD_SYSTEM_NAME = "{frame}"',
+        "  REFERENCE_COORD_SYSTEM_INDEX = 0",
+        "END_GROUP = GEOMETRIC_CAMERA_MODEL",
+        "GROUP = IMAGE_DATA",
+        f"  LINES = {model.height_px}",
+        f"  LINE_SAMPLES = {model.width_px}",
+        "END_GROUP = IMAGE_DATA",
+        "END",
+        "",
+    ]
     return "\r\n".join(lines)
 
 
@@ -308,8 +362,17 @@ def _parse_model(foreign: ForeignBytes) -> Cahvor:
     if missing or ("O" in vectors) != ("R" in vectors) or ("E" in vectors and "O" not in vectors) or size is None:
         what = f"the vector {missing[0]}" if missing else "the size of the image" if size is None else "O or R"
         raise RefusedError(f"is no camera model that is read here: {what} is missing; {_FIX}.")
-    return Cahvor(vectors["C"], vectors["A"], vectors["H"], vectors["V"], *size, vectors.get("O"), vectors.get("R"),
-                  vectors.get("E"), linearity)
+    return Cahvor(
+        vectors["C"],
+        vectors["A"],
+        vectors["H"],
+        vectors["V"],
+        *size,
+        vectors.get("O"),
+        vectors.get("R"),
+        vectors.get("E"),
+        linearity,
+    )
 
 
 #: What a text states: the vectors, the linearity of CAHVORE, and the size of the image, if it does.
@@ -330,8 +393,15 @@ def _vector(words: Sequence[object], what: str) -> np.ndarray:
 
 def _size(words: Sequence[object], what: str) -> tuple[int, int]:
     """Columns and rows."""
-    found = [word for word in words if isinstance(word, str) and word.isdecimal() and word.isascii()
-             and len(word) <= _LONGEST and PIXELS.fits(int(word))]
+    found = [
+        word
+        for word in words
+        if isinstance(word, str)
+        and word.isdecimal()
+        and word.isascii()
+        and len(word) <= _LONGEST
+        and PIXELS.fits(int(word))
+    ]
     if len(found) != 2 or len(words) != 2:
         raise ValueError(f"{what} is {shorten(' x '.join(map(str, words)))!r}, not {PIXELS.name} twice")
     return int(found[0]), int(found[1])
@@ -350,8 +420,11 @@ def _read_cahvor(text: str) -> _Stated:
             stated[key] = number, rest.split()
         elif key in (*_LETTERS, "Dimensions"):  # it goes on
             stated[key][1].extend(content.split())
-    vectors = {letter: _vector(stated[letter][1], f"line {stated[letter][0]}: {letter}")
-               for letter in _LETTERS if letter in stated}
+    vectors = {
+        letter: _vector(stated[letter][1], f"line {stated[letter][0]}: {letter}")
+        for letter in _LETTERS
+        if letter in stated
+    }
     size = None
     if "Dimensions" in stated:
         number, words = stated["Dimensions"]
@@ -404,11 +477,19 @@ def _image_size(groups: Sequence[Group]) -> tuple[int, int] | None:
     keys = ("LINE_SAMPLES", "LINES")
     sized = [group for group in groups if all(key in group.values for key in keys)]
     images = [group for group in sized if group.name == "IMAGE"] or [
-        group for group in sized if not any(word in group.name for word in _NOT_THE_IMAGE)]
-    found = list(dict.fromkeys(_size([item for key in keys for item in _items(group, key)],
-                                     f"LINE_SAMPLES x LINES of {shorten(group.name) or 'the label'}")
-                               for group in images))
+        group for group in sized if not any(word in group.name for word in _NOT_THE_IMAGE)
+    ]
+    found = list(
+        dict.fromkeys(
+            _size(
+                [item for key in keys for item in _items(group, key)],
+                f"LINE_SAMPLES x LINES of {shorten(group.name) or 'the label'}",
+            )
+            for group in images
+        )
+    )
     if len(found) > 1:
-        raise ValueError(f"it has images of {len(found)} sizes, {found[0]} and {found[1]}, and it is not clear which "
-                         "is its own")
+        raise ValueError(
+            f"it has images of {len(found)} sizes, {found[0]} and {found[1]}, and it is not clear which is its own"
+        )
     return found[0] if found else None

@@ -21,8 +21,12 @@ _SUM_ERROR = 2.0**-20
 
 def _find_bands(parts: list[Pixels], wanted: str) -> dict[str, tuple[int, int]]:
     """Where the bands R, G and B of a pass ``LAYER.PASS`` are: the number of the part and of the channel in it."""
-    return {name[-1]: (number, k) for number, part in enumerate(parts) for k, name in enumerate(part.channels)
-            if name.startswith(f"{wanted}.") and name[-2:] in (".R", ".G", ".B")}
+    return {
+        name[-1]: (number, k)
+        for number, part in enumerate(parts)
+        for k, name in enumerate(part.channels)
+        if name.startswith(f"{wanted}.") and name[-2:] in (".R", ".G", ".B")
+    }
 
 
 def _read_bands(parts: list[Pixels], wanted: str) -> dict[str, np.ndarray]:
@@ -54,12 +58,17 @@ def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
     light = {group: _read_bands(parts, f"{BEAUTY}.{BAKED_AOVS[group]}") for group in there or BAKED_AOVS}
     if any(values.min(initial=0.0) < 0.0 for bands in light.values() for values in bands.values()):
         return list(image), dict.fromkeys(light, math.nan)
-    added = {f"{BEAUTY}.Combined_{group}": bands for group, bands in light.items()
-             if _find_bands(parts, f"{BEAUTY}.Combined_{group}")}
+    added = {
+        f"{BEAUTY}.Combined_{group}": bands
+        for group, bands in light.items()
+        if _find_bands(parts, f"{BEAUTY}.Combined_{group}")
+    }
     whole = {band: np.sum([bands[band] for bands in light.values()], axis=0, dtype=np.float32) for band in "RGB"}
     lit, total = _add(image, {IMAGE_PASS: whole, **added})
-    return lit, {group: sum(float(values.sum(dtype=np.float64)) for values in bands.values()) / total
-                 if total > 0 else 0.0 for group, bands in light.items()}
+    return lit, {
+        group: sum(float(values.sum(dtype=np.float64)) for values in bands.values()) / total if total > 0 else 0.0
+        for group, bands in light.items()
+    }
 
 
 def noise_of_baked(image: Sequence[Piece]) -> float | None:
@@ -72,17 +81,27 @@ def noise_of_baked(image: Sequence[Piece]) -> float | None:
 
     def total(wanted: Collection[str]) -> np.ndarray:
         """The sum of the channels of some passes but for alpha, (height, width)."""
-        found = [(part, [k for k, name in enumerate(part.channels)
-                         if ".".join(name.split(".")[:2]) in wanted and name[-1] != "A"]) for part in parts]
-        return np.sum([part.decode()[:, channels].sum(axis=1, dtype=np.float64)
-                       for part, channels in found if channels], axis=0)
+        found = [
+            (
+                part,
+                [
+                    k
+                    for k, name in enumerate(part.channels)
+                    if ".".join(name.split(".")[:2]) in wanted and name[-1] != "A"
+                ],
+            )
+            for part in parts
+        ]
+        return np.sum(
+            [part.decode()[:, channels].sum(axis=1, dtype=np.float64) for part, channels in found if channels], axis=0
+        )
 
     lit = total({f"{BEAUTY}.{name}" for name in BAKED_AOVS.values()}) > 0
     light = total({IMAGE_PASS})[lit].sum() / 3
     if light <= 0:
         return None
     error = total(set(BAKED_ERROR_PASSES.values()))[lit]
-    return float(np.sqrt(np.mean(error ** 2)) * error.size / light)
+    return float(np.sqrt(np.mean(error**2)) * error.size / light)
 
 
 def is_sum_of_lights(image: Sequence[Piece]) -> bool:

@@ -97,8 +97,10 @@ class _Header:
         """The value of an attribute. Raises KeyError if it is missing, ValueError for another type or size."""
         value = self.values[name]
         if self.kinds[name] != kind or (size is not None and len(value) != size):
-            raise ValueError(f"the attribute {name.decode('ascii', 'replace')} of type {self.kinds[name][:40]!r} and "
-                             f"{len(value)} bytes")
+            raise ValueError(
+                f"the attribute {name.decode('ascii', 'replace')} of type {self.kinds[name][:40]!r} and "
+                f"{len(value)} bytes"
+            )
         return value
 
 
@@ -115,10 +117,10 @@ def read_layout(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
     """
     cursor = foreign.cursor(0, min(foreign.size, _MOST_HEADERS))
     magic, version = cursor.unpack("<2I")
-    flags = version & ~0xff
+    flags = version & ~0xFF
     if magic != MAGIC:
         raise ValueError("it does not begin as an EXR file")
-    if version & 0xff != _VERSION or flags & ~(MULTIPART | _TILED | _LONG_NAMES):
+    if version & 0xFF != _VERSION or flags & ~(MULTIPART | _TILED | _LONG_NAMES):
         raise ValueError(f"version {version:#x}")
     several = bool(flags & MULTIPART)
     headers: list[_Header] = []
@@ -132,8 +134,10 @@ def read_layout(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
     if sum(len(part.channels) for part in found) > _MOST_CHANNELS:
         raise ValueError(f"more than {_MOST_CHANNELS} channels")
     places = _find_chunks(foreign, cursor.at, found, counts, several)
-    return [Part(part.values, part.stated, part.window, part.channels, each)
-            for part, each in zip(found, places, strict=True)]
+    return [
+        Part(part.values, part.stated, part.window, part.channels, each)
+        for part, each in zip(found, places, strict=True)
+    ]
 
 
 def _read_header(cursor: Cursor) -> _Header:
@@ -167,14 +171,24 @@ def _read_part(header: _Header, is_tiled: bool, tiles: bool, found: list[Part]) 
     if compression not in _LINES_PER_CHUNK:
         raise ValueError(f"compression {compression}")
     left, top, right, bottom = window
-    count = (_count_tiles(header, right - left + 1, bottom - top + 1) if is_tiled else
-             -(-(bottom - top + 1) // _LINES_PER_CHUNK[compression]))
+    count = (
+        _count_tiles(header, right - left + 1, bottom - top + 1)
+        if is_tiled
+        else -(-(bottom - top + 1) // _LINES_PER_CHUNK[compression])
+    )
     if b"chunkCount" in header.values:
         (stated,) = struct.unpack("<i", header.value(b"chunkCount", b"int", 4))
         if stated != count:
             raise ValueError(f"{stated} chunks instead of {count}")
-    found.append(Part(header.values, header.stated, window, read_channels(header.value(b"channels", b"chlist")),
-                      np.empty((0, 2), np.int64)))
+    found.append(
+        Part(
+            header.values,
+            header.stated,
+            window,
+            read_channels(header.value(b"channels", b"chlist")),
+            np.empty((0, 2), np.int64),
+        )
+    )
     return count
 
 
@@ -206,7 +220,7 @@ def read_channels(value: bytes) -> dict[str, Channel]:
 def _count_tiles(header: _Header, width: int, height: int) -> int:
     """Tiles of a part, of all its levels."""
     across, down, mode = struct.unpack("<2IB", header.value(b"tiles", b"tiledesc", 9))
-    levels, rounds_up = mode & 0xf, mode >> 4
+    levels, rounds_up = mode & 0xF, mode >> 4
     if not (0 < across <= _FARTHEST and 0 < down <= _FARTHEST and levels <= 2 and rounds_up <= 1):
         raise ValueError(f"tiles of {across} x {down} px in mode {mode}")
     if levels == 0:
@@ -222,8 +236,9 @@ def _count_tiles(header: _Header, width: int, height: int) -> int:
     return sum(counts(width, across, width)) * sum(counts(height, down, height))
 
 
-def _find_chunks(foreign: ForeignBytes, table: int, parts: list[Part], counts: list[int], several: bool
-                 ) -> list[np.ndarray]:
+def _find_chunks(
+    foreign: ForeignBytes, table: int, parts: list[Part], counts: list[int], several: bool
+) -> list[np.ndarray]:
     """Where the chunks of each part begin and end. Raises ValueError for any that cannot be."""
     count = sum(counts)
     foreign.budget.charge(_CHUNK_MEMORY * count, "table of chunks")
@@ -239,7 +254,7 @@ def _find_chunks(foreign: ForeignBytes, table: int, parts: list[Part], counts: l
     number = np.repeat(np.arange(len(parts)), counts)
     if several and (heads[:, 0] != number).any():
         raise ValueError("a chunk is of another part")
-    _check_places_in_image(parts, counts, number, heads[:, skip // 4:-1])
+    _check_places_in_image(parts, counts, number, heads[:, skip // 4 : -1])
     sizes = heads[:, -1].astype(np.int64)
     if sizes.min() < 0:
         raise ValueError(f"a chunk of {sizes.min()} bytes")
@@ -254,8 +269,12 @@ def _check_places_in_image(parts: list[Part], counts: list[int], number: np.ndar
     """Raise ValueError for chunks of lines that their part, by its ``number``, does not have, or has twice; or of such
     tiles, which are told apart only."""
     if stated.shape[1] == 1:
-        tops, steps = (np.array(each, np.int64) for each in zip(*(
-            (part.window[1], _LINES_PER_CHUNK[part.values[b"compression"][0]]) for part in parts), strict=True))
+        tops, steps = (
+            np.array(each, np.int64)
+            for each in zip(
+                *((part.window[1], _LINES_PER_CHUNK[part.values[b"compression"][0]]) for part in parts), strict=True
+            )
+        )
         place, rest = np.divmod(stated[:, 0].astype(np.int64) - tops[number], steps[number])
         wrong = rest.any() or (place < 0).any() or (place >= np.array(counts)[number]).any()
         stated = np.stack([number, place], axis=1)

@@ -39,14 +39,16 @@ class Piece:
     def value(self, name: bytes) -> bytes:
         """The value of an attribute, without its name, type and size. Raises KeyError if it is missing."""
         stated = self.attributes[name]
-        return stated[stated.index(b"\0", len(name) + 1) + 5:]
+        return stated[stated.index(b"\0", len(name) + 1) + 5 :]
 
 
 def read_pieces(data: bytes) -> list[Piece]:
     """The parts of an EXR file of scan lines. Raises ValueError, KeyError or OverBudgetError for another kind of file,
     and for one whose values take more memory than its size allows."""
-    return [Piece(part.stated, [data[begin:end] for begin, end in part.places.tolist()])
-            for part in check_decodable(ForeignBytes(data, len(data), Budget()))]
+    return [
+        Piece(part.stated, [data[begin:end] for begin, end in part.places.tolist()])
+        for part in check_decodable(ForeignBytes(data, len(data), Budget()))
+    ]
 
 
 def assemble(parts: Sequence[Piece]) -> bytes:
@@ -89,8 +91,9 @@ def keep_rows(piece: Piece, rows: range) -> tuple[Piece, int]:
 def strip_passing(piece: Piece, name: str) -> Piece:
     """A part without attributes about its render, and with the name, the type and the number of chunks that a file of
     several parts needs; ``name`` is for a part without one."""
-    kept = {key: value for key, value in piece.attributes.items()
-            if key not in _PASSING and not key.startswith(b"cycles.")}
+    kept = {
+        key: value for key, value in piece.attributes.items() if key not in _PASSING and not key.startswith(b"cycles.")
+    }
     kept.setdefault(b"name", encode_attribute("name", "string", name.encode()))
     kept.setdefault(b"type", encode_attribute("type", "string", b"scanlineimage"))
     kept.setdefault(b"chunkCount", encode_attribute("chunkCount", "int", struct.pack("<i", len(piece.chunks))))
@@ -102,11 +105,18 @@ def encode_attribute(name: str, kind: str, value: bytes) -> bytes:
     return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
 
 
-def join_layers(layers: Mapping[str, Sequence[Piece]],
-                less: Callable[[Piece], Piece | None] = lambda piece: piece) -> bytes:
+def join_layers(
+    layers: Mapping[str, Sequence[Piece]], less: Callable[[Piece], Piece | None] = lambda piece: piece
+) -> bytes:
     """One EXR file of the parts of several, by their layers, each as ``less`` leaves it (None: not at all).
 
     The part of a layer that has only one, without a name, gets the layer's name.
     """
-    return assemble([strip_passing(left, name) for name, pieces in layers.items() for piece in pieces
-                     if (left := less(piece)) is not None])
+    return assemble(
+        [
+            strip_passing(left, name)
+            for name, pieces in layers.items()
+            for piece in pieces
+            if (left := less(piece)) is not None
+        ]
+    )

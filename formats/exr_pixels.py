@@ -64,7 +64,7 @@ class Pixels:
             rows = min(self._lines, self._height - line)
             lines = np.frombuffer(_unpack(chunk[8:], rows * stored.itemsize), stored)
             for k, name in enumerate(self.channels):
-                found[line:line + rows, k] = lines[name]
+                found[line : line + rows, k] = lines[name]
         return found
 
     def _view_raw(self, stored: np.dtype) -> np.ndarray:
@@ -79,9 +79,11 @@ class Pixels:
         if self._compression:
             return self._piece
         starts = _empty_chunks(self._top, self._height)
-        stated = {**self._piece.attributes,
-                  b"compression": encode_attribute("compression", "compression", bytes([_ZIP])),
-                  b"chunkCount": encode_attribute("chunkCount", "int", struct.pack("<i", len(starts)))}
+        stated = {
+            **self._piece.attributes,
+            b"compression": encode_attribute("compression", "compression", bytes([_ZIP])),
+            b"chunkCount": encode_attribute("chunkCount", "int", struct.pack("<i", len(starts))),
+        }
         return Pixels(Piece(stated, starts)).encode(self.decode())
 
     def encode(self, values: np.ndarray) -> Piece:
@@ -107,8 +109,11 @@ class Pixels:
     def replace_channels(self, name: str, components: Sequence[str], values: np.ndarray) -> Piece:
         """A part of the same size with other channels: ``name`` and a component, values (height, channel, width)."""
         channels = b"".join(f"{name}.{component}".encode() + _ENTRIES[_FLOAT] for component in components) + b"\0"
-        attributes = {**self._piece.attributes, b"name": encode_attribute("name", "string", name.encode()),
-                      b"channels": encode_attribute("channels", "chlist", channels)}
+        attributes = {
+            **self._piece.attributes,
+            b"name": encode_attribute("name", "string", name.encode()),
+            b"channels": encode_attribute("channels", "chlist", channels),
+        }
         line = np.dtype([(component, "<f4", (self._width,)) for component in components])
         return replace(self._piece, attributes=attributes, chunks=self._encode_chunks(values, line))
 
@@ -120,11 +125,11 @@ class Pixels:
             for k, name in enumerate(stored.names or ()):
                 lines["values"][name] = values[:, k]
             whole, step = lines.tobytes(), lines.itemsize
-            return [whole[at:at + step] for at in range(0, len(whole), step)]
+            return [whole[at : at + step] for at in range(0, len(whole), step)]
         chunks = []
         for chunk in self._piece.chunks:
             line = struct.unpack_from("<i", chunk)[0]
-            part = values[line - self._top:line - self._top + self._lines]
+            part = values[line - self._top : line - self._top + self._lines]
             lines = np.empty(len(part), stored)
             for k, name in enumerate(stored.names or ()):
                 lines[name] = part[:, k]
@@ -141,12 +146,19 @@ def encode_part(name: str, channels: Mapping[str, np.ndarray], half: bool = Fals
     components = sorted(channels)
     listed = b"".join(f"{name}.{each}".encode() + _ENTRIES[_HALF if half else _FLOAT] for each in components) + b"\0"
     starts = _empty_chunks(0, height)
-    stated = {"channels": ("chlist", listed), "compression": ("compression", bytes([_ZIP])),
-              "dataWindow": ("box2i", window), "displayWindow": ("box2i", window), "lineOrder": ("lineOrder", b"\0"),
-              "name": ("string", name.encode()), "pixelAspectRatio": ("float", struct.pack("<f", 1.0)),
-              "screenWindowCenter": ("v2f", bytes(8)), "screenWindowWidth": ("float", struct.pack("<f", 1.0)),
-              "type": ("string", b"scanlineimage"),
-              "chunkCount": ("int", struct.pack("<i", len(starts)))}
+    stated = {
+        "channels": ("chlist", listed),
+        "compression": ("compression", bytes([_ZIP])),
+        "dataWindow": ("box2i", window),
+        "displayWindow": ("box2i", window),
+        "lineOrder": ("lineOrder", b"\0"),
+        "name": ("string", name.encode()),
+        "pixelAspectRatio": ("float", struct.pack("<f", 1.0)),
+        "screenWindowCenter": ("v2f", bytes(8)),
+        "screenWindowWidth": ("float", struct.pack("<f", 1.0)),
+        "type": ("string", b"scanlineimage"),
+        "chunkCount": ("int", struct.pack("<i", len(starts))),
+    }
     attributes = {key.encode(): encode_attribute(key, kind, value) for key, (kind, value) in stated.items()}
     values = np.stack([np.asarray(channels[each], np.float32) for each in components], axis=1)
     return Pixels(Piece(attributes, starts)).encode(values)
@@ -238,8 +250,11 @@ def round_passes(piece: Piece, passes: Collection[str]) -> Piece:
         pixels = Pixels(piece)
     except (KeyError, ValueError):
         return piece
-    named = [k for k, name in enumerate(pixels.channels)
-             if ".".join(name.split(".")[:2]) in passes and not pixels.is_half(name)]
+    named = [
+        k
+        for k, name in enumerate(pixels.channels)
+        if ".".join(name.split(".")[:2]) in passes and not pixels.is_half(name)
+    ]
     if not named:
         return piece
     decoded = pixels.decode()

@@ -17,8 +17,14 @@ NO_SIZE = "does not state the size of its pixels"
 #: Suffixes of world files by the suffix of the map.
 _WORLD = {".tif": (".tfw", ".tifw", ".wld"), ".tiff": (".tfw", ".tiffw", ".wld"), ".png": (".pgw", ".pngw", ".wld")}
 #: Elements of the XML that change the place or the meaning of heights; most such files have only statistics.
-_TELLING = {"GeoTransform": "its place", "SRS": "its map system", "NoDataValue": "which heights are missing",
-            "Scale": "the scale of its heights", "Offset": "their offset", "UnitType": "their unit"}
+_TELLING = {
+    "GeoTransform": "its place",
+    "SRS": "its map system",
+    "NoDataValue": "which heights are missing",
+    "Scale": "the scale of its heights",
+    "Offset": "their offset",
+    "UnitType": "their unit",
+}
 _MOST_BYTES = 2**24
 
 

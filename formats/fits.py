@@ -37,10 +37,12 @@ def _encode(image: Image, first: bool, extended: bool) -> bytes:
     planes = [] if pixels.ndim == 2 else [pixels.shape[2]]
     data = (pixels if pixels.ndim == 2 else np.moveaxis(pixels, -1, 0)).astype(">f4").tobytes()
     axes = [pixels.shape[1], pixels.shape[0], *planes]
-    cards = [_card("SIMPLE", True, "conforms to FITS standard") if first else
-             _card("XTENSION", "IMAGE", "image extension"),
-             _card("BITPIX", -32, "32-bit floats"), _card("NAXIS", len(axes), ""),
-             *(_card(f"NAXIS{k}", n, "") for k, n in enumerate(axes, 1))]
+    cards = [
+        _card("SIMPLE", True, "conforms to FITS standard") if first else _card("XTENSION", "IMAGE", "image extension"),
+        _card("BITPIX", -32, "32-bit floats"),
+        _card("NAXIS", len(axes), ""),
+        *(_card(f"NAXIS{k}", n, "") for k, n in enumerate(axes, 1)),
+    ]
     if not first:
         cards += [_card("PCOUNT", 0, ""), _card("GCOUNT", 1, "")]
     elif extended:

@@ -14,10 +14,22 @@ _PACKED = ("-co COMPRESS=DEFLATE", "-co BIGTIFF=IF_SAFER")
 _TILED = (*_PACKED, "-co TILED=YES")
 #: Height maps that GDAL reads and Icy Moon does not, by suffix.
 SUFFIXES = {
-    ".asc": "an ASCII grid", ".hgt": "an SRTM tile", ".lbl": "a PDS label", ".img": "an image with a label of its own",
-    ".cub": "an ISIS cube", ".jp2": "JPEG 2000", ".dem": "a USGS elevation model", ".dt0": "DTED", ".dt1": "DTED",
-    ".dt2": "DTED", ".grd": "a grid of Surfer or GMT", ".nc": "netCDF", ".vrt": "a virtual raster of GDAL",
-    ".bil": "an ESRI raster", ".flt": "an ESRI raster"}
+    ".asc": "an ASCII grid",
+    ".hgt": "an SRTM tile",
+    ".lbl": "a PDS label",
+    ".img": "an image with a label of its own",
+    ".cub": "an ISIS cube",
+    ".jp2": "JPEG 2000",
+    ".dem": "a USGS elevation model",
+    ".dt0": "DTED",
+    ".dt1": "DTED",
+    ".dt2": "DTED",
+    ".grd": "a grid of Surfer or GMT",
+    ".nc": "netCDF",
+    ".vrt": "a virtual raster of GDAL",
+    ".bil": "an ESRI raster",
+    ".flt": "an ESRI raster",
+}
 #: Suffixes of files that state no map system, so that their numbers may be degrees.
 _WITHOUT_SYSTEM = (".asc", ".grd", ".bil", ".flt")
 _TILE_NAME = re.compile(r"[NSns]\d{2}[EWew]\d{3}")
@@ -49,8 +61,9 @@ def tile(name: str, *options: str) -> str:
 
 def warp(name: str, *options: str) -> str:
     """The ``gdalwarp`` that makes a map along the axes, with NaN where the file has no heights."""
-    return " ".join(["gdalwarp", *options, "-r bilinear -ot Float64 -dstnodata nan", *_PACKED, quoted(name),
-                     quoted(_made_of(name))])
+    return " ".join(
+        ["gdalwarp", *options, "-r bilinear -ot Float64 -dstnodata nan", *_PACKED, quoted(name), quoted(_made_of(name))]
+    )
 
 
 def edit(name: str, *options: str) -> str:
@@ -71,14 +84,16 @@ def advise(path: Path, start: bytes, body_radius_m: float) -> str:
     suffix, name = path.suffix.lower(), path.name
     kind = SUFFIXES[suffix]
     if suffix == ".hgt" and not _TILE_NAME.match(name):
-        return (f"is {kind}, whose name must state its south-west corner, such as N46E007.hgt; rename it and convert "
-                f"it in its folder with: {tile('N46E007.hgt')}")
+        return (
+            f"is {kind}, whose name must state its south-west corner, such as N46E007.hgt; rename it and convert "
+            f"it in its folder with: {tile('N46E007.hgt')}"
+        )
     if suffix == ".img":
         label = _label_of(path, start)
         if label is None:
             return f"is {kind}, and {path.with_suffix('.lbl').name} is not beside it; put it there and give it."
         name = label.name
-    degrees = (f"if its coordinates are degrees, add {sphere(body_radius_m)}; " if suffix in _WITHOUT_SYSTEM else "")
+    degrees = f"if its coordinates are degrees, add {sphere(body_radius_m)}; " if suffix in _WITHOUT_SYSTEM else ""
     return f"is {kind}, which Icy Moon does not read; {degrees}convert it in its folder with: {tile(name)}"
 
 

@@ -49,23 +49,97 @@ from .tiff import (
 )
 
 #: Metres per unit of length by its EPSG code.
-_UNITS_M = {1025: 0.001, 1033: 0.01, 9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937, 9005: 0.3047972654, 9014: 1.8288,
-            9030: 1852.0, 9031: 1.0000135965, 9036: 1000.0, 9093: 1609.344, 9096: 0.9144, 9097: 20.1168}
+_UNITS_M = {
+    1025: 0.001,
+    1033: 0.01,
+    9001: 1.0,
+    9002: 0.3048,
+    9003: 1200 / 3937,
+    9005: 0.3047972654,
+    9014: 1.8288,
+    9030: 1852.0,
+    9031: 1.0000135965,
+    9036: 1000.0,
+    9093: 1609.344,
+    9096: 0.9144,
+    9097: 20.1168,
+}
 #: Metres per unit of length by the names that GDAL and others write into a band's unit.
-_NAMED_M = {"m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "mm": 0.001, "cm": 0.01, "km": 1000.0,
-            "kilometre": 1000.0, "kilometer": 1000.0, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048,
-            "us-ft": 1200 / 3937, "ftus": 1200 / 3937, "us survey foot": 1200 / 3937, "us survey feet": 1200 / 3937}
+_NAMED_M = {
+    "m": 1.0,
+    "metre": 1.0,
+    "metres": 1.0,
+    "meter": 1.0,
+    "meters": 1.0,
+    "mm": 0.001,
+    "cm": 0.01,
+    "km": 1000.0,
+    "kilometre": 1000.0,
+    "kilometer": 1000.0,
+    "ft": 0.3048,
+    "foot": 0.3048,
+    "feet": 0.3048,
+    "us-ft": 1200 / 3937,
+    "ftus": 1200 / 3937,
+    "us survey foot": 1200 / 3937,
+    "us survey feet": 1200 / 3937,
+}
 #: Map systems of Earth whose unit is the metre although a file may state their number only.
-_METRIC = {3031, 3395, 3413, 3857, 3976, 3995, 32661, 32761, *range(25828, 25839), *range(26901, 26924),
-           *range(32601, 32661), *range(32701, 32761)}
+_METRIC = {
+    3031,
+    3395,
+    3413,
+    3857,
+    3976,
+    3995,
+    32661,
+    32761,
+    *range(25828, 25839),
+    *range(26901, 26924),
+    *range(32601, 32661),
+    *range(32701, 32761),
+}
 #: Vertical systems of Earth whose heights go up, and their unit, although a file may state their number only.
 _VERTICAL = {
     **dict.fromkeys((3855, 5621, 5701, 5703, 5709, 5711, 5714, 5720, 5730, 5773, 5783, 5798, 6647, 7837), 9001),
-    **dict.fromkeys((6130, 6131, 6132, 8050, 8228), 9002), **dict.fromkeys((5702, 6360, 8052, 10919), 9003)}
+    **dict.fromkeys((6130, 6131, 6132, 8050, 8228), 9002),
+    **dict.fromkeys((5702, 6360, 8052, 10919), 9003),
+}
 #: Vertical systems of Earth that count downwards.
-_DEPTHS = {5336, 5612, 5614, 5706, 5715, 5734, 5739, 5789, 5831, *range(5861, 5868), 5873, 6357, 6358, 6359, 7976, 8051,
-           8053, 8358, 8378, 8897, 9287, 9288, 9672, 10150, 10151, 10349, 10364, *range(10370, 10380),
-           *range(10547, 10553), 10649, 10650, 10678}
+_DEPTHS = {
+    5336,
+    5612,
+    5614,
+    5706,
+    5715,
+    5734,
+    5739,
+    5789,
+    5831,
+    *range(5861, 5868),
+    5873,
+    6357,
+    6358,
+    6359,
+    7976,
+    8051,
+    8053,
+    8358,
+    8378,
+    8897,
+    9287,
+    9288,
+    9672,
+    10150,
+    10151,
+    10349,
+    10364,
+    *range(10370, 10380),
+    *range(10547, 10553),
+    10649,
+    10650,
+    10678,
+}
 #: GeoKeys: model, kind of raster, map system, unit, its size, vertical system, its unit; and the keys of projections.
 _KEYS = {1024, 1025, 3072, 3076, 3077, 4096, 4099} | PROJECTION_KEYS
 #: Maximum number of pixels of a file that is read as a whole, with 63 bytes for each. Of a larger file the site's part
@@ -101,8 +175,10 @@ class Site:
 
 
 #: How a point of the site's frame goes back to its map, for files that state a ``MapPlace``.
-MAP_FORMULA = ("map x = (origin[0] + x / scale[0]) / unit_m, map y = (origin[1] + y / scale[1]) / unit_m, height of "
-               "the file in metres = z + height_zero_m")
+MAP_FORMULA = (
+    "map x = (origin[0] + x / scale[0]) / unit_m, map y = (origin[1] + y / scale[1]) / unit_m, height of "
+    "the file in metres = z + height_zero_m"
+)
 
 
 def map_facts(ground: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -140,9 +216,17 @@ class MapPlace:
 
     def to_json(self) -> dict[str, Any]:
         """For ``pair.json`` and exports."""
-        return {"crs": self.crs, "datum": self.datum, "height_system": self.height_system, "unit_m": self.unit_m,
-                "origin": list(self.origin), "scale": list(self.scale), "longitude_deg": self.longitude_deg,
-                "latitude_deg": self.latitude_deg, "north_deg": self.north_deg}
+        return {
+            "crs": self.crs,
+            "datum": self.datum,
+            "height_system": self.height_system,
+            "unit_m": self.unit_m,
+            "origin": list(self.origin),
+            "scale": list(self.scale),
+            "longitude_deg": self.longitude_deg,
+            "latitude_deg": self.latitude_deg,
+            "north_deg": self.north_deg,
+        }
 
 
 @dataclass(frozen=True)
@@ -175,8 +259,11 @@ def read(path: Path, site: Site | None = None, missing: float | None = None) -> 
     found = read_foreign(path, lambda foreign: _read(foreign, site, missing), KIND, FIX, MOST_BYTES)
     if found.unplaced != NO_SIZE:
         return replace(found, warnings=(*found.warnings, *files_beside.doubt_notes(path)))
-    return replace(found, unplaced=files_beside.why_unplaced(path), warnings=(
-        *found.warnings, *files_beside.doubt_world_file(path), *files_beside.doubt_notes(path)))
+    return replace(
+        found,
+        unplaced=files_beside.why_unplaced(path),
+        warnings=(*found.warnings, *files_beside.doubt_world_file(path), *files_beside.doubt_notes(path)),
+    )
 
 
 def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> GeoTiff:
@@ -201,8 +288,7 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
     if not in_unit and keys.get(1024, 0) != _GEOGRAPHIC:
         warnings += _doubt_metres(unit, foreign.name)
     if grid is None:
-        return GeoTiff(heights, None, None, NO_SIZE, report, tuple(warnings),
-                       image.shape)
+        return GeoTiff(heights, None, None, NO_SIZE, report, tuple(warnings), image.shape)
     (east, north), _ = grid
     heights = heights[::-1] if north > 0 else heights  # rows that go north
     heights = heights[:, ::-1] if east < 0 else heights
@@ -210,8 +296,16 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
         size = f"{abs(east):g} x {abs(north):g}"
         return GeoTiff(heights, None, None, sentence.replace("{size}", size), report, tuple(warnings), image.shape)
     warnings += [*([sentence] if sentence else []), *placed.warnings]
-    return GeoTiff(heights, placed.pixel_m, placed.corner_m, "", (*report, *placed.report), tuple(warnings),
-                   image.shape, placed.place if site else None)
+    return GeoTiff(
+        heights,
+        placed.pixel_m,
+        placed.corner_m,
+        "",
+        (*report, *placed.report),
+        tuple(warnings),
+        image.shape,
+        placed.place if site else None,
+    )
 
 
 @dataclass(frozen=True)
@@ -226,8 +320,15 @@ class _Placed:
     warnings: list[str]
 
 
-def _place(shape: tuple[int, int], step: tuple[float, float], corner: tuple[float, float], unit: float,
-           keys: Mapping[int, Any], name: str, site: Site | None) -> _Placed:
+def _place(
+    shape: tuple[int, int],
+    step: tuple[float, float],
+    corner: tuple[float, float],
+    unit: float,
+    keys: Mapping[int, Any],
+    name: str,
+    site: Site | None,
+) -> _Placed:
     """Where a site lies on a map. Raises UnreadError if it is beyond the map system or its directions are skewed."""
     size = abs(step[0]) * unit, abs(step[1]) * unit
     first = corner[0] * unit, corner[1] * unit
@@ -247,23 +348,31 @@ def _place(shape: tuple[int, int], step: tuple[float, float], corner: tuple[floa
         assert place.latitude_deg is not None
         assert place.longitude_deg is not None
         where = show_place(place.latitude_deg, place.longitude_deg, ".4f")
-        report.append(f"Map ({map_of.system.name}) at {where}: a metre of it is {place.scale[0]:.6g} m of ground along "
-                      f"x, {place.scale[1]:.6g} m along y")
+        report.append(
+            f"Map ({map_of.system.name}) at {where}: a metre of it is {place.scale[0]:.6g} m of ground along "
+            f"x, {place.scale[1]:.6g} m along y"
+        )
     if abs(place.north_deg) > _TURNED_DEG:
-        turned = (f"orth is {place.north_deg:.1f}° clockwise of the map's up, from which azimuths and headings are "
-                  "counted")
+        turned = (
+            f"orth is {place.north_deg:.1f}° clockwise of the map's up, from which azimuths and headings are counted"
+        )
         report.append(f"N{turned}")
         warnings += [f"n{turned}"] if abs(place.north_deg) > _FAR_TURNED_DEG else []
     pixel = size[0] * place.scale[0], size[1] * place.scale[1]
     window, west, south = None, 0, 0
     if shape[0] * shape[1] > _MOST_WHOLE:
-        columns, rows = (_around(shape[1 - k], (place.origin[k] - first[k]) / size[k], site.size_m / 2 / pixel[k])
-                         for k in range(2))
+        columns, rows = (
+            _around(shape[1 - k], (place.origin[k] - first[k]) / size[k], site.size_m / 2 / pixel[k]) for k in range(2)
+        )
         west, south = columns.start, rows.start
-        window = (rows if step[1] > 0 else range(shape[0] - rows.stop, shape[0] - rows.start),
-                  columns if step[0] > 0 else range(shape[1] - columns.stop, shape[1] - columns.start))
-    corner_m = ((first[0] + west * size[0] - origin[0]) * place.scale[0],
-                (first[1] + south * size[1] - origin[1]) * place.scale[1])
+        window = (
+            rows if step[1] > 0 else range(shape[0] - rows.stop, shape[0] - rows.start),
+            columns if step[0] > 0 else range(shape[1] - columns.stop, shape[1] - columns.start),
+        )
+    corner_m = (
+        (first[0] + west * size[0] - origin[0]) * place.scale[0],
+        (first[1] + south * size[1] - origin[1]) * place.scale[1],
+    )
     return _Placed(window, pixel, corner_m, place, report, warnings)
 
 
@@ -291,46 +400,70 @@ def _refuse_unknown(map_of: _Map) -> None:
     keys = map_of.keys
     code = keys.get(3072, 0)
     numbered = code not in (0, _USER_DEFINED)
-    if (map_of.system is not None or keys.get(1024) != _PROJECTED or code in TRUE_GRIDS
-            or not (numbered or 3075 in keys)):
+    if (
+        map_of.system is not None
+        or keys.get(1024) != _PROJECTED
+        or code in TRUE_GRIDS
+        or not (numbered or 3075 in keys)
+    ):
         return
     major, minor = ellipsoid_m(keys)
     degrees = f'"+proj=longlat +a={major!r} +b={minor!r} +no_defs"' if major else "EPSG:4326"
     kind = f"EPSG:{code}" if numbered else f"projection {keys[3075]} of GeoTIFF"
-    raise UnreadError(f"has a map ({kind}) whose scale is not known here; set source.metres_per_pixel if it is true to "
-                      f"scale, else project it in its folder with: {gdal_lines.warp(map_of.name, f'-t_srs {degrees}')}")
+    raise UnreadError(
+        f"has a map ({kind}) whose scale is not known here; set source.metres_per_pixel if it is true to "
+        f"scale, else project it in its folder with: {gdal_lines.warp(map_of.name, f'-t_srs {degrees}')}"
+    )
 
 
 def _locate(map_of: _Map, at: tuple[float, float]) -> MapPlace:
     """A place of a map with its scale, which is 1 where that is right to a thousandth, or where it is not known."""
     system, keys = map_of.system, map_of.keys
     vertical = keys.get(4096, 0)
-    place = MapPlace(crs_text(keys, map_of.unit_m), map_of.unit_m, at, (1.0, 1.0), datum=datum_text(keys),
-                     height_system=f"EPSG:{vertical}" if vertical not in (0, _USER_DEFINED) else "")
+    place = MapPlace(
+        crs_text(keys, map_of.unit_m),
+        map_of.unit_m,
+        at,
+        (1.0, 1.0),
+        datum=datum_text(keys),
+        height_system=f"EPSG:{vertical}" if vertical not in (0, _USER_DEFINED) else "",
+    )
     if system is None:
         return place
     try:
         found = local_scale(system, *at)
     except (ValueError, OverflowError, ZeroDivisionError):
-        raise UnreadError(f"has no ground at ({at[0]:g}, {at[1]:g}) m of its map ({system.name}); set source.centre, "
-                          "source.origin_x_m and source.origin_y_m to a place on it.") from None
+        raise UnreadError(
+            f"has no ground at ({at[0]:g}, {at[1]:g}) m of its map ({system.name}); set source.centre, "
+            "source.origin_x_m and source.origin_y_m to a place on it."
+        ) from None
     if abs(found.skew_deg) > _SKEW_DEG:
-        raise UnreadError(f"has a map ({system.name}) whose directions are {90 - abs(found.skew_deg):.1f}° apart at "
-                          "the origin, so its squares are none on the ground; set source.centre with "
-                          "source.origin_x_m = source.origin_y_m = 0 for the part that you make in its folder with: "
-                          + _cut_line(map_of, system, found))
+        raise UnreadError(
+            f"has a map ({system.name}) whose directions are {90 - abs(found.skew_deg):.1f}° apart at "
+            "the origin, so its squares are none on the ground; set source.centre with "
+            "source.origin_x_m = source.origin_y_m = 0 for the part that you make in its folder with: "
+            + _cut_line(map_of, system, found)
+        )
     true = max(abs(found.east - 1), abs(found.north - 1)) < _TRUE
-    return replace(place, scale=(1.0, 1.0) if true else (found.east, found.north), longitude_deg=found.longitude_deg,
-                   latitude_deg=found.latitude_deg, north_deg=found.north_deg)
+    return replace(
+        place,
+        scale=(1.0, 1.0) if true else (found.east, found.north),
+        longitude_deg=found.longitude_deg,
+        latitude_deg=found.latitude_deg,
+        north_deg=found.north_deg,
+    )
 
 
 def _cut_line(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
     """The command that makes the part of a map around a place that is wanted, true to scale."""
     half = (map_of.size_m / 2) * _MARGIN
-    return gdal_lines.warp(map_of.name, f'-t_srs "+proj=aeqd +lat_0={at.latitude_deg:.9f} '
-                           f'+lon_0={at.longitude_deg:.9f} +R={system.radius_m:.1f} +units=m +no_defs"',
-                           f"-te {-half:g} {-half:g} {half:g} {half:g}",
-                           f"-tr {map_of.pixel_m[0] * at.east:g} {map_of.pixel_m[1] * at.north:g}")
+    return gdal_lines.warp(
+        map_of.name,
+        f'-t_srs "+proj=aeqd +lat_0={at.latitude_deg:.9f} '
+        f'+lon_0={at.longitude_deg:.9f} +R={system.radius_m:.1f} +units=m +no_defs"',
+        f"-te {-half:g} {-half:g} {half:g} {half:g}",
+        f"-tr {map_of.pixel_m[0] * at.east:g} {map_of.pixel_m[1] * at.north:g}",
+    )
 
 
 def _flat_system(keys: Mapping[int, Any]) -> str:
@@ -344,7 +477,7 @@ def _read_keys(tags: Tags) -> dict[int, Any]:
     directory, doubles = tags.get(34735, ()), tags.get(34736, ())
     keys: dict[int, Any] = {}
     for k in range(4, len(directory) - 3, 4):
-        key, where, _, value = directory[k:k + 4]
+        key, where, _, value = directory[k : k + 4]
         if key in _KEYS and where not in (0, 34736):
             raise ValueError(f"GeoKey {key} is no number")
         if key in _KEYS:
@@ -367,8 +500,9 @@ def _clear_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, .
     return []
 
 
-def _apply_mask(grid: np.ndarray, foreign: ForeignBytes, images: list[Directory],
-                window: tuple[range, range] | None) -> list[str]:
+def _apply_mask(
+    grid: np.ndarray, foreign: ForeignBytes, images: list[Directory], window: tuple[range, range] | None
+) -> list[str]:
     """Set the heights that the file's mask calls unknown to NaN; returns warnings about its other images."""
     others = [image for image in images[1:] if not image.is_reduced]
     masks = [image for image in others if image.is_mask and image.shape == images[0].shape]
@@ -388,10 +522,15 @@ def _doubt_metres(unit_m: float | None, file: str) -> list[str]:
         return []
     name = next((name for name, metres in _NAMED_M.items() if math.isclose(metres, unit_m, rel_tol=1e-6)), "")
     state = gdal_lines.edit(file, f"-units '{name}'")
-    fix = (f"if they are in {name}, as its coordinates are, state it in its folder with: {state}" if name else
-           "if they are in another unit, write them in metres")
-    return [f"it states no unit for its heights, which were taken for metres although its coordinates are in units of "
-            f"{unit_m:g} m; {fix}"]
+    fix = (
+        f"if they are in {name}, as its coordinates are, state it in its folder with: {state}"
+        if name
+        else "if they are in another unit, write them in metres"
+    )
+    return [
+        f"it states no unit for its heights, which were taken for metres although its coordinates are in units of "
+        f"{unit_m:g} m; {fix}"
+    ]
 
 
 def _scale_to_metres(grid: np.ndarray, image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[str, ...], bool]:
@@ -401,15 +540,21 @@ def _scale_to_metres(grid: np.ndarray, image: Directory, keys: Mapping[int, Any]
     Raises UnreadError if they are contradictory or of an unknown kind.
     """
     items = _read_metadata(image)
-    scale, offset = (_parse_finite(items.get(role, otherwise), role, image.name) for role,
-                     otherwise in (("scale", "1"), ("offset", "0")))
+    scale, offset = (
+        _parse_finite(items.get(role, otherwise), role, image.name)
+        for role, otherwise in (("scale", "1"), ("offset", "0"))
+    )
     if scale == 0:
-        raise UnreadError("states a scale of 0 for its heights, which makes it flat; state the right one, such as 1, "
-                          f"in its folder with: {gdal_lines.translate(image.name, _scaled(1.0, offset))}")
+        raise UnreadError(
+            "states a scale of 0 for its heights, which makes it flat; state the right one, such as 1, "
+            f"in its folder with: {gdal_lines.translate(image.name, _scaled(1.0, offset))}"
+        )
     unit, name = _height_unit(keys, items.get("unittype", ""), (scale, offset), image.name)
     if third := _third_scale(image.tags):
-        raise UnreadError("scales its heights by the third number of ModelPixelScale; state it as others do, in its "
-                          f"folder with: {gdal_lines.translate(image.name, _scaled(*third))}")
+        raise UnreadError(
+            "scales its heights by the third number of ModelPixelScale; state it as others do, in its "
+            f"folder with: {gdal_lines.translate(image.name, _scaled(*third))}"
+        )
     with np.errstate(over="ignore"):
         if (scale, offset) != (1.0, 0.0):
             grid *= scale
@@ -441,15 +586,21 @@ def _read_metadata(image: Directory) -> dict[str, str]:
     """What GDAL_METADATA states about the first band, by role: 'scale', 'offset', 'unittype'."""
     text = _decode_text(image.tags.get(42112))
     if "<!" in text:  # entities, which no writer of metadata needs
-        raise UnreadError("has metadata that are no plain list; drop them in its folder with: "
-                          + gdal_lines.translate(image.name))
+        raise UnreadError(
+            "has metadata that are no plain list; drop them in its folder with: " + gdal_lines.translate(image.name)
+        )
     if len(text) > _MOST_METADATA:
-        raise UnreadError(f"has {len(text) / 1e6:.1f} MB of metadata; drop what is no scale in its folder with: "
-                          + gdal_lines.edit(image.name, "-unsetmd"))
+        raise UnreadError(
+            f"has {len(text) / 1e6:.1f} MB of metadata; drop what is no scale in its folder with: "
+            + gdal_lines.edit(image.name, "-unsetmd")
+        )
     if not text:
         return {}
-    return {item.get("role", ""): (item.text or "").strip() for item in parse_xml(text).iter("Item")
-            if item.get("sample", "0") == "0"}
+    return {
+        item.get("role", ""): (item.text or "").strip()
+        for item in parse_xml(text).iter("Item")
+        if item.get("sample", "0") == "0"
+    }
 
 
 def _parse_finite(text: str, role: str, file: str) -> float:
@@ -458,8 +609,10 @@ def _parse_finite(text: str, role: str, file: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise UnreadError(f"states the {role} {text[:40]!r} for its heights, which is no number; state the right one "
-                          f"in its folder with: {gdal_lines.translate(file, _scaled(1.0, 0.0))}")
+        raise UnreadError(
+            f"states the {role} {text[:40]!r} for its heights, which is no number; state the right one "
+            f"in its folder with: {gdal_lines.translate(file, _scaled(1.0, 0.0))}"
+        )
     return value
 
 
@@ -471,28 +624,38 @@ def _height_unit(keys: Mapping[int, Any], named: str, scaling: tuple[float, floa
     stated = {}
     if named:
         if named.lower() not in _NAMED_M:
-            raise UnreadError(f"states its heights in {named[:40]!r}, a unit that is not known here; name the one that "
-                              f"they are in, such as m or ft, in its folder with: {gdal_lines.edit(file, '-units m')}")
+            raise UnreadError(
+                f"states its heights in {named[:40]!r}, a unit that is not known here; name the one that "
+                f"they are in, such as m or ft, in its folder with: {gdal_lines.edit(file, '-units m')}"
+            )
         stated[named] = _NAMED_M[named.lower()]
     code, system = keys.get(4099), keys.get(4096, 0)
     if system in _DEPTHS:
         turned = _scaled(-scaling[0], -scaling[1])
-        raise UnreadError(f"holds depths (EPSG:{system}), which go down, not heights; turn their sign and drop the "
-                          "vertical system in its folder with: "
-                          + gdal_lines.translate(file, turned, _flat_system(keys)))
+        raise UnreadError(
+            f"holds depths (EPSG:{system}), which go down, not heights; turn their sign and drop the "
+            "vertical system in its folder with: " + gdal_lines.translate(file, turned, _flat_system(keys))
+        )
     if code is None and system not in (0, _USER_DEFINED):
         code = _VERTICAL.get(system, 0)
     if code is not None:
         if code not in _UNITS_M:
-            raise UnreadError(f"states heights by the vertical system {system} in the unit {code or 'of that system'}, "
-                              f"which are not known here; state it in its folder with: "
-                              f"{gdal_lines.translate(file, _STATE_UNITS)}")
+            raise UnreadError(
+                f"states heights by the vertical system {system} in the unit {code or 'of that system'}, "
+                f"which are not known here; state it in its folder with: "
+                f"{gdal_lines.translate(file, _STATE_UNITS)}"
+            )
         stated[f"EPSG unit {code}"] = _UNITS_M[code]
     if len({round(value, 9) for value in stated.values()}) > 1:
         same = next((name for name, metres in _NAMED_M.items() if math.isclose(metres, list(stated.values())[-1])), "")
-        raise UnreadError(f"states its heights in two units, {' and '.join(stated)}; "
-                          + ("if the second is right, state it twice in its folder with: "
-                             + gdal_lines.edit(file, f"-units {same}") if same else "write its heights in metres."))
+        raise UnreadError(
+            f"states its heights in two units, {' and '.join(stated)}; "
+            + (
+                "if the second is right, state it twice in its folder with: " + gdal_lines.edit(file, f"-units {same}")
+                if same
+                else "write its heights in metres."
+            )
+        )
     return next(((value, f"({name}) ") for name, value in stated.items()), (1.0, ""))
 
 
@@ -503,8 +666,10 @@ def _unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[flo
         radius = geographic_radius_m(keys)
         if radius is None:
             state = gdal_lines.translate(file, gdal_lines.sphere(body_radius_m))
-            return None, ("has pixels of {size} degrees on a body whose radius it does not state"
-                          + (f"; state it in its folder with: {state}" if body_radius_m else ""))
+            return None, (
+                "has pixels of {size} degrees on a body whose radius it does not state"
+                + (f"; state it in its folder with: {state}" if body_radius_m else "")
+            )
         return math.radians(angle_unit(keys)) * radius, ""
     if model not in (0, _PROJECTED, _USER_DEFINED):
         return None, "has coordinates that are no map's"
@@ -520,13 +685,16 @@ def _unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[flo
     if system in _METRIC or system in KNOWN:
         return 1.0, ""
     if system not in (None, 0, _USER_DEFINED):
-        return None, ("has pixels of {size} in the unit of EPSG:" + str(system) + ", which is not known here; state it "
-                      "in its folder with: " + gdal_lines.translate(file, _STATE_UNITS))
+        return None, (
+            "has pixels of {size} in the unit of EPSG:" + str(system) + ", which is not known here; state it "
+            "in its folder with: " + gdal_lines.translate(file, _STATE_UNITS)
+        )
     return 1.0, "it states no unit of length, so its coordinates were taken for metres"
 
 
-def _read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[float, float],
-                                                                        tuple[float, float]] | None:
+def _read_placement(
+    image: Directory, keys: Mapping[int, Any]
+) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Steps (east, north) per column and per row, which may be negative, and the coordinates of the centre of the
     south-western pixel; None if the file does not state them. Raises UnreadError for a
     turned grid and for pixels of negative height."""
@@ -534,16 +702,19 @@ def _read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[fl
     if 33550 in tags:
         east, down = (float(v) for v in tags[33550][:2])
         if down < 0:
-            raise UnreadError("has pixels of a negative size from north to south, which programs read in two ways; "
-                              "write it as GDAL reads it, with its first row in the north, in its folder with: "
-                              + gdal_lines.translate(image.name))
+            raise UnreadError(
+                "has pixels of a negative size from north to south, which programs read in two ways; "
+                "write it as GDAL reads it, with its first row in the north, in its folder with: "
+                + gdal_lines.translate(image.name)
+            )
         north = -down
         column, row, _, x, y = (float(v) for v in tags.get(33922, (0.0,) * 6)[:5])
     elif 34264 in tags:
         m = [float(v) for v in tags[34264]]
         if max(abs(m[1] * rows), abs(m[4] * columns)) > _SKEW_PX * min(abs(m[0]), abs(m[5])):
-            raise UnreadError("has a grid that is turned against north; turn it in its folder with: "
-                              + gdal_lines.warp(image.name))
+            raise UnreadError(
+                "has a grid that is turned against north; turn it in its folder with: " + gdal_lines.warp(image.name)
+            )
         east, north, column, row, x, y = m[0], m[5], 0.0, 0.0, m[3], m[7]
     else:
         return None

@@ -38,6 +38,7 @@ def check(path: Path) -> list[str]:
     Raises IcyMoonError for accessors that have not the bytes that they state, for buffers outside of the file's
     folder, and for more nodes than a mesh needs.
     """
+
     def compare(foreign: ForeignBytes) -> list[str]:
         document, binary = _parse(foreign)
         buffers = [_buffer_size(path, each, binary) for each in document.get("buffers", ())]
@@ -48,8 +49,11 @@ def check(path: Path) -> list[str]:
             raise OverBudgetError(f"uses {used / 1e6:.0f} MB for its meshes, of buffers of {sum(buffers) / 1e6:.3g} MB")
         _check_nodes(document.get("nodes", []))
         _check_scenes(document)
-        return [unquote(each["uri"]) for each in document.get("images", ())
-                if "uri" in each and not each["uri"].startswith("data:")]
+        return [
+            unquote(each["uri"])
+            for each in document.get("images", ())
+            if "uri" in each and not each["uri"].startswith("data:")
+        ]
 
     return read(path, compare, "a whole glTF file", _FIX, MOST_MESH, _MOST_MEMORY)
 
@@ -147,10 +151,15 @@ def _used_accessors(document: dict[str, Any]) -> Iterator[int]:
             yield from (_count(table, key) for table in named for key in table)
             if "indices" in primitive:
                 yield _count(primitive, "indices")
-    yield from (_count(skin, "inverseBindMatrices") for skin in document.get("skins", ())
-                if "inverseBindMatrices" in skin)
-    yield from (_count(sampler, key) for animation in document.get("animations", ())
-                for sampler in animation["samplers"] for key in ("input", "output"))
+    yield from (
+        _count(skin, "inverseBindMatrices") for skin in document.get("skins", ()) if "inverseBindMatrices" in skin
+    )
+    yield from (
+        _count(sampler, key)
+        for animation in document.get("animations", ())
+        for sampler in animation["samplers"]
+        for key in ("input", "output")
+    )
 
 
 def _check_scenes(document: dict[str, Any]) -> None:

@@ -71,12 +71,12 @@ def _count_jpeg(foreign: ForeignBytes) -> int:
     cursor.skip(2)
     while True:
         mark, kind = cursor.unpack(">BB")
-        while kind == 0xff:  # any number of them may stand before a marker
+        while kind == 0xFF:  # any number of them may stand before a marker
             kind = cursor.number("B")
-        if mark != 0xff:
+        if mark != 0xFF:
             raise ValueError(f"no marker at byte {cursor.at - 2}")
         length = cursor.number(">H")
-        if 0xc0 <= kind <= 0xcf and kind not in (0xc4, 0xc8, 0xcc):
+        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
             _, height, width = cursor.unpack(">BHH")
             return int(height * width)
         cursor.skip(length - 2)
@@ -121,10 +121,10 @@ def webp_size(kind: bytes, body: bytes) -> tuple[int, int] | None:
         mark, width, height = struct.unpack_from("<3x3sHH", body)
         if mark != b"\x9d\x01\x2a":
             raise ValueError("its pixels have no beginning")
-        return width & 0x3fff, height & 0x3fff
+        return width & 0x3FFF, height & 0x3FFF
     if kind == b"VP8L":
         mark, bits = struct.unpack_from("<BI", body)
-        if mark != 0x2f:
+        if mark != 0x2F:
             raise ValueError("its pixels have no beginning")
-        return 1 + (bits & 0x3fff), 1 + (bits >> 14 & 0x3fff)
+        return 1 + (bits & 0x3FFF), 1 + (bits >> 14 & 0x3FFF)
     return None

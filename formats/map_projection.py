@@ -48,8 +48,9 @@ class MapSystem:
 
     def to_sphere(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Longitude and latitude in degrees of a place on the map. Raises ValueError beyond the map's edge."""
-        longitude, latitude = INVERSES[self.kind](self, (x_m - self.east_m) / self.radius_m,
-                                                  (y_m - self.north_m) / self.radius_m)
+        longitude, latitude = INVERSES[self.kind](
+            self, (x_m - self.east_m) / self.radius_m, (y_m - self.north_m) / self.radius_m
+        )
         turned = math.degrees(longitude) + self.longitude_deg
         return (turned + 180.0) % 360.0 - 180.0, math.degrees(latitude)
 
@@ -87,8 +88,14 @@ def local_scale(system: MapSystem, x_m: float, y_m: float) -> LocalScale:
     along_x, along_y = step(1.0, 0.0), step(0.0, 1.0)
     across = math.degrees(math.atan2(along_y[0], along_y[1]))  # of the map's y, from north over east
     aside = math.degrees(math.atan2(along_x[0], along_x[1]))
-    return LocalScale(math.hypot(*along_x), math.hypot(*along_y), -across,
-                      (aside - across - 90.0 + 180.0) % 360.0 - 180.0, longitude, latitude)
+    return LocalScale(
+        math.hypot(*along_x),
+        math.hypot(*along_y),
+        -across,
+        (aside - across - 90.0 + 180.0) % 360.0 - 180.0,
+        longitude,
+        latitude,
+    )
 
 
 def _dot(a: Sequence[float], b: Sequence[float]) -> float:
@@ -98,8 +105,11 @@ def _dot(a: Sequence[float], b: Sequence[float]) -> float:
 def _axes(longitude_deg: float, latitude_deg: float) -> tuple[list[float], list[float], list[float]]:
     """Unit vectors east, north and up at a place, in the axes of the body."""
     u, v = math.radians(longitude_deg), math.radians(latitude_deg)
-    return ([-math.sin(u), math.cos(u), 0.0], [-math.sin(v) * math.cos(u), -math.sin(v) * math.sin(u), math.cos(v)],
-            [math.cos(v) * math.cos(u), math.cos(v) * math.sin(u), math.sin(v)])
+    return (
+        [-math.sin(u), math.cos(u), 0.0],
+        [-math.sin(v) * math.cos(u), -math.sin(v) * math.sin(u), math.cos(v)],
+        [math.cos(v) * math.cos(u), math.cos(v) * math.sin(u), math.sin(v)],
+    )
 
 
 def _mercator(s: MapSystem, x: float, y: float) -> tuple[float, float]:
@@ -131,14 +141,18 @@ def _transverse_mercator(s: MapSystem, x: float, y: float) -> tuple[float, float
 
 def _azimuthal(angle: Callable[[MapSystem, float], float]) -> Callable[[MapSystem, float, float], tuple[float, float]]:
     """The inverse of a projection about a point, from the angle on the sphere of a distance on the map."""
+
     def inverse(s: MapSystem, x: float, y: float) -> tuple[float, float]:
         rho, origin = math.hypot(x, y), math.radians(s.latitude_deg)
         if rho == 0:
             return 0.0, origin
         c = angle(s, rho)
-        return _of_direction(x * math.sin(c) / rho,
-                             math.cos(origin) * math.cos(c) - y * math.sin(origin) * math.sin(c) / rho,
-                             math.cos(c) * math.sin(origin) + y * math.sin(c) * math.cos(origin) / rho)
+        return _of_direction(
+            x * math.sin(c) / rho,
+            math.cos(origin) * math.cos(c) - y * math.sin(origin) * math.sin(c) / rho,
+            math.cos(c) * math.sin(origin) + y * math.sin(c) * math.cos(origin) / rho,
+        )
+
     return inverse
 
 
@@ -153,8 +167,11 @@ def _conic_conformal(s: MapSystem, x: float, y: float) -> tuple[float, float]:
     def tangent(latitude: float) -> float:
         return math.tan(math.pi / 4 + latitude / 2)
 
-    n = math.sin(first) if abs(first - second) < 1e-9 else (
-        math.log(math.cos(first) / math.cos(second)) / math.log(tangent(second) / tangent(first)))
+    n = (
+        math.sin(first)
+        if abs(first - second) < 1e-9
+        else (math.log(math.cos(first) / math.cos(second)) / math.log(tangent(second) / tangent(first)))
+    )
     f = s.scale * math.cos(first) * tangent(first) ** n / n
     rho0 = f / tangent(math.radians(s.latitude_deg)) ** n
     rho = math.copysign(math.hypot(x, rho0 - y), n)
@@ -185,32 +202,65 @@ def _checked_latitude(latitude: float) -> float:
 
 #: From a place on the map, in radii of the sphere, to longitude from the central one and latitude, in radians.
 INVERSES: dict[str, Callable[[MapSystem, float, float], tuple[float, float]]] = {
-    "Mercator": _mercator, "Equidistant cylindrical": _equirectangular, "Sinusoidal": _sinusoidal,
-    "Polar stereographic": _polar_stereographic, "Transverse Mercator": _transverse_mercator,
-    "Lambert conformal conic": _conic_conformal, "Albers equal area": _conic_equal_area,
+    "Mercator": _mercator,
+    "Equidistant cylindrical": _equirectangular,
+    "Sinusoidal": _sinusoidal,
+    "Polar stereographic": _polar_stereographic,
+    "Transverse Mercator": _transverse_mercator,
+    "Lambert conformal conic": _conic_conformal,
+    "Albers equal area": _conic_equal_area,
     "Cylindrical equal area": _cylindrical_equal_area,
     "Stereographic": _azimuthal(lambda s, rho: 2 * math.atan(rho / (2 * s.scale))),
     "Lambert azimuthal equal area": _azimuthal(lambda s, rho: 2 * math.asin(rho / 2)),
-    "Azimuthal equidistant": _azimuthal(lambda s, rho: rho), "Orthographic": _azimuthal(lambda s, rho: math.asin(rho))}
+    "Azimuthal equidistant": _azimuthal(lambda s, rho: rho),
+    "Orthographic": _azimuthal(lambda s, rho: math.asin(rho)),
+}
 #: Projections by the number of their method (GeoTIFF, section C.4.2).
-_METHODS = {1: "Transverse Mercator", 7: "Mercator", 8: "Lambert conformal conic", 9: "Lambert conformal conic",
-            10: "Lambert azimuthal equal area", 11: "Albers equal area", 12: "Azimuthal equidistant",
-            14: "Stereographic", 15: "Polar stereographic", 16: "Stereographic", 17: "Equidistant cylindrical",
-            21: "Orthographic", 24: "Sinusoidal", 28: "Cylindrical equal area"}
+_METHODS = {
+    1: "Transverse Mercator",
+    7: "Mercator",
+    8: "Lambert conformal conic",
+    9: "Lambert conformal conic",
+    10: "Lambert azimuthal equal area",
+    11: "Albers equal area",
+    12: "Azimuthal equidistant",
+    14: "Stereographic",
+    15: "Polar stereographic",
+    16: "Stereographic",
+    17: "Equidistant cylindrical",
+    21: "Orthographic",
+    24: "Sinusoidal",
+    28: "Cylindrical equal area",
+}
 #: Grids of countries that are true to scale to some thousandths, although their projections are not known here.
 TRUE_GRIDS = {2056, 2154, 2180, 2193, 3006, 3057, 3067, 5514, 8088, 21781, 27700, 28992, 31287, 31370}
 #: Systems of Earth that a file may state by number only.
 KNOWN = {
-    3857: MapSystem("Mercator", "EPSG:3857", _WEB_M), 3395: MapSystem("Mercator", "EPSG:3395", _WEB_M),
+    3857: MapSystem("Mercator", "EPSG:3857", _WEB_M),
+    3395: MapSystem("Mercator", "EPSG:3395", _WEB_M),
     6933: MapSystem("Cylindrical equal area", "EPSG:6933", _EARTH_M, parallel_deg=30.0),
     4087: MapSystem("Equidistant cylindrical", "EPSG:4087", _WEB_M),
-    3035: MapSystem("Lambert azimuthal equal area", "EPSG:3035", _EARTH_M, 10.0, 52.0, east_m=4321000.0,
-                    north_m=3210000.0),
-    **{code: MapSystem("Polar stereographic", f"EPSG:{code}", _WEB_M, longitude, math.copysign(90.0, parallel),
-                       parallel) for code, longitude, parallel in (
-                           (3031, 0.0, -71.0), (3976, 0.0, -70.0), (3413, -45.0, 70.0), (3995, 0.0, 71.0))},
-    **{code: MapSystem("Polar stereographic", f"EPSG:{code}", _WEB_M, 0.0, pole, pole, scale=0.994, east_m=2e6,
-                       north_m=2e6) for code, pole in ((32661, 90.0), (32761, -90.0), (5041, 90.0), (5042, -90.0))}}
+    3035: MapSystem(
+        "Lambert azimuthal equal area", "EPSG:3035", _EARTH_M, 10.0, 52.0, east_m=4321000.0, north_m=3210000.0
+    ),
+    **{
+        code: MapSystem(
+            "Polar stereographic", f"EPSG:{code}", _WEB_M, longitude, math.copysign(90.0, parallel), parallel
+        )
+        for code, longitude, parallel in (
+            (3031, 0.0, -71.0),
+            (3976, 0.0, -70.0),
+            (3413, -45.0, 70.0),
+            (3995, 0.0, 71.0),
+        )
+    },
+    **{
+        code: MapSystem(
+            "Polar stereographic", f"EPSG:{code}", _WEB_M, 0.0, pole, pole, scale=0.994, east_m=2e6, north_m=2e6
+        )
+        for code, pole in ((32661, 90.0), (32761, -90.0), (5041, 90.0), (5042, -90.0))
+    },
+}
 
 
 def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
@@ -223,8 +273,15 @@ def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
         return KNOWN[code]
     if isinstance(code, int) and (zone := _utm_zone(code)):
         number, south = zone
-        return MapSystem("Transverse Mercator", f"EPSG:{code}", _EARTH_M, 6.0 * number - 183.0, scale=0.9996,
-                         east_m=5e5, north_m=1e7 if south else 0.0)
+        return MapSystem(
+            "Transverse Mercator",
+            f"EPSG:{code}",
+            _EARTH_M,
+            6.0 * number - 183.0,
+            scale=0.9996,
+            east_m=5e5,
+            north_m=1e7 if south else 0.0,
+        )
     kind = _METHODS.get(keys.get(_METHOD_KEY, 0))
     if kind is None:
         return None
@@ -246,8 +303,18 @@ def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
         first, latitude = latitude, 0.0
     if kind == "Mercator" and 3078 not in keys:
         first, latitude = (latitude, 0.0) if 3092 not in keys else (0.0, 0.0)
-    return MapSystem(kind, kind, _sphere_m(keys), longitude, latitude, first, second, scale,
-                     unit_m * stated(3082, 3086, 3090), unit_m * stated(3083, 3087, 3091))
+    return MapSystem(
+        kind,
+        kind,
+        _sphere_m(keys),
+        longitude,
+        latitude,
+        first,
+        second,
+        scale,
+        unit_m * stated(3082, 3086, 3090),
+        unit_m * stated(3083, 3087, 3091),
+    )
 
 
 #: PROJ's names of projections, and the parameters of each, by the field of ``MapSystem``.
@@ -257,14 +324,17 @@ _PROJ = {
     "Sinusoidal": ("sinu", "lon_0=longitude_deg"),
     "Polar stereographic": ("stere", "lon_0=longitude_deg lat_0=latitude_deg lat_ts=parallel_deg k=scale"),
     "Transverse Mercator": ("tmerc", "lon_0=longitude_deg lat_0=latitude_deg k=scale"),
-    "Lambert conformal conic": ("lcc", "lon_0=longitude_deg lat_0=latitude_deg lat_1=parallel_deg lat_2=second_deg "
-                                       "k_0=scale"),
+    "Lambert conformal conic": (
+        "lcc",
+        "lon_0=longitude_deg lat_0=latitude_deg lat_1=parallel_deg lat_2=second_deg k_0=scale",
+    ),
     "Albers equal area": ("aea", "lon_0=longitude_deg lat_0=latitude_deg lat_1=parallel_deg lat_2=second_deg"),
     "Cylindrical equal area": ("cea", "lon_0=longitude_deg lat_ts=parallel_deg"),
     "Stereographic": ("stere", "lon_0=longitude_deg lat_0=latitude_deg k=scale"),
     "Lambert azimuthal equal area": ("laea", "lon_0=longitude_deg lat_0=latitude_deg"),
     "Azimuthal equidistant": ("aeqd", "lon_0=longitude_deg lat_0=latitude_deg"),
-    "Orthographic": ("ortho", "lon_0=longitude_deg lat_0=latitude_deg")}
+    "Orthographic": ("ortho", "lon_0=longitude_deg lat_0=latitude_deg"),
+}
 #: PROJ's words for geographic systems that are stated by number only.
 _PROJ_DATUMS = {4326: "+datum=WGS84", 4269: "+datum=NAD83", 4267: "+datum=NAD27", 4258: "+ellps=GRS80"}
 _GREENWICH = 8901
@@ -286,8 +356,11 @@ def crs_text(keys: Mapping[int, Any], unit_m: float) -> str:
     name, parameters = _PROJ[system.kind]
     stated = [(key, getattr(system, field)) for key, _, field in (each.partition("=") for each in parameters.split())]
     # A scale and a parallel that is true to scale exclude each other.
-    kept = [f"+{key}={value!r}" for key, value in stated
-            if not (key in ("k", "k_0") and value == 1.0) and not (key == "lat_ts" and system.scale != 1.0)]
+    kept = [
+        f"+{key}={value!r}"
+        for key, value in stated
+        if not (key in ("k", "k_0") and value == 1.0) and not (key == "lat_ts" and system.scale != 1.0)
+    ]
     unit = "+units=m" if unit_m == 1.0 else f"+to_meter={unit_m!r}"
     return " ".join([f"+proj={name}", *kept, f"+x_0={system.east_m!r} +y_0={system.north_m!r}", body, unit, "+no_defs"])
 

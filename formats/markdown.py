@@ -17,8 +17,9 @@ Formula = Callable[[str], "str | None"]
 _PICTURE = re.compile(r"\[?!\[([^\]]*)\]\([^)]*\)(?:\]\([^)]*\))?")
 _LINK = re.compile(r"\[([^\]]+)\]\(([^)\s]+)\)")
 #: Code, a displayed formula, a formula in the text.
-_KEPT = re.compile(r"`(?P<code>[^`]+)`|\$\$(?P<block>.+?)\$\$|(?<![\w$])\$(?P<tex>[^$\s](?:[^$]*[^$\s])?)\$(?![\w$])",
-                   re.DOTALL)
+_KEPT = re.compile(
+    r"`(?P<code>[^`]+)`|\$\$(?P<block>.+?)\$\$|(?<![\w$])\$(?P<tex>[^$\s](?:[^$]*[^$\s])?)\$(?![\w$])", re.DOTALL
+)
 _ITEM = re.compile(r"(?:[*-]|\d+\.) +")
 _RULE = re.compile(r"\|?[\s:|-]+\|?")
 #: The HTML that generated pages contain, after it was escaped: line breaks, places of links, and two signs.
@@ -28,8 +29,7 @@ _ESCAPED_HTML = re.compile(r'&lt;(br|span id="[\w.]+"|/span)&gt;|&amp;(nbsp|lt);
 def formulas(text: str) -> list[tuple[str, bool]]:
     """The formulas of a page in TeX, each with whether it is displayed apart from the text."""
     outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
-    return [(_tex(found), bool(found["block"]))
-            for found in _KEPT.finditer(outside) if not found["code"]]
+    return [(_tex(found), bool(found["block"])) for found in _KEPT.finditer(outside) if not found["code"]]
 
 
 def _tex(found: re.Match[str]) -> str:
@@ -38,6 +38,7 @@ def _tex(found: re.Match[str]) -> str:
 
 def page_html(text: str, address: Address, formula: Formula) -> str:
     """The HTML of a page's body."""
+
     def inline(text: str) -> str:
         return _inline(text, address, formula)
 
@@ -51,11 +52,17 @@ def page_html(text: str, address: Address, formula: Formula) -> str:
             continue
         if first.startswith("```"):
             end = next((n for n in range(k + 1, len(lines)) if lines[n].strip() == "```"), len(lines))
-            blocks.append(f"<pre><code>{html.escape(chr(10).join(lines[k + 1:end]))}</code></pre>")
+            blocks.append(f"<pre><code>{html.escape(chr(10).join(lines[k + 1 : end]))}</code></pre>")
             k = end + 1
             continue
-        end = next((n for n in range(k + 1, len(lines)) if not lines[n].strip() or lines[n].strip()[:3] == "```"
-                    or lines[k].startswith("#")), len(lines))
+        end = next(
+            (
+                n
+                for n in range(k + 1, len(lines))
+                if not lines[n].strip() or lines[n].strip()[:3] == "```" or lines[k].startswith("#")
+            ),
+            len(lines),
+        )
         if first != lines[k] and blocks and (item := re.fullmatch(r"(.*)(</li></[ou]l>)", blocks[-1], re.DOTALL)):
             more = inline(" ".join(line.strip() for line in lines[k:end]))
             blocks[-1] = f"{item[1]}<p>{more}</p>{item[2]}"
@@ -79,7 +86,7 @@ def _block(lines: list[str], inline: Callable[[str], str]) -> str:
         items: list[str] = []
         for line in lines:
             if started := _ITEM.match(line.strip()):
-                items.append(line.strip()[started.end():])
+                items.append(line.strip()[started.end() :])
             else:
                 items[-1] += f" {line.strip()}"
         number = re.match(r"\d+", first)
@@ -105,6 +112,7 @@ def _unescaped(found: re.Match[str]) -> str:
 
 def _inline(text: str, address: Address, formula: Formula) -> str:
     """Text with code, formulas, links and emphasis."""
+
     def linked(found: re.Match[str]) -> str:
         target = address(html.unescape(found[2]))
         return f'<a href="{html.escape(target, quote=True)}">{found[1]}</a>' if target else found[1]
@@ -112,8 +120,11 @@ def _inline(text: str, address: Address, formula: Formula) -> str:
     kept: list[str] = []  # code and formulas, in which nothing else is looked for
 
     def keep(found: re.Match[str]) -> str:
-        kept.append(f"<code>{html.escape(found['code'])}</code>" if found["code"] else
-                    formula(_tex(found)) or html.escape(found[0], quote=False))
+        kept.append(
+            f"<code>{html.escape(found['code'])}</code>"
+            if found["code"]
+            else formula(_tex(found)) or html.escape(found[0], quote=False)
+        )
         return f"\0{len(kept) - 1}\0"
 
     text = _ESCAPED_HTML.sub(_unescaped, html.escape(_KEPT.sub(keep, text), quote=False))

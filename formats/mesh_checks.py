@@ -42,10 +42,14 @@ def check_mesh(path: Path, kind: str) -> None:
         for name in gltf.check(path):
             _check_named(path, path.parent / name)
         return
-    parse = {"PLY": ply.check, "STL": stl.check_statements, "OBJ": lambda foreign: _check_obj(path, foreign),
-             "FBX": _check_fbx, "USD": lambda foreign: _check_usd(path, foreign)}[kind]
-    read(path, parse, f"{with_article(kind)} file", _FIX, most=ply.MOST_MESH,
-         memory=_MOST_UNPACKED)
+    parse = {
+        "PLY": ply.check,
+        "STL": stl.check_statements,
+        "OBJ": lambda foreign: _check_obj(path, foreign),
+        "FBX": _check_fbx,
+        "USD": lambda foreign: _check_usd(path, foreign),
+    }[kind]
+    read(path, parse, f"{with_article(kind)} file", _FIX, most=ply.MOST_MESH, memory=_MOST_UNPACKED)
 
 
 def _check_obj(path: Path, foreign: ForeignBytes) -> None:

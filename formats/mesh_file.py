@@ -14,8 +14,18 @@ from ..support.foreign_bytes import read
 from . import ply
 from .gltf import find_buffers, read_gltf
 
-FORMATS = {".obj": "OBJ", ".ply": "PLY", ".stl": "STL", ".gltf": "glTF", ".glb": "glTF", ".usd": "USD", ".usda": "USD",
-           ".usdc": "USD", ".usdz": "USD", ".fbx": "FBX"}
+FORMATS = {
+    ".obj": "OBJ",
+    ".ply": "PLY",
+    ".stl": "STL",
+    ".gltf": "glTF",
+    ".glb": "glTF",
+    ".usd": "USD",
+    ".usda": "USD",
+    ".usdc": "USD",
+    ".usdz": "USD",
+    ".fbx": "FBX",
+}
 _OPENING = 65536
 #: An OBJ file has at least one line that begins with one of these words.
 _OBJ_WORDS = (b"v", b"#", b"o", b"g", b"mtllib")
@@ -44,8 +54,10 @@ class Cost:
     def sentence(self, path: Path) -> str:
         """The cost as a part of a sentence."""
         about = "" if self.exact else "about "
-        return (f"{path.name} has {about}{self.triangles / 1e6:.2g} million triangles; loading it takes about "
-                f"{self.seconds:.0f} s and {self.memory_mib / 1024:.1f} GiB")
+        return (
+            f"{path.name} has {about}{self.triangles / 1e6:.2g} million triangles; loading it takes about "
+            f"{self.seconds:.0f} s and {self.memory_mib / 1024:.1f} GiB"
+        )
 
 
 def detect_kind(path: Path) -> str:
@@ -60,8 +72,9 @@ def detect_kind(path: Path) -> str:
     if not start:
         raise IcyMoonError(f"{path}: is empty; export the mesh again.")
     if not _looks_like(kind, path.suffix.lower(), start):
-        raise IcyMoonError(f"{path}: is not {with_article(kind)} file, although its name ends so; export the mesh "
-                           "again.")
+        raise IcyMoonError(
+            f"{path}: is not {with_article(kind)} file, although its name ends so; export the mesh again."
+        )
     return kind
 
 
@@ -72,16 +85,22 @@ def with_article(kind: str) -> str:
 
 def read_opening(path: Path) -> bytes:
     """The first bytes of a file. Raises IcyMoonError if it cannot be read."""
-    return read(path, lambda foreign: foreign.part(0, min(foreign.size, _OPENING)), "a file", "check source.file",
-                most=ply.MOST_MESH)
+    return read(
+        path,
+        lambda foreign: foreign.part(0, min(foreign.size, _OPENING)),
+        "a file",
+        "check source.file",
+        most=ply.MOST_MESH,
+    )
 
 
 def _looks_like(kind: str, suffix: str, start: bytes) -> bool:
     if kind == "PLY":
         return start.startswith((b"ply\n", b"ply\r")) and b"end_header" in start
     if kind == "OBJ":
-        return b"\0" not in start and any(line.split(None, 1)[0] in _OBJ_WORDS for line in start.splitlines()
-                                          if line.strip())
+        return b"\0" not in start and any(
+            line.split(None, 1)[0] in _OBJ_WORDS for line in start.splitlines() if line.strip()
+        )
     if kind == "STL":
         return len(start) >= 84 or start.lstrip().startswith(b"solid")
     if suffix == ".glb":
@@ -109,9 +128,16 @@ def _read_triangle_count(kind: str, path: Path) -> int | None:
     if kind == "STL":
         return read(path, stl.count_triangles, "an STL file", "export the mesh again", most=ply.MOST_MESH)
     if kind == "glTF":
-        return read_gltf(path, lambda document: sum(
-            int(document["accessors"][p["indices"]]["count"]) for mesh in document.get("meshes", ())
-            for p in mesh["primitives"] if "indices" in p) // 3)
+        return read_gltf(
+            path,
+            lambda document: sum(
+                int(document["accessors"][p["indices"]]["count"])
+                for mesh in document.get("meshes", ())
+                for p in mesh["primitives"]
+                if "indices" in p
+            )
+            // 3,
+        )
     return None
 
 

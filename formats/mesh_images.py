@@ -29,12 +29,24 @@ KINDS = (".obj", ".gltf", ".glb", ".ply")
 #: files and a normal map in others.
 _MTL = {"map_kd": "albedo", "map_pr": "roughness", "norm": "normal"}
 #: Numbers that follow an option of such a statement; -o, -s and -t have one to three.
-_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1, "-texres": 1, "-bm": 1, "-boost": 1,
-            "-type": 1, "-mm": 2}
+_OPTIONS = {
+    "-blendu": 1,
+    "-blendv": 1,
+    "-cc": 1,
+    "-clamp": 1,
+    "-imfchan": 1,
+    "-texres": 1,
+    "-bm": 1,
+    "-boost": 1,
+    "-type": 1,
+    "-mm": 2,
+}
 #: Where the glTF material has an image: its kind, the path to it, the channel that counts, and the factor on it.
-_GLTF = (("albedo", ("pbrMetallicRoughness", "baseColorTexture"), 0, None),
-         ("roughness", ("pbrMetallicRoughness", "metallicRoughnessTexture"), 1, "roughnessFactor"),
-         ("normal", ("normalTexture",), 0, None))
+_GLTF = (
+    ("albedo", ("pbrMetallicRoughness", "baseColorTexture"), 0, None),
+    ("roughness", ("pbrMetallicRoughness", "metallicRoughnessTexture"), 1, "roughnessFactor"),
+    ("normal", ("normalTexture",), 0, None),
+)
 
 
 @dataclass(frozen=True)
@@ -69,8 +81,9 @@ def find_images(path: Path) -> MeshImages:
     if suffix == ".obj":
         return _find_in_obj(path)
     if suffix == ".ply":
-        return _sort_by_kind(("albedo", MeshImage(_find_beside(path, _decode_text(name))))
-                             for name in ply.texture_files(path))
+        return _sort_by_kind(
+            ("albedo", MeshImage(_find_beside(path, _decode_text(name)))) for name in ply.texture_files(path)
+        )
     if suffix in (".gltf", ".glb"):
         return _sort_by_kind(read_gltf(path, lambda document: list(_find_in_gltf(path, document))))
     return MeshImages({})
@@ -92,8 +105,9 @@ def choose_images(path: Path) -> dict[str, MeshImage]:
     return found
 
 
-def _sort_by_kind(found: Iterator[tuple[str, MeshImage]] | list[tuple[str, MeshImage]],
-                  named_in: tuple[Path, ...] = ()) -> MeshImages:
+def _sort_by_kind(
+    found: Iterator[tuple[str, MeshImage]] | list[tuple[str, MeshImage]], named_in: tuple[Path, ...] = ()
+) -> MeshImages:
     by_kind: dict[str, list[MeshImage]] = {}
     for kind, image in found:
         if image not in by_kind.setdefault(kind, []):
@@ -121,8 +135,13 @@ def _find_in_obj(path: Path) -> MeshImages:
 
 
 def _read_library(path: Path) -> list[tuple[str, MeshImage]]:
-    return read(path, lambda foreign: list(_parse_library(path, foreign)), "a material library", "check source.file",
-                most=_MOST_LIBRARY)
+    return read(
+        path,
+        lambda foreign: list(_parse_library(path, foreign)),
+        "a material library",
+        "check source.file",
+        most=_MOST_LIBRARY,
+    )
 
 
 def _parse_library(path: Path, foreign: ForeignBytes) -> Iterator[tuple[str, MeshImage]]:
@@ -138,17 +157,20 @@ def _parse_library(path: Path, foreign: ForeignBytes) -> Iterator[tuple[str, Mes
                 if any(float(number) != (option == "-s") for number in given):
                     moved = f"is shifted or scaled by {option} {' '.join(given)}"
             else:
-                del words[:min(_OPTIONS.get(option, 0), len(words) - 1)]
+                del words[: min(_OPTIONS.get(option, 0), len(words) - 1)]
         if words:
             # The name may contain runs of spaces, which split() would shorten.
-            yield _MTL[statement.lower()], MeshImage(_find_beside(path, rest[rest.index(words[0]):]),
-                                                     not_followed=moved)
+            yield (
+                _MTL[statement.lower()],
+                MeshImage(_find_beside(path, rest[rest.index(words[0]) :]), not_followed=moved),
+            )
 
 
 def _find_in_gltf(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, MeshImage]]:
     materials = document.get("materials", [])
-    used = {part["material"] for mesh in document.get("meshes", ()) for part in mesh["primitives"]
-            if "material" in part}
+    used = {
+        part["material"] for mesh in document.get("meshes", ()) for part in mesh["primitives"] if "material" in part
+    }
     for index in sorted(used):
         material = materials[index]
         for kind, where, channel, factor in _GLTF:
@@ -173,8 +195,11 @@ def _unsupported_use(stated: dict[str, Any], factor: float) -> str:
     transform = stated.get("extensions", {}).get("KHR_texture_transform", {})
     if stated.get("texCoord", 0) != 0 or transform.get("texCoord", 0) != 0:
         return "has UV coordinates of its own"
-    if any(value != plain for key, plain in (("offset", [0, 0]), ("scale", [1, 1]), ("rotation", 0))
-           if (value := transform.get(key, plain))):
+    if any(
+        value != plain
+        for key, plain in (("offset", [0, 0]), ("scale", [1, 1]), ("rotation", 0))
+        if (value := transform.get(key, plain))
+    ):
         return "is shifted, scaled or turned (KHR_texture_transform)"
     return "" if factor == 1.0 else f"is scaled by {factor:g}"
 
@@ -192,7 +217,7 @@ def _locate_gltf_image(path: Path, document: dict[str, Any], number: int, channe
     if uri is None:
         return MeshImage(path, place, channel, odd, lambda: _read_bytes(path, _find_binary_start(path) + begin, length))
     if uri.startswith("data:"):
-        return MeshImage(path, place, channel, odd, lambda: _decode_uri(path, uri)[begin:begin + length])
+        return MeshImage(path, place, channel, odd, lambda: _decode_uri(path, uri)[begin : begin + length])
     file = path.parent / unquote(uri)
     return MeshImage(file, place, channel, odd, lambda: _read_bytes(file, begin, length))
 
@@ -203,8 +228,13 @@ def _find_binary_start(path: Path) -> int:
 
 
 def _read_bytes(path: Path, begin: int, length: int) -> bytes:
-    return read(path, lambda foreign: foreign.part(begin, length), "a mesh with its images in it",
-                "export the mesh again", most=ply.MOST_MESH)
+    return read(
+        path,
+        lambda foreign: foreign.part(begin, length),
+        "a mesh with its images in it",
+        "export the mesh again",
+        most=ply.MOST_MESH,
+    )
 
 
 def _decode_uri(path: Path, uri: str) -> bytes:

@@ -17,8 +17,10 @@ _DEEPEST = 32
 _OPENS, _CLOSES = ("OBJECT", "GROUP", "BEGIN_OBJECT", "BEGIN_GROUP"), ("END_OBJECT", "END_GROUP")
 _ENDS = {"(": ")", "{": "}"}
 #: The next token. Matched where the last token ended, and each alternative takes every character once.
-_TOKEN = re.compile(r"""(?P<space>\s++|/\*(?s:.*?)\*/|<[^<>]*>)|"(?P<text>[^"]*)"|'(?P<symbol>[^']*)'"""
-                    r"""|(?P<sign>[=(){},])|(?P<word>(?:(?!/\*)[^\s=(){},<>"'])+)""")
+_TOKEN = re.compile(
+    r"""(?P<space>\s++|/\*(?s:.*?)\*/|<[^<>]*>)|"(?P<text>[^"]*)"|'(?P<symbol>[^']*)'"""
+    r"""|(?P<sign>[=(){},])|(?P<word>(?:(?!/\*)[^\s=(){},<>"'])+)"""
+)
 
 
 @dataclass

@@ -57,8 +57,11 @@ class PlacedMesh:
             turned = self.normals @ np.linalg.inv(matrix[:3, :3])  # rows times the inverse: normals by its transpose
             turned = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12)
             mirrored = np.linalg.det(matrix[:3, :3]) < 0
-            yield (self.vertices @ matrix[:3, :3].T + matrix[:3, 3], turned,
-                   self.triangles[:, ::-1] if mirrored else self.triangles)
+            yield (
+                self.vertices @ matrix[:3, :3].T + matrix[:3, 3],
+                turned,
+                self.triangles[:, ::-1] if mirrored else self.triangles,
+            )
 
 
 def by_kind(meshes: Iterable[PlacedMesh]) -> dict[str, list[PlacedMesh]]:
@@ -71,9 +74,10 @@ def by_kind(meshes: Iterable[PlacedMesh]) -> dict[str, list[PlacedMesh]]:
 
 def write_ply(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
     """Write all places of meshes as one mesh, a binary PLY file in single precision with normals."""
-    vertices, triangles = (sum(len(mesh.places) * count for mesh, count in zip(meshes, counts, strict=True))
-                           for counts in ([len(mesh.vertices) for mesh in meshes],
-                                          [len(mesh.triangles) for mesh in meshes]))
+    vertices, triangles = (
+        sum(len(mesh.places) * count for mesh, count in zip(meshes, counts, strict=True))
+        for counts in ([len(mesh.vertices) for mesh in meshes], [len(mesh.triangles) for mesh in meshes])
+    )
 
     def write(part: Path) -> None:
         with part.open("wb") as stream:
@@ -94,6 +98,7 @@ def write_ply(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
 
 def write_obj(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
     """Write all places of meshes as an OBJ file with normals and an object for each kind."""
+
     def write(part: Path) -> None:
         with part.open("w", encoding="utf-8", newline="\n") as stream:
             stream.write(f"# {comment}\n")
@@ -112,16 +117,19 @@ def write_obj(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
 def _write_rows(stream: IO[str], row: str, values: np.ndarray) -> None:
     """Write a text for each of the rows of numbers (n, k)."""
     for start in range(0, len(values), _ROWS):
-        some = values[start:start + _ROWS]
+        some = values[start : start + _ROWS]
         stream.write((row * len(some)) % tuple(some.ravel().tolist()))
 
 
 def write_usd(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
     """Write meshes as a USD file in text, z up, in metres, with an instance for each place of a mesh that has many."""
+
     def write(part: Path) -> None:
         with part.open("w", encoding="utf-8", newline="\n") as stream:
-            stream.write(f'#usda 1.0\n(\n    defaultPrim = "ground"\n    doc = {json.dumps(comment)}\n'
-                         '    metersPerUnit = 1\n    upAxis = "Z"\n)\n\n')
+            stream.write(
+                f'#usda 1.0\n(\n    defaultPrim = "ground"\n    doc = {json.dumps(comment)}\n'
+                '    metersPerUnit = 1\n    upAxis = "Z"\n)\n\n'
+            )
             stream.write('class "shapes"\n{\n')
             names = _names(meshes)
             for name, mesh in zip(names, meshes, strict=True):
@@ -139,9 +147,11 @@ def write_usd(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
                         _write_usd_mesh(stream, name, mesh, mesh.places[0])
                         continue
                     for number, matrix in enumerate(mesh.places):
-                        stream.write(f'        def "{name}_{number}" (\n            instanceable = true\n'
-                                     f'            prepend references = </shapes/{name}>\n        )\n        {{\n'
-                                     f"{_usd_matrix(matrix)}        }}\n")
+                        stream.write(
+                            f'        def "{name}_{number}" (\n            instanceable = true\n'
+                            f"            prepend references = </shapes/{name}>\n        )\n        {{\n"
+                            f"{_usd_matrix(matrix)}        }}\n"
+                        )
                 stream.write("    }\n")
             stream.write("}\n")
 
@@ -160,24 +170,31 @@ def _identifier(text: str) -> str:
 def _usd_matrix(matrix: np.ndarray) -> str:
     """The transform of a prim. USD multiplies rows by matrices, so it has the transpose."""
     rows = ", ".join("(" + ", ".join(f"{value:.17g}" for value in row) + ")" for row in matrix.T.tolist())
-    return (f"            matrix4d xformOp:transform = ( {rows} )\n"
-            '            uniform token[] xformOpOrder = ["xformOp:transform"]\n')
+    return (
+        f"            matrix4d xformOp:transform = ( {rows} )\n"
+        '            uniform token[] xformOpOrder = ["xformOp:transform"]\n'
+    )
 
 
 def _write_usd_mesh(stream: IO[str], name: str, mesh: PlacedMesh, matrix: np.ndarray | None = None) -> None:
-    low, high = (", ".join(f"{value:.9g}" for value in ends.tolist())
-                 for ends in (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)))
+    low, high = (
+        ", ".join(f"{value:.9g}" for value in ends.tolist())
+        for ends in (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
+    )
     stream.write(f'        def Mesh "{name}"\n        {{\n            float3[] extent = [({low}), ({high})]\n')
-    for text, row, values in (("int[] faceVertexCounts", "%d, ", np.full((len(mesh.triangles), 1), 3)),
-                              ("int[] faceVertexIndices", "%d, %d, %d, ", mesh.triangles),
-                              ("point3f[] points", "(%.9g, %.9g, %.9g), ", mesh.vertices.astype(np.float32)),
-                              ("normal3f[] normals", "(%.9g, %.9g, %.9g), ", mesh.normals.astype(np.float32))):
+    for text, row, values in (
+        ("int[] faceVertexCounts", "%d, ", np.full((len(mesh.triangles), 1), 3)),
+        ("int[] faceVertexIndices", "%d, %d, %d, ", mesh.triangles),
+        ("point3f[] points", "(%.9g, %.9g, %.9g), ", mesh.vertices.astype(np.float32)),
+        ("normal3f[] normals", "(%.9g, %.9g, %.9g), ", mesh.normals.astype(np.float32)),
+    ):
         stream.write(f"            {text} = [")
         # Lists of USD may not end in a comma.
         _write_rows(stream, row, values[:-1])
         stream.write(row.rstrip(", ") % tuple(values[-1].tolist()))
-        stream.write("]" + (' (\n                interpolation = "vertex"\n            )' if "normals" in text else "")
-                     + "\n")
+        stream.write(
+            "]" + (' (\n                interpolation = "vertex"\n            )' if "normals" in text else "") + "\n"
+        )
     stream.write('            uniform token subdivisionScheme = "none"\n')
     stream.write(_usd_matrix(matrix) if matrix is not None else "")
     stream.write("        }\n")
@@ -188,16 +205,24 @@ def write_gltf(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
 
     Raises IcyMoonError for more than 4 GB, which the format does not allow.
     """
-    arrays = [array for mesh in meshes for array in (
-        np.ascontiguousarray(mesh.vertices, "<f4"), np.ascontiguousarray(mesh.normals, "<f4"),
-        np.ascontiguousarray(mesh.triangles, "<u4"))]
+    arrays = [
+        array
+        for mesh in meshes
+        for array in (
+            np.ascontiguousarray(mesh.vertices, "<f4"),
+            np.ascontiguousarray(mesh.normals, "<f4"),
+            np.ascontiguousarray(mesh.triangles, "<u4"),
+        )
+    ]
     text = json.dumps(_gltf(meshes, arrays, comment), separators=(",", ":")).encode("ascii")
     text += b" " * (-len(text) % 4)
     size = sum(array.nbytes for array in arrays)
     whole = 12 + 8 + len(text) + 8 + size
     if whole > _MOST_GLTF:
-        raise IcyMoonError(f"The ground is {whole / 1e9:.1f} GB as glTF, which holds 4.3 GB; export usd, or make the "
-                           "ground coarser by a larger mesh.error_px.")
+        raise IcyMoonError(
+            f"The ground is {whole / 1e9:.1f} GB as glTF, which holds 4.3 GB; export usd, or make the "
+            "ground coarser by a larger mesh.error_px."
+        )
 
     def write(part: Path) -> None:
         with part.open("wb") as stream:
@@ -212,18 +237,32 @@ def write_gltf(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
 def _gltf(meshes: Sequence[PlacedMesh], arrays: Sequence[np.ndarray], comment: str) -> Mapping[str, Any]:
     """The JSON of a glTF file whose data are ``arrays``: vertices, normals and triangles of each mesh."""
     starts = np.cumsum([0, *(array.nbytes for array in arrays)]).tolist()
-    views = [{"buffer": 0, "byteOffset": start, "byteLength": array.nbytes,
-              "target": _INDICES if array.dtype.kind == "u" else _VERTICES}
-             for start, array in zip(starts, arrays, strict=False)]
+    views = [
+        {
+            "buffer": 0,
+            "byteOffset": start,
+            "byteLength": array.nbytes,
+            "target": _INDICES if array.dtype.kind == "u" else _VERTICES,
+        }
+        for start, array in zip(starts, arrays, strict=False)
+    ]
     accessors: list[dict[str, Any]] = []
     for number, array in enumerate(arrays):
         whole = array.dtype.kind == "u"
-        accessors.append({"bufferView": number, "componentType": _UNSIGNED if whole else _FLOAT,
-                          "count": array.size if whole else len(array), "type": "SCALAR" if whole else "VEC3"})
+        accessors.append(
+            {
+                "bufferView": number,
+                "componentType": _UNSIGNED if whole else _FLOAT,
+                "count": array.size if whole else len(array),
+                "type": "SCALAR" if whole else "VEC3",
+            }
+        )
         if number % 3 == 0:  # the format asks for the ends of positions
             accessors[-1] |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
-    shapes = [{"name": name, "primitives": [{"attributes": {"POSITION": 3 * k, "NORMAL": 3 * k + 1},
-                                             "indices": 3 * k + 2}]} for k, name in enumerate(_names(meshes))]
+    shapes = [
+        {"name": name, "primitives": [{"attributes": {"POSITION": 3 * k, "NORMAL": 3 * k + 1}, "indices": 3 * k + 2}]}
+        for k, name in enumerate(_names(meshes))
+    ]
     nodes: list[dict[str, Any]] = [{"name": "ground", "matrix": _Y_UP, "children": []}]
     numbers = {id(mesh): k for k, mesh in enumerate(meshes)}
     for kind, own in by_kind(meshes).items():
@@ -234,8 +273,16 @@ def _gltf(meshes: Sequence[PlacedMesh], arrays: Sequence[np.ndarray], comment: s
             k = numbers[id(mesh)]
             for place, matrix in enumerate(mesh.places):
                 named = {"name": f"{shapes[k]['name']}_{place}", "mesh": k}
-                nodes.append(named if np.array_equal(matrix, np.eye(4)) else
-                             named | {"matrix": matrix.T.ravel().tolist()})
-    return {"asset": {"version": "2.0", "generator": "Icy Moon", "extras": {"frame": comment}}, "scene": 0,
-            "scenes": [{"nodes": [0]}], "nodes": nodes, "meshes": shapes, "accessors": accessors, "bufferViews": views,
-            "buffers": [{"byteLength": starts[-1]}]}
+                nodes.append(
+                    named if np.array_equal(matrix, np.eye(4)) else named | {"matrix": matrix.T.ravel().tolist()}
+                )
+    return {
+        "asset": {"version": "2.0", "generator": "Icy Moon", "extras": {"frame": comment}},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": nodes,
+        "meshes": shapes,
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": starts[-1]}],
+    }

@@ -24,9 +24,24 @@ from ..physics.mesh.line_forms import Forms, Rows, UnusualError, reduced
 from ..support.files import shorten, write_atomically
 from ..support.foreign_bytes import ForeignBytes, read, whole_numbers
 
-_TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
-          "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
-          "double": "f8", "float64": "f8"}
+_TYPES = {
+    "char": "i1",
+    "int8": "i1",
+    "uchar": "u1",
+    "uint8": "u1",
+    "short": "i2",
+    "int16": "i2",
+    "ushort": "u2",
+    "uint16": "u2",
+    "int": "i4",
+    "int32": "i4",
+    "uint": "u4",
+    "uint32": "u4",
+    "float": "f4",
+    "float32": "f4",
+    "double": "f8",
+    "float64": "f8",
+}
 #: The letters of ``struct`` for them.
 _CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "f4": "f", "f8": "d"}
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
@@ -120,8 +135,13 @@ def _parse_header(foreign: ForeignBytes) -> _Header:
     for name, _, properties in elements:
         if len({each.name for each in properties}) < len(properties):
             raise ValueError(f"its element {shorten(name)!r} has two properties of one name")
-    return _Header(_ORDERS.get(encoding, ""), tuple(_Element(name, count, tuple(own)) for name, count, own in elements),
-                   start, number, tuple(comments))
+    return _Header(
+        _ORDERS.get(encoding, ""),
+        tuple(_Element(name, count, tuple(own)) for name, count, own in elements),
+        start,
+        number,
+        tuple(comments),
+    )
 
 
 def _is_count(word: str) -> bool:
@@ -145,8 +165,9 @@ def count_triangles(path: Path) -> int | None:
 def texture_files(path: Path) -> list[bytes]:
     """The names of images in comments of the header, as VCGlib writes them. Raises IcyMoonError."""
     header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH)
-    return [words[1] for text in header.comments if len(words := text.split(None, 1)) == 2
-            and words[0] == b"TextureFile"]
+    return [
+        words[1] for text in header.comments if len(words := text.split(None, 1)) == 2 and words[0] == b"TextureFile"
+    ]
 
 
 def check(foreign: ForeignBytes) -> None:
@@ -158,8 +179,10 @@ def check(foreign: ForeignBytes) -> None:
     header = _parse_header(foreign)
     if bare := next((each for each in header.elements if each.count and not each.properties), None):
         raise ValueError(f"its element {shorten(bare.name)!r} has rows without a property")
-    least = sum(element.count * (element.least_bytes if header.order else 2 * max(1, len(element.properties)))
-                for element in header.elements)
+    least = sum(
+        element.count * (element.least_bytes if header.order else 2 * max(1, len(element.properties)))
+        for element in header.elements
+    )
     # The last number of a text needs no end of its line.
     if header.start + least > foreign.size + (0 if header.order else 1):
         raise ValueError(f"its header states rows of at least {least} bytes, but {foreign.size - header.start} follow")
@@ -179,8 +202,10 @@ def check(foreign: ForeignBytes) -> None:
 def _check_range(name: str, values: np.ndarray, lowest: int, vertices: int, row: int) -> None:
     if values.size and not (values.min() >= lowest and values.max() < vertices):
         wrong = values[(values < lowest) | (values >= vertices)].ravel()[0]
-        raise ValueError(f"row {row} of the element {name}, or one soon after, has vertex {wrong}, and the vertices "
-                         f"are 0 to {vertices - 1}")
+        raise ValueError(
+            f"row {row} of the element {name}, or one soon after, has vertex {wrong}, and the vertices "
+            f"are 0 to {vertices - 1}"
+        )
 
 
 def _lowest(element: _Element, name: str) -> int | None:
@@ -285,8 +310,10 @@ def _check_usual_text(foreign: ForeignBytes, header: _Header, vertices: int) -> 
     for other elements, and for a row that may be wrong."""
     elements = [each for each in header.elements if each.count]
     is_usual = [each.name for each in elements] in (["vertex"], ["vertex", "face"]) and elements[0].is_plain
-    if not is_usual or any(len(each.properties) != 1 or _lowest(each, each.properties[0].name) != 0
-                           or each.properties[0].kind[0] == "f" for each in elements[1:]):
+    if not is_usual or any(
+        len(each.properties) != 1 or _lowest(each, each.properties[0].name) != 0 or each.properties[0].kind[0] == "f"
+        for each in elements[1:]
+    ):
         raise UnusualError
     width, lengths, rows = len(elements[0].properties), set[int](), Rows(foreign, header.start)
 
@@ -320,8 +347,12 @@ def _number_rows(lines: Iterator[tuple[int, bytes]], header: _Header, element: _
 
 
 def _bad_row(header: _Header, element: _Element, number: int, line: bytes, why: str = "") -> ValueError:
-    return ValueError(f"line {header.lines + number} is no row of the element {shorten(element.name)!r}{why}: "
-                      f"{shorten(line[:200].decode('utf-8', 'replace'))!r}" if number else "it ends early")
+    return ValueError(
+        f"line {header.lines + number} is no row of the element {shorten(element.name)!r}{why}: "
+        f"{shorten(line[:200].decode('utf-8', 'replace'))!r}"
+        if number
+        else "it ends early"
+    )
 
 
 def _check_words(lines: Iterator[tuple[int, bytes]], header: _Header, element: _Element, vertices: int) -> None:
@@ -354,7 +385,7 @@ def _lists_of(element: _Element, lowest: list[int | None], words: list[bytes]) -
         length = 1
         if each.count_kind is not None:
             length, at = int(words[at]), at + 1
-        values = words[at:at + length]
+        values = words[at : at + length]
         if length < 0 or len(values) != length:
             raise ValueError
         if least is not None:
@@ -368,8 +399,9 @@ def _lists_of(element: _Element, lowest: list[int | None], words: list[bytes]) -
 def read_comment_number(path: Path, name: str) -> int | None:
     """The whole number N of a comment ``name N``, None without one. Raises IcyMoonError if the file is not PLY."""
     header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH)
-    found = next((words[1] for text in header.comments if len(words := text.split()) == 2
-                  and words[0] == name.encode()), b"")
+    found = next(
+        (words[1] for text in header.comments if len(words := text.split()) == 2 and words[0] == name.encode()), b""
+    )
     return int(found) if _is_count(found.decode("latin-1")) else None
 
 
@@ -394,7 +426,8 @@ def _read_properties(foreign: ForeignBytes, wanted: tuple[str, ...]) -> np.ndarr
         return None
     names = [each.name for each in element.properties]
     if not set(wanted) <= set(names) or foreign.size < header.start + element.count * element.least_bytes * bool(
-            header.order):
+        header.order
+    ):
         return None
     if not header.order:
         numbers, columns = array("d"), [names.index(name) for name in wanted]
@@ -431,7 +464,7 @@ def _read_corner_coordinates(path: Path, faces: np.ndarray) -> np.ndarray | None
     if np.array_equal(corners, faces):
         return uv
     first, which = find_equal_rows(np.concatenate([corners.astype(np.int64), faces]))
-    place = first[which[len(corners):]]  # of each of ``faces`` in the file, whose first triangle like it counts
+    place = first[which[len(corners) :]]  # of each of ``faces`` in the file, whose first triangle like it counts
     return uv[place] if (place < len(corners)).all() else None
 
 
@@ -448,8 +481,11 @@ def _read_face_table(foreign: ForeignBytes) -> tuple[np.ndarray, np.ndarray] | N
     if header.order:
         start = header.start + vertex.count * vertex.least_bytes
         kind = _type_of_first_row(foreign, start, face, header.order)
-        if kind[corners].shape != (3,) or kind["texcoord"].shape != (6,) or (
-                foreign.size < start + face.count * kind.itemsize):
+        if (
+            kind[corners].shape != (3,)
+            or kind["texcoord"].shape != (6,)
+            or (foreign.size < start + face.count * kind.itemsize)
+        ):
             return None
         table = np.frombuffer(foreign.part(start, face.count * kind.itemsize), kind)
         lengths = {name: kind[name].shape[0] for name in names if f"length of {name}" in (kind.names or ())}
@@ -471,7 +507,7 @@ def _read_text_faces(foreign: ForeignBytes, header: _Header, corners: str) -> tu
             if each.name in found:
                 if length != wanted[each.name]:
                     return None
-                found[each.name].extend(map(float, words[at:at + length]))
+                found[each.name].extend(map(float, words[at : at + length]))
             at += length
     table = [np.array(found[name]) for name in wanted]
     if [len(each) for each in table] != [face.count * width for width in wanted.values()]:
@@ -483,8 +519,13 @@ def _read_text_faces(foreign: ForeignBytes, header: _Header, corners: str) -> tu
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
-def write_triangles(path: Path, vertices: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None = None,
-                    comments: tuple[str, ...] = ()) -> None:
+def write_triangles(
+    path: Path,
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    normals: np.ndarray | None = None,
+    comments: tuple[str, ...] = (),
+) -> None:
     """Write positions (n, 3), indices (m, 3) and normals (n, 3) of a mesh as a binary PLY file in single precision."""
     names = ("x", "y", "z", *(("nx", "ny", "nz") if normals is not None else ()))
     data = encode_triangles(names, vertices if normals is None else np.hstack([vertices, normals]), triangles, comments)
@@ -496,8 +537,7 @@ def write_triangles(path: Path, vertices: np.ndarray, triangles: np.ndarray, nor
 
 
 def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (n, 3) and triangles (m, 3) of a file that ``write_triangles`` wrote. Raises IcyMoonError for another.
-    """
+    """Positions (n, 3) and triangles (m, 3) of a file of ``write_triangles``. Raises IcyMoonError for another."""
     return read(path, _parse_triangles, "a PLY file of ours", "make it again")
 
 
@@ -514,20 +554,32 @@ def _parse_triangles(foreign: ForeignBytes) -> tuple[np.ndarray, np.ndarray]:
     return vertices[:, :3], faces["corners"].copy()
 
 
-def encode_triangles(names: tuple[str, ...], vertices: np.ndarray, triangles: np.ndarray,
-                     comments: tuple[str, ...] = ()) -> bytes:
+def encode_triangles(
+    names: tuple[str, ...], vertices: np.ndarray, triangles: np.ndarray, comments: tuple[str, ...] = ()
+) -> bytes:
     """A binary PLY file of vertices (n, k), whose k properties have these names, in single precision, and of indices
     (m, 3) of triangles."""
     faces = np.empty(len(triangles), FACE)
     faces["count"], faces["corners"] = 3, triangles
-    return (header_of(names, len(vertices), len(faces), comments) + np.ascontiguousarray(vertices, "<f4").tobytes()
-            + faces.tobytes())
+    return (
+        header_of(names, len(vertices), len(faces), comments)
+        + np.ascontiguousarray(vertices, "<f4").tobytes()
+        + faces.tobytes()
+    )
 
 
 def header_of(names: tuple[str, ...], vertices: int, triangles: int, comments: tuple[str, ...] = ()) -> bytes:
     """The header of a binary file with numbers of vertices and triangles; ``names`` are the vertices' properties, in
     single precision."""
-    header = ["ply", "format binary_little_endian 1.0", *(f"comment {each}" for each in comments),
-              f"element vertex {vertices}", *(f"property float {name}" for name in names),
-              f"element face {triangles}", "property list uchar int vertex_indices", "end_header", ""]
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        *(f"comment {each}" for each in comments),
+        f"element vertex {vertices}",
+        *(f"property float {name}" for name in names),
+        f"element face {triangles}",
+        "property list uchar int vertex_indices",
+        "end_header",
+        "",
+    ]
     return "\n".join(header).encode("ascii")

@@ -48,8 +48,13 @@ def check_png(foreign: ForeignBytes) -> PngHead:
 
 def _read_head(body: bytes) -> PngHead:
     width, height, bits, colours, *methods = struct.unpack(">2I5B", body)
-    if not (0 < width < 2**31 and 0 < height < 2**31 and bits in _BITS.get(colours, ()) and methods[:2] == [0, 0]
-            and methods[2] <= 1):
+    if not (
+        0 < width < 2**31
+        and 0 < height < 2**31
+        and bits in _BITS.get(colours, ())
+        and methods[:2] == [0, 0]
+        and methods[2] <= 1
+    ):
         raise ValueError(f"{width} x {height} pixels of {bits} bits and type {colours}")
     return PngHead(width, height, bits, colours)
 
@@ -65,8 +70,9 @@ def encode_png(picture: np.ndarray, level: int = 1) -> bytes:
     rows[:, 1:] = values
     header = struct.pack(">2I5B", width, height, 8 * picture.itemsize, 2 if picture.ndim == 3 else 0, 0, 0, 0)
     return _START + b"".join(
-        _chunk(name, data) for name, data in ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), level)),
-                                              (b"IEND", b"")))
+        _chunk(name, data)
+        for name, data in ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), level)), (b"IEND", b""))
+    )
 
 
 def _chunk(name: bytes, data: bytes) -> bytes:

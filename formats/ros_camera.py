@@ -22,11 +22,14 @@ from ..support.foreign_bytes import ForeignBytes, RefusedError, read
 _MOST_BYTES = 2**16
 _KEY = re.compile(r"( *)([A-Za-z_]\w*):(.*)")
 #: What files of other programs, with the same ending and much of the same content, are known by.
-_OTHER_FILES = ((re.compile(r"^cam0:\s*$", re.MULTILINE), "a camchain of Kalibr, of all cameras together"),
-                (re.compile(r"^[kpKP]:\s*$|^header:\s*$", re.MULTILINE),
-                 "a message CameraInfo, as ros2 topic echo prints it"))
-_FIX = ("give the YAML file that ROS' camera_calibration wrote for this eye, or one like it, with image_width, "
-        "image_height, camera_matrix, distortion_coefficients, rectification_matrix and projection_matrix")
+_OTHER_FILES = (
+    (re.compile(r"^cam0:\s*$", re.MULTILINE), "a camchain of Kalibr, of all cameras together"),
+    (re.compile(r"^[kpKP]:\s*$|^header:\s*$", re.MULTILINE), "a message CameraInfo, as ros2 topic echo prints it"),
+)
+_FIX = (
+    "give the YAML file that ROS' camera_calibration wrote for this eye, or one like it, with image_width, "
+    "image_height, camera_matrix, distortion_coefficients, rectification_matrix and projection_matrix"
+)
 #: How many coefficients a lens model has. A fifth of plumb_bob is 0 where it is left out, as in OpenCV.
 _COEFFICIENTS = {"plumb_bob": (5, 4), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
 #: Most pixels along a side that make one; cameras bin up to 16.
@@ -68,38 +71,57 @@ def _parse(foreign: ForeignBytes) -> RosCamera:
     stated = _parse_mapping(text)
     model = str(stated.get("distortion_model", "plumb_bob"))
     if model not in _COEFFICIENTS:
-        raise RefusedError(f"has the lens model {model[:40]!r}, and {', '.join(_COEFFICIENTS)} alone are read; "
-                           "calibrate the camera with one of them.")
+        raise RefusedError(
+            f"has the lens model {model[:40]!r}, and {', '.join(_COEFFICIENTS)} alone are read; "
+            "calibrate the camera with one of them."
+        )
     k = _numbers(stated, "distortion_coefficients", *_COEFFICIENTS[model])
     rotation = _numbers(stated, "rectification_matrix", 9).reshape(3, 3)
     if not np.abs(rotation @ rotation.T - np.eye(3)).max() < _TURNED or np.linalg.det(rotation) < 0:
         raise ValueError("rectification_matrix is no rotation")
-    matrices = (_numbers(stated, "camera_matrix", 9).reshape(3, 3),
-                _numbers(stated, "projection_matrix", 12).reshape(3, 4))
+    matrices = (
+        _numbers(stated, "camera_matrix", 9).reshape(3, 3),
+        _numbers(stated, "projection_matrix", 12).reshape(3, 4),
+    )
     whole = 0, 0, _whole(stated, "image_width"), _whole(stated, "image_height")
-    window, binning = _window(stated.get("roi", {}), whole), (_binning(stated, "binning_x"),
-                                                              _binning(stated, "binning_y"))
+    window, binning = (
+        _window(stated.get("roi", {}), whole),
+        (_binning(stated, "binning_x"), _binning(stated, "binning_y")),
+    )
     for matrix in matrices:
         matrix[:2, 2] -= window[:2]
         matrix[:2] /= np.array(binning)[:, None]
     width, height = window[2] // binning[0], window[3] // binning[1]
-    return RosCamera(matrices[0], model, (*map(float, k), 0.0)[:5] if model == "plumb_bob" else None, rotation,
-                     matrices[1], width, height, window if window != whole else None, binning)
+    return RosCamera(
+        matrices[0],
+        model,
+        (*map(float, k), 0.0)[:5] if model == "plumb_bob" else None,
+        rotation,
+        matrices[1],
+        width,
+        height,
+        window if window != whole else None,
+        binning,
+    )
 
 
 def _window(roi: Any, whole: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
     """The part of the calibrated images that is read out: its corner, its width and its height."""
     if not isinstance(roi, dict):
-        raise RefusedError("has a roi in one line, which is not read; write each of its keys in a line of its own, "
-                           "indented.")
-    x, y, wide, high = (_whole(roi, key, least=0) if key in roi else 0
-                        for key in ("x_offset", "y_offset", "width", "height"))
+        raise RefusedError(
+            "has a roi in one line, which is not read; write each of its keys in a line of its own, indented."
+        )
+    x, y, wide, high = (
+        _whole(roi, key, least=0) if key in roi else 0 for key in ("x_offset", "y_offset", "width", "height")
+    )
     if not (x or y or wide or high):
         return whole
     width, height = whole[2:]
     if not (0 < wide <= width - x and 0 < high <= height - y):
-        raise RefusedError(f"has a roi of {wide} x {high} px at ({x}, {y}), which is no part of images of {width} x "
-                           f"{height} px; correct it, or remove roi for whole images.")
+        raise RefusedError(
+            f"has a roi of {wide} x {high} px at ({x}, {y}), which is no part of images of {width} x "
+            f"{height} px; correct it, or remove roi for whole images."
+        )
     return x, y, wide, high
 
 

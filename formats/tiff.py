@@ -36,15 +36,64 @@ _MEMORY, _MEMORY_PER_BYTE = 2**28, 64
 #: Bytes of memory for a pixel while it is made a height, and for a value of a tag.
 _PIXEL_MEMORY, _VALUE_MEMORY = 16, 64
 
-_TYPES = {1: "B", 2: "s", 3: "H", 4: "I", 5: "II", 6: "b", 8: "h", 9: "i", 11: "f", 12: "d", 13: "I", 16: "Q",
-          17: "q", 18: "Q"}
-_OTHERS = {2: "CCITT", 3: "CCITT", 4: "CCITT", 6: "JPEG", 7: "JPEG", 34887: "LERC", 50000: "ZSTD", 50001: "WebP",
-           50002: "JPEG XL", 52546: "JPEG XL"}
+_TYPES = {
+    1: "B",
+    2: "s",
+    3: "H",
+    4: "I",
+    5: "II",
+    6: "b",
+    8: "h",
+    9: "i",
+    11: "f",
+    12: "d",
+    13: "I",
+    16: "Q",
+    17: "q",
+    18: "Q",
+}
+_OTHERS = {
+    2: "CCITT",
+    3: "CCITT",
+    4: "CCITT",
+    6: "JPEG",
+    7: "JPEG",
+    34887: "LERC",
+    50000: "ZSTD",
+    50001: "WebP",
+    50002: "JPEG XL",
+    52546: "JPEG XL",
+}
 _NUMBERS = ("u1", "u2", "u4", "u8", "i1", "i2", "i4", "i8", "f2", "f4", "f8")
 _MOST_DIRECTORIES, _MOST_TAGS = 1000, 4096
 #: The tags that anything here or in ``geotiff`` uses; others are left out.
-_USED = {254, 256, 257, 258, 259, 262, 266, 273, 274, 277, 278, 279, 317, 322, 323, 324, 325, 339, 33550, 33922, 34264,
-         34735, 34736, 42112, 42113}
+_USED = {
+    254,
+    256,
+    257,
+    258,
+    259,
+    262,
+    266,
+    273,
+    274,
+    277,
+    278,
+    279,
+    317,
+    322,
+    323,
+    324,
+    325,
+    339,
+    33550,
+    33922,
+    34264,
+    34735,
+    34736,
+    42112,
+    42113,
+}
 #: Bytes of memory that a decompressor may take for its window.
 _MOST_MEMORY_OF_UNPACKER = 2**27
 
@@ -148,8 +197,9 @@ def _read_values(foreign: ForeignBytes, kind: int, n: int, order: str, place: st
     return struct.unpack(f"{order}{n}s" if kind == 2 else order + _TYPES[kind] * n, value[:size])
 
 
-def read_pixels(foreign: ForeignBytes, image: Directory, window: tuple[range, range] | None = None
-                ) -> tuple[np.ndarray, np.dtype[Any]]:
+def read_pixels(
+    foreign: ForeignBytes, image: Directory, window: tuple[range, range] | None = None
+) -> tuple[np.ndarray, np.dtype[Any]]:
     """The one band of an image as float64 (rows, columns), NaN where a tile is absent, and its own number type.
 
     Of a ``window`` (rows, columns) only the tiles or strips are read that it touches. Raises UnreadError if the image
@@ -167,8 +217,10 @@ def read_pixels(foreign: ForeignBytes, image: Directory, window: tuple[range, ra
     if not (0 <= down.start < down.stop <= rows and 0 <= right.start < right.stop <= columns):
         raise ValueError(f"no window of rows {down.start} to {down.stop} and columns {right.start} to {right.stop}")
     if len(down) * len(right) > MOST_PIXELS:
-        raise UnreadError(f"has {columns} x {rows} pixels, Icy Moon reads {MOST_PIXELS} at most; "
-                          f"{_make_smaller(image, len(down) * len(right))}")
+        raise UnreadError(
+            f"has {columns} x {rows} pixels, Icy Moon reads {MOST_PIXELS} at most; "
+            f"{_make_smaller(image, len(down) * len(right))}"
+        )
     offsets, sizes = (image.tags[k] for k in ((324, 325) if tiled else (273, 279)))
     across = -(-columns // width)
     if not len(offsets) == len(sizes) == across * -(-rows // height):
@@ -178,13 +230,17 @@ def read_pixels(foreign: ForeignBytes, image: Directory, window: tuple[range, ra
     try:
         foreign.budget.charge(_PIXEL_MEMORY * len(down) * len(right) + 3 * height * row_bytes, "pixels")
     except OverBudgetError:
-        raise UnreadError(f"has {columns} x {rows} pixels in tiles of {width} x {height}, which is more than a file of "
-                          f"{foreign.size / 1e6:.2g} MB may take of memory; "
-                          f"{_make_smaller(image, len(down) * len(right))}") from None
+        raise UnreadError(
+            f"has {columns} x {rows} pixels in tiles of {width} x {height}, which is more than a file of "
+            f"{foreign.size / 1e6:.2g} MB may take of memory; "
+            f"{_make_smaller(image, len(down) * len(right))}"
+        ) from None
     grid = np.full((len(down), len(right)), np.nan)
     predictor, packed = image.number(317, 1), image.number(259, 1) != 1
-    columns_of = [(left // width, *_overlap(left, width, right))
-                  for left in range(right.start // width * width, right.stop, width)]
+    columns_of = [
+        (left // width, *_overlap(left, width, right))
+        for left in range(right.start // width * width, right.stop, width)
+    ]
     for top in range(down.start // height * height, down.stop, height):
         tall = height if tiled else min(height, rows - top)
         length = tall * row_bytes
@@ -210,8 +266,9 @@ def _make_smaller(image: Directory, wanted: int) -> str:
         return f"store it in tiles, in its folder with: {gdal_lines.tile(image.name)}"
     rows, columns = image.shape
     width = max(2, int(math.sqrt(_MEMORY / 2 / _PIXEL_MEMORY * columns / rows)))
-    return ("make it coarser in its folder with: "
-            + gdal_lines.tile(image.name, f"-r average -outsize {min(width, columns)} 0"))
+    return "make it coarser in its folder with: " + gdal_lines.tile(
+        image.name, f"-r average -outsize {min(width, columns)} 0"
+    )
 
 
 def _overlap(start: int, size: int, wanted: range) -> tuple[slice, slice]:
@@ -228,8 +285,10 @@ def _number_type(image: Directory) -> np.dtype[Any]:
     if image.number(262, 1) == 3:
         raise UnreadError("holds colours of a palette, not heights; give a file with the numbers themselves.")
     if image.number(274, 1) != 1:  # GDAL would copy the rows as they are
-        raise UnreadError("states that its rows or columns are in reverse order, which other programs do not read; "
-                          "save it again with its first row on top.")
+        raise UnreadError(
+            "states that its rows or columns are in reverse order, which other programs do not read; "
+            "save it again with its first row on top."
+        )
     if image.number(266, 1) != 1:
         raise UnreadError(f"is stored with its bits in reverse order; {_convert(image)}")
     bits = image.number(258, 1)
@@ -237,8 +296,9 @@ def _number_type(image: Directory) -> np.dtype[Any]:
         return np.dtype(bool)
     kind = {1: "u", 2: "i", 3: "f", 4: "u"}.get(image.number(339, 1), "?")
     if bits % 8 or f"{kind}{bits // 8}" not in _NUMBERS:
-        raise UnreadError(f"holds {bits}-bit values of a kind that Icy Moon does not read; "
-                          f"{_convert(image, '-ot Float32')}")
+        raise UnreadError(
+            f"holds {bits}-bit values of a kind that Icy Moon does not read; {_convert(image, '-ot Float32')}"
+        )
     return np.dtype(f"{image.order}{kind}{bits // 8}")
 
 
@@ -253,12 +313,16 @@ def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
     if compression == 50000 and (zstandard := _find_zstandard()):
         return zstandard
     known: dict[int, Callable[[bytes, int], bytes]] = {
-        1: lambda block, length: block, 5: unpack_lzw, 8: _inflate, 32946: _inflate, 32773: _unpack_bits,
-        34925: lambda block, length: lzma.LZMADecompressor(memlimit=_MOST_MEMORY_OF_UNPACKER).decompress(block, length)}
+        1: lambda block, length: block,
+        5: unpack_lzw,
+        8: _inflate,
+        32946: _inflate,
+        32773: _unpack_bits,
+        34925: lambda block, length: lzma.LZMADecompressor(memlimit=_MOST_MEMORY_OF_UNPACKER).decompress(block, length),
+    }
     if compression not in known:
         name = _OTHERS.get(compression, f"method {compression}")
-        raise UnreadError(f"is compressed with {name}, which Icy Moon does not read here; "
-                          f"{_convert(image)}")
+        raise UnreadError(f"is compressed with {name}, which Icy Moon does not read here; {_convert(image)}")
     return known[compression]
 
 
@@ -275,6 +339,7 @@ def _find_zstandard() -> Callable[[bytes, int], bytes] | None:
                 return bytes(stream.read(length))
         except zstandard.ZstdError as error:
             raise ValueError(error) from None
+
     return unpack
 
 
@@ -288,10 +353,10 @@ def _unpack_bits(block: bytes, length: int) -> bytes:
     while at < len(block) and len(out) < length:
         count = block[at]
         if count < 128:
-            out += block[at + 1:at + 2 + count]
+            out += block[at + 1 : at + 2 + count]
             at += 2 + count
         else:
-            out += block[at + 1:at + 2] * (257 - count if count > 128 else 0)
+            out += block[at + 1 : at + 2] * (257 - count if count > 128 else 0)
             at += 2 if count > 128 else 1
     return bytes(out)
 

@@ -49,11 +49,19 @@ def encode_tiff(pixels: np.ndarray, place: Place | None = None, description: str
     bits = 8 * image.dtype.itemsize
     rows_each = max(1, _STRIP_BYTES // (columns * bands * image.dtype.itemsize))
     data = np.ascontiguousarray(image, image.dtype.newbyteorder("<"))
-    strips = [zlib.compress(data[at:at + rows_each].tobytes(), 6) for at in range(0, rows, rows_each)]
+    strips = [zlib.compress(data[at : at + rows_each].tobytes(), 6) for at in range(0, rows, rows_each)]
     tags: dict[int, tuple[tuple[int, str], list[float] | bytes]] = {
-        256: (_LONG, [columns]), 257: (_LONG, [rows]), 258: (_SHORT, [bits] * bands), 259: (_SHORT, [8]),
-        262: (_SHORT, [2 if bands >= 3 else 1]), 277: (_SHORT, [bands]), 278: (_LONG, [rows_each]),
-        279: (_LONG, [len(strip) for strip in strips]), 284: (_SHORT, [1]), 339: (_SHORT, [kinds[image.dtype]] * bands)}
+        256: (_LONG, [columns]),
+        257: (_LONG, [rows]),
+        258: (_SHORT, [bits] * bands),
+        259: (_SHORT, [8]),
+        262: (_SHORT, [2 if bands >= 3 else 1]),
+        277: (_SHORT, [bands]),
+        278: (_LONG, [rows_each]),
+        279: (_LONG, [len(strip) for strip in strips]),
+        284: (_SHORT, [1]),
+        339: (_SHORT, [kinds[image.dtype]] * bands),
+    }
     if description:
         tags[270] = (_ASCII, description.encode("ascii", "replace") + b"\0")
     if extra := bands - (3 if bands >= 3 else 1):
@@ -66,14 +74,23 @@ def encode_tiff(pixels: np.ndarray, place: Place | None = None, description: str
 def _place_tags(place: Place, floats: bool) -> dict[int, tuple[tuple[int, str], list[float] | bytes]]:
     """Scale, tie point and GeoKeys of a user-defined map in metres, which readers take for a local frame."""
     name = place.frame.encode("ascii", "replace") + b"|"
-    keys = [(1024, 0, 1, 1), (1025, 0, 1, 1), (1026, 34737, len(name), 0), (3072, 0, 1, 32767), (3076, 0, 1, 9001),
-            *([(4099, 0, 1, 9001)] if place.heights else [])]
+    keys = [
+        (1024, 0, 1, 1),
+        (1025, 0, 1, 1),
+        (1026, 34737, len(name), 0),
+        (3072, 0, 1, 32767),
+        (3076, 0, 1, 9001),
+        *([(4099, 0, 1, 9001)] if place.heights else []),
+    ]
     directory = [1, 1, 0, len(keys), *(number for key in keys for number in key)]
-    return {33550: (_DOUBLE, [place.pixel_m, place.pixel_m, 0.0]),
-            33922: (_DOUBLE, [0.0, 0.0, 0.0, place.west_m, place.north_m, 0.0]),
-            34735: (_SHORT, list(directory)), 34737: (_ASCII, name + b"\0"),
-            **({42112: (_ASCII, _metadata(place.notes))} if place.notes else {}),
-            **({42113: (_ASCII, b"nan\0")} if floats else {})}
+    return {
+        33550: (_DOUBLE, [place.pixel_m, place.pixel_m, 0.0]),
+        33922: (_DOUBLE, [0.0, 0.0, 0.0, place.west_m, place.north_m, 0.0]),
+        34735: (_SHORT, list(directory)),
+        34737: (_ASCII, name + b"\0"),
+        **({42112: (_ASCII, _metadata(place.notes))} if place.notes else {}),
+        **({42113: (_ASCII, b"nan\0")} if floats else {}),
+    }
 
 
 def _metadata(notes: Mapping[str, str]) -> bytes:

@@ -93,7 +93,7 @@ def _find_plain_line(text: str, key: Key) -> int | None:
             found = (*header, *_parts_of(stated.partition("=")[0]))
         else:
             continue
-        if found[:len(key)] == key:
+        if found[: len(key)] == key:
             return number
     return None
 

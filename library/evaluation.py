@@ -44,20 +44,32 @@ class Evaluation:
 
     def __repr__(self) -> str:
         heads = ["method", *_SHOWN]
-        lines = [[name, *(_number(numbers.get(key), digits) for key, digits in _SHOWN.items())]
-                 for name, numbers in self.summary.items()]
+        lines = [
+            [name, *(_number(numbers.get(key), digits) for key, digits in _SHOWN.items())]
+            for name, numbers in self.summary.items()
+        ]
         widths = [max(len(line[k]) for line in [heads, *lines]) for k in range(len(heads))]
-        return "\n".join("  ".join(cell.ljust(width) if k == 0 else cell.rjust(width) for k, (cell, width) in
-                                   enumerate(zip(line, widths, strict=True))).rstrip() for line in [heads, *lines])
+        return "\n".join(
+            "  ".join(
+                cell.ljust(width) if k == 0 else cell.rjust(width)
+                for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+            ).rstrip()
+            for line in [heads, *lines]
+        )
 
 
 def _number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
-def evaluate(pairs: RenderedPair | str | Path | Iterable[RenderedPair | str | Path],
-             matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher], out: str | Path,
-             *presets: str | Path, jobs: int = 1, **changes: Mapping[str, Any]) -> Evaluation:
+def evaluate(
+    pairs: RenderedPair | str | Path | Iterable[RenderedPair | str | Path],
+    matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher],
+    out: str | Path,
+    *presets: str | Path,
+    jobs: int = 1,
+    **changes: Mapping[str, Any],
+) -> Evaluation:
     """Develop pairs, match them, and measure the result against the truth.
 
     ``pairs`` are pairs, their folders, or data sets. ``matchers`` are names of ours with their options, such as
@@ -76,43 +88,56 @@ def evaluate(pairs: RenderedPair | str | Path | Iterable[RenderedPair | str | Pa
     from ..stereo.matchers.methods import parse_methods, parse_named_methods
     from ..support.scratch import scratch_folder
 
-    folders = [each.folder if isinstance(each, RenderedPair) else Path(each) for each in
-               ([pairs] if isinstance(pairs, RenderedPair | str | Path) else pairs)]
+    folders = [
+        each.folder if isinstance(each, RenderedPair) else Path(each)
+        for each in ([pairs] if isinstance(pairs, RenderedPair | str | Path) else pairs)
+    ]
     response = response_of(presets, changes)
     ours, named, functions = _sort(matchers)
     methods = parse_methods(",".join(ours)) if ours else []
     methods += parse_named_methods([f"{name}={text}" for name, text in named.items()])
     with scratch_folder() as scratch:
-        predictions = [f"{name}={_predict(name, function, folders, response, scratch)}"
-                       for name, function in functions.items()]
+        predictions = [
+            f"{name}={_predict(name, function, folders, response, scratch)}" for name, function in functions.items()
+        ]
         report = evaluate_folders(folders, methods, Path(out).absolute(), response, jobs=jobs, predictions=predictions)
     rows = [dict(row) for row in report["rows"]]
     if failed := [row for row in rows if row["status"] == "failed"]:
-        raise IcyMoonError(f"{len(failed)} of {count_of(len(rows), 'measurement')} failed, the first one: "
-                           f"{failed[0]['error']}")
+        raise IcyMoonError(
+            f"{len(failed)} of {count_of(len(rows), 'measurement')} failed, the first one: {failed[0]['error']}"
+        )
     return Evaluation(Path(out).absolute(), _means(rows), rows, list(report["notes"]))
 
 
-def _sort(matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher]
-          ) -> tuple[list[str], dict[str, str], dict[str, Matcher]]:
+def _sort(
+    matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher],
+) -> tuple[list[str], dict[str, str], dict[str, Matcher]]:
     """Our matchers under their own names, our matchers by the user's names, and functions by their names."""
     from ..stereo.matchers.methods import OWN_NAME
 
     if isinstance(matchers, str):
         matchers = [matchers]
-    named = matchers.items() if isinstance(matchers, Mapping) else [
-        (each if isinstance(each, str) else getattr(each, "__name__", "function"), each) for each in matchers]
+    named = (
+        matchers.items()
+        if isinstance(matchers, Mapping)
+        else [(each if isinstance(each, str) else getattr(each, "__name__", "function"), each) for each in matchers]
+    )
     functions = {name.replace("<lambda>", "lambda"): each for name, each in named if callable(each)}
     if bad := [name for name in functions if not OWN_NAME.fullmatch(name)]:
-        raise IcyMoonError(f"A function is called {bad[0][:60]!r}; give it a name of at most 40 letters, digits, - and "
-                           "_ in a dictionary, since a column and a folder are named so.")
+        raise IcyMoonError(
+            f"A function is called {bad[0][:60]!r}; give it a name of at most 40 letters, digits, - and "
+            "_ in a dictionary, since a column and a folder are named so."
+        )
     for name, count in Counter(name for name, _ in named).items():
         if count > 1 and name.replace("<lambda>", "lambda") in functions:
             raise IcyMoonError(f"{count} matchers are called {name}; give them names of their own in a dictionary.")
     texts = {name: each for name, each in named if isinstance(each, str)}
     if isinstance(matchers, Mapping):
-        return ([text for name, text in texts.items() if name == text],
-                {name: text for name, text in texts.items() if name != text}, functions)
+        return (
+            [text for name, text in texts.items() if name == text],
+            {name: text for name, text in texts.items() if name != text},
+            functions,
+        )
     return list(texts.values()), {}, functions
 
 
@@ -131,8 +156,10 @@ def _predict(name: str, function: Matcher, folders: Sequence[Path], response: An
         images = prepared.left.copy(), prepared.right.copy()
         disparity = np.asarray(function(*images, **{key: given[key] for key in asked}))
         if disparity.shape != prepared.left.shape or disparity.dtype.kind not in "fiu":
-            raise IcyMoonError(f"The matcher {name} returns {disparity.dtype} values of shape {disparity.shape}; "
-                               f"return disparities in px of shape {prepared.left.shape}, NaN where there is none.")
+            raise IcyMoonError(
+                f"The matcher {name} returns {disparity.dtype} values of shape {disparity.shape}; "
+                f"return disparities in px of shape {prepared.left.shape}, NaN where there is none."
+            )
         write_npy(found / f"{prepared.pair.name}.npy", disparity.astype(np.float32))
     return found
 

@@ -17,8 +17,14 @@ from .renderers import this_blender
 from .scene import Scene
 
 
-def export_ground(of: Scene | RenderedPair | str | Path | Iterable[RenderedPair], out: str | Path, kind: str = "dem",
-                  *, cell_m: float | None = None, blender: str | Path | None = None) -> list[Path]:
+def export_ground(
+    of: Scene | RenderedPair | str | Path | Iterable[RenderedPair],
+    out: str | Path,
+    kind: str = "dem",
+    *,
+    cell_m: float | None = None,
+    blender: str | Path | None = None,
+) -> list[Path]:
     """Write the ground of a scene, a pair, pairs or a data set, and return the folders that were written in ``out``.
 
     ``kind`` is ``dem`` (GeoTIFF in cells of ``cell_m``: height of the ground, height of ground and rocks, both in

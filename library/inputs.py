@@ -49,8 +49,10 @@ class Input:
         name = hashlib.sha256(self.content).hexdigest()[:16]
         path = dataset / INPUTS / f"{name}{self.suffix}"
         if link := next((each for each in (path.parent, path) if each.is_symlink()), None):
-            raise IcyMoonError(f"{link} is a link, and what a program gives is kept in the data set itself; remove the "
-                               "link, or choose another folder.")
+            raise IcyMoonError(
+                f"{link} is a link, and what a program gives is kept in the data set itself; remove the "
+                "link, or choose another folder."
+            )
         if not path.is_file() or read_checksum(path) != hashlib.sha256(self.content).hexdigest():
             write_atomically(path, self._fill)
         return path
@@ -65,29 +67,38 @@ def sample_field(field: Field, x_m: np.ndarray, y_m: np.ndarray, what: str) -> n
         try:
             found = np.asarray(field(x_m, y_m), np.float64)
         except (TypeError, ValueError) as error:
-            raise IcyMoonError(f"The function of {what} does not take arrays of coordinates ({error}); compute with "
-                               "numpy, or wrap it in numpy.vectorize.") from error
+            raise IcyMoonError(
+                f"The function of {what} does not take arrays of coordinates ({error}); compute with "
+                "numpy, or wrap it in numpy.vectorize."
+            ) from error
         values = np.broadcast_to(found, x_m.shape) if found.ndim <= 2 and found.size == 1 else found
         if values.shape[:2] != x_m.shape:
-            raise IcyMoonError(f"The function of {what} gives an array of shape {found.shape} for coordinates of shape "
-                               f"{x_m.shape}; give one value for each place.")
+            raise IcyMoonError(
+                f"The function of {what} gives an array of shape {found.shape} for coordinates of shape "
+                f"{x_m.shape}; give one value for each place."
+            )
     else:
         try:
             values = np.asarray(field, np.float64)
         except (TypeError, ValueError):
-            raise IcyMoonError(f"What is given as {what} is no array of numbers; give one, or a function "
-                               "f(x_m, y_m).") from None
+            raise IcyMoonError(
+                f"What is given as {what} is no array of numbers; give one, or a function f(x_m, y_m)."
+            ) from None
     if values.ndim < 2 or min(values.shape[:2]) < 2:
-        raise IcyMoonError(f"The array of {what} has the shape {values.shape}; give at least 2 x 2 values, north "
-                           "first.")
+        raise IcyMoonError(
+            f"The array of {what} has the shape {values.shape}; give at least 2 x 2 values, north first."
+        )
     if not np.isfinite(values).all():
-        raise IcyMoonError(f"The array of {what} has {count_of(np.count_nonzero(~np.isfinite(values)), 'value')} "
-                           "that are not finite; fill them.")
+        raise IcyMoonError(
+            f"The array of {what} has {count_of(np.count_nonzero(~np.isfinite(values)), 'value')} "
+            "that are not finite; fill them."
+        )
     return values
 
 
-def heights_input(field: Field, size_m: float, resolution: int, pixel_m: float | None
-                  ) -> tuple[Input, dict[str, dict[str, Any]]]:
+def heights_input(
+    field: Field, size_m: float, resolution: int, pixel_m: float | None
+) -> tuple[Input, dict[str, dict[str, Any]]]:
     """Heights in metres as a file, and the settings that go with it.
 
     A function is sampled at the vertices of the ground: ``resolution`` along each side of the patch of ``size_m``. The
@@ -105,9 +116,16 @@ def heights_input(field: Field, size_m: float, resolution: int, pixel_m: float |
     np.save(stream, values, allow_pickle=False)
     given = Input("source.file", stream.getvalue(), ".npy", f"own heights {rows} x {columns}")
     return given, {
-        "source": {"kind": "HEIGHT_MAP", "metres_per_pixel": pixel_m, "height_scale_m": 1.0, "centre": False,
-                   "origin_x_m": (columns - 1) * pixel_m / 2, "origin_y_m": (rows - 1) * pixel_m / 2},
-        "terrain": {"size_m": (max(rows, columns) - 1) * pixel_m, "resolution": max(rows, columns)}}
+        "source": {
+            "kind": "HEIGHT_MAP",
+            "metres_per_pixel": pixel_m,
+            "height_scale_m": 1.0,
+            "centre": False,
+            "origin_x_m": (columns - 1) * pixel_m / 2,
+            "origin_y_m": (rows - 1) * pixel_m / 2,
+        },
+        "terrain": {"size_m": (max(rows, columns) - 1) * pixel_m, "resolution": max(rows, columns)},
+    }
 
 
 def rocks_input(rocks: ArrayLike, size_m: float) -> tuple[Input, dict[str, dict[str, Any]]]:
@@ -146,7 +164,19 @@ def albedo_input(field: Field, size_m: float, resolution: int) -> tuple[Input, d
     image = encode_tiff(np.ascontiguousarray(values, np.float32), description="albedo")
     shape = " x ".join(map(str, values.shape[:2]))
     return Input("textures.albedo_file", image, ".tif", f"own albedo {shape}"), {
-        "surface": {"albedo": float(values.mean()), "albedo_variation": 0.0, "trough_dirt": 0.0, "slope_dirt": 0.0,
-                    "salt_share": 0.0},
-        "textures": {"set": "OWN", "mapping": "PATCH", "roughness_file": "", "normal_file": "",
-                     "transmission_file": "", "height_file": ""}}
+        "surface": {
+            "albedo": float(values.mean()),
+            "albedo_variation": 0.0,
+            "trough_dirt": 0.0,
+            "slope_dirt": 0.0,
+            "salt_share": 0.0,
+        },
+        "textures": {
+            "set": "OWN",
+            "mapping": "PATCH",
+            "roughness_file": "",
+            "normal_file": "",
+            "transmission_file": "",
+            "height_file": "",
+        },
+    }

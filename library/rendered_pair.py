@@ -82,8 +82,9 @@ class RenderedEye:
         metres. Raises IcyMoonError if the pair does not contain it."""
         pose = self._pair.rectified_pose(self.name)
         if pose is None:
-            raise IcyMoonError(f"{self._pair.folder / 'pair.json'} does not contain the pose of the camera; render the "
-                               "pair again.")
+            raise IcyMoonError(
+                f"{self._pair.folder / 'pair.json'} does not contain the pose of the camera; render the pair again."
+            )
         return pose
 
 
@@ -99,8 +100,10 @@ class RenderedPair:
 
     def __repr__(self) -> str:
         camera = self.camera
-        return (f"<RenderedPair {self.id}: {camera.width_px} x {camera.height_px} px, f {camera.focal_px:.6g} px, "
-                f"baseline {camera.baseline_m:.6g} m, in {self.folder}>")
+        return (
+            f"<RenderedPair {self.id}: {camera.width_px} x {camera.height_px} px, f {camera.focal_px:.6g} px, "
+            f"baseline {camera.baseline_m:.6g} m, in {self.folder}>"
+        )
 
     @property
     def id(self) -> str:
@@ -189,8 +192,12 @@ def read_settings(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
 
     Raises IcyMoonError for an unknown name, with the nearest one, and for values of a wrong type or out of range.
     """
-    parts = [preset_files.load(Path(preset)) if isinstance(preset, Path) or str(preset).endswith(".toml")
-             else preset_files.load_preset(str(preset)) for preset in presets]
+    parts = [
+        preset_files.load(Path(preset))
+        if isinstance(preset, Path) or str(preset).endswith(".toml")
+        else preset_files.load_preset(str(preset))
+        for preset in presets
+    ]
     return description.merged(*parts, description.check(_plain(changes), "settings"))
 
 
@@ -219,4 +226,3 @@ def open_pair(folder: str | Path) -> RenderedPair:
 def open_pairs(folder: str | Path) -> Iterator[RenderedPair]:
     """The pairs of a data set, in the order of their ids, each checked when its turn comes; see ``open_pair``."""
     return (RenderedPair(read_unchanged_pair(each)) for each in find_pair_folders(Path(folder)))
-

@@ -72,8 +72,15 @@ class Scene:
     def change(self, *presets: str | Path, **changes: Mapping[str, Any]) -> Scene:
         """This scene with presets and changes over it. Raises IcyMoonError as ``Scene`` does."""
         stated = read_settings(presets, changes)
-        names = [*map(str, presets), *(f"{topic}.{key}={value}" for topic, values in changes.items()
-                                       if isinstance(values, Mapping) for key, value in values.items())]
+        names = [
+            *map(str, presets),
+            *(
+                f"{topic}.{key}={value}"
+                for topic, values in changes.items()
+                if isinstance(values, Mapping)
+                for key, value in values.items()
+            ),
+        ]
         shown = names if len(names) <= _MOST_SHOWN else [*names[:_MOST_SHOWN], "…"]
         return self._changed(stated, {}, ", ".join(shown))
 
@@ -122,8 +129,14 @@ class Scene:
             paths.setdefault(topic, {})[key] = str(given.store(folder))
         return description.merged(self._settings, paths)
 
-    def render(self, dataset: str | Path | None = None, *, renderer: Renderer | None = None, again: bool = False,
-               on_event: Hear = ignore) -> RenderedPair:
+    def render(
+        self,
+        dataset: str | Path | None = None,
+        *,
+        renderer: Renderer | None = None,
+        again: bool = False,
+        on_event: Hear = ignore,
+    ) -> RenderedPair:
         """The pair of this scene, in the folder of a data set: rendered, or read if it is there already.
 
         ``dataset`` is by default the folder that ``dataset.folder`` states. ``renderer`` is by default a ``Worker``
@@ -135,8 +148,14 @@ class Scene:
             raise IcyMoonError(f"dataset.headings is {count}, so this scene has {count} pairs; use render_all.")
         return self.render_all(dataset, renderer=renderer, again=again, on_event=on_event)[0]
 
-    def render_all(self, dataset: str | Path | None = None, *, renderer: Renderer | None = None, again: bool = False,
-                   on_event: Hear = ignore) -> list[RenderedPair]:
+    def render_all(
+        self,
+        dataset: str | Path | None = None,
+        *,
+        renderer: Renderer | None = None,
+        again: bool = False,
+        on_event: Hear = ignore,
+    ) -> list[RenderedPair]:
         """The pairs of this scene, one for each of ``dataset.headings``; see ``render``."""
         folder = Path(dataset).absolute() if dataset is not None else absolute_folder(self._settings.dataset.folder)
         settings = self.stored(folder)

@@ -15,8 +15,11 @@ from .renderers import Hear, Renderer, ignore
 from .scene import Scene
 
 #: What varies beside settings, and the scene's method that takes it.
-_ARRAYS: dict[str, Callable[[Scene, Any], Scene]] = {"heights": Scene.with_heights, "albedo": Scene.with_albedo,
-                                                        "rocks": Scene.with_rocks}
+_ARRAYS: dict[str, Callable[[Scene, Any], Scene]] = {
+    "heights": Scene.with_heights,
+    "albedo": Scene.with_albedo,
+    "rocks": Scene.with_rocks,
+}
 
 
 @dataclass(frozen=True)
@@ -42,8 +45,15 @@ class Sweep:
     are unknown, and for values that cannot be.
     """
 
-    def __init__(self, scene: Scene, dataset: str | Path, vary: Mapping[str, Sequence[Any] | Mapping[str, Any]], *,
-                 renderer: Renderer | None = None, on_event: Hear = ignore) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        dataset: str | Path,
+        vary: Mapping[str, Sequence[Any] | Mapping[str, Any]],
+        *,
+        renderer: Renderer | None = None,
+        on_event: Hear = ignore,
+    ) -> None:
         self.scene, self.dataset = scene, Path(dataset).absolute()
         self._renderer, self._hear = renderer, on_event
         self._axes = {name: _choices(name, values) for name, values in vary.items()}

@@ -125,8 +125,15 @@ def _make_sky(settings: Settings) -> bpy.types.World:
     return build_sky(NAME)
 
 
-_MAKERS: dict[str, Any] = {"scenes": _make_landscape, "gallery": _make_landscape, "surfaces": _make_surface,
-                           "rigs": _make_rig, "lights": _make_light, "bodies": _make_light, "skies": _make_sky}
+_MAKERS: dict[str, Any] = {
+    "scenes": _make_landscape,
+    "gallery": _make_landscape,
+    "surfaces": _make_surface,
+    "rigs": _make_rig,
+    "lights": _make_light,
+    "bodies": _make_light,
+    "skies": _make_sky,
+}
 
 
 def _give_to_user(title: str) -> None:
@@ -155,8 +162,13 @@ def _resolution_text(settings: Settings) -> str:
 def _tags(kind: str, settings: Settings) -> list[str]:
     """Words by which the Asset Browser finds an asset."""
     law = settings.surface.model.replace("_", "-").title()
-    of_kind = {"surfaces": ["ice", law], "rigs": ["stereo", "camera"], "lights": ["Sun"], "bodies": ["Sun", "planet"],
-               "skies": ["sky", "world", "black"]}
+    of_kind = {
+        "surfaces": ["ice", law],
+        "rigs": ["stereo", "camera"],
+        "lights": ["Sun"],
+        "bodies": ["Sun", "planet"],
+        "skies": ["sky", "world", "black"],
+    }
     return ["Icy Moon", *of_kind.get(kind, ["landscape", settings.light.body.title(), law])]
 
 

@@ -36,8 +36,13 @@ from .surface import reflectance_laws
 
 # Properties of the built collection.
 SETTINGS, FINGERPRINT, PREVIOUS_WORLD, PREVIOUS_CAMERA, PREVIOUS_VIEW, GROUND = (
-    "icymoon_settings", "icymoon_fingerprint", "icymoon_previous_world", "icymoon_previous_camera",
-    "icymoon_previous_view", "icymoon_ground")
+    "icymoon_settings",
+    "icymoon_fingerprint",
+    "icymoon_previous_world",
+    "icymoon_previous_camera",
+    "icymoon_previous_view",
+    "icymoon_ground",
+)
 PREVIOUS_OSL = "icymoon_previous_osl"
 SITE = "icymoon_site_m"  # height of the ground under the camera
 CONTENT = "icymoon_content"  # hash of the user's own files
@@ -49,8 +54,12 @@ NOTES = "icymoon_notes"  # why some settings are not shown
 #: Tables by topic; the marks of parts by their names.
 TABLES, _MARKS = Each(TABLE, TEXT), Each(TEXT, TEXT)
 #: Settings that shape the ground.
-_SHAPING = [(topic.key, setting.key) for topic in TOPICS.values() for setting in topic.settings
-            if setting.effect == "geometry" and topic.key != "rocks"]
+_SHAPING = [
+    (topic.key, setting.key)
+    for topic in TOPICS.values()
+    for setting in topic.settings
+    if setting.effect == "geometry" and topic.key != "rocks"
+]
 
 
 @dataclass
@@ -124,8 +133,10 @@ class Built:
             return why
         if read_stored(self.collection, FINGERPRINT, _MARKS).get(MAKER) == maker():
             return ""
-        return ("The scene was built by another version of Icy Moon or Blender, so edits by hand cannot be detected; "
-                "press Build Scene to build it again.")
+        return (
+            "The scene was built by another version of Icy Moon or Blender, so edits by hand cannot be detected; "
+            "press Build Scene to build it again."
+        )
 
     @property
     def materials(self) -> list[bpy.types.Material]:
@@ -162,8 +173,9 @@ class Built:
     @property
     def several_lights(self) -> bool:
         """Whether there may be light besides the Sun's: from the planet, stars or objects that the user added."""
-        return (any(item.get(TAG) in ROLES for item in self.collection.all_objects)
-                or bool(added_objects(self.collection)))
+        return any(item.get(TAG) in ROLES for item in self.collection.all_objects) or bool(
+            added_objects(self.collection)
+        )
 
     @property
     def edited(self) -> bool:
@@ -199,8 +211,7 @@ def find(scene: bpy.types.Scene) -> Built | None:
     roles = built_objects(collection)
     if not {"terrain", "sun", "camera"} <= roles.keys():
         return None
-    return Built(collection, roles["terrain"], roles["sun"], roles["camera"], typed(_read_settings(collection)),
-                 scene)
+    return Built(collection, roles["terrain"], roles["sun"], roles["camera"], typed(_read_settings(collection)), scene)
 
 
 def refuse_excluded(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
@@ -208,15 +219,20 @@ def refuse_excluded(scene: bpy.types.Scene, collection: bpy.types.Collection) ->
     ours = {collection, *collection.children_recursive}
 
     def kept_out(layer: bpy.types.LayerCollection) -> set[str]:
-        mine = {layer.collection.name} if layer.collection in ours and (
-            layer.exclude or layer.holdout or layer.indirect_only) else set()
+        mine = (
+            {layer.collection.name}
+            if layer.collection in ours and (layer.exclude or layer.holdout or layer.indirect_only)
+            else set()
+        )
         return mine.union(*map(kept_out, layer.children))
 
     names = set.intersection(*(kept_out(layer.layer_collection) for layer in scene.view_layers))
     if names:
-        raise IcyMoonError(f"The collection {min(names)} is excluded from the view layer, held out or indirect only, "
-                           "which renders of pairs ignore; undo that, and use its camera icon (Disable in Renders) "
-                           "instead.")
+        raise IcyMoonError(
+            f"The collection {min(names)} is excluded from the view layer, held out or indirect only, "
+            "which renders of pairs ignore; undo that, and use its camera icon (Disable in Renders) "
+            "instead."
+        )
 
 
 def ground_statistics(scene: bpy.types.Scene) -> tuple[str, ...]:
@@ -226,9 +242,11 @@ def ground_statistics(scene: bpy.types.Scene) -> tuple[str, ...]:
     found = built.statistics if built else {}
     if built is None or "made" not in found:
         return ()
-    return (f"RMS slope over {found['baseline_m']:g} m, RMS height",
-            f"By roughness: {_statistics_text(found['asked'])}",
-            f"{'With landforms' if _adds_to_roughness(built.settings) else 'Built'}: {_statistics_text(found['made'])}")
+    return (
+        f"RMS slope over {found['baseline_m']:g} m, RMS height",
+        f"By roughness: {_statistics_text(found['asked'])}",
+        f"{'With landforms' if _adds_to_roughness(built.settings) else 'Built'}: {_statistics_text(found['made'])}",
+    )
 
 
 def shows_earlier_ground(scene: bpy.types.Scene, settings: Settings) -> bool:
@@ -238,7 +256,8 @@ def shows_earlier_ground(scene: bpy.types.Scene, settings: Settings) -> bool:
         return False
     known = _read_settings(collection)
     return collection.get(PREVIEW, "{}") != "{}" or any(
-        known.get(topic, {}).get(key) != settings[topic][key] for topic, key in _SHAPING)
+        known.get(topic, {}).get(key) != settings[topic][key] for topic, key in _SHAPING
+    )
 
 
 def _read_settings(collection: bpy.types.Collection) -> Settings:
@@ -255,8 +274,9 @@ def _parsed(text: str, where: str) -> Settings:
 
 def _adds_to_roughness(settings: Settings) -> bool:
     """Whether the ground has landforms, snow or layers of noise."""
-    return bool(settings.terrain.layers) or any(settings[topic.key][topic.settings[0].key] > 0
-                                                for topic in TOPICS.values() if topic.parent == LANDFORMS)
+    return bool(settings.terrain.layers) or any(
+        settings[topic.key][topic.settings[0].key] > 0 for topic in TOPICS.values() if topic.parent == LANDFORMS
+    )
 
 
 def _statistics_text(numbers: dict[str, float | None]) -> str:
@@ -271,10 +291,15 @@ def extra(settings: Settings) -> str:
 
 def changed_settings(built: Built, settings: Settings) -> list[str]:
     """Names of the settings that the built scene does not show yet, and of files whose content has changed."""
-    shown = [(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings
-             if s.effect in ("geometry", "material", "light", "lander", "camera")]
-    changed = [f"{topic}.{key}" for topic, key in shown
-               if built.settings.get(topic, {}).get(key) != settings[topic][key]]
+    shown = [
+        (topic.key, s.key)
+        for topic in TOPICS.values()
+        for s in topic.settings
+        if s.effect in ("geometry", "material", "light", "lander", "camera")
+    ]
+    changed = [
+        f"{topic}.{key}" for topic, key in shown if built.settings.get(topic, {}).get(key) != settings[topic][key]
+    ]
     # A missing file changes nothing: the scene still contains the ground and surfaces made from it.
     if are_there(settings) and built.content != content(settings):
         changed += used_files(settings)

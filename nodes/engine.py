@@ -5,8 +5,10 @@ from __future__ import annotations
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
 
-_OFF = ("Cycles is switched off, but Icy Moon renders with it; enable the add-on Cycles Render Engine in Preferences ▸ "
-        "Add-ons.")
+_OFF = (
+    "Cycles is switched off, but Icy Moon renders with it; enable the add-on Cycles Render Engine in Preferences ▸ "
+    "Add-ons."
+)
 
 
 def why_unavailable() -> str:

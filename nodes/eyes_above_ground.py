@@ -42,8 +42,10 @@ def reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None =
         layer = test_scene.view_layers[0]
         layer.update()
         poses = eye_poses(built.camera.evaluated_get(layer.depsgraph).matrix_world, built.settings.rig.baseline_m)
-        found = [_reason_of_eye(test_scene, layer.depsgraph, built, eye, position)
-                 for eye, position in _positions(poses, turn_deg).items()]
+        found = [
+            _reason_of_eye(test_scene, layer.depsgraph, built, eye, position)
+            for eye, position in _positions(poses, turn_deg).items()
+        ]
     return [sentence for sentence in found if sentence]
 
 
@@ -65,8 +67,9 @@ def _positions(poses: dict[str, np.ndarray], turn_deg: float) -> dict[str, Vecto
     return {"left": Vector(left.tolist()), "right": Vector(right.tolist())}
 
 
-def _reason_of_eye(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built: Built, eye: str,
-                   position: Vector) -> str:
+def _reason_of_eye(
+    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built: Built, eye: str, position: Vector
+) -> str:
     rig = built.settings.rig
     role, distance, leaves = _cast_ray(scene, depsgraph, position, _UP)
     if role and leaves:
@@ -75,8 +78,9 @@ def _reason_of_eye(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, built
     return buried_sentence(rig, eye, -distance) if role == "terrain" and distance < LOWEST_M / 2 else ""
 
 
-def _cast_ray(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector,
-              toward: Vector) -> tuple[str, float, bool]:
+def _cast_ray(
+    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, start: Vector, toward: Vector
+) -> tuple[str, float, bool]:
     """Role and distance in metres of the first ground or rock that a ray hits, and whether the ray leaves it there.
 
     The role is empty if the ray hits none. The ray passes the user's own objects.

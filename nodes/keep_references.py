@@ -22,8 +22,11 @@ _SET_SEPARATELY = {"data", "animation_data", "pose", "properties"}
 
 def owned_blocks(collection: bpy.types.Collection) -> dict[str, Any]:
     """The data-blocks that a built collection owns: objects by role, "ROLE data" and "ROLE material"."""
-    return {key.removeprefix(OWN): collection[key] for key in collection.keys()  # noqa: SIM118 - no mapping
-            if key.startswith(OWN) and collection[key] is not None}
+    return {
+        key.removeprefix(OWN): collection[key]
+        for key in collection.keys()  # noqa: SIM118 - no mapping
+        if key.startswith(OWN) and collection[key] is not None
+    }
 
 
 def set_owned_blocks(collection: bpy.types.Collection, blocks: dict[str, Any]) -> None:
@@ -36,8 +39,11 @@ def set_owned_blocks(collection: bpy.types.Collection, blocks: dict[str, Any]) -
 
 def is_owned_elsewhere(collection: bpy.types.Collection, block: Any) -> bool:
     """Whether another built collection owns a data-block too. After a full copy of a scene, both own the materials."""
-    return any(block in owned_blocks(other).values() for other in bpy.data.collections
-               if other != collection and other.get(TAG) == "scene")
+    return any(
+        block in owned_blocks(other).values()
+        for other in bpy.data.collections
+        if other != collection and other.get(TAG) == "scene"
+    )
 
 
 def replace_block(old: Any, new: Any) -> None:

@@ -29,8 +29,11 @@ _COLOUR, _ERROR = "error", "error_m"  # attributes: the colour of a vertex, the 
 _COUNTS = "icymoon_points"  # custom property, see ``_counts``
 #: Depth error, m, that counts as right, and the text of each kind of pixel, with its icon.
 RIGHT_M = ERROR.low
-KINDS = {"far": ("Too far, red", "COLORSET_01_VEC"), "near": ("Too near, blue", "COLORSET_04_VEC"),
-         "right": (f"Within {100 * RIGHT_M:g} cm, white", "BLANK1")}
+KINDS = {
+    "far": ("Too far, red", "COLORSET_01_VEC"),
+    "near": ("Too near, blue", "COLORSET_04_VEC"),
+    "right": (f"Within {100 * RIGHT_M:g} cm, white", "BLANK1"),
+}
 _CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 
 
@@ -59,8 +62,9 @@ def squares(position: np.ndarray, toward: np.ndarray, width: np.ndarray) -> np.n
     return np.asarray(position[:, None] + np.einsum("ck,nkx->ncx", _CORNERS, axes) * width[:, None, None])
 
 
-def build_points(scene: bpy.types.Scene, paths: Iterable[Path], title: str,
-                 full_m: float = ERROR.high) -> bpy.types.Object:
+def build_points(
+    scene: bpy.types.Scene, paths: Iterable[Path], title: str, full_m: float = ERROR.high
+) -> bpy.types.Object:
     """Show the points of the files as one object in its own collection, which replaces an earlier one.
 
     Errors of ``full_m`` metres and more have the full colour. The object is drawn in front of others and never
@@ -90,8 +94,12 @@ def build_points(scene: bpy.types.Scene, paths: Iterable[Path], title: str,
 
 def _counts(error_m: np.ndarray, missing: list[int | None]) -> dict[str, int]:
     """Number of points by the kind of their error. Files of older versions do not contain the number of ``missing``."""
-    counts = {"far": int((error_m > RIGHT_M).sum()), "near": int((error_m < -RIGHT_M).sum()),
-              "right": int((np.abs(error_m) <= RIGHT_M).sum()), "unknown": int(np.isnan(error_m).sum())}
+    counts = {
+        "far": int((error_m > RIGHT_M).sum()),
+        "near": int((error_m < -RIGHT_M).sum()),
+        "right": int((np.abs(error_m) <= RIGHT_M).sum()),
+        "unknown": int(np.isnan(error_m).sum()),
+    }
     return counts if None in missing else counts | {"missing": sum(count or 0 for count in missing)}
 
 
@@ -99,23 +107,28 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     """The meaning of the colours of the shown surface and the share of points of each: (text, icon) of each line."""
     item = find_points(scene)
     stored: Any = item.get(_COUNTS) if item else None
-    counts = ({key: number for key, number in stored.items() if isinstance(number, int)}
-              if hasattr(stored, "items") else {})
+    counts = (
+        {key: number for key, number in stored.items() if isinstance(number, int)} if hasattr(stored, "items") else {}
+    )
     true = sum(counts.get(key, 0) for key in ("far", "near", "right", "missing"))
     if not true:
         return ()
-    lines = shares("Depth error of the surface shown", counts,
-                   {**KINDS, "missing": ("Missing, no point", "BLANK1")}, true)
+    lines = shares(
+        "Depth error of the surface shown", counts, {**KINDS, "missing": ("Missing, no point", "BLANK1")}, true
+    )
     if counts.get("unknown"):
         lines.append((f"No true depth, grey: {count_of(counts['unknown'], 'point')}", "BLANK1"))
     return tuple(lines)
 
 
-def shares(title: str, counts: Mapping[str, int], kinds: Mapping[str, tuple[str, str]],
-           total: int) -> list[tuple[str, str]]:
+def shares(
+    title: str, counts: Mapping[str, int], kinds: Mapping[str, tuple[str, str]], total: int
+) -> list[tuple[str, str]]:
     """(text, icon) of the lines of a legend: its title, then the share of each of the ``kinds`` in ``total``."""
-    return [(title, "NONE"), *((f"{text}: {100 * counts[key] / total:.1f} %", icon)
-                               for key, (text, icon) in kinds.items() if key in counts)]
+    return [
+        (title, "NONE"),
+        *((f"{text}: {100 * counts[key] / total:.1f} %", icon) for key, (text, icon) in kinds.items() if key in counts),
+    ]
 
 
 def _build_mesh(corners: np.ndarray, error_m: np.ndarray) -> bpy.types.Mesh:
@@ -160,10 +173,15 @@ def build_material(colour_attribute: str) -> bpy.types.Material:
     material[TAG] = ROLE
     tree = Tree(compat.ensure_nodes(material))
     colour = tree.node("ShaderNodeVertexColor", "Error", layer_name=colour_attribute)
-    glow = tree.node("ShaderNodeEmission", "Unlit", {"Color": colour.outputs["Color"], "Strength": 1.0},
-                     leave=("Weight",))
-    tree.node("ShaderNodeOutputMaterial", "Output", {"Surface": glow.outputs[0]},
-              leave=("Volume", "Displacement", "Thickness"))
+    glow = tree.node(
+        "ShaderNodeEmission", "Unlit", {"Color": colour.outputs["Color"], "Strength": 1.0}, leave=("Weight",)
+    )
+    tree.node(
+        "ShaderNodeOutputMaterial",
+        "Output",
+        {"Surface": glow.outputs[0]},
+        leave=("Volume", "Displacement", "Thickness"),
+    )
     tree.arrange()
     return material
 

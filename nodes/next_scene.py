@@ -42,10 +42,14 @@ def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
     if preview.notes(bpy.context.scene) or built.preview:  # the preview cannot show these settings
         return open_empty_scene(settings), False
     built.remember(settings, {})
-    warnings = [*ground_and_rock_materials.advice(settings), *reflectance_laws.advice(settings),
-                *light_advice(described_sky(settings), settings),
-                *rounding_advice(settings.rig, built.site_m), *refused_scenes.scene_advice(settings),
-                *built.excavation.get("advice", [])]
+    warnings = [
+        *ground_and_rock_materials.advice(settings),
+        *reflectance_laws.advice(settings),
+        *light_advice(described_sky(settings), settings),
+        *rounding_advice(settings.rig, built.site_m),
+        *refused_scenes.scene_advice(settings),
+        *built.excavation.get("advice", []),
+    ]
     now = find(bpy.context.scene)
     if now is None:
         raise IcyMoonError("A part of the built scene is missing; render the pair again.")

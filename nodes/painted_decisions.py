@@ -24,14 +24,24 @@ from .painted_errors import ROLE, add_colours, begin, corners_of, darken, find, 
 NAME = "Icy Moon Decisions"
 SITE, REACH = "Chosen Site", "Reach"
 #: Colours of the marks (sRGB), which no map has, and what a legend states of them, with its icon.
-_MARKS = {SITE: ((255, 0, 188), "Chosen site, magenta ring", "COLORSET_05_VEC"),
-          REACH: ((0, 243, 255), "Reach of the arm, cyan line", "COLORSET_08_VEC")}
+_MARKS = {
+    SITE: ((255, 0, 188), "Chosen site, magenta ring", "COLORSET_05_VEC"),
+    REACH: ((0, 243, 255), "Reach of the arm, cyan line", "COLORSET_08_VEC"),
+}
 #: The maps, as what a legend calls them.
 TITLES = {SUITABILITY: "Suitability", SLOPE: "Slope", HEIGHT_ERROR: "Height error"}
 _COUNTS = "icymoon_cells"  # custom property of the collection
-_ICONS = {"safe": "COLORSET_03_VEC", "unsafe": "COLORSET_02_VEC", "gentle": "COLORSET_03_VEC",
-          "steep": "COLORSET_09_VEC", "steeper": "COLORSET_01_VEC", "high": "COLORSET_01_VEC",
-          "low": "COLORSET_04_VEC", "right": "BLANK1", "unknown": "COLORSET_13_VEC"}
+_ICONS = {
+    "safe": "COLORSET_03_VEC",
+    "unsafe": "COLORSET_02_VEC",
+    "gentle": "COLORSET_03_VEC",
+    "steep": "COLORSET_09_VEC",
+    "steeper": "COLORSET_01_VEC",
+    "high": "COLORSET_01_VEC",
+    "low": "COLORSET_04_VEC",
+    "right": "BLANK1",
+    "unknown": "COLORSET_13_VEC",
+}
 #: How far marks lie above the ground, metres.
 _ABOVE_M = 0.01
 #: Half the thickness of the lines of marks, metres, and points of a ring.
@@ -49,8 +59,10 @@ def paint(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -
     cell = stored.grid.cells_of(to_world(built.terrain.matrix_world, corners_of(mesh)))
     inside = cell >= 0
     if not inside.any():
-        raise IcyMoonError("No vertex of the ground is within the workspace of these decisions; press Build Scene, or "
-                           "raise terrain.resolution.")
+        raise IcyMoonError(
+            "No vertex of the ground is within the workspace of these decisions; press Build Scene, or "
+            "raise terrain.resolution."
+        )
     collection = begin(scene, mesh, NAME)
     there = {SITE: stored.chosen is not None, REACH: stored.reach is not None and bool(stored.reach.any())}
     collection[_COUNTS] = {**count_cells(stored), **there, "title": title, "map": stored.kind}
@@ -81,10 +93,16 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
         return ()
     stored = collection[_COUNTS]
     counts = {key: stored[key] for key in KINDS[kind] if isinstance(stored.get(key), int)}
-    return (*shares(f"{TITLES[kind]} by {title}", counts,
-                    {key: (text, _ICONS[key]) for key, text in KINDS[kind].items()}, max(1, sum(counts.values()))),
-            *((text, icon) for mark, (_, text, icon) in _MARKS.items() if stored.get(mark)),
-            ("Dark: rocks, the lander, beyond the workspace", "BLANK1"))
+    return (
+        *shares(
+            f"{TITLES[kind]} by {title}",
+            counts,
+            {key: (text, _ICONS[key]) for key, text in KINDS[kind].items()},
+            max(1, sum(counts.values())),
+        ),
+        *((text, icon) for mark, (_, text, icon) in _MARKS.items() if stored.get(mark)),
+        ("Dark: rocks, the lander, beyond the workspace", "BLANK1"),
+    )
 
 
 def _rock_meshes(built: Built) -> set[bpy.types.Mesh]:
@@ -114,9 +132,11 @@ def _draw_lines(name: str, ways: list[np.ndarray]) -> bpy.types.Object:
     are hidden with the overlays, and in Blender 5.2 objects without such colours are white."""
     tubes = [_tube(way) for way in ways]
     starts = np.cumsum([0, *(len(position) for position, _ in tubes)])
-    mesh = build_mesh_from_arrays(name, np.concatenate([position for position, _ in tubes]),
-                                  np.concatenate([faces + start for (_, faces), start in
-                                                  zip(tubes, starts, strict=False)]))
+    mesh = build_mesh_from_arrays(
+        name,
+        np.concatenate([position for position, _ in tubes]),
+        np.concatenate([faces + start for (_, faces), start in zip(tubes, starts, strict=False)]),
+    )
     set_colours(add_colours(mesh), np.tile(np.array(_MARKS[name][0], np.uint8), (len(mesh.vertices), 1)))
     return bpy.data.objects.new(name, mesh)
 
@@ -135,8 +155,10 @@ def _tube(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     here = np.arange(len(way) * _SIDES).reshape(-1, _SIDES)
     there = np.roll(here, -1, axis=0)
     corners = np.stack([here, np.roll(here, -1, axis=1), np.roll(there, -1, axis=1), there], axis=-1)
-    return ((way[:, None] + _RADIUS_M * round_).reshape(-1, 3),
-            np.concatenate([corners[..., (0, 1, 2)].reshape(-1, 3), corners[..., (0, 2, 3)].reshape(-1, 3)]))
+    return (
+        (way[:, None] + _RADIUS_M * round_).reshape(-1, 3),
+        np.concatenate([corners[..., (0, 1, 2)].reshape(-1, 3), corners[..., (0, 2, 3)].reshape(-1, 3)]),
+    )
 
 
 def _on_ground(stored: StoredMap, place: np.ndarray) -> np.ndarray:

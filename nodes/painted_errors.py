@@ -51,8 +51,11 @@ _LARGER, _NEARER = 1.01, 0.005
 _AT_ONCE = 1_000_000  # vertices of rocks
 _MOST_DIVISIONS = 4  # of triangles of rocks
 _GROUND_AND_CAMERA = ("terrain object", "terrain data", "rock object", "rock data", "camera")
-_KINDS = {**KINDS, "missing": ("Not measured, grey", "COLORSET_13_VEC"),
-          "coarse": ("Triangles too wide to paint", "ERROR")}
+_KINDS = {
+    **KINDS,
+    "missing": ("Not measured, grey", "COLORSET_13_VEC"),
+    "coarse": ("Triangles too wide to paint", "ERROR"),
+}
 
 
 def why_another(built: Built, headings: int, pair: Pair) -> str:
@@ -91,8 +94,9 @@ def _same_by_hand(built: Built, pair: Pair) -> bool:
     return not added_objects(built.collection) and not built.edited_parts(*_GROUND_AND_CAMERA)
 
 
-def paint(scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], title: str,
-          full_m: float) -> bpy.types.Collection:
+def paint(
+    scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], title: str, full_m: float
+) -> bpy.types.Collection:
     """Paint the errors of pairs of a built scene on its ground and rocks, in place of anything painted before.
 
     Where several pairs see a vertex, it shows the error of the nearest. Errors of ``full_m`` metres and more have the
@@ -103,16 +107,21 @@ def paint(scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], ti
     instances = _rock_instances(built)
     rocks = list(_seen_rocks(instances, found, places))
     if not sum(map(len, places)):
-        raise IcyMoonError("No vertex of the ground shows an error: its triangles are too wide, or it is not the "
-                           "ground of the pair; press Build Scene, or raise terrain.resolution.")
+        raise IcyMoonError(
+            "No vertex of the ground shows an error: its triangles are too wide, or it is not the "
+            "ground of the pair; press Build Scene, or raise terrain.resolution."
+        )
     collection = begin(scene, mesh, NAME)
     counts = [count_pixels(errors, at) for errors, at in zip(found, places, strict=True)]
     collection[_COUNTS] = {key: sum(count[key] for count in counts) for key in counts[0]} | {"title": title}
     _fill(mesh, ground, full_m)
     for shape in instances:  # dark, as if unseen; the copies hide them where an eye sees them
         n = len(shape.data.vertices)
-        _fill(shape.data, OnVertices(np.full(n, np.nan, np.float32), np.full(n, UNSEEN, np.uint8), np.full(n, np.inf)),
-              full_m)
+        _fill(
+            shape.data,
+            OnVertices(np.full(n, np.nan, np.float32), np.full(n, UNSEEN, np.uint8), np.full(n, np.inf)),
+            full_m,
+        )
     if rocks:
         _link_rocks(collection, rocks, full_m)
     darken(other_meshes(built))
@@ -121,9 +130,11 @@ def paint(scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], ti
 
 def other_meshes(built: Built) -> set[bpy.types.Mesh]:
     """The meshes of a built scene that are neither ground nor rocks, such as the lander."""
-    return {item.data for item in built.collection.all_objects
-            if item.type == "MESH" and item.data != built.terrain.data and item.get(TAG) != "rock"
-            and not item.data.library}
+    return {
+        item.data
+        for item in built.collection.all_objects
+        if item.type == "MESH" and item.data != built.terrain.data and item.get(TAG) != "rock" and not item.data.library
+    }
 
 
 def darken(meshes: Iterable[bpy.types.Mesh]) -> None:
@@ -181,20 +192,22 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     """The meaning of the colours, with the share of the pixels of each: (text, icon) of each line."""
     collection = find(scene)
     stored: Any = collection.get(_COUNTS) if collection else None
-    counts = ({key: number for key, number in stored.items() if isinstance(number, int)}
-              if hasattr(stored, "items") else {})
+    counts = (
+        {key: number for key, number in stored.items() if isinstance(number, int)} if hasattr(stored, "items") else {}
+    )
     true = sum(counts.get(key, 0) for key in ("far", "near", "right", "missing"))
     if not true:
         return ()
     counts = {key: number for key, number in counts.items() if key != "coarse" or number}
-    return (*shares(f"Depth error of {stored.get('title')} on the ground", counts, _KINDS, true),
-            ("The lander and what the left eye does not see, dark", "BLANK1"))
+    return (
+        *shares(f"Depth error of {stored.get('title')} on the ground", counts, _KINDS, true),
+        ("The lander and what the left eye does not see, dark", "BLANK1"),
+    )
 
 
 def _painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:
     rocks = [shape for item in scene.objects if item.get(TAG) == "rock" for shape in instanced_objects(item)]
-    return {item.data for item in (*scene.objects, *rocks)
-            if item.type == "MESH" and COLOUR in item.data.attributes}
+    return {item.data for item in (*scene.objects, *rocks) if item.type == "MESH" and COLOUR in item.data.attributes}
 
 
 def corners_of(mesh: bpy.types.Mesh) -> np.ndarray:
@@ -210,8 +223,9 @@ def to_world(matrix: Any, position: np.ndarray) -> np.ndarray:
     return np.asarray(position @ whole[:3, :3].T + whole[:3, 3])
 
 
-def _look(found: Sequence[DepthErrors], position: np.ndarray, edges: np.ndarray,
-          places: list[np.ndarray]) -> OnVertices:
+def _look(
+    found: Sequence[DepthErrors], position: np.ndarray, edges: np.ndarray, places: list[np.ndarray]
+) -> OnVertices:
     """What vertices show, of all pairs; adds where each pair sees them to ``places``."""
     shown: OnVertices | None = None
     for k, errors in enumerate(found):
@@ -232,8 +246,9 @@ def _rock_instances(built: Built) -> dict[bpy.types.Object, np.ndarray]:
     return {shape: np.array(found) for shape, found in matrices.items()}
 
 
-def _seen_rocks(instances: Mapping[bpy.types.Object, np.ndarray], found: Sequence[DepthErrors],
-                places: list[np.ndarray]) -> Iterator[tuple[np.ndarray, np.ndarray, OnVertices]]:
+def _seen_rocks(
+    instances: Mapping[bpy.types.Object, np.ndarray], found: Sequence[DepthErrors], places: list[np.ndarray]
+) -> Iterator[tuple[np.ndarray, np.ndarray, OnVertices]]:
     """Positions, triangles and what vertices show, of the rocks with a vertex that an eye sees.
 
     Triangles too wide to show an error are divided.
@@ -250,34 +265,40 @@ def _seen_rocks(instances: Mapping[bpy.types.Object, np.ndarray], found: Sequenc
             yield from _seen_copies(found, matrices[divisions == times], corners, faces, places)
 
 
-def _divisions(found: Sequence[DepthErrors], matrices: np.ndarray, corners: np.ndarray,
-               faces: np.ndarray) -> np.ndarray:
+def _divisions(
+    found: Sequence[DepthErrors], matrices: np.ndarray, corners: np.ndarray, faces: np.ndarray
+) -> np.ndarray:
     """How often the triangles of each instance must be divided to be narrow in the images."""
     longest = np.zeros(len(matrices))
     step = max(1, _AT_ONCE // max(1, len(corners)))
     for errors in found:
         for k in range(0, len(matrices), step):
-            place = project(errors, _instanced(matrices[k:k + step], corners))[0].reshape(-1, len(corners), 2)
+            place = project(errors, _instanced(matrices[k : k + step], corners))[0].reshape(-1, len(corners), 2)
             sides = np.linalg.norm(place[:, faces] - place[:, np.roll(faces, 1, axis=1)], axis=-1)
             inside = ((place >= 0) & (place < errors.truth.shape[::-1])).all(axis=-1).any(axis=1)
-            longest[k:k + step] = np.maximum(longest[k:k + step], np.where(
-                inside, np.nan_to_num(sides).max(axis=(1, 2), initial=0.0), 0.0))
+            longest[k : k + step] = np.maximum(
+                longest[k : k + step], np.where(inside, np.nan_to_num(sides).max(axis=(1, 2), initial=0.0), 0.0)
+            )
     needed = np.ceil(np.log2(np.maximum(longest / COARSE_PX, 1.0)))
     return np.asarray(np.minimum(needed, _MOST_DIVISIONS).astype(np.intp))
 
 
-def _seen_copies(found: Sequence[DepthErrors], matrices: np.ndarray, corners: np.ndarray, faces: np.ndarray,
-                 places: list[np.ndarray]) -> Iterator[tuple[np.ndarray, np.ndarray, OnVertices]]:
+def _seen_copies(
+    found: Sequence[DepthErrors], matrices: np.ndarray, corners: np.ndarray, faces: np.ndarray, places: list[np.ndarray]
+) -> Iterator[tuple[np.ndarray, np.ndarray, OnVertices]]:
     edges, n = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), len(corners)
     step = max(1, _AT_ONCE // max(1, n))
-    for some in (matrices[k:k + step] for k in range(0, len(matrices), step)):
+    for some in (matrices[k : k + step] for k in range(0, len(matrices), step)):
         shown = _look(found, _instanced(some, corners), _repeated(edges, len(some), n), places)
         rocks = (shown.kind.reshape(-1, n) <= COARSE).any(axis=1)
         if rocks.any():
             own = np.repeat(rocks, n)
             larger = _instanced(some[rocks], corners * _LARGER)
-            yield (larger + _NEARER * (found[0].pose[:3, 3] - larger), _repeated(faces, int(rocks.sum()), n),
-                   OnVertices(shown.error_m[own], shown.kind[own], shown.depth_m[own]))
+            yield (
+                larger + _NEARER * (found[0].pose[:3, 3] - larger),
+                _repeated(faces, int(rocks.sum()), n),
+                OnVertices(shown.error_m[own], shown.kind[own], shown.depth_m[own]),
+            )
 
 
 def _instanced(matrices: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -290,15 +311,26 @@ def _repeated(indices: np.ndarray, times: int, vertices: int) -> np.ndarray:
     return (indices[None] + (np.arange(times) * vertices)[:, None, None]).reshape(-1, indices.shape[1])
 
 
-def _link_rocks(collection: bpy.types.Collection, rocks: Sequence[tuple[np.ndarray, np.ndarray, OnVertices]],
-                full_m: float) -> None:
+def _link_rocks(
+    collection: bpy.types.Collection, rocks: Sequence[tuple[np.ndarray, np.ndarray, OnVertices]], full_m: float
+) -> None:
     """Add the object of the copies of rocks."""
     starts = np.cumsum([0, *(len(position) for position, _, _ in rocks)])
-    mesh = build_mesh_from_arrays(NAME, np.concatenate([position for position, _, _ in rocks]),
-                                  np.concatenate([faces + start for (_, faces, _), start in
-                                                  zip(rocks, starts, strict=False)]))
-    _fill(mesh, OnVertices(*(np.concatenate([getattr(shown, name) for _, _, shown in rocks])
-                             for name in ("error_m", "kind", "depth_m"))), full_m)
+    mesh = build_mesh_from_arrays(
+        NAME,
+        np.concatenate([position for position, _, _ in rocks]),
+        np.concatenate([faces + start for (_, faces, _), start in zip(rocks, starts, strict=False)]),
+    )
+    _fill(
+        mesh,
+        OnVertices(
+            *(
+                np.concatenate([getattr(shown, name) for _, _, shown in rocks])
+                for name in ("error_m", "kind", "depth_m")
+            )
+        ),
+        full_m,
+    )
     material = build_material(COLOUR)
     mesh.materials.append(material)
     item = bpy.data.objects.new(f"{NAME} on Rocks", mesh)

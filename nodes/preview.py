@@ -70,8 +70,9 @@ def notes(scene: bpy.types.Scene) -> list[str]:
         return sentences
     turned = set(previewed) == {"rig"} and not set(previewed["rig"]).isdisjoint(fine_relief.OF_THE_RIG)
     # ``build_coarse`` digs, but the ground that follows a slider is too coarse for a trench.
-    undug = (previewed.get("excavation", {}).get("path", "NONE") != "NONE"
-             and collection.get(scenes.REFINED) != json.dumps(previewed))
+    undug = previewed.get("excavation", {}).get("path", "NONE") != "NONE" and collection.get(
+        scenes.REFINED
+    ) != json.dumps(previewed)
     return [_TURNED if turned else _UNDUG if undug else "Preview: press Build Scene"]
 
 
@@ -91,10 +92,17 @@ def build_coarse(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     if is_from_file(settings):
         return scenes.build(scene, settings)
     terrain, mesh, rocks = settings.terrain, settings.mesh, settings.rocks
-    built = scenes.build(scene, merged(settings, {
-        "terrain": {"resolution": min(terrain.resolution, math.isqrt(MOST_VERTICES))},
-        "mesh": {"most": min(mesh.most, MOST_VERTICES)},
-        "rocks": {"most": min(rocks.most, MOST_ROCKS), "beyond_px": 0.0}}))
+    built = scenes.build(
+        scene,
+        merged(
+            settings,
+            {
+                "terrain": {"resolution": min(terrain.resolution, math.isqrt(MOST_VERTICES))},
+                "mesh": {"most": min(mesh.most, MOST_VERTICES)},
+                "rocks": {"most": min(rocks.most, MOST_ROCKS), "beyond_px": 0.0},
+            },
+        ),
+    )
     built.remember(settings, geometry(settings))
     await_ground(built, settings)
     return replace(built, warnings=())  # they are about the coarse ground; those about the fine one follow with it
@@ -167,8 +175,9 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
         raise IcyMoonError("Ground from a file has no live preview; press Build Scene to build it with its rocks.")
     if built.terrain.mode != "OBJECT":
         raise IcyMoonError("The ground is being edited; leave Edit or Sculpt Mode to see changes of its settings.")
-    by_hand = {part.split()[0] for part in built.edited_parts("terrain object", "terrain data", "rock object",
-                                                              "rock data")}
+    by_hand = {
+        part.split()[0] for part in built.edited_parts("terrain object", "terrain data", "rock object", "rock data")
+    }
     if by_hand:
         raise IcyMoonError(_EDITED.format("ground" if "terrain" in by_hand else "field of rocks"))
     coarse = merged(settings, {"terrain": {"resolution": min(side, int(settings.terrain.resolution))}})
@@ -199,9 +208,14 @@ def _scatter_largest(settings: Settings, positions: np.ndarray) -> Rocks:
     pixel = size / (n - 1)
     heights = positions[:, 2].reshape(n, n)[::-1].astype(np.float64)
     ground = HeightMap(heights, (pixel, pixel), -size / 2, -size / 2, size)
-    found = scatter(rocks | {"most": min(rocks.most, MOST_ROCKS)}, size, int(settings.dataset.seed),
-                    ground.heights, _coarse_shapes(settings) * (1 + len(LEVEL_RANKS)),
-                    (rig.x_m, rig.y_m, rocks.clear_radius_m))
+    found = scatter(
+        rocks | {"most": min(rocks.most, MOST_ROCKS)},
+        size,
+        int(settings.dataset.seed),
+        ground.heights,
+        _coarse_shapes(settings) * (1 + len(LEVEL_RANKS)),
+        (rig.x_m, rig.y_m, rocks.clear_radius_m),
+    )
     return replace(found, level=np.zeros_like(found.level))
 
 
@@ -212,8 +226,13 @@ def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) ->
         scenes.remove([old] if old else [])
         return ("rock",)
     ice = next((shape.data.materials[0] for shape in instanced_objects(old)), None) if old else None
-    new = build_rocks(f"{scenes.NAME} Rock", rocks, _coarse_shapes(settings),
-                      ice or build_rock_material(settings, built.terrain.data), TAG)
+    new = build_rocks(
+        f"{scenes.NAME} Rock",
+        rocks,
+        _coarse_shapes(settings),
+        ice or build_rock_material(settings, built.terrain.data),
+        TAG,
+    )
     if old is None:
         shown = new
         shown[TAG] = "rock"
@@ -233,10 +252,19 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     seeds = settings.dataset.seed, before.dataset.seed
     if changes.look(settings) == changes.look(before) and seeds[0] == seeds[1]:
         return []
-    builders = {"terrain": ("ground", build_ground_material, [built.terrain]),
-                "rock": ("rocks", build_rock_material,
-                         [shape for item in built.collection.all_objects if item.get(TAG) == "rock"
-                          for shape in instanced_objects(item)])}
+    builders = {
+        "terrain": ("ground", build_ground_material, [built.terrain]),
+        "rock": (
+            "rocks",
+            build_rock_material,
+            [
+                shape
+                for item in built.collection.all_objects
+                if item.get(TAG) == "rock"
+                for shape in instanced_objects(item)
+            ],
+        ),
+    }
     # The mark of an object has its name only while a material of it is random by object, see ``marks.of_object``.
     by_hand = built.edited_parts(*(f"{role} {part}" for role in builders for part in ("materials", "object")))
     messages: list[str] = []

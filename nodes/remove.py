@@ -16,8 +16,10 @@ from .surface.images import remove_unused_images
 def with_parts(objects: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
     """Objects with the shapes of rocks that they instance, and the node groups and collections of these instances."""
     others = [part for item in objects for part in parts_of(item, TAG)]
-    return ([*objects, *(part for part in others if isinstance(part, bpy.types.Object))],
-            [part for part in others if not isinstance(part, bpy.types.Object)])
+    return (
+        [*objects, *(part for part in others if isinstance(part, bpy.types.Object))],
+        [part for part in others if not isinstance(part, bpy.types.Object)],
+    )
 
 
 def materials_of(objects: list[bpy.types.Object]) -> set[bpy.types.Material]:
@@ -35,8 +37,12 @@ def remove_unused(meshes: Iterable[Any], others: Iterable[Any]) -> None:
 
 def remove_leftovers() -> None:
     """Remove built worlds, collections of lamps and shapes of rocks that have no users."""
-    parts = [block for kind in (bpy.data.node_groups, bpy.data.collections, bpy.data.objects) for block in kind
-             if block.get(TAG) in ("rock shapes", "rock shape")]
+    parts = [
+        block
+        for kind in (bpy.data.node_groups, bpy.data.collections, bpy.data.objects)
+        for block in kind
+        if block.get(TAG) in ("rock shapes", "rock shape")
+    ]
     remove_if_unused((parts, {item.data for item in parts if isinstance(item, bpy.types.Object)}, set()))
     remove_unused([], [w for w in bpy.data.worlds if TAG in w])
     remove_unused([], [c for c in bpy.data.collections if c.get(TAG) == sun_inputs.SHARED])
@@ -46,8 +52,7 @@ def leftovers(objects: list[bpy.types.Object]) -> tuple[list[Any], set[Any], set
     """What may have no users after objects are removed: their parts, their data and their materials."""
     every, others = with_parts(objects)
     parts = [*others, *(item for item in every if item not in objects)]
-    return (parts, {item.data for item in every if item.data is not None},
-            {m for m in materials_of(every) if TAG in m})
+    return (parts, {item.data for item in every if item.data is not None}, {m for m in materials_of(every) if TAG in m})
 
 
 def remove_if_unused(found: tuple[list[Any], set[Any], set[Any]]) -> None:

@@ -48,11 +48,14 @@ def place_rig(camera: bpy.types.Object, rig: RigSettings, ground_m: float) -> No
 def lens_values(rig: RigSettings) -> dict[str, tuple[str, Any]]:
     """The ``rig`` setting and the value of each property of Blender's camera."""
     # Both shifts are in widths of the image, y up, and move the frame, not the axis.
-    return {"type": ("rig.focal_length_mm", "PERSP"), "sensor_fit": ("rig.sensor_width_mm", "HORIZONTAL"),
-            "lens": ("rig.focal_length_mm", rig.focal_length_mm),
-            "sensor_width": ("rig.sensor_width_mm", rig.sensor_width_mm),
-            "shift_x": ("rig.principal_x_px", -rig.principal_x_px / rig.width_px),
-            "shift_y": ("rig.principal_y_px", rig.principal_y_px / rig.width_px)}
+    return {
+        "type": ("rig.focal_length_mm", "PERSP"),
+        "sensor_fit": ("rig.sensor_width_mm", "HORIZONTAL"),
+        "lens": ("rig.focal_length_mm", rig.focal_length_mm),
+        "sensor_width": ("rig.sensor_width_mm", rig.sensor_width_mm),
+        "shift_x": ("rig.principal_x_px", -rig.principal_x_px / rig.width_px),
+        "shift_y": ("rig.principal_y_px", rig.principal_y_px / rig.width_px),
+    }
 
 
 def eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, np.ndarray]:
@@ -72,8 +75,10 @@ def turn_about_eye(camera: bpy.types.Object, turn_deg: float, about: bpy.types.O
     ``about`` is the camera if the object is another: the housing of the cameras.
     """
     # A matrix put back is taken apart into other numbers, by a rounding error, and would pass for an edit.
-    pose = {key: tuple(getattr(camera, key)) for key in ("location", "rotation_euler", "rotation_quaternion",
-                                                         "rotation_axis_angle", "scale")}
+    pose = {
+        key: tuple(getattr(camera, key))
+        for key in ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale")
+    }
     if turn_deg:
         turn, eye = Matrix.Rotation(-math.radians(turn_deg), 4, "Z"), (about or camera).matrix_world.translation
         camera.matrix_world = Matrix.Translation(eye) @ turn @ Matrix.Translation(-eye) @ camera.matrix_world

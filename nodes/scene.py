@@ -118,8 +118,9 @@ def update_sunlight(collection: bpy.types.Collection) -> None:
     # From the lamp, in single precision, so that aiming again at render time changes nothing.
     sun_inputs.aim_surfaces(every, sun_inputs.Sun.from_lamp(lamp, lamp.matrix_basis), shine)
     of_osl = [item for item in objects if any(map(sun_inputs.is_osl, used[item]))]
-    sun_inputs.exempt_from_lamp(f"{NAME} Traced Sun", lamp,
-                                [i for i in of_osl if any(map(sun_inputs.traces_sun, used[i]))])
+    sun_inputs.exempt_from_lamp(
+        f"{NAME} Traced Sun", lamp, [i for i in of_osl if any(map(sun_inputs.traces_sun, used[i]))]
+    )
     if shine is not None:
         sun_inputs.exempt_from_lamp(f"{NAME} Traced Planet", shine, of_osl)
     for item in objects:
@@ -146,10 +147,17 @@ def _find_built_blocks(scene: bpy.types.Scene, collection: bpy.types.Collection 
     """The data-blocks built before, see ``owned_blocks``, even if the user has deleted the collection."""
     if collection is not None:
         return {**built_objects(collection), **owned_blocks(collection)}
-    theirs = {block for other in bpy.data.collections if other.get(TAG) == "scene"
-              for block in (*owned_blocks(other).values(), *other.all_objects)}
-    strays = [item for item in bpy.data.objects if item.get(TAG) in OBJECTS and item not in theirs
-              and (item.name in scene.objects or not item.users_collection)]
+    theirs = {
+        block
+        for other in bpy.data.collections
+        if other.get(TAG) == "scene"
+        for block in (*owned_blocks(other).values(), *other.all_objects)
+    }
+    strays = [
+        item
+        for item in bpy.data.objects
+        if item.get(TAG) in OBJECTS and item not in theirs and (item.name in scene.objects or not item.users_collection)
+    ]
     return {item[TAG]: item for item in reversed(strays)}
 
 
@@ -173,8 +181,9 @@ def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bp
     return collection
 
 
-def _put_in_place(collection: bpy.types.Collection, there: dict[str, Any],
-                  new: list[bpy.types.Object]) -> tuple[list[bpy.types.Object], list[Any]]:
+def _put_in_place(
+    collection: bpy.types.Collection, there: dict[str, Any], new: list[bpy.types.Object]
+) -> tuple[list[bpy.types.Object], list[Any]]:
     """Replace the data-blocks that are ``there`` by new objects.
 
     Returns the objects of the scene, and the data-blocks that keep the names of earlier ones.
@@ -205,8 +214,12 @@ def _blocks_to_own(objects: list[bpy.types.Object]) -> dict[str, Any]:
     """The built data-blocks by role, for ``set_owned_blocks``."""
     found: dict[str, Any] = {item[TAG]: item for item in objects}
     found["terrain data"] = found["terrain"].data
-    return found | {f"{role} material": material for role in ("terrain", "rock") if role in found
-                    for material in _material(found[role])}
+    return found | {
+        f"{role} material": material
+        for role in ("terrain", "rock")
+        if role in found
+        for material in _material(found[role])
+    }
 
 
 def disown_copies(collection: bpy.types.Collection) -> None:
@@ -221,9 +234,13 @@ def separate_copies(built: Built) -> None:
     """Separate a built scene from copies that the user has made of it or of its objects."""
     disown_copies(built.collection)
     lamps = [item for role, item in built_objects(built.collection).items() if role in ("sun", "planetshine")]
-    exempt = [item for lamp in lamps if lamp.light_linking.receiver_collection is not None
-              and lamp.light_linking.receiver_collection.get(TAG) == sun_inputs.SHARED
-              for item in lamp.light_linking.receiver_collection.objects]
+    exempt = [
+        item
+        for lamp in lamps
+        if lamp.light_linking.receiver_collection is not None
+        and lamp.light_linking.receiver_collection.get(TAG) == sun_inputs.SHARED
+        for item in lamp.light_linking.receiver_collection.objects
+    ]
     if any(item not in list(built.collection.all_objects) for item in exempt):
         update_sunlight(built.collection)
 

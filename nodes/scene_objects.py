@@ -93,22 +93,29 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects
     ground_and_rock_materials.refuse_without_uv(settings, own is not None and own.uv is not None)
     ground = own or meshed or mesh_whole_ground(ground_of, settings)
     site_m, warnings = _site(settings, ground.surface, own)
-    warnings += [*hapke_warnings, *rounding_advice(settings.rig, site_m), *refused_scenes.scene_advice(settings),
-                 *_advise_on_ground(settings, ground.surface, own)]
+    warnings += [
+        *hapke_warnings,
+        *rounding_advice(settings.rig, site_m),
+        *refused_scenes.scene_advice(settings),
+        *_advise_on_ground(settings, ground.surface, own),
+    ]
     terrain = _make_terrain(settings, ground, warnings)
     camera = tag(build_rig(f"{NAME} Camera", jittered_rig(settings), site_m), "camera")
     lights = build_lights(settings, sky, camera)
     warnings += [*light_advice(sky, settings), *blur.blur_advice(settings)]
-    made = MadeObjects([terrain, lights[0], camera, *lights[1:]], tag(build_sky(f"{NAME} Sky"), "sky"), own, site_m,
-                       warnings)
+    made = MadeObjects(
+        [terrain, lights[0], camera, *lights[1:]], tag(build_sky(f"{NAME} Sky"), "sky"), own, site_m, warnings
+    )
     _add_what_lies_there(made, settings, ground)
     return made
 
 
 def _advise_on_ground(settings: Settings, ground: Surface, own: UserGround | None) -> list[str]:
     if own is None:
-        return [*terrain_advice(settings, site_wavelength_m(settings.terrain, ground)),
-                *(ground.advice(settings) if isinstance(ground, Graded) else [])]
+        return [
+            *terrain_advice(settings, site_wavelength_m(settings.terrain, ground)),
+            *(ground.advice(settings) if isinstance(ground, Graded) else []),
+        ]
     if settings.rocks.coverage > 0:
         refused_scenes.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
     return [*own.warnings, *doubt_sky(settings.light, own.map_place)]
@@ -155,15 +162,18 @@ def _site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[
     if own is not None and math.isnan(height):
         return own.nearest_height_m(rig.x_m, rig.y_m), [
             "There is no ground under the camera; change rig.x_m or rig.y_m, or move the ground with source.origin_x_m "
-            "and source.origin_y_m."]
+            "and source.origin_y_m."
+        ]
     if own is None and not isinstance(ground, Graded) and max(abs(rig.x_m), abs(rig.y_m)) > size / 2:
-        return height, [f"The camera is outside the {size:g} m patch of ground; change rig.x_m, rig.y_m or "
-                        "terrain.size_m."]
+        return height, [
+            f"The camera is outside the {size:g} m patch of ground; change rig.x_m, rig.y_m or terrain.size_m."
+        ]
     return height, []
 
 
-def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float,
-                 dug: DugGround | None) -> tuple[bpy.types.Object, list[str], int]:
+def _build_rocks(
+    settings: Settings, terrain: bpy.types.Object, size_m: float, dug: DugGround | None
+) -> tuple[bpy.types.Object, list[str], int]:
     """The object whose points are the rocks on the ground, ``dug`` or not, warnings, and how many lost support."""
     seed, wanted, rig = int(settings.dataset.seed), with_absolute_files(settings).rocks, settings.rig
     shapes = make_rock_shapes(wanted.family, wanted.angularity, seed)
@@ -179,15 +189,21 @@ def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float,
     remove_unused([], [ice])  # it has no users if there are no rocks
     warnings, most = [], count_of(wanted.most, "rock")
     if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):
-        warnings.append(f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {most}; "
-                        "raise rocks.most or rocks.smallest_m.")
+        warnings.append(
+            f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {most}; "
+            "raise rocks.most or rocks.smallest_m."
+        )
     if wanted.law == TABLE and (lost := min(len(read_table(Path(wanted.file))), wanted.most) - len(rocks.diameter_m)):
-        warnings.append(f"The scene lacks {count_of(lost, 'rock')} of {wanted.file}, off the ground or closer to the "
-                        "site than rocks.clear_radius_m.")
+        warnings.append(
+            f"The scene lacks {count_of(lost, 'rock')} of {wanted.file}, off the ground or closer to the "
+            "site than rocks.clear_radius_m."
+        )
     if view is not None and rocks.beyond_rad > view.smallest_rad:
         width_px = rocks.beyond_rad * focal_px(rig)
-        warnings.append(f"Beyond the patch rocks under {width_px:.2g} px are left out to keep to {most}; "
-                        "raise rocks.most, rocks.beyond_px or rocks.smallest_m.")
+        warnings.append(
+            f"Beyond the patch rocks under {width_px:.2g} px are left out to keep to {most}; "
+            "raise rocks.most, rocks.beyond_px or rocks.smallest_m."
+        )
     return item, warnings, moved
 
 

@@ -40,10 +40,29 @@ from . import (
 )
 
 CLASSES: tuple[Any, ...] = (
-    *presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
-    *show_pair.CLASSES, *dataset.CLASSES, *evaluate.CLASSES, *decide.CLASSES, *expose.CLASSES, *results.CLASSES,
-    *errors_in_view.CLASSES, *decisions_in_view.CLASSES, *evaluator.CLASSES, *assets.CLASSES, *trade.CLASSES,
-    *add.CLASSES, *vary.CLASSES, *variation_pictures.CLASSES, *jobs.CLASSES, *manual.CLASSES)
+    *presets.CLASSES,
+    *settings.CLASSES,
+    *build.CLASSES,
+    *ground.CLASSES,
+    *layers.CLASSES,
+    *render.CLASSES,
+    *show_pair.CLASSES,
+    *dataset.CLASSES,
+    *evaluate.CLASSES,
+    *decide.CLASSES,
+    *expose.CLASSES,
+    *results.CLASSES,
+    *errors_in_view.CLASSES,
+    *decisions_in_view.CLASSES,
+    *evaluator.CLASSES,
+    *assets.CLASSES,
+    *trade.CLASSES,
+    *add.CLASSES,
+    *vary.CLASSES,
+    *variation_pictures.CLASSES,
+    *jobs.CLASSES,
+    *manual.CLASSES,
+)
 
 if find_spec(f"{__package__}.install_evaluator"):  # a store build has it not
     from . import install_evaluator

@@ -75,11 +75,14 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
     own_settings = ground_settings()
     __annotations__ = {
         name: scene_properties.make_property(TOPICS[topic][key], options={"SKIP_SAVE"}, **_OPTIONS.get(name, {}))
-        for name, (topic, key) in own_settings.items()}
+        for name, (topic, key) in own_settings.items()
+    }
     preset: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        items=_list_terrains, name="Ground", description="Ground to start from", options={"SKIP_SAVE"})
+        items=_list_terrains, name="Ground", description="Ground to start from", options={"SKIP_SAVE"}
+    )
     advanced: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Advanced", description="Show all settings of the ground", options={"SKIP_SAVE"})
+        name="Advanced", description="Show all settings of the ground", options={"SKIP_SAVE"}
+    )
     #: The preset that the other properties were filled from; empty before the first execution.
     filled_from: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
 
@@ -87,8 +90,9 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
         """The settings of the sidebar or of the preset, with the changes made here."""
         start = scene_properties.read_settings(context.scene.icymoon)
         if self.preset != _AS_IN_SIDEBAR[0]:
-            start = description.merged(start, {key: description.defaults()[key] for key in ("terrain", *_LANDFORMS)},
-                                       load_preset(self.preset))
+            start = description.merged(
+                start, {key: description.defaults()[key] for key in ("terrain", *_LANDFORMS)}, load_preset(self.preset)
+            )
         if self.filled_from != self.preset:
             self._fill(start)
         own = [{topic: {key: getattr(self, name)}} for name, (topic, key) in self.own_settings.items()]
@@ -136,13 +140,22 @@ class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     own_settings = {key: ("rocks", key) for key in ("family", "angularity", "elongation", "height_ratio")} | {
-        "seed": ("dataset", "seed")}
+        "seed": ("dataset", "seed")
+    }
     diameter_m: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Diameter", default=0.5, min=1.0e-3, max=1.0e4, soft_min=0.05, soft_max=10.0, subtype="DISTANCE",
-        unit="LENGTH", description="Diameter of a circle with the same area as the rock, seen from above")
+        name="Diameter",
+        default=0.5,
+        min=1.0e-3,
+        max=1.0e4,
+        soft_min=0.05,
+        soft_max=10.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+        description="Diameter of a circle with the same area as the rock, seen from above",
+    )
     family: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Shape", items=TOPICS["rocks"]["family"].choices[1:], default="FRAGMENTS",
-        description="Shape of the rock")
+        name="Shape", items=TOPICS["rocks"]["family"].choices[1:], default="FRAGMENTS", description="Shape of the rock"
+    )
     angularity: scene_properties.make_property(TOPICS["rocks"]["angularity"])  # type: ignore[valid-type]
     elongation: scene_properties.make_property(TOPICS["rocks"]["elongation"])  # type: ignore[valid-type]
     height_ratio: scene_properties.make_property(TOPICS["rocks"]["height_ratio"])  # type: ignore[valid-type]

@@ -37,8 +37,7 @@ class ICYMOON_OT_make_asset_library(jobs.JobOperator, bpy.types.Operator):
     def start(self, context: bpy.types.Context) -> jobs.Job:
         self._assets = 0
         process = Process(blender_command(jobs.this_blender(), "assets", str(asset_folder())))
-        return jobs.Job(self.bl_label, process, self._hear, lambda: None,
-                        if_stopped="the library is as it was before")
+        return jobs.Job(self.bl_label, process, self._hear, lambda: None, if_stopped="the library is as it was before")
 
     def _hear(self, message: Message) -> None:
         if message["type"] == "done":
@@ -79,9 +78,14 @@ class ICYMOON_OT_remove_asset_library(bpy.types.Operator):
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         if left:
-            self.report({"WARNING"}, show_controls(
-                f"{asset_folder()} still contains {len(left)} of your own files, such as {left[0].name}, so it stays "
-                "an asset library"))
+            self.report(
+                {"WARNING"},
+                show_controls(
+                    f"{asset_folder()} still contains {len(left)} of your own files, such as {left[0].name}, so "
+                    "it stays "
+                    "an asset library"
+                ),
+            )
             _show_in_browsers()
             return {"FINISHED"}
         for library in find_asset_libraries():

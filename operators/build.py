@@ -20,15 +20,16 @@ from .sidebar_text import in_window
 from .user_render import prepare_render, restore_render
 
 
-def frame_and_expose(scene: bpy.types.Scene, settings: Settings,
-                     before: Settings | None = None) -> None:
+def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Settings | None = None) -> None:
     """Set the frame and exposure of the view from ``settings``.
 
     With the settings ``before`` the change, values that the user has set by hand stay. Images do not depend on them:
     they contain radiance and are rendered in a separate scene.
     """
     if before is None or (before.rig.width_px, before.rig.height_px) == (
-            scene.render.resolution_x, scene.render.resolution_y):
+        scene.render.resolution_x,
+        scene.render.resolution_y,
+    ):
         scene.render.resolution_x, scene.render.resolution_y = settings.rig.width_px, settings.rig.height_px
     view_exposure.expose(scene, settings, anew=before is None)
 
@@ -49,10 +50,15 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     if context.area is None or context.area.type != "VIEW_3D":
         return
     _left.discard(space.as_pointer())
-    _views_before.setdefault(space.as_pointer(), {
-        "shading": {key: getattr(space.shading, key) for key in _SHADING},
-        "overlays": space.overlay.show_overlays, "perspective": space.region_3d.view_perspective,
-        "local": space.local_view is not None})
+    _views_before.setdefault(
+        space.as_pointer(),
+        {
+            "shading": {key: getattr(space.shading, key) for key in _SHADING},
+            "overlays": space.overlay.show_overlays,
+            "perspective": space.region_3d.view_perspective,
+            "local": space.local_view is not None,
+        },
+    )
     space.shading.type = "RENDERED"
     space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
     space.overlay.show_overlays = False
@@ -81,8 +87,12 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
 def restore_views() -> None:
     """Restore the 3D Views that showed a built scene; undo or redo may show the scene there again."""
     _left.update(_views_before)
-    places = [(window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas
-              if area.type == "VIEW_3D" and area.spaces.active.as_pointer() in _views_before]
+    places = [
+        (window, area)
+        for window in bpy.context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "VIEW_3D" and area.spaces.active.as_pointer() in _views_before
+    ]
     for window, area in places:
         space = area.spaces.active
         before = _views_before[space.as_pointer()]
@@ -131,10 +141,19 @@ def _forget_views(*_: Any) -> None:
 
 def views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -> list[Any]:
     """The 3D Views, in all windows, that look through ``camera``."""
-    spaces = [area.spaces.active for window in context.window_manager.windows for area in window.screen.areas
-              if area.type == "VIEW_3D"]
-    return [space for space in spaces if camera is not None and space.region_3d.view_perspective == "CAMERA"
-            and (space.camera if space.use_local_camera else context.scene.camera) is camera]
+    spaces = [
+        area.spaces.active
+        for window in context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "VIEW_3D"
+    ]
+    return [
+        space
+        for space in spaces
+        if camera is not None
+        and space.region_3d.view_perspective == "CAMERA"
+        and (space.camera if space.use_local_camera else context.scene.camera) is camera
+    ]
 
 
 def look_through(spaces: list[Any], built: scenes.Built) -> None:
@@ -180,8 +199,11 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
         else:
             look_through(views, built)
     mesh = built.terrain.data
-    operator.report({"INFO"}, f"Built {count_of(len(mesh.loops) - 2 * len(mesh.polygons), 'ground triangle')} "
-                             f"and {count_of(built.rock_count, 'rock')}")
+    operator.report(
+        {"INFO"},
+        f"Built {count_of(len(mesh.loops) - 2 * len(mesh.polygons), 'ground triangle')} "
+        f"and {count_of(built.rock_count, 'rock')}",
+    )
     return {"FINISHED"}
 
 
@@ -199,8 +221,11 @@ class ICYMOON_OT_build_scene(bpy.types.Operator):
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         if warnings and not bpy.app.background:
-            return set(context.window_manager.invoke_confirm(self, event, title="Load a Large Mesh?",
-                                                             message=warnings[0], confirm_text="Load"))
+            return set(
+                context.window_manager.invoke_confirm(
+                    self, event, title="Load a Large Mesh?", message=warnings[0], confirm_text="Load"
+                )
+            )
         return self.execute(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

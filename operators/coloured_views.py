@@ -121,14 +121,21 @@ def _remember(*_: Any) -> None:
     """Read the earlier shading of the views of an opened file that was saved with the colours shown."""
     for scene, space in _views():
         stored: Any = scene.get(KEPT)
-        kept = ({key: str(stored[key]) for key in _KEYS if key in stored}
-                if hasattr(stored, "keys") and is_shown(scene) else {})
+        kept = (
+            {key: str(stored[key]) for key in _KEYS if key in stored}
+            if hasattr(stored, "keys") and is_shown(scene)
+            else {}
+        )
         if kept and space.shading.color_type == "VERTEX" and ("type" not in kept or space.shading.type == "SOLID"):
             _before[space.as_pointer()] = kept
 
 
-_HANDLERS = ((bpy.app.handlers.load_pre, _forget), (bpy.app.handlers.load_post, _remember),
-             (bpy.app.handlers.undo_post, _look_after_undo), (bpy.app.handlers.redo_post, _look_after_undo))
+_HANDLERS = (
+    (bpy.app.handlers.load_pre, _forget),
+    (bpy.app.handlers.load_post, _remember),
+    (bpy.app.handlers.undo_post, _look_after_undo),
+    (bpy.app.handlers.redo_post, _look_after_undo),
+)
 
 
 def register() -> None:

@@ -82,8 +82,11 @@ class ICYMOON_OT_choose_plan(dialogs.SearchDialog, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     bl_property = "plan"
 
-    plan: bpy.props.EnumProperty(items=plan_items, name="Plan",  # type: ignore[valid-type]
-                                 description="Plan to render")
+    plan: bpy.props.EnumProperty(
+        items=plan_items,
+        name="Plan",  # type: ignore[valid-type]
+        description="Plan to render",
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         context.scene.icymoon.dataset.plan = self.plan
@@ -97,8 +100,11 @@ class ICYMOON_OT_open_plan(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_label = "Open Plan"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: bpy.props.StringProperty(subtype="FILE_PATH", name="File",  # type: ignore[valid-type]
-                                       description="Plan of a data set")
+    filepath: bpy.props.StringProperty(
+        subtype="FILE_PATH",
+        name="File",  # type: ignore[valid-type]
+        description="Plan of a data set",
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
@@ -120,9 +126,19 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
         settings = scene_properties.read_settings(context.scene.icymoon)
         plan = chosen_plan(settings)
         readout.update(plan=settings.dataset.plan, lines=[])
-        process = Process(verb_command("plan", plan, "--dry-run", "--json", "--out", str(dataset_folder(settings)),
-                                       "--blender", jobs.this_blender()),
-                          clean_environment())
+        process = Process(
+            verb_command(
+                "plan",
+                plan,
+                "--dry-run",
+                "--json",
+                "--out",
+                str(dataset_folder(settings)),
+                "--blender",
+                jobs.this_blender(),
+            ),
+            clean_environment(),
+        )
         return jobs.Job(self.bl_label, process, self._handle, lambda: None)
 
     def _handle(self, message: Message) -> None:
@@ -172,10 +188,27 @@ def batch_command(settings: Settings, plan: str) -> list[str]:
     wanted, folder = settings.dataset, dataset_folder(settings)
     count = wanted.workers or workers()
     # The same process evaluates, so that it does so even after this Blender is closed.
-    after = ([*evaluate.matcher_arguments(settings, "--evaluate"), "--evaluator", find_evaluator_python(),
-              *evaluate.response_arguments(settings)] if wanted.evaluate else [])
-    return verb_command("batch", plan, "--out", str(folder), "--json", "--blender", jobs.this_blender(),
-                        *(["--workers", str(count)] if count else []), *after)
+    after = (
+        [
+            *evaluate.matcher_arguments(settings, "--evaluate"),
+            "--evaluator",
+            find_evaluator_python(),
+            *evaluate.response_arguments(settings),
+        ]
+        if wanted.evaluate
+        else []
+    )
+    return verb_command(
+        "batch",
+        plan,
+        "--out",
+        str(folder),
+        "--json",
+        "--blender",
+        jobs.this_blender(),
+        *(["--workers", str(count)] if count else []),
+        *after,
+    )
 
 
 def start_batch(settings: Settings, command: list[str], plan: str) -> Detached:
@@ -185,9 +218,11 @@ def start_batch(settings: Settings, command: list[str], plan: str) -> Detached:
     """
     folder = dataset_folder(settings)
     return Detached.start(
-        command, state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
+        command,
+        state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
         {"title": _TITLE, "dataset": str(folder), "plan": plan, "evaluate": settings.dataset.evaluate},
-        jobs.environment_with_cards("GPU", clean_environment()))
+        jobs.environment_with_cards("GPU", clean_environment()),
+    )
 
 
 class DatasetOperator(jobs.JobOperator):
@@ -291,8 +326,14 @@ def _look_after_load(*_: Any) -> None:
         bpy.app.timers.register(_watch_again, first_interval=_LOOK_S)
 
 
-CLASSES = (ICYMOON_OT_choose_plan, ICYMOON_OT_open_plan, ICYMOON_OT_plan_dry_run, ICYMOON_OT_render_dataset,
-           ICYMOON_OT_watch_dataset, ICYMOON_OT_show_last_pair)
+CLASSES = (
+    ICYMOON_OT_choose_plan,
+    ICYMOON_OT_open_plan,
+    ICYMOON_OT_plan_dry_run,
+    ICYMOON_OT_render_dataset,
+    ICYMOON_OT_watch_dataset,
+    ICYMOON_OT_show_last_pair,
+)
 
 
 def register() -> None:

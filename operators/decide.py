@@ -28,9 +28,17 @@ class ICYMOON_OT_decide(jobs.JobOperator, bpy.types.Operator):
         dataset = dataset_folder(settings)
         # For security, the page that is opened later is this one, not one that a message names.
         self._page = dataset / "decisions" / "decisions.html"
-        command = python_command(find_evaluator_python(), "stereo", "decide", str(dataset),
-                                 *matcher_arguments(settings), *response_arguments(settings),
-                                 "--out", str(self._page.parent), "--json-lines")
+        command = python_command(
+            find_evaluator_python(),
+            "stereo",
+            "decide",
+            str(dataset),
+            *matcher_arguments(settings),
+            *response_arguments(settings),
+            "--out",
+            str(self._page.parent),
+            "--json-lines",
+        )
         return jobs.Job("Decide", Process(command, clean_environment()), self._keep, lambda: None)
 
     def _keep(self, message: Message) -> None:

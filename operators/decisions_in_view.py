@@ -20,9 +20,11 @@ from .render import dataset_folder
 from .sidebar_text import in_window
 
 #: The maps, as the buttons call them.
-MAPS = ((stored_maps.SUITABILITY, "Suitability", "How far each place keeps the rules of a safe site"),
-        (stored_maps.SLOPE, "Slope", "Slope under the disc of a site, as the matcher measured it"),
-        (stored_maps.HEIGHT_ERROR, "Height Error", "Measured less true height"))
+MAPS = (
+    (stored_maps.SUITABILITY, "Suitability", "How far each place keeps the rules of a safe site"),
+    (stored_maps.SLOPE, "Slope", "Slope under the disc of a site, as the matcher measured it"),
+    (stored_maps.HEIGHT_ERROR, "Height Error", "Measured less true height"),
+)
 
 
 def decided_methods(scene: bpy.types.Scene) -> list[str]:

@@ -40,10 +40,12 @@ class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
         try:
             paths = point_files(context.scene, method)
             if not paths:
-                raise IcyMoonError("This evaluation has no measured surfaces; press Evaluate to measure those of the "
-                                   "present scene.")
-            item = measured_surface.build_points(context.scene, paths, describe_method(method),
-                                                 context.scene.icymoon.error_range_m)
+                raise IcyMoonError(
+                    "This evaluation has no measured surfaces; press Evaluate to measure those of the present scene."
+                )
+            item = measured_surface.build_points(
+                context.scene, paths, describe_method(method), context.scene.icymoon.error_range_m
+            )
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}

@@ -36,8 +36,11 @@ def rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[Path]
 
 def response_arguments(settings: Settings) -> list[str]:
     """The settings that need no new render, as arguments of the evaluator."""
-    texts = [f"{topic}.{s.key}={settings[topic][s.key]}".replace("True", "true").replace("False", "false")
-             for topic, s in all_settings() if s.effect == "response"]
+    texts = [
+        f"{topic}.{s.key}={settings[topic][s.key]}".replace("True", "true").replace("False", "false")
+        for topic, s in all_settings()
+        if s.effect == "response"
+    ]
     return [word for text in texts for word in ("--set", text)]
 
 
@@ -53,8 +56,7 @@ def matcher_arguments(settings: Settings, flag: str = "--methods") -> list[str]:
 class ResultKeeper:
     """Handles the messages of an evaluation, and stores its results with the scene and the settings."""
 
-    def __init__(self, scene: bpy.types.Scene, scope: str, settings: Settings,
-                 pairs: Sequence[str] = ()) -> None:
+    def __init__(self, scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
         self._uid = scene.session_uid  # the user may rename or delete the scene, and undo moves it in memory
         self._scope, self._settings, self._pairs = scope, settings, pairs
 
@@ -83,9 +85,15 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
     bl_idname = "icymoon.evaluate"
     bl_label = "Evaluate"
 
-    scope: bpy.props.EnumProperty(name="Scope", default="SCENE", items=(  # type: ignore[valid-type]
-        ("SCENE", "This Scene", "The pairs of the present settings"),
-        ("DATASET", "Whole Data Set", "Every pair in the data set folder")), description="Which pairs to evaluate")
+    scope: bpy.props.EnumProperty(
+        name="Scope",
+        default="SCENE",
+        items=(  # type: ignore[valid-type]
+            ("SCENE", "This Scene", "The pairs of the present settings"),
+            ("DATASET", "Whole Data Set", "Every pair in the data set folder"),
+        ),
+        description="Which pairs to evaluate",
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start the job; where no evaluator is, offer to install it first."""
@@ -95,10 +103,18 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
         return super().invoke(context, event)
 
     def _command(self, settings: Settings, paths: Sequence[Path]) -> list[str]:
-        return python_command(find_evaluator_python(), "stereo", "evaluate", *map(str, paths),
-                              *matcher_arguments(settings), *response_arguments(settings),
-                              *(["--points"] if self.scope == "SCENE" else []),
-                              "--out", str(results.folder_of(settings, self.scope)), "--json-lines")
+        return python_command(
+            find_evaluator_python(),
+            "stereo",
+            "evaluate",
+            *map(str, paths),
+            *matcher_arguments(settings),
+            *response_arguments(settings),
+            *(["--points"] if self.scope == "SCENE" else []),
+            "--out",
+            str(results.folder_of(settings, self.scope)),
+            "--json-lines",
+        )
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
@@ -118,7 +134,8 @@ class ICYMOON_OT_evaluate_folder(jobs.JobOperator, bpy.types.Operator):
     bl_label = "Evaluate Other Pairs"
 
     directory: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Folder", subtype="DIR_PATH", description="Folder of a data set as it was unpacked, or with a pairs.toml")
+        name="Folder", subtype="DIR_PATH", description="Folder of a data set as it was unpacked, or with a pairs.toml"
+    )
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})  # type: ignore[valid-type]
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -129,8 +146,12 @@ class ICYMOON_OT_evaluate_folder(jobs.JobOperator, bpy.types.Operator):
     def draw(self, context: bpy.types.Context) -> None:
         """What to choose, beside the folders."""
         column = self.layout.column(align=True)
-        for line in ("Choose a folder: a data set", "as it was unpacked, such as", "KITTI or Middlebury, or your",
-                     "photographs and a pairs.toml"):
+        for line in (
+            "Choose a folder: a data set",
+            "as it was unpacked, such as",
+            "KITTI or Middlebury, or your",
+            "photographs and a pairs.toml",
+        ):
             column.label(text=line)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -141,9 +162,16 @@ class ICYMOON_OT_evaluate_folder(jobs.JobOperator, bpy.types.Operator):
         folder = absolute_path(self.directory, "the folder", bpy.path.abspath("//"))
         # For security, the page that is opened later is this one, not one that a message names.
         self._page = folder / "evaluation" / "report.html"
-        command = python_command(find_evaluator_python(), "stereo", "evaluate", str(folder),
-                                 *matcher_arguments(scene_properties.read_settings(context.scene.icymoon)),
-                                 "--out", str(self._page.parent), "--json-lines")
+        command = python_command(
+            find_evaluator_python(),
+            "stereo",
+            "evaluate",
+            str(folder),
+            *matcher_arguments(scene_properties.read_settings(context.scene.icymoon)),
+            "--out",
+            str(self._page.parent),
+            "--json-lines",
+        )
         return jobs.Job("Evaluate", Process(command, clean_environment()), self._keep, lambda: None)
 
     def _keep(self, message: Message) -> None:
@@ -169,7 +197,8 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     matcher: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Matcher", default="bm", description="Name of the matcher, such as sgbm or own:mine")
+        name="Matcher", default="bm", description="Name of the matcher, such as sgbm or own:mine"
+    )
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
@@ -181,8 +210,10 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
         group = context.scene.icymoon.dataset
         known = (*TITLES, *plugin_matcher_names())
         if not self.matcher.startswith(f"{OWN}:") and self.matcher not in known:
-            self.report({"ERROR"}, show_controls(
-                f"There is no matcher {self.matcher}; choose {', '.join(known)} or {OWN}:NAME."))
+            self.report(
+                {"ERROR"},
+                show_controls(f"There is no matcher {self.matcher}; choose {', '.join(known)} or {OWN}:NAME."),
+            )
             return {"CANCELLED"}
         group.methods = toggle_method(group.methods, self.matcher)
         return {"FINISHED"}

@@ -21,8 +21,12 @@ def all_findings() -> list[Finding]:
     except IcyMoonError as error:
         found = [Finding("Evaluator", "missing", str(error).rstrip("."))]
     # Blender is examined in a separate process, since listing the graphics cards in Cycles also selects them.
-    return [*found, *examine_landforms(), *examine_kernels(kernels()),
-            *examine_blender(bpy.app.binary_path or sys.executable)]
+    return [
+        *found,
+        *examine_landforms(),
+        *examine_kernels(kernels()),
+        *examine_blender(bpy.app.binary_path or sys.executable),
+    ]
 
 
 class ICYMOON_OT_check_evaluator(bpy.types.Operator):

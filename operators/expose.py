@@ -21,9 +21,16 @@ from .render import dataset_folder
 
 def start_developing(settings: Settings, pairs: list[Path], handle: Callable[[Message], None]) -> jobs.Job:
     """Start a process that develops pairs by the camera response of ``settings``, into the folder ``exposed``."""
-    command = python_command(find_evaluator_python(), "stereo", "develop", *map(str, pairs),
-                             *response_arguments(settings),
-                             "--out", str(dataset_folder(settings) / "exposed"), "--json-lines")
+    command = python_command(
+        find_evaluator_python(),
+        "stereo",
+        "develop",
+        *map(str, pairs),
+        *response_arguments(settings),
+        "--out",
+        str(dataset_folder(settings) / "exposed"),
+        "--json-lines",
+    )
     return jobs.Job("Expose", Process(command, clean_environment()), handle, lambda: None)
 
 

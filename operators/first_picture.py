@@ -42,8 +42,9 @@ class _Picture:
         across, up = self.texture.width, self.texture.height
         scale = min(width / across, height / up)
         gpu.state.blend_set("NONE")
-        compat.draw_linear_texture(self.texture, x + (width - scale * across) / 2, y + (height - scale * up) / 2,
-                                   scale * across, scale * up)
+        compat.draw_linear_texture(
+            self.texture, x + (width - scale * across) / 2, y + (height - scale * up) / 2, scale * across, scale * up
+        )
         if self.left is not None:
             self.left -= 1
             if self.left <= 0 and not bpy.app.timers.is_registered(remove):
@@ -72,11 +73,18 @@ def _frame(context: bpy.types.Context) -> tuple[float, float, float, float] | No
     space: Any = context.space_data
     view = context.region_data
     camera = space.camera if space.use_local_camera else context.scene.camera
-    if (view is None or view.view_perspective != "CAMERA" or space.shading.type != "RENDERED"
-            or camera is None or camera.type != "CAMERA"):
+    if (
+        view is None
+        or view.view_perspective != "CAMERA"
+        or space.shading.type != "RENDERED"
+        or camera is None
+        or camera.type != "CAMERA"
+    ):
         return None
-    corners = [location_3d_to_region_2d(context.region, view, camera.matrix_world @ corner)
-               for corner in camera.data.view_frame(scene=context.scene)]
+    corners = [
+        location_3d_to_region_2d(context.region, view, camera.matrix_world @ corner)
+        for corner in camera.data.view_frame(scene=context.scene)
+    ]
     if any(corner is None for corner in corners):
         return None
     x, y = (sorted(corner[axis] for corner in corners) for axis in (0, 1))

@@ -30,10 +30,14 @@ class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
     bl_label = "Import Ground"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: bpy.props.StringProperty(subtype="FILE_PATH", name="File",  # type: ignore[valid-type]
-                                       description="Mesh or height map to read")
+    filepath: bpy.props.StringProperty(
+        subtype="FILE_PATH",
+        name="File",  # type: ignore[valid-type]
+        description="Mesh or height map to read",
+    )
     filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]
-        default=";".join(f"*{suffix}" for suffix in (*grounds.SUFFIXES, *gdal_lines.SUFFIXES)), options={"HIDDEN"})
+        default=";".join(f"*{suffix}" for suffix in (*grounds.SUFFIXES, *gdal_lines.SUFFIXES)), options={"HIDDEN"}
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon

@@ -26,9 +26,11 @@ def base_python() -> str:
     for candidate in (Path(sys.executable), *find_pythons(Path(sys.prefix))):
         if is_python(str(candidate)) and candidate.is_file() and _makes_environments(candidate):
             return str(candidate)
-    raise IcyMoonError("No Python that can make a virtual environment was found; install Python 3.11 or later with "
-                       "venv (on Debian and Ubuntu the package python3-venv), or choose a Python with the evaluator's "
-                       "packages in the preferences or by ICYMOON_EVALUATOR.")
+    raise IcyMoonError(
+        "No Python that can make a virtual environment was found; install Python 3.11 or later with "
+        "venv (on Debian and Ubuntu the package python3-venv), or choose a Python with the evaluator's "
+        "packages in the preferences or by ICYMOON_EVALUATOR."
+    )
 
 
 def _makes_environments(python: Path) -> bool:
@@ -46,17 +48,28 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
     bl_label = "Install Evaluator"
 
     then_evaluate: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Then Evaluate", default="NOTHING", description="What to evaluate once the evaluator is installed", items=(
-            ("NOTHING", "Nothing", "Install only"), ("SCENE", "This Scene", "The pairs of the present settings"),
-            ("DATASET", "Whole Data Set", "Every pair in the data set folder")))
+        name="Then Evaluate",
+        default="NOTHING",
+        description="What to evaluate once the evaluator is installed",
+        items=(
+            ("NOTHING", "Nothing", "Install only"),
+            ("SCENE", "This Scene", "The pairs of the present settings"),
+            ("DATASET", "Whole Data Set", "Every pair in the data set folder"),
+        ),
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start the job. Ask before it where the user has pressed Evaluate, or has not allowed online access yet."""
         if bpy.app.background or (self.then_evaluate == "NOTHING" and bpy.app.online_access):
             return super().invoke(context, event)
-        return set(context.window_manager.invoke_props_dialog(
-            self, width=_DIALOG_PX, title="Install the Evaluator?",
-            confirm_text="Install" if self.then_evaluate == "NOTHING" else "Install and Evaluate"))
+        return set(
+            context.window_manager.invoke_props_dialog(
+                self,
+                width=_DIALOG_PX,
+                title="Install the Evaluator?",
+                confirm_text="Install" if self.then_evaluate == "NOTHING" else "Install and Evaluate",
+            )
+        )
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the question, with Blender's own button for online access where it is off."""
@@ -73,8 +86,9 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         if not bpy.app.online_access:
-            raise IcyMoonError("Installing the evaluator needs online access; allow it in Preferences ▸ System ▸ "
-                               "Network.")
+            raise IcyMoonError(
+                "Installing the evaluator needs online access; allow it in Preferences ▸ System ▸ Network."
+            )
         folder = own_evaluator_python().parents[1]
         command = python_command(base_python(), "install", str(folder))
         return jobs.Job("Install", Process(command, clean_environment()), lambda message: None, lambda: None)
@@ -104,8 +118,10 @@ class ICYMOON_OT_remove_evaluator(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         folder = own_evaluator_python().parents[1]
         if not (folder / "pyvenv.cfg").is_file() or folder.is_symlink():
-            self.report({"ERROR"}, show_controls(
-                f"{folder} is not an environment that Install Evaluator made; remove it by hand."))
+            self.report(
+                {"ERROR"},
+                show_controls(f"{folder} is not an environment that Install Evaluator made; remove it by hand."),
+            )
             return {"CANCELLED"}
         remove_folder(folder)
         show_findings([])

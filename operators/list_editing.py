@@ -66,8 +66,10 @@ class MoveEntry(_ListOperator):
     """Mix-in: moves the selected entry by one place."""
 
     direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Direction", description="Direction of the move",
-        items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")))
+        name="Direction",
+        description="Direction of the move",
+        items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")),
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         edited = self.find(context.scene)

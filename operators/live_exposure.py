@@ -36,8 +36,12 @@ def exposed_folder(scene: bpy.types.Scene) -> Path:
 
 def shown_paths() -> list[Path]:
     """The image files that Image Editors show."""
-    spaces = [area.spaces.active for window in bpy.context.window_manager.windows for area in window.screen.areas
-              if area.type == "IMAGE_EDITOR"]
+    spaces = [
+        area.spaces.active
+        for window in bpy.context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "IMAGE_EDITOR"
+    ]
     return [Path(bpy.path.abspath(space.image.filepath)) for space in spaces if space.image and space.image.filepath]
 
 

@@ -25,16 +25,35 @@ _DOCS = ROOT / "docs"
 FIRST_PAGE = "index"
 #: The page about the steps in the window.
 WINDOW_PAGE = "tutorial/window"
-_PAGES = {"terrain": "theory/terrain", "hills": "theory/terrain", "mesh": "theory/mesh",
-          "source": "howto/own-ground", "surface": "theory/surfaces", "textures": "howto/own-textures",
-          "rock_surface": "theory/surfaces",
-          "excavation": "theory/excavation", "hapke": "theory/surfaces",
-          "rocks": "theory/terrain", "light": "theory/light", "rig": "camera",
-          "lander": "howto/lander", "arm": "howto/lander", "workspace": "theory/decisions",
-          "sensor": "theory/sensor", "quality": "howto/speed", "dataset": "datasets"}
+_PAGES = {
+    "terrain": "theory/terrain",
+    "hills": "theory/terrain",
+    "mesh": "theory/mesh",
+    "source": "howto/own-ground",
+    "surface": "theory/surfaces",
+    "textures": "howto/own-textures",
+    "rock_surface": "theory/surfaces",
+    "excavation": "theory/excavation",
+    "hapke": "theory/surfaces",
+    "rocks": "theory/terrain",
+    "light": "theory/light",
+    "rig": "camera",
+    "lander": "howto/lander",
+    "arm": "howto/lander",
+    "workspace": "theory/decisions",
+    "sensor": "theory/sensor",
+    "quality": "howto/speed",
+    "dataset": "datasets",
+}
 #: The folders of the pages as the top of a page lists them.
-_GROUPS = {"": "Start", "tutorial": "Tutorials", "howto": "How to", "theory": "Theory", "reference": "Reference",
-           "notebooks": "Notebooks"}
+_GROUPS = {
+    "": "Start",
+    "tutorial": "Tutorials",
+    "howto": "How to",
+    "theory": "Theory",
+    "reference": "Reference",
+    "notebooks": "Notebooks",
+}
 _STYLE = """body{font:16px/1.5 sans-serif;max-width:46em;margin:2em auto;padding:0 1em;color:#222;background:#fff}
 nav{font-size:85%;border-bottom:1px solid #999;padding-bottom:.6em}nav a{margin-right:.9em;white-space:nowrap}
 nav p{margin:.2em 0;padding-left:6em;text-indent:-6em}nav b{display:inline-block;width:6em;text-indent:0}
@@ -92,13 +111,18 @@ def _whole(page: str, text: str, titles: dict[str, str]) -> str:
         return _relative(name.removesuffix(".md"), page) if name.removesuffix(".md") in titles else None
 
     def links(folder: str) -> str:
-        return " ".join(f'<a href="{_relative(name, page)}">{html.escape(title)}</a>' for name, title in titles.items()
-                        if posixpath.dirname(name) == folder)
+        return " ".join(
+            f'<a href="{_relative(name, page)}">{html.escape(title)}</a>'
+            for name, title in titles.items()
+            if posixpath.dirname(name) == folder
+        )
 
     groups = "".join(f"<p><b>{heading}</b> {links(folder)}</p>" for folder, heading in _GROUPS.items())
-    return (f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(titles[page])} · Icy Moon '
-            f"{version()}</title><style>{_STYLE}</style></head><body><nav>{groups}</nav>\n"
-            f"{page_html(text, address, _formulas().get)}\n</body></html>\n")
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(titles[page])} · Icy Moon '
+        f"{version()}</title><style>{_STYLE}</style></head><body><nav>{groups}</nav>\n"
+        f"{page_html(text, address, _formulas().get)}\n</body></html>\n"
+    )
 
 
 def page_of_topic(topic: str) -> str:
@@ -112,8 +136,11 @@ def _map_of_blender() -> tuple[str, tuple[tuple[str, str], ...]]:
         start = written_folder().as_uri()
     except IcyMoonError:
         return "", ()
-    return f"{start}/", (*((f"bpy.types.icymoon_pg_{topic}.*", f"{page_of_topic(topic)}.html") for topic in TOPICS),
-                         ("bpy.types.icymoon_*", f"{WINDOW_PAGE}.html"), ("bpy.ops.icymoon.*", f"{WINDOW_PAGE}.html"))
+    return f"{start}/", (
+        *((f"bpy.types.icymoon_pg_{topic}.*", f"{page_of_topic(topic)}.html") for topic in TOPICS),
+        ("bpy.types.icymoon_*", f"{WINDOW_PAGE}.html"),
+        ("bpy.ops.icymoon.*", f"{WINDOW_PAGE}.html"),
+    )
 
 
 class ICYMOON_OT_open_manual(bpy.types.Operator):
@@ -122,8 +149,12 @@ class ICYMOON_OT_open_manual(bpy.types.Operator):
     bl_idname = "icymoon.open_manual"
     bl_label = "Open Manual"
 
-    page: bpy.props.StringProperty(name="Page", default=FIRST_PAGE, options={"SKIP_SAVE"},  # type: ignore[valid-type]
-                                   description="Page of the manual, such as tutorial/window")
+    page: bpy.props.StringProperty(
+        name="Page",
+        default=FIRST_PAGE,
+        options={"SKIP_SAVE"},  # type: ignore[valid-type]
+        description="Page of the manual, such as tutorial/window",
+    )
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:

@@ -32,8 +32,9 @@ def extension_folder() -> Path:
     try:
         return Path(bpy.utils.extension_path_user(__package__, create=True))
     except ValueError:
-        raise IcyMoonError("Icy Moon does not run as an installed extension; set ICYMOON_EVALUATOR to the evaluator's "
-                           "Python.") from None
+        raise IcyMoonError(
+            "Icy Moon does not run as an installed extension; set ICYMOON_EVALUATOR to the evaluator's Python."
+        ) from None
 
 
 def can_install_evaluator() -> bool:
@@ -78,8 +79,11 @@ def find_asset_libraries() -> list[Any]:
         folder = asset_folder()
     except IcyMoonError:
         return []
-    return [each for each in bpy.context.preferences.filepaths.asset_libraries
-            if each.path and Path(bpy.path.abspath(each.path)) == folder]
+    return [
+        each
+        for each in bpy.context.preferences.filepaths.asset_libraries
+        if each.path and Path(bpy.path.abspath(each.path)) == folder
+    ]
 
 
 def _preferences() -> Any:
@@ -96,13 +100,17 @@ def find_evaluator_python() -> str:
     """
     preferences = _preferences()
     chosen = bpy.path.abspath(preferences.evaluator) if preferences and preferences.evaluator else ""
-    for candidate, origin in ((chosen, "the preferences"), (os.environ.get("ICYMOON_EVALUATOR", ""),
-                                                            "ICYMOON_EVALUATOR")):
+    for candidate, origin in (
+        (chosen, "the preferences"),
+        (os.environ.get("ICYMOON_EVALUATOR", ""), "ICYMOON_EVALUATOR"),
+    ):
         if candidate:
             path = parse_path(candidate, f"The evaluator's Python, named by {origin},")
             if not path.is_file():
-                raise IcyMoonError(f"The evaluator's Python {path}, named by {origin}, does not exist; "
-                                   "correct the path or install the evaluator in the preferences.")
+                raise IcyMoonError(
+                    f"The evaluator's Python {path}, named by {origin}, does not exist; "
+                    "correct the path or install the evaluator in the preferences."
+                )
             return str(path)
     if not bpy.app.binary_path:
         return sys.executable
@@ -116,14 +124,20 @@ def find_evaluator_python() -> str:
 def _how_to_get_one() -> str:
     """What to do where there is no evaluator, as a sentence."""
     if not can_install_evaluator():
-        return ("The Python of this Blender was not found as a program, or it lacks numpy, so it cannot evaluate; "
-                f"choose a Python that has {_NEEDED} in Preferences ▸ Add-ons ▸ Icy Moon, or name it by "
-                "ICYMOON_EVALUATOR.")
+        return (
+            "The Python of this Blender was not found as a program, or it lacks numpy, so it cannot evaluate; "
+            f"choose a Python that has {_NEEDED} in Preferences ▸ Add-ons ▸ Icy Moon, or name it by "
+            "ICYMOON_EVALUATOR."
+        )
     if bpy.app.background:
-        return ("There is no evaluator yet; install it with blender --online-mode -b --python-expr \"import bpy; "
-                f"bpy.ops.icymoon.install_evaluator()\", or set ICYMOON_EVALUATOR to a Python that has {_NEEDED}.")
-    return ("There is no evaluator yet; open Preferences ▸ Add-ons ▸ Icy Moon and press Install Evaluator, or choose a "
-            f"Python that has {_NEEDED}.")
+        return (
+            'There is no evaluator yet; install it with blender --online-mode -b --python-expr "import bpy; '
+            f'bpy.ops.icymoon.install_evaluator()", or set ICYMOON_EVALUATOR to a Python that has {_NEEDED}.'
+        )
+    return (
+        "There is no evaluator yet; open Preferences ▸ Add-ons ▸ Icy Moon and press Install Evaluator, or choose a "
+        f"Python that has {_NEEDED}."
+    )
 
 
 def is_evaluator_missing() -> bool:
@@ -176,15 +190,23 @@ def own_matcher_arguments(methods: str) -> list[str]:
     arguments = []
     for name in trust_boundary.own_names(methods):
         if name not in known:
-            raise IcyMoonError(f"The matcher {trust_boundary.OWN}:{name} is not set up on this machine; add it under "
-                               "Own Matchers in the preferences of Icy Moon, or leave it out.")
+            raise IcyMoonError(
+                f"The matcher {trust_boundary.OWN}:{name} is not set up on this machine; add it under "
+                "Own Matchers in the preferences of Icy Moon, or leave it out."
+            )
         arguments += [word for text in _matcher_texts(known[name]) for word in ("--own", text)]
     return arguments
 
 
 #: The option that ``program`` of each kind of matcher is for.
-_LOADED = {"external": "command", "resident": "command", "onnx": "model", "stereo_matching": "python",
-           "igev": "checkpoint", "dsmnet": "checkpoint"}
+_LOADED = {
+    "external": "command",
+    "resident": "command",
+    "onnx": "model",
+    "stereo_matching": "python",
+    "igev": "checkpoint",
+    "dsmnet": "checkpoint",
+}
 
 
 def _matcher_texts(item: Any) -> list[str]:
@@ -209,23 +231,33 @@ class ICYMOON_PG_matcher(bpy.types.PropertyGroup):
     """One of the user's own matchers, which scenes name as own:NAME"""
 
     name: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Name", description="Name with letters, digits, - and _. A scene names the matcher as own:NAME")
+        name="Name", description="Name with letters, digits, - and _. A scene names the matcher as own:NAME"
+    )
     method: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Kind", description="Kind of matcher", items=(
-            ("external", "Program", "A program that is started for each pair, reads two images and writes a disparity "
-                                    "map"),
+        name="Kind",
+        description="Kind of matcher",
+        items=(
+            (
+                "external",
+                "Program",
+                "A program that is started for each pair, reads two images and writes a disparity map",
+            ),
             ("resident", "Resident Program", "A program that is started once and answers pair after pair"),
             ("onnx", "ONNX Network", "A network in an ONNX file"),
             ("stereo_matching", "stereo-matching", "A network of the package stereo-matching from PyPI"),
             ("igev", "IGEV", "The network IGEV-Stereo with your own checkpoint"),
-            ("dsmnet", "DSMNet", "The network DSMNet with your own checkpoint")))
+            ("dsmnet", "DSMNet", "The network DSMNet with your own checkpoint"),
+        ),
+    )
     program: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Command or File",
         description="For a program, its command, with {left}, {right} and {out} if it is started for each pair. For a "
-                    "network, its ONNX or checkpoint file. For stereo-matching, the Python that has the package")
+        "network, its ONNX or checkpoint file. For stereo-matching, the Python that has the package",
+    )
     options: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Options",
-        description="Other options, separated by colons, such as format=pfm:timeout_s=60 or model=raft-stereo")
+        description="Other options, separated by colons, such as format=pfm:timeout_s=60 or model=raft-stereo",
+    )
 
 
 class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
@@ -234,27 +266,46 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
     bl_idname = __package__
 
     evaluator: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Evaluator's Python", subtype="FILE_PATH", default="",
+        name="Evaluator's Python",
+        subtype="FILE_PATH",
+        default="",
         description=f"Python that evaluates pairs, with {_NEEDED}. Empty for the one that comes with the extension or "
-                    "that Install Evaluator installs")
+        "that Install Evaluator installs",
+    )
     kernels: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="SPICE Kernels", subtype="FILE_PATH", default="",
+        name="SPICE Kernels",
+        subtype="FILE_PATH",
+        default="",
         description="A meta-kernel, or a folder of kernels, for scenes whose sky positions are from SPICE kernels and "
-                    "that name no kernels")
+        "that name no kernels",
+    )
     cache: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Cache", subtype="DIR_PATH", default="", update=_choose_cache,
+        name="Cache",
+        subtype="DIR_PATH",
+        default="",
+        update=_choose_cache,
         description="Folder for the measured speed of this machine and for stand-ins that were made. Empty for "
-                    "your user cache, which the command line uses too")
+        "your user cache, which the command line uses too",
+    )
     workers: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Workers", min=0, max=1024, soft_max=16, default=0,
+        name="Workers",
+        min=0,
+        max=1024,
+        soft_max=16,
+        default=0,
         description="Number of processes that render a data set whose own number is 0. Each needs one to two gigabytes "
-                    "of memory; 0 for one for each four processors")
+        "of memory; 0 for one for each four processors",
+    )
     plugin_matchers: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Matchers of Plug-Ins", options={"HIDDEN"},
-        description="Those that the last Check found in the evaluator's Python")
+        name="Matchers of Plug-Ins",
+        options={"HIDDEN"},
+        description="Those that the last Check found in the evaluator's Python",
+    )
     matchers: bpy.props.CollectionProperty(  # type: ignore[valid-type]
-        type=ICYMOON_PG_matcher, name="Own Matchers",
-        description="Your own programs and networks. For security, scenes and files cannot contain them")
+        type=ICYMOON_PG_matcher,
+        name="Own Matchers",
+        description="Your own programs and networks. For security, scenes and files cannot contain them",
+    )
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -263,22 +314,28 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         row.operator("icymoon.check_evaluator", icon="CHECKMARK")
         there = has_own_evaluator()
         if can_install_evaluator():
-            row.operator("icymoon.install_evaluator", text="Reinstall Evaluator" if there else "Install Evaluator",
-                         icon="IMPORT")
+            row.operator(
+                "icymoon.install_evaluator", text="Reinstall Evaluator" if there else "Install Evaluator", icon="IMPORT"
+            )
         if there:
             row.operator("icymoon.remove_evaluator", text="Remove Evaluator", icon="TRASH")
             layout.label(text=f"The evaluator is installed in {own_evaluator_python().parents[1]}", icon="CHECKMARK")
         if bundled_wheels.are_there():
-            layout.label(text="The evaluator is part of the extension; only networks need a Python of their own",
-                         icon="CHECKMARK")
+            layout.label(
+                text="The evaluator is part of the extension; only networks need a Python of their own",
+                icon="CHECKMARK",
+            )
         for finding in findings:
             column = layout.column(align=True)
             column.label(text=f"{finding.subject}: {finding.fact}", icon=_ICONS[finding.state])
             if finding.fix:
                 column.label(text=finding.fix, icon="BLANK1")
         row = layout.row()
-        row.operator("icymoon.make_asset_library", icon="ASSET_MANAGER",
-                     text="Make Asset Library Again" if has_assets() else "Make Asset Library")
+        row.operator(
+            "icymoon.make_asset_library",
+            icon="ASSET_MANAGER",
+            text="Make Asset Library Again" if has_assets() else "Make Asset Library",
+        )
         if has_assets() or find_asset_libraries():
             row.operator("icymoon.remove_asset_library", text="Remove Asset Library", icon="TRASH")
         layout.prop(self, "evaluator")
@@ -305,8 +362,10 @@ def matchers() -> Any:
     """The list of the user's own matchers. Raises IcyMoonError if the add-on has no preferences."""
     preferences = _preferences()
     if preferences is None:
-        raise IcyMoonError("Icy Moon does not run as an installed add-on, so it has no preferences; name your matcher "
-                           "on the command line.")
+        raise IcyMoonError(
+            "Icy Moon does not run as an installed add-on, so it has no preferences; name your matcher "
+            "on the command line."
+        )
     return preferences.matchers
 
 

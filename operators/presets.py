@@ -64,14 +64,18 @@ def path_of(name: str) -> Path:
     try:
         return own_presets()[name]
     except KeyError:
-        raise IcyMoonError(f"Your preset {name.removeprefix(OWN)!r} does not exist on this machine; "
-                           "choose another one.") from None
+        raise IcyMoonError(
+            f"Your preset {name.removeprefix(OWN)!r} does not exist on this machine; choose another one."
+        ) from None
 
 
 def picture_of(name: str) -> Path:
     """The picture of a scene preset, shipped or the user's own, if it has one."""
-    return preset_files.preview_path(name) if not name.startswith(OWN) else own_folder() / (
-        f"{name.removeprefix(OWN)}{_PICTURE}")
+    return (
+        preset_files.preview_path(name)
+        if not name.startswith(OWN)
+        else own_folder() / (f"{name.removeprefix(OWN)}{_PICTURE}")
+    )
 
 
 def _fill(path: Path, content: bytes) -> None:
@@ -121,7 +125,7 @@ def shown_title(scene: bpy.types.Scene) -> str:
     room = line_length() - _BESIDE - len(_CHANGED)
     if room < _FEWEST:
         return "Changed"
-    return f"{title if len(title) <= room else f'{title[:room - 1].rstrip()}…'}{_CHANGED}"
+    return f"{title if len(title) <= room else f'{title[: room - 1].rstrip()}…'}{_CHANGED}"
 
 
 def is_changed(scene: bpy.types.Scene) -> bool:
@@ -156,14 +160,21 @@ def known_sources(settings: Settings, preset: str) -> dict[str, str]:
     preset with this value.
     """
     whole = description.merged(description.defaults(), settings)
-    found = {origin.name: origin.source for origin in find_origins(whole)
-             if origin.preset not in (DEFAULT, BY_HAND) and origin.name.partition(".")[0] in settings}
+    found = {
+        origin.name: origin.source
+        for origin in find_origins(whole)
+        if origin.preset not in (DEFAULT, BY_HAND) and origin.name.partition(".")[0] in settings
+    }
     path = own_presets().get(preset)
     if path is None:
         return found
     preset_settings, sources = preset_files.load(path), toml_text.read_toml(path).get("sources", {})
-    unchanged = {f"{topic}.{key}" for topic, values in preset_settings.items() for key, value in values.items()
-                 if whole[topic][key] == value}
+    unchanged = {
+        f"{topic}.{key}"
+        for topic, values in preset_settings.items()
+        for key, value in values.items()
+        if whole[topic][key] == value
+    }
     return found | {name: str(source) for name, source in sources.items() if name in unchanged}
 
 
@@ -190,8 +201,11 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     bl_property = "preset"
 
-    preset: bpy.props.EnumProperty(items=preset_items, name="Preset",  # type: ignore[valid-type]
-                                   description="Preset to load")
+    preset: bpy.props.EnumProperty(
+        items=preset_items,
+        name="Preset",  # type: ignore[valid-type]
+        description="Preset to load",
+    )
     # In a window: show the scene at once, its ground coarsely, then at full resolution.
     build: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
 
@@ -248,8 +262,12 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
     bl_label = "Add Preset"
     bl_options = {"UNDO"}
 
-    title: bpy.props.StringProperty(name="Name", default="My Site", maxlen=60,  # type: ignore[valid-type]
-                                    description="Name of the preset in the menu")
+    title: bpy.props.StringProperty(
+        name="Name",
+        default="My Site",
+        maxlen=60,  # type: ignore[valid-type]
+        description="Name of the preset in the menu",
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return set(context.window_manager.invoke_props_dialog(self))
@@ -265,8 +283,10 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
             wanted.pop("dataset")
             remove(own_folder() / f"{stem}{_PICTURE}")  # of a preset that had this name
             pictured = _save_picture(context, settings, own_folder() / f"{stem}{_PICTURE}")
-            write_text(own_folder() / f"{stem}.toml", preset_files.preset_text(
-                self.title, "A preset of yours", wanted, known_sources(wanted, group.preset)))
+            write_text(
+                own_folder() / f"{stem}.toml",
+                preset_files.preset_text(self.title, "A preset of yours", wanted, known_sources(wanted, group.preset)),
+            )
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}

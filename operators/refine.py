@@ -75,8 +75,10 @@ def _next() -> tuple[scenes.Built, Settings] | None:
 def _is_busy() -> bool:
     """Whether Blender renders, or the user drags something."""
     return bpy.app.is_job_running("RENDER") or any(
-        operator.bl_idname.startswith(_BUSY) for window in bpy.context.window_manager.windows
-        for operator in window.modal_operators)
+        operator.bl_idname.startswith(_BUSY)
+        for window in bpy.context.window_manager.windows
+        for operator in window.modal_operators
+    )
 
 
 def _work() -> float | None:

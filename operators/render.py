@@ -48,11 +48,14 @@ def bring_up_to_date(scene: bpy.types.Scene, settings: Settings) -> scenes.Built
         return built
     by_hand = built.edited_parts()
     if by_hand and built.preview:
-        raise IcyMoonError("The scene was edited by hand and shows a preview; press Build Scene to build it again, or "
-                           "undo the edits.")
+        raise IcyMoonError(
+            "The scene was edited by hand and shows a preview; press Build Scene to build it again, or undo the edits."
+        )
     if by_hand:
-        raise IcyMoonError(f"{changed[0]} was changed after the scene was built and edited by hand; press Build Scene "
-                           "to build it again, or set it back to keep your edits.")
+        raise IcyMoonError(
+            f"{changed[0]} was changed after the scene was built and edited by hand; press Build Scene "
+            "to build it again, or set it back to keep your edits."
+        )
     return _build_anew(scene, settings)
 
 
@@ -84,7 +87,8 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
     bl_label = "Render Stereo Pair"
 
     again: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Again", default=False, description="Render pairs again that are already complete")
+        name="Again", default=False, description="Render pairs again that are already complete"
+    )
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         settings = scene_properties.read_settings(context.scene.icymoon)
@@ -98,13 +102,19 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         self._rendered: list[str] = []
         # The worker can use the built scene; other headings have their own meshes.
         as_built = bool(built.edited) or settings.dataset.headings == 1
-        files = JobFiles(dataset_folder(settings), with_absolute_files(settings), again=self.again,
-                         scene=context.scene.name if as_built else None)
+        files = JobFiles(
+            dataset_folder(settings),
+            with_absolute_files(settings),
+            again=self.again,
+            scene=context.scene.name if as_built else None,
+        )
         if as_built:
             bpy.ops.wm.save_as_mainfile(filepath=str(files.blend), copy=True, check_existing=False)
         try:
-            process = Process(blender_command(jobs.this_blender(), "worker", str(files.file)),
-                              jobs.environment_with_cards(settings.quality.device))
+            process = Process(
+                blender_command(jobs.this_blender(), "worker", str(files.file)),
+                jobs.environment_with_cards(settings.quality.device),
+            )
         except IcyMoonError:
             files.remove()
             raise
@@ -120,12 +130,19 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         start = time.perf_counter()
         built = bring_up_to_date(context.scene, settings)
         self._warn(built)
-        folders = render_pairs(built, planned_pairs(context.scene, settings), dataset_folder(settings),
-                               context.scene.frame_current, time.perf_counter() - start, lambda *a, **k: None,
-                               self.again)
+        folders = render_pairs(
+            built,
+            planned_pairs(context.scene, settings),
+            dataset_folder(settings),
+            context.scene.frame_current,
+            time.perf_counter() - start,
+            lambda *a, **k: None,
+            self.again,
+        )
         context.scene.icymoon.pairs = " ".join(folder.name for folder in folders)
-        self.report({"INFO"}, show_controls(
-            f"{len(folders)} stereo pair{'s' * (len(folders) > 1)} in {folders[0].parent}"))
+        self.report(
+            {"INFO"}, show_controls(f"{len(folders)} stereo pair{'s' * (len(folders) > 1)} in {folders[0].parent}")
+        )
 
     def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, "Stereo pair rendered; press Evaluate to measure it")

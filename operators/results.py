@@ -31,16 +31,32 @@ from .sidebar_text import in_window, place_of
 
 #: Columns of a matcher's row in a report that the scene keeps.
 METRICS = ("total_bad_1", "coverage", "l1_m", "l1_rate_10", "si_rmse", "dod")
-_ROW = {"method": TEXT, **{name: Maybe(NUMBER, null=True) for name in METRICS},
-        "n": Maybe(COUNT), "pairs": Maybe(COUNT), "ranks": Maybe(Each(Each(COUNT), TEXT))}
+_ROW = {
+    "method": TEXT,
+    **{name: Maybe(NUMBER, null=True) for name in METRICS},
+    "n": Maybe(COUNT),
+    "pairs": Maybe(COUNT),
+    "ranks": Maybe(Each(Each(COUNT), TEXT)),
+}
 #: Lists of sentences of a report that the scene keeps, see ``Kept``.
 _SENTENCES = ("notes", "briefs", "rare_failures", "doubts", "typical_differences")
-_SHAPE = {"made": TEXT, "scope": TEXT, "pairs": Each(TEXT), "settings": Each(TABLE, TEXT), "summary": Each(_ROW),
-          **dict.fromkeys(_SENTENCES, Maybe(Each(TEXT)))}
+_SHAPE = {
+    "made": TEXT,
+    "scope": TEXT,
+    "pairs": Each(TEXT),
+    "settings": Each(TABLE, TEXT),
+    "summary": Each(_ROW),
+    **dict.fromkeys(_SENTENCES, Maybe(Each(TEXT))),
+}
 _FILES = Maybe(Each({"method": TEXT, "images": Maybe(Each(TEXT, TEXT))}))
-_REPORT = {"summary": Each(_ROW), "shown": _FILES, "rows": _FILES, "curves": Maybe(Each(TEXT, TEXT)),
-           **dict.fromkeys(_SENTENCES, Maybe(Each(TEXT))),
-           "provenance": Maybe({"created": Maybe(TEXT), "response_overrides": Maybe(TABLE)})}
+_REPORT = {
+    "summary": Each(_ROW),
+    "shown": _FILES,
+    "rows": _FILES,
+    "curves": Maybe(Each(TEXT, TEXT)),
+    **dict.fromkeys(_SENTENCES, Maybe(Each(TEXT))),
+    "provenance": Maybe({"created": Maybe(TEXT), "response_overrides": Maybe(TABLE)}),
+}
 #: Maximum length of a text from a file, and maximum number of settings that a note names.
 _LONGEST, _MOST_NAMED = 40, 3
 #: The same of a note on the results, and maximum number of notes that the panel shows; the report has all.
@@ -80,10 +96,14 @@ def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: 
     for name, value in report.get("provenance", {}).get("response_overrides", {}).items():  # the response that was used
         topic, _, key = name.partition(".")
         settings = description.merged(settings, description.check({topic: {key: value}}, "report.json"))
-    kept = {"made": _made(report), "scope": scope, "pairs": list(pairs), "settings": settings,
-            "summary": [{key: value for key, value in _complete(row).items() if key in _ROW}
-                        for row in report["summary"]],
-            **{key: report.get(key, [])[:_MOST_NOTES] for key in _SENTENCES}}
+    kept = {
+        "made": _made(report),
+        "scope": scope,
+        "pairs": list(pairs),
+        "settings": settings,
+        "summary": [{key: value for key, value in _complete(row).items() if key in _ROW} for row in report["summary"]],
+        **{key: report.get(key, [])[:_MOST_NOTES] for key in _SENTENCES},
+    }
     scene.icymoon.results = json.dumps(kept)
 
 
@@ -105,18 +125,27 @@ def _parsed(text: str) -> Kept | None:
         return None
     if find_fault(found, _SHAPE):
         return None
-    return Kept(_clean(found["made"]), found["scope"], tuple(map(_clean, found["pairs"])), typed(found["settings"]),
-                tuple(sorted(map(_complete, found["summary"]), key=_badness)),
-                *(tuple(_clean(note, _LONGEST_NOTE) for note in found.get(key, ())[:_MOST_NOTES])
-                  for key in _SENTENCES))
+    return Kept(
+        _clean(found["made"]),
+        found["scope"],
+        tuple(map(_clean, found["pairs"])),
+        typed(found["settings"]),
+        tuple(sorted(map(_complete, found["summary"]), key=_badness)),
+        *(tuple(_clean(note, _LONGEST_NOTE) for note in found.get(key, ())[:_MOST_NOTES]) for key in _SENTENCES),
+    )
 
 
 def _complete(row: Mapping[str, Any]) -> dict[str, Any]:
     """A row of a summary with all entries that are shown, of the ranks only that by ``RANKING``. A summary of an older
     version has no ranks, and does not state the number of measured pixels."""
     rank = row.get("ranks", {}).get(RANKING, ())
-    return {**dict.fromkeys(METRICS), "n": 1, **row, "method": _clean(row["method"]),
-            "ranks": {RANKING: rank} if len(rank) == 2 else {}}
+    return {
+        **dict.fromkeys(METRICS),
+        "n": 1,
+        **row,
+        "method": _clean(row["method"]),
+        "ranks": {RANKING: rank} if len(rank) == 2 else {},
+    }
 
 
 def _badness(row: Mapping[str, Any]) -> tuple[float, float]:
@@ -183,9 +212,13 @@ def _differing(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
     if found is None:
         return []
     present = scene_properties.read_for_display(scene.icymoon)
-    return [(topic, s) for topic, s in all_settings()
-            if _counts(topic, s, found.scope)
-            and s.key in found.settings.get(topic, {}) and found.settings[topic][s.key] != present[topic][s.key]]
+    return [
+        (topic, s)
+        for topic, s in all_settings()
+        if _counts(topic, s, found.scope)
+        and s.key in found.settings.get(topic, {})
+        and found.settings[topic][s.key] != present[topic][s.key]
+    ]
 
 
 def _counts(topic: str, setting: Setting, scope: str) -> bool:
@@ -214,8 +247,10 @@ def notes(scene: bpy.types.Scene) -> list[str]:
         rest = f" and {len(other) - _MOST_NAMED} more" if len(other) > _MOST_NAMED else ""
         labels = ", ".join(place_of(topic, s) for topic, s in other[:_MOST_NAMED])
         rendered = any(s.effect != "response" and s.key != "methods" for _, s in other)
-        sentences.append(f"Measured with other settings than the present ones: {labels}{rest}. "
-                         f"{'Render and evaluate' if rendered else 'Evaluate'} again.")
+        sentences.append(
+            f"Measured with other settings than the present ones: {labels}{rest}. "
+            f"{'Render and evaluate' if rendered else 'Evaluate'} again."
+        )
     return sentences
 
 
@@ -254,8 +289,10 @@ def outcome(row: Mapping[str, Any]) -> str:
     method = describe_method(row["method"])
     if not row["n"]:
         return f"{method}: {NO_RESULT}"
-    return (f"{method}: {percent(row['total_bad_1'])} wrong or missing; covers {percent(row['coverage'])} with a mean "
-            f"error of {metres(row['l1_m'])}")
+    return (
+        f"{method}: {percent(row['total_bad_1'])} wrong or missing; covers {percent(row['coverage'])} with a mean "
+        f"error of {metres(row['l1_m'])}"
+    )
 
 
 def outcomes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -286,11 +323,15 @@ def _files(scene: bpy.types.Scene, kind: str) -> list[tuple[str, Path]]:
     except IcyMoonError:
         return []
     badness = {row["method"]: _badness(row) for row in report["summary"]}
-    found = [(row["method"], folder / row["images"][kind]) for row in report.get("shown", report.get("rows", []))
-             if kind in row.get("images", {}) and row["method"] in badness]
+    found = [
+        (row["method"], folder / row["images"][kind])
+        for row in report.get("shown", report.get("rows", []))
+        if kind in row.get("images", {}) and row["method"] in badness
+    ]
     found.sort(key=lambda each: badness[each[0]])
-    return [(method, path) for method, path in found
-            if path.resolve().is_relative_to(folder.resolve()) and path.is_file()]
+    return [
+        (method, path) for method, path in found if path.resolve().is_relative_to(folder.resolve()) and path.is_file()
+    ]
 
 
 def curves(scene: bpy.types.Scene) -> dict[str, Path]:
@@ -300,8 +341,11 @@ def curves(scene: bpy.types.Scene) -> dict[str, Path]:
         listed = _read_report(folder).get("curves", {})
     except IcyMoonError:
         return {}
-    return {name: path for name, file in listed.items()
-            if (path := folder / file).resolve().is_relative_to(folder.resolve()) and path.is_file()}
+    return {
+        name: path
+        for name, file in listed.items()
+        if (path := folder / file).resolve().is_relative_to(folder.resolve()) and path.is_file()
+    }
 
 
 def disparity_files(scene: bpy.types.Scene, method: str) -> dict[str, Path]:
@@ -315,8 +359,7 @@ def methods_with_disparities(scene: bpy.types.Scene) -> list[str]:
 
 
 def error_images(scene: bpy.types.Scene, method: str = "") -> list[Path]:
-    """The existing error images of the last evaluation: of ``method`` first, then from the best matcher to the worst.
-    """
+    """Existing error images of the last evaluation: of ``method`` first, then from the best matcher to the worst."""
     found = sorted(_files(scene, "error"), key=lambda each: each[0] != method)
     return [path for _, path in found]
 
@@ -348,8 +391,9 @@ def show_error_image(context: bpy.types.Context, open_window: bool, method: str 
     return show_images(context, [*errors, *depth_images(context.scene)] if errors else [], open_window, names)
 
 
-def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool,
-                names: Mapping[Path, str] | None = None) -> bool:
+def show_images(
+    context: bpy.types.Context, paths: list[Path], open_window: bool, names: Mapping[Path, str] | None = None
+) -> bool:
     """Load images and show the first in an Image Editor, as a step of undo; False if there is no Image Editor.
 
     If no Image Editor is open, ``open_window`` opens a window with one. ``names`` are names of images in the editor, in
@@ -410,8 +454,10 @@ class ICYMOON_OT_open_report(ResultOperator, bpy.types.Operator):
                 raise IcyMoonError("The report does not exist any more; press Evaluate again.")
             with explain_disk_errors("read", page):
                 if not own_reports.is_ours(page):
-                    raise IcyMoonError(f"{page} was not made by you on this machine, and a web page can run unknown "
-                                       "scripts; press Evaluate to make it again.")
+                    raise IcyMoonError(
+                        f"{page} was not made by you on this machine, and a web page can run unknown "
+                        "scripts; press Evaluate to make it again."
+                    )
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}

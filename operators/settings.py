@@ -22,13 +22,17 @@ class ICYMOON_OT_load_settings(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_label = "Load Settings"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: bpy.props.StringProperty(subtype="FILE_PATH", name="File",  # type: ignore[valid-type]
-                                       description="TOML file to read")
+    filepath: bpy.props.StringProperty(
+        subtype="FILE_PATH",
+        name="File",  # type: ignore[valid-type]
+        description="TOML file to read",
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            scene_properties.write_settings(context.scene.icymoon,
-                                            preset_files.load(Path(bpy.path.abspath(self.filepath))))
+            scene_properties.write_settings(
+                context.scene.icymoon, preset_files.load(Path(bpy.path.abspath(self.filepath)))
+            )
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
@@ -41,8 +45,11 @@ class ICYMOON_OT_save_settings(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_idname = "icymoon.save_settings"
     bl_label = "Save Settings"
 
-    filepath: bpy.props.StringProperty(subtype="FILE_PATH", name="File",  # type: ignore[valid-type]
-                                       description="TOML file to write")
+    filepath: bpy.props.StringProperty(
+        subtype="FILE_PATH",
+        name="File",  # type: ignore[valid-type]
+        description="TOML file to write",
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self.filepath = self.filepath or "icymoon.toml"

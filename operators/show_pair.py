@@ -43,7 +43,8 @@ VIEWS = (
     ("RIGHT", "Right", "The image of the right camera, pixel by pixel"),
     ("FLICKER", "Flicker", "Left and right in turn, aligned at the median depth. Nearer and farther ground moves"),
     ("ANAGLYPH", "Anaglyph", "For red and cyan glasses: the left image is red. Aligned at the median depth"),
-    ("DEPTH", "True Depth", "The true depth in colours over the left image"))
+    ("DEPTH", "True Depth", "The true depth in colours over the left image"),
+)
 NAME = "Icy Moon Pair"
 ROLE = "pair picture"  # value of the custom property that marks the image
 #: Seconds after the last change of a setting until the pair is developed again.
@@ -93,6 +94,7 @@ def _made_of(folder: Path, camera_response: Mapping[str, Mapping[str, Any]]) -> 
 
 # ---- which pair -----------------------------------------------------------------------------------------------------
 
+
 def kept_pairs(scene: bpy.types.Scene) -> list[Path]:
     """Existing folders of the pairs that were rendered last from a scene; none if the scene's ids are invalid."""
     try:
@@ -104,6 +106,7 @@ def kept_pairs(scene: bpy.types.Scene) -> list[Path]:
 
 
 # ---- the image ------------------------------------------------------------------------------------------------------
+
 
 @lru_cache(maxsize=1)
 def _pictures_folder() -> Path:
@@ -169,6 +172,7 @@ def _flicker() -> float | None:
 
 
 # ---- the operator ---------------------------------------------------------------------------------------------------
+
 
 class ShowsPair:
     """Mix-in: an operator that shows a pair in an Image Editor. It reads and develops it in a thread."""
@@ -242,8 +246,11 @@ class ShowsPair:
     def _take_up(self, context: bpy.types.Context) -> None:
         if self._read.views is None:
             raise IcyMoonError(self._read.error)
-        _show(context, Shown(self._read.folder, self._read.made_of, self._read.views, self.view),
-              self._opens_window(context))
+        _show(
+            context,
+            Shown(self._read.folder, self._read.made_of, self._read.views, self.view),
+            self._opens_window(context),
+        )
         if self.automatic:
             view_exposure.measure(context.scene, self._read.folder, self._read.views.exposures_s)
 
@@ -262,10 +269,20 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
     bl_idname = "icymoon.show_pair"
     bl_label = "Show Stereo Pair"
 
-    view: bpy.props.EnumProperty(name="View", items=VIEWS, default="SIDE_BY_SIDE",  # type: ignore[valid-type]
-                                 options={"SKIP_SAVE"}, description="How to show it")
-    number: bpy.props.IntProperty(name="Pair", default=1, min=1, options={"SKIP_SAVE"},  # type: ignore[valid-type]
-                                  description="Which pair, if the scene has several headings")
+    view: bpy.props.EnumProperty(
+        name="View",
+        items=VIEWS,
+        default="SIDE_BY_SIDE",  # type: ignore[valid-type]
+        options={"SKIP_SAVE"},
+        description="How to show it",
+    )
+    number: bpy.props.IntProperty(
+        name="Pair",
+        default=1,
+        min=1,
+        options={"SKIP_SAVE"},  # type: ignore[valid-type]
+        description="Which pair, if the scene has several headings",
+    )
     automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
 
     @classmethod
@@ -279,6 +296,7 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
 
 
 # ---- what panels show -----------------------------------------------------------------------------------------------
+
 
 def current(scene: bpy.types.Scene) -> Shown | None:
     """The pair and view that are shown; None if they are not of this scene."""
@@ -294,6 +312,7 @@ def lines(scene: bpy.types.Scene) -> list[str]:
 
 
 # ---- following the settings -----------------------------------------------------------------------------------------
+
 
 def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Follow changes of the camera response."""

@@ -60,6 +60,7 @@ def remember(function: Callable[..., Found]) -> Callable[..., Found]:
         kept.insert(0, (asked, found))
         del kept[_MOST_KEPT:]
         return found
+
     return answer
 
 
@@ -167,8 +168,10 @@ def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
         depth = ground_row(rig, row).depth_m
         if found is not None and math.isfinite(depth):
             below = row - rig.height_px / 2 - float(rig.principal_y_px)
-            lines.append(f"{name} focus {confusion_px(depth, rig, found):.3g} px, motion "
-                         f"{motion_px(0.0, below, depth, rig, found):.3g} px")
+            lines.append(
+                f"{name} focus {confusion_px(depth, rig, found):.3g} px, motion "
+                f"{motion_px(0.0, below, depth, rig, found):.3g} px"
+            )
     if any(coefficients(rig)):
         lines.append(_overscan_line(overscan_needed(rig), float(rig.overscan)))
     return tuple(lines)
@@ -222,15 +225,20 @@ def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...
     for name, body in (("Sun", found["sun"]), ("Planet", found["planet"])):
         if body is not None:
             phase = f", phase {body['phase_deg']:.1f}°" if "phase_deg" in body else ""
-            lines += [f"{name} {body['elevation_deg']:.2f}° high, azimuth {body['azimuth_deg']:.2f}°",
-                      f"    {body['angular_diameter_deg']:.3g}° wide{phase}",
-                      f"    {body['irradiance_wm2']:.3g} W/m², {body['ground_irradiance_wm2']:.3g} on flat ground"]
+            lines += [
+                f"{name} {body['elevation_deg']:.2f}° high, azimuth {body['azimuth_deg']:.2f}°",
+                f"    {body['angular_diameter_deg']:.3g}° wide{phase}",
+                f"    {body['irradiance_wm2']:.3g} W/m², {body['ground_irradiance_wm2']:.3g} on flat ground",
+            ]
     if found["sun"]["eclipse"] > 0:
         lines.append(f"Eclipse: planet hides {100 * found['sun']['eclipse']:.0f} % of Sun")
     above = (found["planet"] or {}).get("above_ring_plane_deg")
     if above is not None:
-        lines.append(f"Rings {abs(above):.2g}° from edge-on, seen from {'north' if above > 0 else 'south'}"
-                     if abs(above) > 1e-4 else "Rings exactly edge-on: not seen")
+        lines.append(
+            f"Rings {abs(above):.2g}° from edge-on, seen from {'north' if above > 0 else 'south'}"
+            if abs(above) > 1e-4
+            else "Rings exactly edge-on: not seen"
+        )
     return tuple(lines)
 
 
@@ -240,10 +248,12 @@ def _rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
     width, height = int(described.width_px), int(described.height_px)
     focal = focal_px(described)
     fields = [2 * math.degrees(math.atan(n / 2 / focal)) for n in (width, height)]
-    lines = [f"Field of view {fields[0]:.1f}° x {fields[1]:.1f}°",
-             f"Focal length {focal:.1f} px",
-             f"Depth × disparity {focal * described.baseline_m:.2f} px·m",
-             f"Level ground, disparity ± {DISPARITY_ERROR_PX:g} px:"]
+    lines = [
+        f"Field of view {fields[0]:.1f}° x {fields[1]:.1f}°",
+        f"Focal length {focal:.1f} px",
+        f"Depth × disparity {focal * described.baseline_m:.2f} px·m",
+        f"Level ground, disparity ± {DISPARITY_ERROR_PX:g} px:",
+    ]
     for name, row in (("Near edge", float(height)), ("Middle", height / 2), ("Far edge", 0.0)):
         lines += _row_lines(name, ground_row(described, row), described)
     return tuple(lines)
@@ -254,9 +264,11 @@ def _row_lines(name: str, row: GroundRow, rig: RigSettings) -> list[str]:
         return [f"{name} above the horizon"]
     shared = 100 * shared_width_px(rig, row.depth_m) / int(rig.width_px)
     error_m = depth_error_m(row.depth_m, rig, DISPARITY_ERROR_PX)
-    return [f"{name} {row.depth_m:.2f} m ± {show_rounded(100 * error_m)} cm",
-            f"    {row.width_m:.3g} m wide, {shared:.0f} % in both eyes",
-            f"    {show_rounded(1000 * row.across_m)} x {show_rounded(1000 * row.along_m)} mm per pixel"]
+    return [
+        f"{name} {row.depth_m:.2f} m ± {show_rounded(100 * error_m)} cm",
+        f"    {row.width_m:.3g} m wide, {shared:.0f} % in both eyes",
+        f"    {show_rounded(1000 * row.across_m)} x {show_rounded(1000 * row.along_m)} mm per pixel",
+    ]
 
 
 #: Number of triangles in estimates, for ground that is not built yet. The time depends little on it.
@@ -265,8 +277,9 @@ _TRIANGLES = 1e6
 
 def list_quality_presets(settings: Settings) -> list[QualityPreset]:
     """The qualities of the described scene, each with its seconds a pair on this machine; see ``list_qualities``."""
-    return _list_qualities(settings, _TRIANGLES, known_speed(str(settings.quality.device)),
-                           Abilities(compat.has_osl(), compat.has_oidn()))
+    return _list_qualities(
+        settings, _TRIANGLES, known_speed(str(settings.quality.device)), Abilities(compat.has_osl(), compat.has_oidn())
+    )
 
 
 _list_qualities = remember(list_qualities)

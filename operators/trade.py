@@ -41,14 +41,26 @@ def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *argu
     settings = with_absolute_files(scene_properties.read_settings(context.scene.icymoon))
     built = find(context.scene)
     if built is not None and built.edited:
-        raise IcyMoonError("The scene was edited by hand, but measurements use the settings only; press Build Scene to "
-                           "undo the edits.")
+        raise IcyMoonError(
+            "The scene was edited by hand, but measurements use the settings only; press Build Scene to undo the edits."
+        )
     python, matchers = find_evaluator_python(), matcher_arguments(settings)
     folder = make_scratch_folder()
     file = folder / "scene.toml"
     write_text(file, toml_text.to_toml(settings))
-    command = python_command(python, verb, "--settings", str(file), "--blender", jobs.this_blender(),
-                             *matchers, "--out", str(_folder(settings)), "--json-lines", *arguments)
+    command = python_command(
+        python,
+        verb,
+        "--settings",
+        str(file),
+        "--blender",
+        jobs.this_blender(),
+        *matchers,
+        "--out",
+        str(_folder(settings)),
+        "--json-lines",
+        *arguments,
+    )
     try:
         process = Process(command, jobs.environment_with_cards(settings.quality.device, clean_environment()))
     except IcyMoonError:
@@ -61,11 +73,19 @@ class _MeasureDialog:
     """Mix-in: a dialog with the scale of the images and the samples of the reference."""
 
     scale: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Image Scale", default=0.5, min=0.01, max=1.0,
-        description="Scale of width and height of the measured images. A scale of 0.5 takes a quarter of the time")
+        name="Image Scale",
+        default=0.5,
+        min=0.01,
+        max=1.0,
+        description="Scale of width and height of the measured images. A scale of 0.5 takes a quarter of the time",
+    )
     reference_samples: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Reference Samples", default=1024, min=2, max=65536,
-        description="Samples per pixel of the reference image, with which all others are compared")
+        name="Reference Samples",
+        default=1024,
+        min=2,
+        max=65536,
+        description="Samples per pixel of the reference image, with which all others are compared",
+    )
 
     def _common(self) -> list[str]:
         return ["--scale", f"{self.scale:g}", "--reference-samples", str(self.reference_samples)]
@@ -115,17 +135,30 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, jobs.JobOperator, bpy.types.Operat
     bl_options = {"UNDO"}
 
     judged_by: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Error", description="The error of a matcher that must be within the tolerance",
-        items=(("PX", "Mean Error", "Mean disparity error of the measured pixels"),
-               ("BAD_1", "Wrong Pixels", "Share of the pixels that are missing or wrong by more than 1 px"),
-               ("BOTH", "Both", "Both errors must be within their tolerances")))
+        name="Error",
+        description="The error of a matcher that must be within the tolerance",
+        items=(
+            ("PX", "Mean Error", "Mean disparity error of the measured pixels"),
+            ("BAD_1", "Wrong Pixels", "Share of the pixels that are missing or wrong by more than 1 px"),
+            ("BOTH", "Both", "Both errors must be within their tolerances"),
+        ),
+    )
     tolerance_px: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Added Error (px)", default=tolerance.PX, min=tolerance.PX_LEAST, max=tolerance.PX_MOST, precision=3,
-        description="Tolerance: mean disparity error above that of a noise-free image")
+        name="Added Error (px)",
+        default=tolerance.PX,
+        min=tolerance.PX_LEAST,
+        max=tolerance.PX_MOST,
+        precision=3,
+        description="Tolerance: mean disparity error above that of a noise-free image",
+    )
     tolerance_bad_1: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Added Bad-1 (%)", default=100 * tolerance.BAD_1, min=100 * tolerance.BAD_1_LEAST,
-        max=100 * tolerance.BAD_1_MOST, precision=2,
-        description="Tolerance: per cent of wrong pixels above that of a noise-free image")
+        name="Added Bad-1 (%)",
+        default=100 * tolerance.BAD_1,
+        min=100 * tolerance.BAD_1_LEAST,
+        max=100 * tolerance.BAD_1_MOST,
+        precision=2,
+        description="Tolerance: per cent of wrong pixels above that of a noise-free image",
+    )
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the dialog, with only the tolerances that are used."""
@@ -147,8 +180,10 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, jobs.JobOperator, bpy.types.Operat
         def hear(message: Message) -> None:
             if message["type"] == "result":
                 self._last, self._chosen = message["said"][-1], message["chosen"]
-                last_results[scene.name] = (self._last, *(
-                    f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in message["tried"]))
+                last_results[scene.name] = (
+                    self._last,
+                    *(f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in message["tried"]),
+                )
                 scene_properties.write_settings(scene.icymoon, message["settings"])
 
         return _begin(context, "auto", self.bl_label, hear, *tolerances, *self._common())
@@ -173,16 +208,19 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
 
         def hear(message: Message) -> None:
             if message["type"] == "done":
-                self._speed = measure_speed.read_speed([Path(pair) for pair in message["folders"]], self._device,
-                                               compat.has_oidn())
+                self._speed = measure_speed.read_speed(
+                    [Path(pair) for pair in message["folders"]], self._device, compat.has_oidn()
+                )
 
         def clean() -> None:
             job.remove()
             remove_folder(folder)
 
         try:
-            process = Process(blender_command(jobs.this_blender(), "worker", str(job.file)),
-                              jobs.environment_with_cards(self._device, clean_environment()))
+            process = Process(
+                blender_command(jobs.this_blender(), "worker", str(job.file)),
+                jobs.environment_with_cards(self._device, clean_environment()),
+            )
         except IcyMoonError:
             clean()
             raise
@@ -191,8 +229,9 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
     def report_success(self, context: bpy.types.Context) -> None:
         speed.remember_speed(self._speed)
         sidebar_text.forget_speed()
-        self.report({"INFO"}, f"This machine takes {self._speed.factor:.2g} times as long as the machine of the "
-                    "estimates")
+        self.report(
+            {"INFO"}, f"This machine takes {self._speed.factor:.2g} times as long as the machine of the estimates"
+        )
 
     _device: str = "CPU"
     _speed: speed.Speed

@@ -26,8 +26,21 @@ NOTE = "icymoon_user_render"
 #: On an object that was hidden from renders, so that Clear Scene finds it under any name.
 HIDDEN = "icymoon_hidden"
 #: Types of objects that a render shows or that light it.
-_RENDERED = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GPENCIL", "GREASEPENCIL",
-             "LIGHT", "LIGHT_PROBE", "EMPTY")
+_RENDERED = (
+    "MESH",
+    "CURVE",
+    "SURFACE",
+    "META",
+    "FONT",
+    "CURVES",
+    "POINTCLOUD",
+    "VOLUME",
+    "GPENCIL",
+    "GREASEPENCIL",
+    "LIGHT",
+    "LIGHT_PROBE",
+    "EMPTY",
+)
 #: It decides which looks there are.
 _FIRST = "view_settings.view_transform"
 #: Light paths per pixel of a 3D View at most. With Blender's 1024, a view without a graphics card takes all processors
@@ -51,8 +64,7 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     settings = built.settings
     if not compat.has_oidn():  # a render of a pair is refused; F12 goes on without, and Build Scene has warned
         settings = description.merged(settings, {"quality": {"denoiser": "NONE"}})
-    cycles_settings.apply(scene, settings.quality, int(settings.dataset.seed),
-                          through=clear_rocks(settings))
+    cycles_settings.apply(scene, settings.quality, int(settings.dataset.seed), through=clear_rocks(settings))
     scene.cycles.shading_system = uses_osl
     scene.cycles.sampling_pattern = "AUTOMATIC"  # a view whose first light paths are spread evenly over the pixels
     if not 0 < scene.cycles.preview_samples <= _VIEW_SAMPLES:  # 0 has no end
@@ -63,8 +75,11 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     after = _values_of(scene)
     changed = {name: [value, after[name]] for name, value in before.items() if after[name] != value}
     ours = set(built.collection.all_objects)
-    hidden = [item for item in scene.objects if item not in ours and item.type in _RENDERED and not item.hide_render
-              and item.is_editable]
+    hidden = [
+        item
+        for item in scene.objects
+        if item not in ours and item.type in _RENDERED and not item.hide_render and item.is_editable
+    ]
     for item in hidden:
         item.hide_render = item[HIDDEN] = True
     built.collection[NOTE] = json.dumps(changed)
@@ -86,11 +101,15 @@ def restore_render(scene: bpy.types.Scene, collection: bpy.types.Collection) -> 
 
 def _values_of(scene: bpy.types.Scene) -> dict[str, Any]:
     """The numbers, ticks, choices and texts of the scene's render settings by ``group.key``."""
-    return {f"{group}.{prop.identifier}": getattr(getattr(scene, group), prop.identifier)
-            for group in ("render", "cycles", "view_settings")
-            if hasattr(scene, group)  # cycles is missing while its add-on is off
-            for prop in getattr(scene, group).bl_rna.properties
-            if prop.type in _VALUES and not prop.is_readonly and not getattr(prop, "is_array", False)
-            and not getattr(prop, "is_enum_flag", False)
-            and prop.identifier != "exposure"  # which follows the settings
-            and (prop.identifier != "denoiser" or compat.has_oidn())}  # else it has no choice, which Blender warns of
+    return {
+        f"{group}.{prop.identifier}": getattr(getattr(scene, group), prop.identifier)
+        for group in ("render", "cycles", "view_settings")
+        if hasattr(scene, group)  # cycles is missing while its add-on is off
+        for prop in getattr(scene, group).bl_rna.properties
+        if prop.type in _VALUES
+        and not prop.is_readonly
+        and not getattr(prop, "is_array", False)
+        and not getattr(prop, "is_enum_flag", False)
+        and prop.identifier != "exposure"  # which follows the settings
+        and (prop.identifier != "denoiser" or compat.has_oidn())
+    }  # else it has no choice, which Blender warns of

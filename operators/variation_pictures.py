@@ -46,16 +46,32 @@ def rough(settings: Settings) -> Settings:
     rig, mesh, denoises = settings.rig, settings.mesh, compat.has_oidn()
     size = 0 if denoises else 1
     share = min(1.0, SIDE_PX[size] / max(rig.width_px, rig.height_px))
-    smaller = {"width_px": max(2, round(share * rig.width_px)), "height_px": max(2, round(share * rig.height_px)),
-               "principal_x_px": share * rig.principal_x_px, "principal_y_px": share * rig.principal_y_px}
-    return merged(settings, {
-        "rig": smaller, "dataset": {"headings": 1}, "hapke": {"backend": "NODES", "accuracy": "FAST"},
-        "terrain": {"resolution": min(settings.terrain.resolution, math.isqrt(preview.MOST_VERTICES))},
-        "mesh": {"most": min(mesh.most, preview.MOST_VERTICES)},
-        "rocks": {"most": min(settings.rocks.most, preview.MOST_ROCKS), "beyond_px": 0.0},
-        "quality": {"samples": SAMPLES[size], "denoiser": "OIDN" if denoises else "NONE",
-                    "walk_px": max(_WALK_PX, settings.quality.walk_px), "noise_threshold": 0.0, "diffuse_bounces": 2,
-                    "truth": "DEPTH", "device": "CPU"}})
+    smaller = {
+        "width_px": max(2, round(share * rig.width_px)),
+        "height_px": max(2, round(share * rig.height_px)),
+        "principal_x_px": share * rig.principal_x_px,
+        "principal_y_px": share * rig.principal_y_px,
+    }
+    return merged(
+        settings,
+        {
+            "rig": smaller,
+            "dataset": {"headings": 1},
+            "hapke": {"backend": "NODES", "accuracy": "FAST"},
+            "terrain": {"resolution": min(settings.terrain.resolution, math.isqrt(preview.MOST_VERTICES))},
+            "mesh": {"most": min(mesh.most, preview.MOST_VERTICES)},
+            "rocks": {"most": min(settings.rocks.most, preview.MOST_ROCKS), "beyond_px": 0.0},
+            "quality": {
+                "samples": SAMPLES[size],
+                "denoiser": "OIDN" if denoises else "NONE",
+                "walk_px": max(_WALK_PX, settings.quality.walk_px),
+                "noise_threshold": 0.0,
+                "diffuse_bounces": 2,
+                "truth": "DEPTH",
+                "device": "CPU",
+            },
+        },
+    )
 
 
 def icons(scene: bpy.types.Scene) -> tuple[int, ...]:
@@ -116,8 +132,10 @@ class ICYMOON_OT_show_ends(jobs.JobOperator, bpy.types.Operator):
             remove_folder(folder)
 
         try:
-            process = Process(blender_command(jobs.this_blender(), "worker", str(files.file)),
-                              jobs.environment_with_cards(settings.quality.device))
+            process = Process(
+                blender_command(jobs.this_blender(), "worker", str(files.file)),
+                jobs.environment_with_cards(settings.quality.device),
+            )
         except IcyMoonError:
             clean_up()
             raise

@@ -60,8 +60,10 @@ _LIST_LINE = 29
 _SAMPLE = 16
 #: Maximum number of pairs whose ids are compared with an existing data set: it takes a second.
 _COMPARED = 500
-_EDITED = ("The scene was edited by hand, and a plan contains settings only, so its pairs would not show the edits; "
-           "press Build Scene to undo them.")
+_EDITED = (
+    "The scene was edited by hand, and a plan contains settings only, so its pairs would not show the edits; "
+    "press Build Scene to undo them."
+)
 _UNITS = {"deg": "°", "1": ""}
 _lines: dict[tuple[int, object], tuple[str, ...]] = {}  # by scene and measured speed, until anything changes
 
@@ -78,8 +80,10 @@ def unit_of(name: str) -> str:
 
 
 #: (name, label, description) of the settings that can vary.
-_ITEMS = [(name, f"{TOPICS[name.partition('.')[0]].label} ▸ {label_of(name)}", _of_name(name).description)
-          for name in names_that_vary()]
+_ITEMS = [
+    (name, f"{TOPICS[name.partition('.')[0]].label} ▸ {label_of(name)}", _of_name(name).description)
+    for name in names_that_vary()
+]
 
 
 def setting_of_button(context: bpy.types.Context) -> str:
@@ -108,18 +112,28 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     bl_property = "setting"
 
-    setting: bpy.props.EnumProperty(items=_ITEMS, name="Setting",  # type: ignore[valid-type]
-                                    options={"SKIP_SAVE"}, description="Which setting varies")
-    values: bpy.props.EnumProperty(items=_choice_items, name="Values", options={"ENUM_FLAG", "SKIP_SAVE"},  # type: ignore[valid-type]
-                                   description="The values of a choice")
+    setting: bpy.props.EnumProperty(
+        items=_ITEMS,
+        name="Setting",  # type: ignore[valid-type]
+        options={"SKIP_SAVE"},
+        description="Which setting varies",
+    )
+    values: bpy.props.EnumProperty(
+        items=_choice_items,
+        name="Values",
+        options={"ENUM_FLAG", "SKIP_SAVE"},  # type: ignore[valid-type]
+        description="The values of a choice",
+    )
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
         """The tooltip, with the description of the setting if one is given."""
         if not properties.is_property_set("setting"):
             return str(cls.__doc__)
-        return (f"Vary {label_of(properties.setting)}: render a pair for each value and see how the error depends on "
-                f"it. {_of_name(properties.setting).description}")
+        return (
+            f"Vary {label_of(properties.setting)}: render a pair for each value and see how the error depends on "
+            f"it. {_of_name(properties.setting).description}"
+        )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -139,8 +153,11 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         root = context.scene.icymoon
         self._complete(root)
-        varied = scene_properties.read_varied(self, self.setting, tuple(
-            choice[0] for choice in _of_name(self.setting).choices if choice[0] in self.values))
+        varied = scene_properties.read_varied(
+            self,
+            self.setting,
+            tuple(choice[0] for choice in _of_name(self.setting).choices if choice[0] in self.values),
+        )
         try:
             check_varied(varied)
         except IcyMoonError as error:
@@ -156,14 +173,20 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
 
     def _complete(self, root: Any) -> None:
         """Fill in the fields that the caller did not give: from the list, or else with values about the present one."""
-        there = next((each for each in scene_properties.read_variations(root).varied if each.name == self.setting),
-                     None)
+        there = next(
+            (each for each in scene_properties.read_variations(root).varied if each.name == self.setting), None
+        )
         topic, _, key = self.setting.partition(".")
         value = scene_properties.read_unchecked(root)[topic][key]
         wanted = there or vary_around(self.setting, value)
         whole = "_whole" if _of_name(self.setting).kind == "int" else ""
-        stated = {f"first{whole}": wanted.first, f"last{whole}": wanted.last, "count": wanted.count,
-                  "spacing": wanted.spacing, "values": set(wanted.values)}
+        stated = {
+            f"first{whole}": wanted.first,
+            f"last{whole}": wanted.last,
+            "count": wanted.count,
+            "spacing": wanted.spacing,
+            "values": set(wanted.values),
+        }
         for name, each in stated.items():
             if not self.properties.is_property_set(name) and (name != "values" or each):
                 setattr(self, name, each)
@@ -198,9 +221,10 @@ def title_of_varied(varied: VariedSetting) -> str:
         return title if len(title) <= _LIST_LINE else short
     count = len(list_values(varied)) if varied.spacing != "RANDOM" else varied.count
     unit = unit_of(varied.name)
-    return (f"{label_of(varied.name)}: {varied.first:.4g} to {varied.last:.4g}"
-            f"{unit if unit == '°' else f' {unit}' if unit else ''}, {count} {'random' * (varied.spacing == 'RANDOM')}"
-            ).rstrip()
+    return (
+        f"{label_of(varied.name)}: {varied.first:.4g} to {varied.last:.4g}"
+        f"{unit if unit == '°' else f' {unit}' if unit else ''}, {count} {'random' * (varied.spacing == 'RANDOM')}"
+    ).rstrip()
 
 
 @lru_cache(maxsize=256)
@@ -212,7 +236,7 @@ def values_of_varied(varied: VariedSetting) -> str:
     except IcyMoonError:
         return ""
     values = [f"{value:.5g}" for value in list_values(varied)]
-    return ", ".join(values if len(values) <= _SHOWN else [*values[:_SHOWN - 1], "…", values[-1]])
+    return ", ".join(values if len(values) <= _SHOWN else [*values[: _SHOWN - 1], "…", values[-1]])
 
 
 class _OfVariations:
@@ -283,9 +307,11 @@ def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
     names = [item.name for item in added_objects(collection)]
     if names:
         more = f" and {count_of(len(names) - 1, 'more object')} of yours" if len(names) > 1 else ""
-        return (f"The scene contains {names[0]}{more}, and a plan contains settings only, so its pairs would not show "
-                f"{'them' if more else 'it'}; move {'them' if more else 'it'} out of the collection "
-                f"{collection.name}.")
+        return (
+            f"The scene contains {names[0]}{more}, and a plan contains settings only, so its pairs would not show "
+            f"{'them' if more else 'it'}; move {'them' if more else 'it'} out of the collection "
+            f"{collection.name}."
+        )
     built = scenes.find(scene) if thorough else None
     return _EDITED if built is not None and not built.outdated and built.edited_parts() else ""
 
@@ -342,8 +368,12 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
     bl_idname = "icymoon.render_variations"
     bl_label = "Render These Variations"
 
-    folder: bpy.props.StringProperty(name="Folder", subtype="DIR_PATH", options={"SKIP_SAVE"},  # type: ignore[valid-type]
-                                     description="Folder of the data set; if empty, that of the panel Data Set")
+    folder: bpy.props.StringProperty(
+        name="Folder",
+        subtype="DIR_PATH",
+        options={"SKIP_SAVE"},  # type: ignore[valid-type]
+        description="Folder of the data set; if empty, that of the panel Data Set",
+    )
     _asked = False
     _told: tuple[str, ...] = ()
 
@@ -419,8 +449,11 @@ class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_idname = "icymoon.save_plan"
     bl_label = "Save Plan"
 
-    filepath: bpy.props.StringProperty(subtype="FILE_PATH", name="File",  # type: ignore[valid-type]
-                                       description="TOML file to write")
+    filepath: bpy.props.StringProperty(
+        subtype="FILE_PATH",
+        name="File",  # type: ignore[valid-type]
+        description="TOML file to write",
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self.filepath = self.filepath or PLAN
@@ -452,8 +485,12 @@ def curve_title(name: str) -> str:
 def _show_curves(context: bpy.types.Context, open_window: bool, first: str = "") -> None:
     """Show the curves in an Image Editor, the curve of the setting ``first`` before the others."""
     curves = sorted_curves(context.scene)
-    results.show_images(context, sorted(curves.values(), key=lambda path: path != curves.get(first)), open_window,
-                        {path: curve_title(name) for name, path in curves.items()})
+    results.show_images(
+        context,
+        sorted(curves.values(), key=lambda path: path != curves.get(first)),
+        open_window,
+        {path: curve_title(name) for name, path in curves.items()},
+    )
 
 
 class ICYMOON_OT_show_curve(bpy.types.Operator):
@@ -476,10 +513,19 @@ class ICYMOON_OT_show_curve(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (ICYMOON_OT_vary, ICYMOON_OT_variation_remove, ICYMOON_OT_variation_move, ICYMOON_OT_render_variations,
-           ICYMOON_OT_save_plan, ICYMOON_OT_show_curve)
+CLASSES = (
+    ICYMOON_OT_vary,
+    ICYMOON_OT_variation_remove,
+    ICYMOON_OT_variation_move,
+    ICYMOON_OT_render_variations,
+    ICYMOON_OT_save_plan,
+    ICYMOON_OT_show_curve,
+)
 _HANDLERS: tuple[Callable[[], list[Any]], ...] = (
-    lambda: bpy.app.handlers.undo_post, lambda: bpy.app.handlers.redo_post, lambda: bpy.app.handlers.load_post)
+    lambda: bpy.app.handlers.undo_post,
+    lambda: bpy.app.handlers.redo_post,
+    lambda: bpy.app.handlers.load_post,
+)
 
 
 def register() -> None:

@@ -79,9 +79,12 @@ def _noted(collection: bpy.types.Collection) -> tuple[str, str]:
 
 def _is_traced(scene: bpy.types.Scene) -> bool:
     """Whether a 3D View shows the light of the scene."""
-    return any(area.type == "VIEW_3D" and area.spaces.active.shading.type == "RENDERED"
-               for window in bpy.context.window_manager.windows if window.scene == scene
-               for area in window.screen.areas)
+    return any(
+        area.type == "VIEW_3D" and area.spaces.active.shading.type == "RENDERED"
+        for window in bpy.context.window_manager.windows
+        if window.scene == scene
+        for area in window.screen.areas
+    )
 
 
 def _work() -> float | None:
@@ -99,7 +102,7 @@ def _work() -> float | None:
     for scene in traced:
         collection = scenes.find_collection(scene)
         taken_s, pixels = _last[0] - seconds - _since_s, int(scene.render.preview_pixel_size)
-        if pixels ** 2 * taken_s / max(1, scene.cycles.preview_samples) <= _LONGEST_S:
+        if pixels**2 * taken_s / max(1, scene.cycles.preview_samples) <= _LONGEST_S:
             restore(scene, collection)
     return None
 

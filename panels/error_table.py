@@ -36,11 +36,17 @@ def draw_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str,
 def explain_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
     """Draw the meanings of the names in the table, and heavy failures in few pairs."""
     draw_sentence(layout, "Wrong: off by over 1 px, or missing. The grey metrics are of covered pixels.")
-    draw_sentence(layout, "Wrong order (DOD): share of pairs of pixels of which the wrong one is nearer. Shape "
-                          "error (si-RMSE): spread of the ratio of measured to true depth, blind to scale.")
+    draw_sentence(
+        layout,
+        "Wrong order (DOD): share of pairs of pixels of which the wrong one is nearer. Shape "
+        "error (si-RMSE): spread of the ratio of measured to true depth, blind to scale.",
+    )
     if any(row["ranks"] for row in rows):
-        draw_sentence(layout, "Rank: by wrong pixels in the typical scene, a range where the scenes leave it open. "
-                              "Star: no matcher is better beyond doubt, and at least one is worse.")
+        draw_sentence(
+            layout,
+            "Rank: by wrong pixels in the typical scene, a range where the scenes leave it open. "
+            "Star: no matcher is better beyond doubt, and at least one is worse.",
+        )
     elif (count := sum(bool(row["n"]) for row in rows)) > 1:
         draw_sentence(layout, f"No ranks: these take {scenes_for_methods(count)} scenes.")
     for sentence in results.typical_differences(scene):
@@ -63,8 +69,12 @@ def _main_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
 
 
 def _other_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    return (("Mean L1 error", results.metres(row["l1_m"])), ("Over 10 cm off", results.percent(row["l1_rate_10"])),
-            ("Wrong order", results.percent(row["dod"])), ("Shape error", results.number(row["si_rmse"], 4)))
+    return (
+        ("Mean L1 error", results.metres(row["l1_m"])),
+        ("Over 10 cm off", results.percent(row["l1_rate_10"])),
+        ("Wrong order", results.percent(row["dod"])),
+        ("Shape error", results.number(row["si_rmse"], 4)),
+    )
 
 
 def _draw_metric(column: Any, name: str, value: str) -> None:
@@ -79,9 +89,11 @@ def _draw_metric(column: Any, name: str, value: str) -> None:
 def _draw_buttons(box: Any, scene: bpy.types.Scene, method: str) -> None:
     """Draw a button for each way to see the errors of a matcher, grey where the evaluation kept nothing for it."""
     buttons = box.column(align=True)  # beside each other, words with a verb would be cut
-    for operator, text, kept in (("show_error", "Show Error Image", results.methods_with_error_images(scene)),
-                                 ("paint_errors", "Paint Errors on Ground", results.methods_with_disparities(scene)),
-                                 ("show_surface", "Show Surface", results.methods_with_points(scene))):
+    for operator, text, kept in (
+        ("show_error", "Show Error Image", results.methods_with_error_images(scene)),
+        ("paint_errors", "Paint Errors on Ground", results.methods_with_disparities(scene)),
+        ("show_surface", "Show Surface", results.methods_with_points(scene)),
+    ):
         part = buttons.row(align=True)
         part.enabled = method in kept
         part.operator(f"icymoon.{operator}", text=text).method = method

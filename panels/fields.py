@@ -44,8 +44,9 @@ def find_fields(root: Any, topic: str, keys: tuple[str, ...]) -> tuple[_Field, .
         _fields.clear()
         _fields_of = settings
     if (topic, keys) not in _fields:
-        _fields[topic, keys] = tuple(_describe(topic, key, settings) for key in keys
-                                     if TOPICS[topic].is_shown(key, settings))
+        _fields[topic, keys] = tuple(
+            _describe(topic, key, settings) for key in keys if TOPICS[topic].is_shown(key, settings)
+        )
     return _fields[topic, keys]
 
 

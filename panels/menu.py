@@ -43,9 +43,14 @@ class _KindMenu:
 
 
 _KINDS = {f"ICYMOON_MT_presets_{kind}": title for kind, title in _TITLES.items()}
-_KIND_MENUS = [type(name, (_KindMenu, bpy.types.Menu), {
-    "__doc__": f"Presets: {title}", "bl_idname": name, "bl_label": title, "kind": title})
-    for name, title in _KINDS.items()]
+_KIND_MENUS = [
+    type(
+        name,
+        (_KindMenu, bpy.types.Menu),
+        {"__doc__": f"Presets: {title}", "bl_idname": name, "bl_label": title, "kind": title},
+    )
+    for name, title in _KINDS.items()
+]
 
 
 class ICYMOON_MT_presets(bpy.types.Menu):
@@ -232,8 +237,16 @@ def _remove_from_status_bar() -> None:
             functions.remove(_draw_status)
 
 
-CLASSES = (*_KIND_MENUS, ICYMOON_MT_presets, ICYMOON_MT_settings_files, ICYMOON_MT_quality, ICYMOON_MT_dataset,
-           ICYMOON_MT_results, ICYMOON_MT_set_up, ICYMOON_MT_icymoon)
+CLASSES = (
+    *_KIND_MENUS,
+    ICYMOON_MT_presets,
+    ICYMOON_MT_settings_files,
+    ICYMOON_MT_quality,
+    ICYMOON_MT_dataset,
+    ICYMOON_MT_results,
+    ICYMOON_MT_set_up,
+    ICYMOON_MT_icymoon,
+)
 
 
 def register() -> None:

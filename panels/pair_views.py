@@ -21,7 +21,7 @@ def draw_pair(layout: Any, scene: bpy.types.Scene) -> None:
     number = 1 + pairs.index(now.folder) if now is not None else 1
     column = layout.column(align=True)
     for start in range(0, len(show_pair.VIEWS), _COLUMNS):
-        _draw_views(column.row(align=True), show_pair.VIEWS[start:start + _COLUMNS], now, number)
+        _draw_views(column.row(align=True), show_pair.VIEWS[start : start + _COLUMNS], now, number)
     if len(pairs) > 1:
         _draw_choice(column.row(align=True), now.view if now is not None else "SIDE_BY_SIDE", number, len(pairs))
     draw_lines(layout, show_pair.lines(scene), "IMAGE_DATA")

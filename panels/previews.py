@@ -25,8 +25,10 @@ def load_choices(_self: Any = None, _context: Any = None) -> list[Item]:
     """Choices of scenes that have a picture, each picture read once in each state."""
     global _pictures
     whole = [(item, picture_of(item[0])) for item in preset_items() if is_whole(item[0])]
-    shown = sorted((each for each in whole if _exists(each[0][0], each[1])),
-                   key=lambda each: _KINDS.index(each[0][0].split("/")[0]))
+    shown = sorted(
+        (each for each in whole if _exists(each[0][0], each[1])),
+        key=lambda each: _KINDS.index(each[0][0].split("/")[0]),
+    )
     state = tuple((item[0], path.stat().st_mtime_ns if item[0].startswith(OWN) else 0) for item, path in shown)
     if state not in _items:
         if _pictures is None:
@@ -65,8 +67,13 @@ def _set(_self: Any, number: int) -> None:
 
 def register() -> None:
     """Add the choice to the window manager."""
-    setattr(bpy.types.WindowManager, CHOICE, bpy.props.EnumProperty(
-        items=load_choices, get=_get, set=_set, name="Scene", description="Choose a scene preset by its picture"))
+    setattr(
+        bpy.types.WindowManager,
+        CHOICE,
+        bpy.props.EnumProperty(
+            items=load_choices, get=_get, set=_set, name="Scene", description="Choose a scene preset by its picture"
+        ),
+    )
 
 
 def unregister() -> None:

@@ -82,8 +82,9 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         group = context.scene.icymoon
         picture = layout.column()
         picture.active = not presets.is_changed(context.scene)
-        picture.template_icon_view(context.window_manager, previews.CHOICE, show_labels=True, scale=8.0,
-                                   scale_popup=7.0)
+        picture.template_icon_view(
+            context.window_manager, previews.CHOICE, show_labels=True, scale=8.0, scale_popup=7.0
+        )
         row = layout.row(align=True)
         row.menu("ICYMOON_MT_presets", text=presets.shown_title(context.scene), icon="PRESET")
         row.operator("icymoon.add_preset", text="", icon="ADD")
@@ -98,9 +99,14 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         if shown := live_preview.lines(context.scene):
             draw_lines(layout, shown, "INFO")
             scene = context.scene
-            told = view_line(context.space_data, scene.render.engine, view_exposure.how_exposed(scene),
-                             view_resolution.is_coarse(scene), first_picture.is_shown(scene),
-                             view_exposure.is_without_planetshine(scene))
+            told = view_line(
+                context.space_data,
+                scene.render.engine,
+                view_exposure.how_exposed(scene),
+                view_resolution.is_coarse(scene),
+                first_picture.is_shown(scene),
+                view_exposure.is_without_planetshine(scene),
+            )
             draw_sentence(layout, told, "SHADING_RENDERED")
         draw_job(layout)
 
@@ -164,12 +170,19 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         methods = context.scene.icymoon.dataset.methods
         column = self.layout.column(align=True)
-        titles = {**TITLES, **{name: name for name in plugin_matcher_names()},
-                  **{f"{OWN}:{own}": own for own in own_matcher_names()}}
+        titles = {
+            **TITLES,
+            **{name: name for name in plugin_matcher_names()},
+            **{f"{OWN}:{own}": own for own in own_matcher_names()},
+        }
         for name, title in titles.items():
             row, chosen = column.row(align=True), names_method(methods, name)
-            row.operator("icymoon.toggle_matcher", text=title, depress=chosen,
-                         icon="CHECKBOX_HLT" if chosen else "CHECKBOX_DEHLT").matcher = name
+            row.operator(
+                "icymoon.toggle_matcher",
+                text=title,
+                depress=chosen,
+                icon="CHECKBOX_HLT" if chosen else "CHECKBOX_DEHLT",
+            ).matcher = name
             if chosen and name in NEEDS:
                 draw_sentence(column, f"{title} needs {NEEDS[name]}.", "INFO")
         draw_settings(self.layout, context.scene.icymoon, "dataset", ("methods",))
@@ -233,8 +246,16 @@ class ICYMOON_UL_layers(bpy.types.UIList):
 
     bl_idname = "ICYMOON_UL_layers"
 
-    def draw_item(self, context: bpy.types.Context, layout: Any, data: Any, item: Any, icon: int,
-                  active_data: Any, active_property: str) -> None:
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: Any,
+        data: Any,
+        item: Any,
+        icon: int,
+        active_data: Any,
+        active_property: str,
+    ) -> None:
         layout.label(text=layers.layer_title(item), icon="RNDCURVE")
 
 

@@ -33,8 +33,12 @@ def _draw_seed(layout: Any, context: bpy.types.Context) -> None:
     root = context.scene.icymoon
     layout.prop(root.dataset, "seed")
     if root.source.kind != "PROCEDURAL" and not root.source.detail:
-        draw_sentence(layout, "The ground is from a file. Add Roughness, under Ground from a File, adds the "
-                              "roughness of this panel to it.", "INFO")
+        draw_sentence(
+            layout,
+            "The ground is from a file. Add Roughness, under Ground from a File, adds the "
+            "roughness of this panel to it.",
+            "INFO",
+        )
 
 
 def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
@@ -99,8 +103,11 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
     for lack in dict.fromkeys(quality.lacks for quality in shipped if quality.lacks):
         titles = " and ".join(quality.title for quality in shipped if quality.lacks == lack)
         # If the present settings can be rendered, the fix has nothing to change.
-        told = lack if own.lacks else (f"{lack.partition(';')[0]}; the Blender of blender.org has it. For a first "
-                                       "look, lower Samples.")
+        told = (
+            lack
+            if own.lacks
+            else (f"{lack.partition(';')[0]}; the Blender of blender.org has it. For a first look, lower Samples.")
+        )
         draw_sentence(column, f"{titles} cannot be rendered here. {told}", "ERROR")
     if own.chosen:
         draw_lines(column, (f"With the settings below: {own.brief}",))
@@ -127,6 +134,7 @@ def _make_surface_extra(topic: str) -> Extra:
         else:
             values = scene_properties.read_for_display(context.scene.icymoon)
             _draw_albedos(layout, values[topic], values.hapke)
+
     return draw
 
 
@@ -140,6 +148,7 @@ def _make_stand_in_note(kind: type) -> Extra:
         for item in items_of(scene_properties.read_for_display(context.scene.icymoon)):
             if isinstance(item, kind):
                 draw_sentence(layout, describe(item), "INFO")
+
     return draw
 
 
@@ -152,10 +161,20 @@ def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -
 
 
 #: Functions that draw above and below the settings, by topic.
-BEFORE: dict[str, Extra] = {"source": _draw_import, "terrain": _draw_seed, "light": _draw_moons,
-                            "sensor": _draw_expose, "quality": _draw_qualities}
-AFTER: dict[str, Extra] = {"terrain": _draw_roughness, "light": _draw_sky_fault,
-                           "source": _make_stand_in_note(MeshItem), "textures": _make_stand_in_note(TextureItem),
-                           "surface": _make_surface_extra("surface"),
-                           "rock_surface": _make_surface_extra("rock_surface"), "hapke": _draw_hapke,
-                           "rig": _draw_camera_notes}
+BEFORE: dict[str, Extra] = {
+    "source": _draw_import,
+    "terrain": _draw_seed,
+    "light": _draw_moons,
+    "sensor": _draw_expose,
+    "quality": _draw_qualities,
+}
+AFTER: dict[str, Extra] = {
+    "terrain": _draw_roughness,
+    "light": _draw_sky_fault,
+    "source": _make_stand_in_note(MeshItem),
+    "textures": _make_stand_in_note(TextureItem),
+    "surface": _make_surface_extra("surface"),
+    "rock_surface": _make_surface_extra("rock_surface"),
+    "hapke": _draw_hapke,
+    "rig": _draw_camera_notes,
+}

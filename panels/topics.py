@@ -65,16 +65,22 @@ class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         group = context.scene.icymoon
-        shaping = [t.label for t in TOPICS.values() if t.parent == LANDFORMS
-                   and getattr(getattr(group, t.key), t.settings[0].key) > 0]
-        draw_sentence(self.layout, f"In use: {', '.join(shaping) or 'none'}. The first field of a landform "
-                                   "turns it on; 0 is off.")
+        shaping = [
+            t.label
+            for t in TOPICS.values()
+            if t.parent == LANDFORMS and getattr(getattr(group, t.key), t.settings[0].key) > 0
+        ]
+        draw_sentence(
+            self.layout, f"In use: {', '.join(shaping) or 'none'}. The first field of a landform turns it on; 0 is off."
+        )
 
 
 def _switch(topic: str, key: str) -> dict[str, object]:
     """A tick in a panel's header."""
+
     def draw_header(self: Sidebar, context: bpy.types.Context) -> None:
         self.layout.prop(getattr(context.scene.icymoon, topic), key, text="")
+
     return {"draw_header": draw_header}
 
 
@@ -86,9 +92,19 @@ def _make_topic_panel(topic: Topic, order: int) -> type:
         own["bl_parent_id"] = f"ICYMOON_PT_{topic.inside}"
     if topic.key == "rock_surface":
         own |= _switch("rocks", "own_surface")
-    return type(f"ICYMOON_PT_{topic.key}", (_TopicPanel, bpy.types.Panel), {
-        "__doc__": topic.description, "bl_idname": f"ICYMOON_PT_{topic.key}", "bl_label": topic.label,
-        "bl_order": order, "topic": topic, "page": manual.page_of_topic(topic.key), **own})
+    return type(
+        f"ICYMOON_PT_{topic.key}",
+        (_TopicPanel, bpy.types.Panel),
+        {
+            "__doc__": topic.description,
+            "bl_idname": f"ICYMOON_PT_{topic.key}",
+            "bl_label": topic.label,
+            "bl_order": order,
+            "topic": topic,
+            "page": manual.page_of_topic(topic.key),
+            **own,
+        },
+    )
 
 
 def _make_section_panel(topic: Topic, section: Section, order: int) -> type:
@@ -96,17 +112,29 @@ def _make_section_panel(topic: Topic, section: Section, order: int) -> type:
     name = f"ICYMOON_PT_{topic.key}_{section.key}"
     # Blender does not indent the content of a sub-panel, so the label names its topic.
     label = f"{section.label} {topic.brief or topic.label}" if section == ADVANCED else section.label
-    return type(name, (_SectionPanel, bpy.types.Panel), {
-        "__doc__": section.description, "bl_idname": name, "bl_label": label,
-        "bl_order": LAST if section == ADVANCED else order,
-        "bl_parent_id": f"ICYMOON_PT_{topic.key}", "topic": topic, "section": section,
-        "page": manual.page_of_topic(topic.key), **own})
+    return type(
+        name,
+        (_SectionPanel, bpy.types.Panel),
+        {
+            "__doc__": section.description,
+            "bl_idname": name,
+            "bl_label": label,
+            "bl_order": LAST if section == ADVANCED else order,
+            "bl_parent_id": f"ICYMOON_PT_{topic.key}",
+            "topic": topic,
+            "section": section,
+            "page": manual.page_of_topic(topic.key),
+            **own,
+        },
+    )
 
 
 #: Blender registers a panel after the one that it is in.
 _PANELS = {topic.key: _make_topic_panel(topic, FIRST + k) for k, topic in enumerate(TOPICS.values())}
 _TOPS = [key for key, topic in TOPICS.items() if not topic.parent and not topic.inside]
-CLASSES = (*(_PANELS[key] for key in _TOPS), ICYMOON_PT_landforms,
-           *(panel for key, panel in _PANELS.items() if key not in _TOPS),
-           *(_make_section_panel(topic, section, k) for topic in TOPICS.values()
-             for k, section in enumerate(topic.sections)))
+CLASSES = (
+    *(_PANELS[key] for key in _TOPS),
+    ICYMOON_PT_landforms,
+    *(panel for key, panel in _PANELS.items() if key not in _TOPS),
+    *(_make_section_panel(topic, section, k) for topic in TOPICS.values() for k, section in enumerate(topic.sections)),
+)

@@ -23,8 +23,16 @@ class ICYMOON_UL_variations(bpy.types.UIList):
 
     bl_idname = "ICYMOON_UL_variations"
 
-    def draw_item(self, context: bpy.types.Context, layout: Any, data: Any, item: Any, icon: int,
-                  active_data: Any, active_property: str) -> None:
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: Any,
+        data: Any,
+        item: Any,
+        icon: int,
+        active_data: Any,
+        active_property: str,
+    ) -> None:
         layout.label(text=vary.title_of_varied(scene_properties.read_item(item)), icon="DRIVER_DISTANCE")
 
 
@@ -50,8 +58,12 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
         if group.active < len(group.varied):
             _draw_varied(layout, root, group.varied[group.active])
         elif not group.varied:
-            draw_sentence(layout, "Right-click a setting and choose Vary, or press +. For 100 grounds of this kind, "
-                                  "set Variations by Seed to 100.", "INFO")
+            draw_sentence(
+                layout,
+                "Right-click a setting and choose Vary, or press +. For 100 grounds of this kind, "
+                "set Variations by Seed to 100.",
+                "INFO",
+            )
         if len(group.varied) > 1 or group.combine != "GRID":
             layout.prop(group, "combine", text="")
         if group.combine == "SOBOL":

@@ -5,12 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 #: Comparison with a pair, by the result of ``view_exposure.how_exposed``.
-_TRACED = {"": "as the pair, but for noise", "other": "as the pair, but for exposure and noise",
-           "estimated": "as the pair, exposure estimated"}
+_TRACED = {
+    "": "as the pair, but for noise",
+    "other": "as the pair, but for exposure and noise",
+    "estimated": "as the pair, exposure estimated",
+}
 
 
-def view_line(space: Any, engine: str, exposed: str = "other", coarse: bool = False, covered: bool = False,
-              without_planetshine: bool = False) -> str:
+def view_line(
+    space: Any,
+    engine: str,
+    exposed: str = "other",
+    coarse: bool = False,
+    covered: bool = False,
+    without_planetshine: bool = False,
+) -> str:
     """How the picture in a 3D View differs from a pair, if the scene has this render engine; empty without a view.
 
     ``exposed`` is one of the keys of ``_TRACED``. A ``coarse`` view has larger pixels than the user has chosen. A
@@ -24,9 +33,11 @@ def view_line(space: Any, engine: str, exposed: str = "other", coarse: bool = Fa
         return "Wireframe view: no light, no surfaces"
     if shading.type == "SOLID":
         return "Solid view: no Sun, shadows or exposure"
-    name, lit = (("Rendered view", shading.use_scene_lights_render and shading.use_scene_world_render)
-                 if shading.type == "RENDERED" else
-                 ("Material Preview", shading.use_scene_lights and shading.use_scene_world))
+    name, lit = (
+        ("Rendered view", shading.use_scene_lights_render and shading.use_scene_world_render)
+        if shading.type == "RENDERED"
+        else ("Material Preview", shading.use_scene_lights and shading.use_scene_world)
+    )
     if shading.type == "RENDERED" and engine == "BLENDER_WORKBENCH":
         return f"{name} by Workbench: no Sun, no shadows"
     if not lit:
@@ -34,6 +45,8 @@ def view_line(space: Any, engine: str, exposed: str = "other", coarse: bool = Fa
     if shading.type == "RENDERED" and engine == "CYCLES":
         if covered:
             return f"{name}: a picture of the scene until it is clear"
-        return (f"{name}: {_TRACED[exposed]}{', at half resolution' if coarse else ''}"
-                f"{', without faint planetshine' if without_planetshine else ''}")
+        return (
+            f"{name}: {_TRACED[exposed]}{', at half resolution' if coarse else ''}"
+            f"{', without faint planetshine' if without_planetshine else ''}"
+        )
     return f"{name} by EEVEE: approximate light and shadows"

@@ -68,8 +68,10 @@ def make_files(item: TextureItem | MeshItem, folder: Path | None = None) -> Path
         except DiskError as error:
             if folder is not None:
                 raise
-            raise IcyMoonError(f"{str(error).rstrip('.')} (stand-ins are kept in the cache folder, which "
-                               f"{FOLDER_VARIABLE} or the preference Cache names).") from error
+            raise IcyMoonError(
+                f"{str(error).rstrip('.')} (stand-ins are kept in the cache folder, which "
+                f"{FOLDER_VARIABLE} or the preference Cache names)."
+            ) from error
     return there
 
 
@@ -82,9 +84,14 @@ def _is_whole(folder: Path, item: TextureItem | MeshItem) -> bool:
     suffixes = [f"_{kind}.png" for kind in item.kinds] if isinstance(item, TextureItem) else [".ply", ".png"]
     try:
         record = read_record(folder / _RECORD, _SHAPE, "delete it")
-        return record["recipe"] == RECIPE and record["sha256"].keys() >= {item.stem + end for end in suffixes} and all(
-            _checksum(folder / name, (folder / name).stat().st_size, (folder / name).stat().st_mtime_ns) == known
-            for name, known in record["sha256"].items())
+        return (
+            record["recipe"] == RECIPE
+            and record["sha256"].keys() >= {item.stem + end for end in suffixes}
+            and all(
+                _checksum(folder / name, (folder / name).stat().st_size, (folder / name).stat().st_mtime_ns) == known
+                for name, known in record["sha256"].items()
+            )
+        )
     except (OSError, IcyMoonError):
         return False
 
@@ -105,8 +112,10 @@ def _write_all(folder: Path, height_m: float, encoded: Mapping[str, bytes]) -> N
         remove(folder / _RECORD)  # it is about to become untrue
     for name, data in encoded.items():
         write_atomically(folder / name, functools.partial(_write, data))
-    write_json(folder / _RECORD, {"recipe": RECIPE, "height_m": height_m,
-                                  "sha256": {name: sha256(folder / name) for name in encoded}})
+    write_json(
+        folder / _RECORD,
+        {"recipe": RECIPE, "height_m": height_m, "sha256": {name: sha256(folder / name) for name in encoded}},
+    )
 
 
 def _write(data: bytes, part: Path) -> None:
@@ -117,21 +126,27 @@ def _encode_texture(item: TextureItem) -> tuple[float, dict[str, bytes]]:
     maps = make_maps(item.key)
     low, span = float(maps.height_m.min()), float(np.ptp(maps.height_m))
     images: dict[str, np.ndarray | None] = {
-        "albedo": _levels(to_srgb(maps.albedo)), "roughness": _levels(maps.roughness),
+        "albedo": _levels(to_srgb(maps.albedo)),
+        "roughness": _levels(maps.roughness),
         "normal": _levels((maps.normal + 1.0) / 2.0),
         "height": np.rint((maps.height_m - low) / span * 65535.0).astype(np.uint16),
-        "transmission": None if maps.transmission is None else _levels(maps.transmission)}
-    return span, {f"{item.stem}_{kind}.png": encode_png(image[::-1], 6) for kind, image in images.items()
-                  if image is not None}
+        "transmission": None if maps.transmission is None else _levels(maps.transmission),
+    }
+    return span, {
+        f"{item.stem}_{kind}.png": encode_png(image[::-1], 6) for kind, image in images.items() if image is not None
+    }
 
 
 def _encode_mesh(item: MeshItem) -> tuple[float, dict[str, bytes]]:
     made = reconstruct(item.key)
     image = f"{item.stem}.png"
     comments = ("made by Icy Moon, no reconstruction", f"stand-in for {item.paper}", f"TextureFile {image}")
-    return 0.0, {image: encode_png(_levels(to_srgb(made.image))[::-1], 6),
-                 f"{item.stem}.ply": encode_triangles(("x", "y", "z", "s", "t"),
-                                                  np.hstack([made.positions, made.uv]), made.faces, comments)}
+    return 0.0, {
+        image: encode_png(_levels(to_srgb(made.image))[::-1], 6),
+        f"{item.stem}.ply": encode_triangles(
+            ("x", "y", "z", "s", "t"), np.hstack([made.positions, made.uv]), made.faces, comments
+        ),
+    }
 
 
 def _levels(values: np.ndarray) -> np.ndarray:

@@ -48,8 +48,10 @@ def sample(field: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarr
     b, a = rows - row, columns - column
     row, column = row % n, column % n
     below, right = (row + 1) % n, (column + 1) % n
-    return np.asarray((1 - b) * ((1 - a) * field[row, column] + a * field[row, right])
-                      + b * ((1 - a) * field[below, column] + a * field[below, right]))
+    return np.asarray(
+        (1 - b) * ((1 - a) * field[row, column] + a * field[row, right])
+        + b * ((1 - a) * field[below, column] + a * field[below, right])
+    )
 
 
 def warp(field: np.ndarray, rows_px: np.ndarray, columns_px: np.ndarray) -> np.ndarray:
@@ -84,8 +86,9 @@ class Draw:
         """A random number for each cell, evenly between two numbers."""
         return np.asarray((low + (high - low) * self.random.random(int(cells.number.max()) + 1))[cells.number])
 
-    def waves(self, slope: float, shortest: float, longest: float,
-                   elongation: float = 1.0, angle: float = 0.0) -> np.ndarray:
+    def waves(
+        self, slope: float, shortest: float, longest: float, elongation: float = 1.0, angle: float = 0.0
+    ) -> np.ndarray:
         """Random waves of unit standard deviation, between two wavelengths in widths.
 
         The two-dimensional power spectrum falls as wave number^-``slope``. Crests along ``angle`` (radians from the
@@ -101,8 +104,7 @@ class Draw:
         amplitude = np.where((k >= 1 / longest) & (k <= 1 / shortest), np.maximum(k, 0.5) ** (-slope / 2), 0.0)
         return normalise(np.fft.irfft2(amplitude * np.fft.rfft2(random.standard_normal((n, n))), (n, n)))
 
-    def cells(self, across: int, shift: tuple[np.ndarray, np.ndarray] | None = None,
-                   regular: float = 0.0) -> Cells:
+    def cells(self, across: int, shift: tuple[np.ndarray, np.ndarray] | None = None, regular: float = 0.0) -> Cells:
         """Cells around ``across``² points, one in each square of a grid.
 
         ``shift`` (rows, columns), in cells, bends the cells; ``regular`` is 0 for random points, 1 for a square grid.
@@ -146,17 +148,17 @@ class Draw:
                 top = np.maximum(top, facet - 8.0 * np.maximum(np.hypot(dx, dy) - 0.55, 0.0))
         return top
 
-    def lines(self, count: int, length: float, width_px: float, bend: float,
-                   branches: int = 0) -> np.ndarray:
+    def lines(self, count: int, length: float, width_px: float, bend: float, branches: int = 0) -> np.ndarray:
         """How much of each pixel random lines cover, 0 to 1: ``count`` of about ``length`` widths.
 
         A line turns by about ``bend`` radians over its length. Each has ``branches`` shorter and thinner ones.
         """
         random, n = self.random, self.n
         covered = np.zeros((n, n))
-        todo = [(random.random(2) * n, 2 * math.pi * random.random(), length * (0.5 + random.random()), width_px,
-                 branches)
-                for _ in range(count)]
+        todo = [
+            (random.random(2) * n, 2 * math.pi * random.random(), length * (0.5 + random.random()), width_px, branches)
+            for _ in range(count)
+        ]
         while todo:
             at, heading, long, width, more = todo.pop()
             steps = max(8, round(long * n))
@@ -175,12 +177,18 @@ class Draw:
             for _ in range(more):
                 k = random.integers(steps // 6, steps)
                 side = 1.0 if random.random() < 0.5 else -1.0
-                todo.append((path[k, ::-1].copy(), turn[k] + side * (0.5 + 0.7 * random.random()), long * 0.45,
-                             width * 0.6, more // 2))
+                todo.append(
+                    (
+                        path[k, ::-1].copy(),
+                        turn[k] + side * (0.5 + 0.7 * random.random()),
+                        long * 0.45,
+                        width * 0.6,
+                        more // 2,
+                    )
+                )
         return covered
 
-    def discs(self, count: int, smallest_px: float, largest_px: float,
-                   where: np.ndarray | None = None) -> np.ndarray:
+    def discs(self, count: int, smallest_px: float, largest_px: float, where: np.ndarray | None = None) -> np.ndarray:
         """Random round bubbles, 0 outside to 1 in their middle, their number falling as the square of their radius.
 
         ``where`` is the chance of each pixel to have one.
@@ -237,16 +245,18 @@ def cast_shadows(height: np.ndarray, azimuth: float, elevation: float, reach_px:
     return np.asarray(np.clip((elevation + 0.05 - lowest) / 0.1, 0.0, 1.0))
 
 
-def light(height: np.ndarray, sun_deg: tuple[float, float], sky: float = 0.35, scatter_px: float = 0.0,
-          reach_px: int = 96) -> np.ndarray:
+def light(
+    height: np.ndarray, sun_deg: tuple[float, float], sky: float = 0.35, scatter_px: float = 0.0, reach_px: int = 96
+) -> np.ndarray:
     """Light on relief, 1 on level ground: sunlight with cast shadows, and a share ``sky`` from all sides.
 
     ``sun_deg`` is the azimuth of the Sun, from the columns' axis, and its elevation, both in degrees.
     Half of the sunlight leaves the surface about ``scatter_px`` from where it has entered.
     """
     azimuth, elevation = map(math.radians, sun_deg)
-    toward = np.array([math.cos(azimuth) * math.cos(elevation), math.sin(azimuth) * math.cos(elevation),
-                       math.sin(elevation)])
+    toward = np.array(
+        [math.cos(azimuth) * math.cos(elevation), math.sin(azimuth) * math.cos(elevation), math.sin(elevation)]
+    )
     sun = np.maximum(normals(height) @ toward, 0.0) / math.sin(elevation)
     sun = sun * cast_shadows(height, azimuth, elevation, reach_px)
     if scatter_px > 0.0:

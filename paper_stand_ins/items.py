@@ -24,5 +24,7 @@ def items_of(settings: Settings) -> list[TextureItem | MeshItem]:
 def describe(item: TextureItem | MeshItem) -> str:
     """A sentence on what a stand-in is."""
     what = "mesh" if isinstance(item, MeshItem) else "texture"
-    return (f"{item.title} ({item.key}) is a {what} made by code, in place of {item.paper} of the GUISS paper: "
-            f"{item.known}. What it shows is a guess.")
+    return (
+        f"{item.title} ({item.key}) is a {what} made by code, in place of {item.paper} of the GUISS paper: "
+        f"{item.known}. What it shows is a guess."
+    )

@@ -142,8 +142,14 @@ def _largest_sheet(places: np.ndarray, faces: np.ndarray, keep: np.ndarray) -> n
         keep &= ~np.isin(faces, touching).any(axis=1)
 
 
-def _with_holes(random: np.random.Generator, xy: np.ndarray, faces: np.ndarray, keep: np.ndarray, openness: np.ndarray,
-                item: MeshItem) -> np.ndarray:
+def _with_holes(
+    random: np.random.Generator,
+    xy: np.ndarray,
+    faces: np.ndarray,
+    keep: np.ndarray,
+    openness: np.ndarray,
+    item: MeshItem,
+) -> np.ndarray:
     """The faces to keep with ``item.holes`` holes, where the least of the sky is seen, apart from sites and rim."""
     middle = xy[faces].mean(axis=1)
     rim = xy[_rim_edges(faces[keep])[0]]
@@ -233,8 +239,7 @@ def _channels(draw: Draw, count: int, turns: int, width_px: float) -> np.ndarray
     phase = (count * np.arange(n)[:, None] + turns * np.arange(n)[None, :]) / n
     bend = 0.3 * draw.waves(4.4, 1 / 4, 1.0) + 0.05 * draw.waves(3.6, 1 / 16, 1 / 5)
     apart = np.abs((phase + bend) % 1.0 - 0.5) * n / count
-    return 1.0 - fields.smooth_step(apart * (1.0 + 0.4 * draw.waves(3.0, 1 / 12, 1 / 3)), 0.2 * width_px,
-                                    width_px)
+    return 1.0 - fields.smooth_step(apart * (1.0 + 0.4 * draw.waves(3.0, 1 / 12, 1 / 3)), 0.2 * width_px, width_px)
 
 
 def _athabasca(draw: Draw, item: MeshItem) -> _Ground:
@@ -245,8 +250,13 @@ def _athabasca(draw: Draw, item: MeshItem) -> _Ground:
     runnel = _channels(draw, 3, 1, 34.0)
     holes = draw.discs(260, 3.0, 14.0)
     bumps = draw.waves(3.2, 1 / 200, 1 / 6)
-    height = (0.02 * w * draw.waves(4.4, 1 / 6, 1.0) + 0.04 * bumps + 0.02 * foliation
-              - 0.16 * runnel - 0.08 * fields.blur(holes, 1.5))
+    height = (
+        0.02 * w * draw.waves(4.4, 1 / 6, 1.0)
+        + 0.04 * bumps
+        + 0.02 * foliation
+        - 0.16 * runnel
+        - 0.08 * fields.blur(holes, 1.5)
+    )
     share = 0.012 * np.exp(0.7 * foliation) * (1.0 - 0.6 * runnel)
     dust = np.clip(0.20 + 0.14 * bumps + 0.08 * foliation + 0.1 * draw.waves(1.8, 1 / 300, 1 / 10), 0, 1)
     colour = mix(ice_albedo(share), _even(1.6 * DIRT, n), np.maximum(dust, 0.9 * holes))
@@ -265,7 +275,7 @@ def _glacier_42m(draw: Draw, item: MeshItem) -> _Ground:
     wall = fields.smooth_step(gape - apart, 0.0, 0.35)
     swell = 0.9 * draw.waves(4.4, 1 / 6, 1.0)
     bumps = draw.waves(3.2, 1 / 160, 1 / 10)
-    height = swell + 0.07 * bumps - 4.2 * wall * np.minimum(gape, 1.0) - 0.25 * np.exp(-(apart / 1.2) ** 2)
+    height = swell + 0.07 * bumps - 4.2 * wall * np.minimum(gape, 1.0) - 0.25 * np.exp(-((apart / 1.2) ** 2))
     layer = draw.waves(2.6, 1 / 200, 1 / 6, 6.0, 0.2)
     snow = fields.smooth_step(draw.waves(3.2, 1 / 60, 1 / 3), -0.7, 0.9) * (1.0 - wall)
     colour = mix(ice_albedo(0.006 * np.exp(0.6 * layer)), snow_albedo(draw.even(0.0006)), snow)
@@ -282,8 +292,12 @@ def _bloodfalls(draw: Draw, item: MeshItem) -> _Ground:
     cliff = fields.smooth_step(behind, 0.0, 0.07) * fields.smooth_step(across, 0.0, 0.06)  # the square's edges meet
     low = 1.0 - cliff
     stones = (_boulders(draw, 46, 0.3) + 0.6 * _boulders(draw, 90, 0.35)) * low
-    height = (4.5 * cliff + 0.3 * draw.waves(4.4, 1 / 8, 1.0)
-              + 0.03 * draw.waves(3.0, 1 / 200, 1 / 12) + item.size_m * 0.5 * stones)
+    height = (
+        4.5 * cliff
+        + 0.3 * draw.waves(4.4, 1 / 8, 1.0)
+        + 0.03 * draw.waves(3.0, 1 / 200, 1 / 12)
+        + item.size_m * 0.5 * stones
+    )
     below = across - line
     run = fields.smooth_step(draw.waves(3.0, 1 / 80, 1 / 5, 5.0, math.pi / 2), -0.7, 0.9)
     fan = np.exp(-(((along - 0.5) / (0.06 + 0.35 * np.maximum(below + 0.1, 0.0))) ** 2))
@@ -301,13 +315,14 @@ def _seaice(draw: Draw, item: MeshItem) -> _Ground:
     cells = draw.cells(4, _bent(draw, 0.16))
     edge = cells.second - cells.first
     level = 0.12 * draw.random.random(16)[cells.number]
-    pressed = np.exp(-(edge / 0.10) ** 2) * fields.smooth_step(draw.waves(3.4, 1 / 10, 1 / 2), -0.5, 1.0)
+    pressed = np.exp(-((edge / 0.10) ** 2)) * fields.smooth_step(draw.waves(3.4, 1 / 10, 1 / 2), -0.5, 1.0)
     blocks = np.maximum(_boulders(draw, 56, 0.75), 0.7 * _boulders(draw, 100, 0.7))
     dunes = np.maximum(draw.waves(3.4, 1 / 60, 1 / 6, 3.5, 0.2), -0.4)
     fine = draw.waves(2.8, 1 / 250, 1 / 30, 3.0, 0.2)
     snow = fields.smooth_step(dunes, -0.35, 0.5)
-    height = (level + 0.09 * dunes + 0.008 * fine + pressed * (0.55 + w * 1.3 * blocks)
-              + 0.05 * draw.waves(4.0, 1 / 8, 1.0))
+    height = (
+        level + 0.09 * dunes + 0.008 * fine + pressed * (0.55 + w * 1.3 * blocks) + 0.05 * draw.waves(4.0, 1 / 8, 1.0)
+    )
     pond = fields.smooth_step(-draw.waves(3.6, 1 / 16, 1 / 3), 0.9, 1.3) * (1.0 - pressed)
     grey = mix(ice_albedo(draw.even(0.015)), ice_albedo(draw.even(0.002)) * 0.6, pond)
     colour = mix(grey, snow_albedo(draw.even(0.0004)), snow * (1.0 - pond))
@@ -341,8 +356,9 @@ def _matanuska_c1(draw: Draw, item: MeshItem) -> _Ground:
     cracks = draw.lines(4, 0.7, 9.0, 0.4, 1)
     there = draw.waves(3.2, 1 / 20, 1 / 2)
     stones = np.maximum(_boulders(draw, 14, 0.16, there), 0.9 * _boulders(draw, 34, 0.16, there))
-    height = (0.5 * draw.waves(4.4, 1 / 6, 1.0) + 0.02 * layer + 0.02 * crust
-              - 0.4 * fields.blur(cracks, 1.5) + w * stones)
+    height = (
+        0.5 * draw.waves(4.4, 1 / 6, 1.0) + 0.02 * layer + 0.02 * crust - 0.4 * fields.blur(cracks, 1.5) + w * stones
+    )
     grit = np.clip(fields.smooth_step(layer + 0.4 * draw.waves(1.6, 1 / 300, 1 / 30), 0.7, 1.9), 0, 0.9)
     ice = mix(ice_albedo(0.03 * np.exp(0.5 * crust)), _even(1.4 * DIRT, n), np.maximum(grit, 0.06))
     rock = fields.smooth_step(stones * w, 0.0, 0.02)
@@ -378,8 +394,7 @@ def _gaea(draw: Draw, height: np.ndarray, rock: np.ndarray) -> _Ground:
 
 def _gaea_ridgy(draw: Draw, item: MeshItem) -> _Ground:
     n = draw.n
-    ridges = sum(0.4**k * (1.0 - np.abs(draw.waves(5.0, 1 / (6 * 2**k), 1 / (2 * 2**k), 1.7, 0.8)))
-                 for k in range(4))
+    ridges = sum(0.4**k * (1.0 - np.abs(draw.waves(5.0, 1 / (6 * 2**k), 1 / (2 * 2**k), 1.7, 0.8))) for k in range(4))
     fine = draw.waves(2.8, 1 / 200, 1 / 24)
     height = 1.2 * np.asarray(ridges) + 0.012 * fine
     return _gaea(draw, height, fields.smooth_step(np.hypot(*fields.gradients(height * n / item.size_m)), 0.5, 0.9))
@@ -412,8 +427,9 @@ def _matanuska_playground(draw: Draw, item: MeshItem) -> _Ground:
     pots = draw.discs(60, 6.0, 30.0)
     crust = draw.waves(2.9, 1 / 250, 1 / 14)
     layer = draw.waves(2.8, 1 / 120, 1 / 5, 6.0, 1.4)
-    height = (0.7 * draw.waves(4.4, 1 / 6, 1.0) + 0.03 * crust + 0.03 * layer
-              - 0.6 * channel - 0.25 * fields.blur(pots, 3.0))
+    height = (
+        0.7 * draw.waves(4.4, 1 / 6, 1.0) + 0.03 * crust + 0.03 * layer - 0.6 * channel - 0.25 * fields.blur(pots, 3.0)
+    )
     blue = np.clip(channel + pots, 0.0, 1.0)
     ice = mix(ice_albedo(0.04 * np.exp(0.4 * crust)), ice_albedo(draw.even(0.004)), blue)
     dust = np.clip(0.10 + 0.14 * layer, 0, 0.6) * (1 - blue)
@@ -421,6 +437,15 @@ def _matanuska_playground(draw: Draw, item: MeshItem) -> _Ground:
 
 
 _RECIPES: dict[str, Callable[[Draw, MeshItem], _Ground]] = {
-    "ATHABASCA": _athabasca, "GLACIER_42M": _glacier_42m, "BLOODFALLS": _bloodfalls, "SEAICE1": _seaice,
-    "MATANUSKA_A1": _matanuska_a1, "MATANUSKA_C1": _matanuska_c1, "SVALBARD1": _svalbard, "GAEA_RIDGY": _gaea_ridgy,
-    "GAEA_ROCKY_PERLIN": _gaea_rocky_perlin, "GAEA_ROCKY": _gaea_rocky, "MATANUSKA_PLAYGROUND": _matanuska_playground}
+    "ATHABASCA": _athabasca,
+    "GLACIER_42M": _glacier_42m,
+    "BLOODFALLS": _bloodfalls,
+    "SEAICE1": _seaice,
+    "MATANUSKA_A1": _matanuska_a1,
+    "MATANUSKA_C1": _matanuska_c1,
+    "SVALBARD1": _svalbard,
+    "GAEA_RIDGY": _gaea_ridgy,
+    "GAEA_ROCKY_PERLIN": _gaea_rocky_perlin,
+    "GAEA_ROCKY": _gaea_rocky,
+    "MATANUSKA_PLAYGROUND": _matanuska_playground,
+}

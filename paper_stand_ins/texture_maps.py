@@ -71,8 +71,13 @@ def make_maps(key: str, seed: int = SEED, size: int = PIXELS) -> Maps:
     if made.glint is not None:
         picture = picture + made.glint[..., None]
     transmission = made.transmission if "transmission" in item.kinds else None
-    return Maps(_with_mean(picture, item.mean), np.clip(made.roughness, 0.05, 1.0), height_m, fields.normals(relief),
-                None if transmission is None else np.clip(transmission, 0.0, 1.0))
+    return Maps(
+        _with_mean(picture, item.mean),
+        np.clip(made.roughness, 0.05, 1.0),
+        height_m,
+        fields.normals(relief),
+        None if transmission is None else np.clip(transmission, 0.0, 1.0),
+    )
 
 
 def _with_mean(picture: np.ndarray, mean: float) -> np.ndarray:
@@ -93,11 +98,9 @@ def _grain(draw: Draw, longest: float = 1 / 40) -> np.ndarray:
     return draw.waves(1.0, 2.5 / n, longest)
 
 
-def _bent(draw: Draw, cells: float, longest: float = 0.5,
-          shortest: float = 1 / 16) -> tuple[np.ndarray, np.ndarray]:
+def _bent(draw: Draw, cells: float, longest: float = 0.5, shortest: float = 1 / 16) -> tuple[np.ndarray, np.ndarray]:
     """A smooth random shift (rows, columns) of ``cells`` cells."""
-    return (cells * draw.waves(5.0, shortest, longest),
-            cells * draw.waves(5.0, shortest, longest))
+    return (cells * draw.waves(5.0, shortest, longest), cells * draw.waves(5.0, shortest, longest))
 
 
 def _snow_crystals(draw: Draw, item: TextureItem) -> _Made:
@@ -110,8 +113,14 @@ def _snow_crystals(draw: Draw, item: TextureItem) -> _Made:
     # A facet mirrors the Sun where it is tilted right: some crystals in a hundred are bright as a whole.
     glint = 1.1 * np.exp(-((x + 0.42) ** 2 + (y - 0.15) ** 2) / 0.006)
     tone = snow_albedo(0.0004 * np.exp(0.4 * draw.waves(2.0, 1 / 64, 1 / 3)))
-    return _Made(height, tone, 0.45 - 0.12 * np.clip(plates, 0, 1), sun_deg=(160.0, 38.0),
-                 glint=fields.blur(glint, 0.8), scatter_m=0.0006)
+    return _Made(
+        height,
+        tone,
+        0.45 - 0.12 * np.clip(plates, 0, 1),
+        sun_deg=(160.0, 38.0),
+        glint=fields.blur(glint, 0.8),
+        scatter_m=0.0006,
+    )
 
 
 def _hoar_frost(draw: Draw, item: TextureItem) -> _Made:
@@ -122,16 +131,17 @@ def _hoar_frost(draw: Draw, item: TextureItem) -> _Made:
     turn, place = 2 * math.pi * draw.random.random(across**2)[cells.number], draw.random.random(across**2)[cells.number]
     x, y = cells.x / across, cells.y / across
     spread = 0.085
-    quill = np.abs(((np.cos(turn) * y - np.sin(turn) * x) / spread + place
-                    + 0.05 * draw.waves(3.0, 1 / 60, 1 / 8)) % 1.0 - 0.5)
+    quill = np.abs(
+        ((np.cos(turn) * y - np.sin(turn) * x) / spread + place + 0.05 * draw.waves(3.0, 1 / 60, 1 / 8)) % 1.0 - 0.5
+    )
     along = np.cos(turn) * x + np.sin(turn) * y
     barb = (along + 1.1 * spread * quill) / 0.0125 + 0.18 * draw.waves(2.4, 6 / n, 1 / 20)
     blades = (0.5 + 0.5 * np.cos(2 * math.pi * barb)) ** 1.5 * fields.smooth_step(
-        draw.waves(2.0, 8 / n, 1 / 16), -1.4, 0.6)
+        draw.waves(2.0, 8 / n, 1 / 16), -1.4, 0.6
+    )
     stem, tip = 1.0 - fields.smooth_step(quill, 0.0, 0.06), 1.0 - fields.smooth_step(quill, 0.28, 0.5)
     body = np.maximum(0.8 * blades * (0.25 + 0.75 * tip), stem)
-    height = (0.0019 * body + 0.0016 * tip + 0.004 * draw.waves(3.8, 1 / 12, 1 / 2)
-              + 0.00005 * _grain(draw))
+    height = 0.0019 * body + 0.0016 * tip + 0.004 * draw.waves(3.8, 1 / 12, 1 / 2) + 0.00005 * _grain(draw)
     thick = fields.smooth_step(0.9 * body + 0.6 * tip + 0.5 * draw.waves(3.2, 1 / 30, 1 / 2), -0.3, 1.2)
     colour = mix(0.7 * ice_albedo(draw.even(0.006)), snow_albedo(draw.even(0.0002)), thick)
     return _Made(fields.blur(height, 0.8), colour, 0.75 - 0.2 * body, sun_deg=(35.0, 34.0), scatter_m=0.001)
@@ -147,8 +157,7 @@ def _snow_drift(draw: Draw, item: TextureItem) -> _Made:
     strength = fields.smooth_step(draw.waves(3.6, 1 / 6, 1 / 2), -1.4, 1.0)
     fine = draw.waves(2.6, 4 / n, 1 / 30, 3.0, math.pi / 2)
     height = 0.07 * drift + 0.016 * strength * fields.blur(ripple, 4.0) + 0.0008 * fine + 0.0003 * _grain(draw)
-    return _Made(height, snow_albedo(draw.even(0.0002)), draw.even(0.7), sun_deg=(180.0, 22.0),
-                 scatter_m=0.006)
+    return _Made(height, snow_albedo(draw.even(0.0002)), draw.even(0.7), sun_deg=(180.0, 22.0), scatter_m=0.006)
 
 
 def _crusted_snow(draw: Draw, item: TextureItem) -> _Made:
@@ -157,15 +166,18 @@ def _crusted_snow(draw: Draw, item: TextureItem) -> _Made:
     cells = draw.cells(7, _bent(draw, 0.22))
     first, second, number = cells.first, cells.second, cells.number
     level = draw.random.random(49)[number]
-    lumps = draw.waves(2.6, 5 / n, 1 / 20) + 0.5 * fields.normalise(
-        draw.facets(40, 0.6).clip(-0.2))
+    lumps = draw.waves(2.6, 5 / n, 1 / 20) + 0.5 * fields.normalise(draw.facets(40, 0.6).clip(-0.2))
     ragged = 0.10 * draw.waves(2.6, 5 / n, 1 / 8)
     plate = fields.smooth_step(level + ragged, 0.40, 0.43)
     crack = fields.smooth_step(second - first + 0.25 * ragged, 0.0, 0.06)
     crust = 0.005 + 0.010 * level + 0.0022 * draw.waves(3.6, 1 / 40, 1 / 4)
     whole = plate * crack
-    height = (whole * crust + (1 - whole) * 0.0028 * fields.normalise(lumps)
-              + 0.014 * draw.waves(4.4, 1 / 8, 1.0) + 0.00022 * _grain(draw))
+    height = (
+        whole * crust
+        + (1 - whole) * 0.0028 * fields.normalise(lumps)
+        + 0.014 * draw.waves(4.4, 1 / 8, 1.0)
+        + 0.00022 * _grain(draw)
+    )
     tone = snow_albedo(np.where(whole > 0.5, 0.0003, 0.0008))
     return _Made(fields.blur(height, 1.0), tone, 0.7 - 0.25 * whole, sun_deg=(120.0, 28.0), scatter_m=0.005)
 
@@ -184,12 +196,14 @@ def _cracked_ice(draw: Draw, item: TextureItem) -> _Made:
     share = 0.0012 * np.exp(0.55 * draw.waves(3.6, 1 / 30, 1.0))
     streaks = draw.waves(2.2, 4 / n, 1 / 4, 3.0, 0.4)
     dust = fields.smooth_step(streaks, 0.9, 2.4) * (0.6 + 0.4 * fields.smooth_step(_grain(draw), -1, 1))
-    white = np.clip(0.9 * lines + 0.28 * sheet * (0.7 + 0.3 * fields.smooth_step(streaks, -1, 1)) + 0.5 * bubbles
-                    + 0.75 * dust, 0.0, 1.0)
+    white = np.clip(
+        0.9 * lines + 0.28 * sheet * (0.7 + 0.3 * fields.smooth_step(streaks, -1, 1)) + 0.5 * bubbles + 0.75 * dust,
+        0.0,
+        1.0,
+    )
     height = -0.0012 * lines + 0.0012 * draw.waves(4.4, 1 / 20, 1.0) + 0.0006 * dust
     dark = 0.45 * ice_albedo(share) + 0.02  # clear ice over dark water
-    return _Made(height, mix(dark, snow_albedo(draw.even(0.0003)), white), 0.12 + 0.4 * white,
-                 sun_deg=(60.0, 45.0))
+    return _Made(height, mix(dark, snow_albedo(draw.even(0.0003)), white), 0.12 + 0.4 * white, sun_deg=(60.0, 45.0))
 
 
 def _powder_snow(draw: Draw, item: TextureItem) -> _Made:
@@ -198,10 +212,10 @@ def _powder_snow(draw: Draw, item: TextureItem) -> _Made:
     swells = draw.waves(4.4, 1 / 40, 1.0)
     clots = np.maximum(draw.waves(3.0, 6 / n, 1 / 40), 0.0)
     scattered = fields.smooth_step(draw.waves(3.2, 1 / 20, 1 / 3), -0.2, 1.8)
-    height = (0.016 * swells + 0.0008 * draw.waves(3.0, 4 / n, 1 / 16)
-              + 0.0016 * clots * scattered + 0.00016 * _grain(draw))
-    return _Made(height, snow_albedo(draw.even(0.0001)), draw.even(0.85), sun_deg=(140.0, 26.0),
-                 scatter_m=0.004)
+    height = (
+        0.016 * swells + 0.0008 * draw.waves(3.0, 4 / n, 1 / 16) + 0.0016 * clots * scattered + 0.00016 * _grain(draw)
+    )
+    return _Made(height, snow_albedo(draw.even(0.0001)), draw.even(0.85), sun_deg=(140.0, 26.0), scatter_m=0.004)
 
 
 def _ground_snow(draw: Draw, item: TextureItem) -> _Made:
@@ -216,8 +230,12 @@ def _ground_snow(draw: Draw, item: TextureItem) -> _Made:
     snow = fields.smooth_step(cover - soil, -0.0015, 0.0015)
     height = np.maximum(soil, cover + 0.0006 * draw.waves(2.4, 4 / n, 1 / 30))
     tint = np.exp(0.35 * draw.waves(1.6, 3 / n, 1 / 8) + 0.6 * (draw.random.random(576)[number] - 0.5))
-    return _Made(fields.blur(height, 0.7), mix(1.6 * DIRT * tint[..., None], snow_albedo(draw.even(0.0003)),
-                                                  snow), 0.85 - 0.2 * snow, 0.25 * snow)
+    return _Made(
+        fields.blur(height, 0.7),
+        mix(1.6 * DIRT * tint[..., None], snow_albedo(draw.even(0.0003)), snow),
+        0.85 - 0.2 * snow,
+        0.25 * snow,
+    )
 
 
 def _lumpy_snow(draw: Draw, item: TextureItem) -> _Made:
@@ -242,8 +260,9 @@ def _firn(draw: Draw, item: TextureItem) -> _Made:
     small = cells.first
     grains = np.sqrt(np.clip(0.6 - first**2, 0.0, 1.0)) * (0.6 + 0.6 * draw.random.random(4096)[number])
     pits = fields.smooth_step(draw.waves(3.4, 1 / 24, 1 / 5), 0.7, 2.4)
-    height = (0.0026 * grains * (1.0 - 0.5 * pits) - 0.0006 * small - 0.011 * pits
-              + 0.006 * draw.waves(3.4, 1 / 24, 1 / 2))
+    height = (
+        0.0026 * grains * (1.0 - 0.5 * pits) - 0.0006 * small - 0.011 * pits + 0.006 * draw.waves(3.4, 1 / 24, 1 / 2)
+    )
     radius = 0.0012 * np.exp(0.5 * (draw.random.random(4096)[number] - 0.5))
     wet = fields.smooth_step(second - first, 0.0, 0.2)
     return _Made(fields.blur(height, 1.0), snow_albedo(radius) * (0.88 + 0.12 * wet)[..., None], 0.5 - 0.2 * wet)
@@ -260,9 +279,14 @@ def _glacier_ice(draw: Draw, item: TextureItem) -> _Made:
     band = fields.smooth_step(foliation, -0.4, 1.6)
     cells = draw.cells(6, _bent(draw, 0.2), 0.2)
     scallop = cells.first
-    height = (0.05 * np.minimum(scallop, 0.9) ** 2 + 0.0016 * edge + 0.0012 * fields.blur(healed, 1.0)
-              + 0.008 * draw.waves(3.8, 1 / 30, 1 / 2) + 0.0012 * foliation
-              + 0.0007 * draw.waves(2.6, 5 / n, 1 / 20))
+    height = (
+        0.05 * np.minimum(scallop, 0.9) ** 2
+        + 0.0016 * edge
+        + 0.0012 * fields.blur(healed, 1.0)
+        + 0.008 * draw.waves(3.8, 1 / 30, 1 / 2)
+        + 0.0012 * foliation
+        + 0.0007 * draw.waves(2.6, 5 / n, 1 / 20)
+    )
     share = 0.004 * np.exp(0.5 * (draw.random.random(225)[number] - 0.5)) + 0.03 * band**2
     white = np.clip(0.8 * healed + 0.3 * (1 - edge) * (0.4 + band) + 0.18 * band, 0.0, 1.0)
     colour = mix(ice_albedo(share), snow_albedo(draw.even(0.0005)), white)
@@ -275,8 +299,7 @@ def _glacier_ice(draw: Draw, item: TextureItem) -> _Made:
 def _mixed_snow(draw: Draw, item: TextureItem) -> _Made:
     n = draw.n
     # Snow with chips of ice and grit in it, as where it was dug or has fallen off a wall.
-    height = (0.022 * draw.waves(4.0, 1 / 30, 1.0) + 0.0012 * draw.waves(2.8, 5 / n, 1 / 12)
-              + 0.0003 * _grain(draw))
+    height = 0.022 * draw.waves(4.0, 1 / 30, 1.0) + 0.0012 * draw.waves(2.8, 5 / n, 1 / 12) + 0.0003 * _grain(draw)
     colour, rough, clear = snow_albedo(draw.even(0.0004)), draw.even(0.8), draw.even(0.1)
     there = draw.waves(3.0, 1 / 16, 1 / 2)
     for across, kept in ((11, 0.30), (24, 0.28), (50, 0.2)):
@@ -298,9 +321,14 @@ def _mixed_snow(draw: Draw, item: TextureItem) -> _Made:
         colour = mix(colour, ice_albedo(share), 0.8 * shown)
         rough, clear = rough - 0.5 * shown * rough, np.maximum(clear, 0.6 * shown)
     grit = fields.smooth_step(draw.waves(1.0, 4 / n, 1 / 90), 2.2, 2.8) * fields.smooth_step(
-        draw.waves(3.0, 1 / 20, 1 / 2), -0.5, 1.0)
-    return _Made(fields.blur(height, 0.7) + 0.0005 * grit,
-                 mix(colour, np.broadcast_to(1.3 * DIRT, colour.shape), 0.85 * grit), rough, clear)
+        draw.waves(3.0, 1 / 20, 1 / 2), -0.5, 1.0
+    )
+    return _Made(
+        fields.blur(height, 0.7) + 0.0005 * grit,
+        mix(colour, np.broadcast_to(1.3 * DIRT, colour.shape), 0.85 * grit),
+        rough,
+        clear,
+    )
 
 
 def _settled_snow(draw: Draw, item: TextureItem) -> _Made:
@@ -308,8 +336,12 @@ def _settled_snow(draw: Draw, item: TextureItem) -> _Made:
     # Windless settled snow: one smooth surface, dimpled where it sank.
     cells = draw.cells(5, _bent(draw, 0.2))
     dimple = cells.first
-    height = (0.022 * draw.waves(4.6, 1 / 20, 1.0) + 0.020 * np.minimum(dimple, 0.8) ** 2
-              + 0.0005 * draw.waves(3.4, 6 / n, 1 / 16) + 0.00006 * _grain(draw))
+    height = (
+        0.022 * draw.waves(4.6, 1 / 20, 1.0)
+        + 0.020 * np.minimum(dimple, 0.8) ** 2
+        + 0.0005 * draw.waves(3.4, 6 / n, 1 / 16)
+        + 0.00006 * _grain(draw)
+    )
     return _Made(height, snow_albedo(draw.even(0.0002)), draw.even(0.8), draw.even(0.3))
 
 
@@ -319,8 +351,12 @@ def _suncups(draw: Draw, item: TextureItem) -> _Made:
     cells = draw.cells(8, _bent(draw, 0.1), 0.3)
     first, second, number = cells.first, cells.second, cells.number
     depth = 0.15 + 0.09 * draw.random.random(64)[number]
-    height = (fields.blur(np.minimum(first, 0.85) ** 2 * depth, 3.0) + 0.006 * draw.waves(4.0, 1 / 24, 1 / 4)
-              + 0.0008 * draw.waves(3.0, 5 / n, 1 / 24) + 0.00015 * _grain(draw))
+    height = (
+        fields.blur(np.minimum(first, 0.85) ** 2 * depth, 3.0)
+        + 0.006 * draw.waves(4.0, 1 / 24, 1 / 4)
+        + 0.0008 * draw.waves(3.0, 5 / n, 1 / 24)
+        + 0.00015 * _grain(draw)
+    )
     rim = 1.0 - fields.smooth_step(second - first, 0.0, 0.16)
     dust = rim * fields.smooth_step(draw.waves(2.0, 4 / n, 1 / 12), -0.6, 1.6)
     colour = mix(snow_albedo(draw.even(0.0007)), np.broadcast_to(3.5 * DIRT, (n, n, 3)), 0.12 * dust)
@@ -338,12 +374,22 @@ def _sastrugi(draw: Draw, item: TextureItem) -> _Made:
         edge = fields.warp(shape + 0.12 * fine, 0.0 * shape, 4.0 * fine)
         layers += (1.0 + 0.3 * (k % 2)) * fields.smooth_step(edge, threshold, threshold + 0.6)
     height = 0.016 * layers + 0.020 * shape + 0.0008 * fine + 0.0002 * _grain(draw)
-    return _Made(fields.blur(height, 1.2), snow_albedo(draw.even(0.0002)), draw.even(0.72),
-                 draw.even(0.2))
+    return _Made(fields.blur(height, 1.2), snow_albedo(draw.even(0.0002)), draw.even(0.72), draw.even(0.2))
 
 
 _RECIPES: dict[str, Callable[[Draw, TextureItem], _Made]] = {
-    "SNOW_CRYSTALS": _snow_crystals, "HOAR_FROST": _hoar_frost, "SNOW_DRIFT": _snow_drift,
-    "CRUSTED_SNOW": _crusted_snow, "CRACKED_ICE": _cracked_ice, "POWDER_SNOW": _powder_snow,
-    "GROUND_SNOW": _ground_snow, "LUMPY_SNOW": _lumpy_snow, "FIRN": _firn, "GLACIER_ICE": _glacier_ice,
-    "MIXED_SNOW": _mixed_snow, "SETTLED_SNOW": _settled_snow, "SUNCUPS": _suncups, "SASTRUGI": _sastrugi}
+    "SNOW_CRYSTALS": _snow_crystals,
+    "HOAR_FROST": _hoar_frost,
+    "SNOW_DRIFT": _snow_drift,
+    "CRUSTED_SNOW": _crusted_snow,
+    "CRACKED_ICE": _cracked_ice,
+    "POWDER_SNOW": _powder_snow,
+    "GROUND_SNOW": _ground_snow,
+    "LUMPY_SNOW": _lumpy_snow,
+    "FIRN": _firn,
+    "GLACIER_ICE": _glacier_ice,
+    "MIXED_SNOW": _mixed_snow,
+    "SETTLED_SNOW": _settled_snow,
+    "SUNCUPS": _suncups,
+    "SASTRUGI": _sastrugi,
+}

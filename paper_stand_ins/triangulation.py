@@ -12,8 +12,9 @@ import numpy as np
 _ROUNDS = 80  # of flips; the triangles that could still be better are harmless
 
 
-def triangulate(random: np.random.Generator, heights: np.ndarray, triangles: int,
-                flat: float) -> tuple[np.ndarray, np.ndarray]:
+def triangulate(
+    random: np.random.Generator, heights: np.ndarray, triangles: int, flat: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Places (k, 2) of vertices in pixels (column, row) and faces (m, 3), counter-clockwise, of about ``triangles``.
 
     ``heights`` is (2^j + 1, 2^j + 1) in pixels. ``flat`` is by what share of its edge a flat triangle counts as missing
@@ -137,7 +138,10 @@ def _flipped(random: np.random.Generator, places: np.ndarray, faces: np.ndarray)
 def _is_within_circle(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Whether ``d`` lies within the circle through a, b and c, which are counter-clockwise; beyond rounding."""
     (ax, ay), (bx, by), (cx, cy) = ((p - d).T for p in (a, b, c))
-    determinant = ((ax * ax + ay * ay) * (bx * cy - cx * by) - (bx * bx + by * by) * (ax * cy - cx * ay)
-                   + (cx * cx + cy * cy) * (ax * by - bx * ay))
+    determinant = (
+        (ax * ax + ay * ay) * (bx * cy - cx * by)
+        - (bx * bx + by * by) * (ax * cy - cx * ay)
+        + (cx * cx + cy * cy) * (ax * by - bx * ay)
+    )
     scale = np.maximum(np.abs(a - d).max(axis=1), np.abs(b - d).max(axis=1)) ** 4
     return np.asarray(determinant > 1e-9 * scale)

@@ -65,7 +65,7 @@ def find_reasons(settings: Settings) -> list[Reason]:
     said = reasons_of_settings(settings)
     if settings.source.kind == "PROCEDURAL":
         try:
-            found, = reasons_of_eyes(make_rocky_ground(settings), [settings.rig])
+            (found,) = reasons_of_eyes(make_rocky_ground(settings), [settings.rig])
         except IcyMoonError as error:
             found = Reason(str(error))
         said += [found] if found and found.names != OUTSIDE and found not in said else []
@@ -80,9 +80,14 @@ def refuse(settings: Settings) -> None:
 
 def reasons_of_settings(settings: Settings) -> list[Reason]:
     """The reasons that are found without making the ground."""
-    return [*_ice_reasons(settings), *_rock_reasons(settings), *_sky_reasons(settings), *_lamp_reasons(settings),
-            *lander_reasons(settings),
-            *(Reason(text, "excavation.path") for text in excavation.find_reasons(settings))]
+    return [
+        *_ice_reasons(settings),
+        *_rock_reasons(settings),
+        *_sky_reasons(settings),
+        *_lamp_reasons(settings),
+        *lander_reasons(settings),
+        *(Reason(text, "excavation.path") for text in excavation.find_reasons(settings)),
+    ]
 
 
 def scene_advice(settings: Settings) -> list[str]:
@@ -90,8 +95,10 @@ def scene_advice(settings: Settings) -> list[str]:
     rig, patch = settings.rig, settings.terrain
     said = centre_advice(rig)
     if not math.isfinite(ground_row(rig, float(rig.height_px)).depth_m):
-        said.append("The whole image is above the horizon and shows only sky where the ground is level; raise "
-                    f"rig.pitch_deg ({rig.pitch_deg:g}°).")
+        said.append(
+            "The whole image is above the horizon and shows only sky where the ground is level; raise "
+            f"rig.pitch_deg ({rig.pitch_deg:g}°)."
+        )
     if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRID":
         said += coarse_advice(rig, patch.size_m / (patch.resolution - 1))
     said += bake_advice(settings)
@@ -135,11 +142,17 @@ def _ice_reasons(settings: Settings) -> Iterator[Reason]:
     gain = _excess_light(replace(parameters, theta_bar=max(float(parameters.theta_bar) - varies, 0.0)))
     if gain is not None:
         share, incidence, w = gain
-        others = [f" or hapke.{key} ({hapke[key]:g})" for key, width in (
-            ("filling_factor", 1.0), ("b_s0", hapke.h_s), ("b_c0", hapke.h_c)) if hapke[key] > 0 and width > 0.05]
-        yield Reason(f"Hapke: level ice would return {share:.3g} times the sunlight that it gets from {incidence:.0f}° "
-                     f"off the zenith, with hapke.w {hapke.w:g}; lower hapke.w to {w:g}{''.join(others)}.",
-                     "hapke.filling_factor", "hapke.w")
+        others = [
+            f" or hapke.{key} ({hapke[key]:g})"
+            for key, width in (("filling_factor", 1.0), ("b_s0", hapke.h_s), ("b_c0", hapke.h_c))
+            if hapke[key] > 0 and width > 0.05
+        ]
+        yield Reason(
+            f"Hapke: level ice would return {share:.3g} times the sunlight that it gets from {incidence:.0f}° "
+            f"off the zenith, with hapke.w {hapke.w:g}; lower hapke.w to {w:g}{''.join(others)}.",
+            "hapke.filling_factor",
+            "hapke.w",
+        )
 
 
 def _rock_reasons(settings: Settings) -> Iterator[Reason]:
@@ -160,7 +173,8 @@ def refuse_no_rocks(rocks: RocksSettings, size_m: float, size_is: str) -> None:
         raise IcyMoonError(
             f"rocks.coverage is {rocks.coverage:g}, but a ground of {size_m:g} m ({size_is}) then has "
             f"{number:.2g} rocks of {rocks.smallest_m:g} m (rocks.smallest_m) to {rocks.largest_m:g} m "
-            "(rocks.largest_m), so none; make the rocks smaller or the ground larger, or set rocks.coverage to 0.")
+            "(rocks.largest_m), so none; make the rocks smaller or the ground larger, or set rocks.coverage to 0."
+        )
 
 
 def _sky_reasons(settings: Settings) -> Iterator[Reason]:
@@ -178,21 +192,32 @@ def _lamp_reasons(settings: Settings) -> Iterator[Reason]:
     if light.sun_distance_m <= 0:
         return
     if light.directions_from != "ANGLES" or light.planet:
-        yield Reason(f"{key} ({light.sun_distance_m:g} m) puts a lamp in place of the Sun, without a date or a planet; "
-                     "set light.directions_from to ANGLES and light.planet to false, or the distance to 0.",
-                     key, "light.directions_from", "light.planet")
+        yield Reason(
+            f"{key} ({light.sun_distance_m:g} m) puts a lamp in place of the Sun, without a date or a planet; "
+            "set light.directions_from to ANGLES and light.planet to false, or the distance to 0.",
+            key,
+            "light.directions_from",
+            "light.planet",
+        )
     models = {settings[topic]["model"] for topic in surface_topics(settings)}
     backend = settings.hapke.backend
     if ("HAPKE" in models and backend != "NODES") or ("SNOW" in models and backend == "OSL"):
-        yield Reason(f"{key} ({light.sun_distance_m:g} m): a law in OSL knows only a Sun that is far away; set "
-                     "hapke.backend to NODES.", key, "hapke.backend")
+        yield Reason(
+            f"{key} ({light.sun_distance_m:g} m): a law in OSL knows only a Sun that is far away; set "
+            "hapke.backend to NODES.",
+            key,
+            "hapke.backend",
+        )
 
 
 def _own_limit(joint: Joint, value: float) -> Reason:
     unit, scale = (" m", 1.0) if joint.slides else ("°", 180.0 / math.pi)
     low, high, there = (f"{scale * each:.4g}{unit}" for each in (joint.low, joint.high, value))
-    return Reason(f"lander.joints puts the joint {joint.name} at {there}, but its limits in the URDF are {low} to "
-                  f"{high}; change lander.joints.", "lander.joints")
+    return Reason(
+        f"lander.joints puts the joint {joint.name} at {there}, but its limits in the URDF are {low} to "
+        f"{high}; change lander.joints.",
+        "lander.joints",
+    )
 
 
 def lander_reasons(settings: Settings) -> Iterator[Reason]:
@@ -210,15 +235,21 @@ def lander_reasons(settings: Settings) -> Iterator[Reason]:
             yield _own_limit(arm.joints[k], float(joints[k]))
             continue
         low, high = settings.arm[f"{name}_low_deg"], settings.arm[f"{name}_high_deg"]
-        yield Reason(f"arm.{name}_deg puts the joint {name} at {math.degrees(joints[k]):.4g}°, fault included, but its "
-                     f"limits are {low:g}° to {high:g}°; turn it back, or change arm.{name}_low_deg or "
-                     f"arm.{name}_high_deg.",
-                     *(f"arm.{name}_{key}" for key in ("deg", "offset_deg", "low_deg", "high_deg")))
+        yield Reason(
+            f"arm.{name}_deg puts the joint {name} at {math.degrees(joints[k]):.4g}°, fault included, but its "
+            f"limits are {low:g}° to {high:g}°; turn it back, or change arm.{name}_low_deg or "
+            f"arm.{name}_high_deg.",
+            *(f"arm.{name}_{key}" for key in ("deg", "offset_deg", "low_deg", "high_deg")),
+        )
     right = camera_axes(rig.heading_deg, rig.pitch_deg)[:, 0]
     for eye, aside in (("left", 0.0), ("right", float(rig.baseline_m))):
         if link := find_link_around(arm, joints, np.array([rig.x_m, rig.y_m, rig.height_m]) + aside * right):
-            yield Reason(f"The {eye} eye is inside the arm's {link.replace('_', ' ')}; turn the joints of the topic "
-                         "arm, or change rig.height_m.", *(f"arm.{name}_deg" for name in JOINTS), "rig.height_m")
+            yield Reason(
+                f"The {eye} eye is inside the arm's {link.replace('_', ' ')}; turn the joints of the topic "
+                "arm, or change rig.height_m.",
+                *(f"arm.{name}_deg" for name in JOINTS),
+                "rig.height_m",
+            )
 
 
 def reasons_of_eyes(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[Reason | None]:
@@ -226,17 +257,21 @@ def reasons_of_eyes(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[Re
 
     Raises IcyMoonError if the settings of ground or rocks contradict each other.
     """
-    columns = (np.array([rig[key] for rig in rigs], float)
-               for key in ("x_m", "y_m", "height_m", "heading_deg", "baseline_m"))
+    columns = (
+        np.array([rig[key] for rig in rigs], float) for key in ("x_m", "y_m", "height_m", "heading_deg", "baseline_m")
+    )
     eyes = ground.eyes(*columns)
-    return [_eye_reason(rig, float(above), bool(inside)) for rig, above, inside in
-            zip(rigs, eyes.above_m, eyes.in_rock, strict=True)]
+    return [
+        _eye_reason(rig, float(above), bool(inside))
+        for rig, above, inside in zip(rigs, eyes.above_m, eyes.in_rock, strict=True)
+    ]
 
 
 def _eye_reason(rig: RigSettings, above_m: float, in_rock: bool) -> Reason | None:
     if not math.isfinite(above_m):
-        return Reason(f"{_camera_place(rig)}, stands outside the ground; change rig.x_m, rig.y_m or terrain.size_m.",
-                      *OUTSIDE)
+        return Reason(
+            f"{_camera_place(rig)}, stands outside the ground; change rig.x_m, rig.y_m or terrain.size_m.", *OUTSIDE
+        )
     if above_m < LOWEST_M:
         return Reason(buried_sentence(rig, "right", -above_m), *_POSE)
     return Reason(in_rock_sentence(rig, "right"), *_POSE) if in_rock else None
@@ -250,8 +285,10 @@ def buried_sentence(rig: RigSettings, eye: str, depth_m: float) -> str:
     """The sentence about an eye so far under the ground, or (below 0) less than ``LOWEST_M`` above it."""
     where = f"{depth_m:.3g} m under the ground" if depth_m >= 0 else f"{-depth_m:.2g} m above the ground"
     least = "" if depth_m >= 0 else f", less than {LOWEST_M:g} m"
-    return (f"{_camera_place(rig)}, has its {eye} eye {where}{least}; raise rig.height_m ({rig.height_m:g} m), or "
-            "change the site, rig.heading_deg or rig.baseline_m.")
+    return (
+        f"{_camera_place(rig)}, has its {eye} eye {where}{least}; raise rig.height_m ({rig.height_m:g} m), or "
+        "change the site, rig.heading_deg or rig.baseline_m."
+    )
 
 
 def in_rock_sentence(rig: RigSettings, eye: str) -> str:

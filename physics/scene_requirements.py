@@ -62,14 +62,14 @@ def only_camera_meets_relief(surface: SurfaceSettings, quality: QualitySettings)
     """
     law = surface.model
     return quality.fine_relief == "CAMERA" and (
-        law == "LAMBERT" or (law == "PRINCIPLED" and surface.subsurface_weight == 0))
+        law == "LAMBERT" or (law == "PRINCIPLED" and surface.subsurface_weight == 0)
+    )
 
 
 def relief_of_camera_alone(settings: Settings, topic: str) -> bool:
     """Whether a surface has fine relief, from noise or from images, that only camera rays see."""
     surface = rendered_surface(settings, topic)
-    shaded = (surface.relief != "DISPLACEMENT" and surface.grain_amplitude_m > 0) or (
-        settings.textures.set != "NONE")
+    shaded = (surface.relief != "DISPLACEMENT" and surface.grain_amplitude_m > 0) or (settings.textures.set != "NONE")
     return shaded and only_camera_meets_relief(surface, settings.quality)
 
 
@@ -108,9 +108,11 @@ def bake_advice(settings: Settings) -> list[str]:
     few = settings.quality.bake_samples
     if not can_be_baked(settings) or few >= FEWEST_BAKE_SAMPLES:
         return []
-    return [f"Indirect light is baked with only {few} samples. The noise is fixed to the ground, alike in both eyes, "
-            "so matchers take it for texture and look better than they are; raise quality.bake_samples to "
-            f"{FEWEST_BAKE_SAMPLES} or more."]
+    return [
+        f"Indirect light is baked with only {few} samples. The noise is fixed to the ground, alike in both eyes, "
+        "so matchers take it for texture and look better than they are; raise quality.bake_samples to "
+        f"{FEWEST_BAKE_SAMPLES} or more."
+    ]
 
 
 def images_per_bake(settings: Settings, images: int) -> int:
@@ -125,8 +127,12 @@ def image_quality(settings: Settings) -> QualitySettings:
 
 def direct_quality(quality: QualitySettings) -> QualitySettings:
     """The quality of images of direct light, to which baked light is added."""
-    return quality | {"samples": quality.direct_samples, "denoiser": "NONE", "noise_threshold": 0.0,
-                      "diffuse_bounces": 0}
+    return quality | {
+        "samples": quality.direct_samples,
+        "denoiser": "NONE",
+        "noise_threshold": 0.0,
+        "diffuse_bounces": 0,
+    }
 
 
 def planet_gives_light(settings: Settings, sky: Sky) -> bool:
@@ -143,31 +149,46 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
     for topic in surface_topics(settings):
         length = walk_px(settings, topic)
         if length > 0 and not follows_walk(settings, topic):
-            sentences.append(f"{topic}: no subsurface scattering, because its mean free path of "
-                             f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest "
-                             "pixel, which is below quality.walk_px.")
+            sentences.append(
+                f"{topic}: no subsurface scattering, because its mean free path of "
+                f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest "
+                "pixel, which is below quality.walk_px."
+            )
         if follows_walk(settings, topic) and settings[topic]["subsurface_method"] == "BURLEY":
-            sentences.append(f"{topic}: no light under the surface through edges, because {topic}.subsurface_method is "
-                             "BURLEY.")
-        if topic == "surface" and settings.source.kind != "PROCEDURAL" and settings.surface.relief == "REAL" and (
-                settings.surface.grain_amplitude_m > 0):
+            sentences.append(
+                f"{topic}: no light under the surface through edges, because {topic}.subsurface_method is BURLEY."
+            )
+        if (
+            topic == "surface"
+            and settings.source.kind != "PROCEDURAL"
+            and settings.surface.relief == "REAL"
+            and (settings.surface.grain_amplitude_m > 0)
+        ):
             sentences.append("surface: fine relief is bump, because ground from a file keeps its own vertices.")
         if relief_of_camera_alone(settings, topic):
             sentences.append(f"{topic}: fine relief for camera rays only, because quality.fine_relief is CAMERA.")
     if lets_light_through(settings.surface):
-        sentences.append("surface: light that enters the ground is lost, although surface.transmitted is THROUGH, "
-                         "because the ground has no other side.")
+        sentences.append(
+            "surface: light that enters the ground is lost, although surface.transmitted is THROUGH, "
+            "because the ground has no other side."
+        )
     share = lights["planet"].get("over_sun") if lights["planet"] else None  # None by night too
     if share is not None and (share == 0 or share < settings.light.planet_least):
-        sentences.append("light: no light from the planet, because "
-                         + (f"it is {share:.2g} of the Sun's, which is below light.planet_least." if share > 0 else
-                            "the planet is below the horizon or unlit."))
+        sentences.append(
+            "light: no light from the planet, because "
+            + (
+                f"it is {share:.2g} of the Sun's, which is below light.planet_least."
+                if share > 0
+                else "the planet is below the horizon or unlit."
+            )
+        )
     if settings.quality.indirect == "BAKED" and (why := why_not_baked(settings)):
         sentences.append(traced_sentence(why))
     if settings.quality.half_floats != "NONE":
         what = "radiance" if settings.quality.half_floats == "RADIANCE" else "radiance and normals"
-        sentences.append(f"files: {what} rounded to 11 bits, because quality.half_floats is "
-                         f"{settings.quality.half_floats}.")
+        sentences.append(
+            f"files: {what} rounded to 11 bits, because quality.half_floats is {settings.quality.half_floats}."
+        )
     if settings.quality.truth != "FULL":
         what = "labels" if settings.quality.truth == "DEPTH" else "labels of single rocks and objects"
         sentences.append(f"truth: no normals and no {what}, because quality.truth is {settings.quality.truth}.")

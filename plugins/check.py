@@ -48,11 +48,22 @@ def check_package(plugin: Plugin) -> Iterator[Check]:
     yield first
     if first.fault:
         return
-    yield Check("it does not import Blender",
-                f"{plugin.title} imports bpy, which the Python of the evaluator does not have; leave it out."
-                if "bpy" in sys.modules and not blender_before else "")
-    yield Check("its first line states what it is", "" if summary_of(loaded) else
-                f"{plugin.title} has no docstring; begin it with a line that lists and reports show.")
-    yield Check("its licence is stated", "" if plugin.licence else
-                f"The package {plugin.package} states no licence; add license = \"…\" under [project], or nobody may "
-                "use it.")
+    yield Check(
+        "it does not import Blender",
+        f"{plugin.title} imports bpy, which the Python of the evaluator does not have; leave it out."
+        if "bpy" in sys.modules and not blender_before
+        else "",
+    )
+    yield Check(
+        "its first line states what it is",
+        ""
+        if summary_of(loaded)
+        else f"{plugin.title} has no docstring; begin it with a line that lists and reports show.",
+    )
+    yield Check(
+        "its licence is stated",
+        ""
+        if plugin.licence
+        else f'The package {plugin.package} states no licence; add license = "…" under [project], or nobody may '
+        "use it.",
+    )

@@ -73,14 +73,18 @@ def find(kind: str, ours: Collection[str]) -> Found:
     for name, plugins in sorted(by_name.items()):
         first, *others = sorted(plugins, key=lambda plugin: plugin.release)
         if not NAME.fullmatch(name):
-            refused[name] = (f"{first.title} is refused: a name has small letters, digits and _, begins with a letter "
-                             "and has at most 30 characters; rename its entry point.")
+            refused[name] = (
+                f"{first.title} is refused: a name has small letters, digits and _, begins with a letter "
+                "and has at most 30 characters; rename its entry point."
+            )
         elif name in ours:
-            refused[name] = (f"{first.title} is refused: Icy Moon has a {kind} of this name, which is used; rename "
-                             "the entry point, or uninstall the package.")
+            refused[name] = (
+                f"{first.title} is refused: Icy Moon has a {kind} of this name, which is used; rename "
+                "the entry point, or uninstall the package."
+            )
         elif others:
             packages = " and ".join(plugin.release for plugin in (first, *others))
-            refused[name] = (f"The {kind} {name} is refused: {packages} both add it; uninstall one of them.")
+            refused[name] = f"The {kind} {name} is refused: {packages} both add it; uninstall one of them."
         else:
             usable[name] = first
     return Found(usable, refused)
@@ -99,8 +103,9 @@ def _scan(path: tuple[str, ...]) -> tuple[Plugin, ...]:
                 continue  # without a look at its metadata, which takes a hundred times as long
             name, version = str(package.metadata["Name"]), str(package.version)
             entries = [entry for entry in package.entry_points if entry.group in kinds]
-            licence = next((str(package.metadata[key]) for key in ("License-Expression", "License")
-                            if key in package.metadata), "")
+            licence = next(
+                (str(package.metadata[key]) for key in ("License-Expression", "License") if key in package.metadata), ""
+            )
         except Exception:  # a damaged package of whatever kind is not ours to report
             continue
         key = re.sub(r"[-_.]+", "-", name).lower()
@@ -116,8 +121,10 @@ def load(plugin: Plugin) -> Any:
         loaded = plugin.entry.load()
     stated = getattr(loaded, "ICYMOON_API", None)
     if stated != API:
-        raise IcyMoonError(f"{plugin.title} states ICYMOON_API = {stated}, and this version of Icy Moon has {API}; "
-                           f"write ICYMOON_API = {API} into it, or get another version of one of the two.")
+        raise IcyMoonError(
+            f"{plugin.title} states ICYMOON_API = {stated}, and this version of Icy Moon has {API}; "
+            f"write ICYMOON_API = {API} into it, or get another version of one of the two."
+        )
     return loaded
 
 
@@ -145,8 +152,10 @@ def explained(plugin: Plugin, what: str = "failed", fix: str = "correct it, or l
         raise
     except BaseException as error:
         words = show_controls(" ".join(_words_of(error).split())[:300])
-        raise IcyMoonError(f"{plugin.title} {what} ({type(error).__name__}{': ' if words else ''}{words}"
-                           f"{_place(plugin, error)}); {fix}.") from None
+        raise IcyMoonError(
+            f"{plugin.title} {what} ({type(error).__name__}{': ' if words else ''}{words}"
+            f"{_place(plugin, error)}); {fix}."
+        ) from None
 
 
 def _words_of(error: BaseException) -> str:
@@ -170,8 +179,7 @@ def _place(plugin: Plugin, error: BaseException) -> str:
 def _without_current_folder() -> Iterator[None]:
     """Import as ``python -P`` does: ``python -m`` puts the current folder first, where a data set may lie."""
     first = sys.path[0] if sys.path else None
-    there = (not sys.flags.safe_path and first is not None
-             and os.path.realpath(first or os.curdir) == _STARTED_IN)
+    there = not sys.flags.safe_path and first is not None and os.path.realpath(first or os.curdir) == _STARTED_IN
     if there:
         del sys.path[0]
     try:
@@ -184,7 +192,8 @@ def _without_current_folder() -> Iterator[None]:
 def source_files(loaded: Any) -> list[str]:
     """The Python files of a plug-in: results depend on them, also where its version stays the same."""
     module = sys.modules.get(getattr(loaded, "__name__", ""), None) or sys.modules.get(
-        getattr(loaded, "__module__", ""), None)
+        getattr(loaded, "__module__", ""), None
+    )
     file = getattr(module, "__file__", None)
     if not file:
         return []

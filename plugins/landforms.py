@@ -68,11 +68,15 @@ class PluginLandform:
             found = self.height(x, y, settings)
         if not isinstance(found, np.ndarray) or found.shape != x.shape or found.dtype.kind != "f":
             what = f"{found.dtype} {found.shape}" if isinstance(found, np.ndarray) else type(found).__name__
-            raise IcyMoonError(f"{self.plugin.title} returned {what} for points of the shape {x.shape}; return a float "
-                               "array of heights in metres of the same shape.")
+            raise IcyMoonError(
+                f"{self.plugin.title} returned {what} for points of the shape {x.shape}; return a float "
+                "array of heights in metres of the same shape."
+            )
         if not np.isfinite(found).all():
-            raise IcyMoonError(f"{self.plugin.title} returned {np.count_nonzero(~np.isfinite(found))} heights that are "
-                               "NaN or infinite; return a height in metres for every point.")
+            raise IcyMoonError(
+                f"{self.plugin.title} returned {np.count_nonzero(~np.isfinite(found))} heights that are "
+                "NaN or infinite; return a height in metres for every point."
+            )
         return found.astype(np.float64)
 
     def finest_m(self, settings: Mapping[str, Any]) -> float:
@@ -96,8 +100,10 @@ def missing_landform(topic: str, release: str) -> str:
     if topic in faults:
         return f"{topic} cannot be used: {faults[topic]}"
     package = f", {release}," if release else ""
-    return (f"{topic} is of a plug-in{package} that is not installed in the Python that builds scenes; install its "
-            "package there, or remove the table.")
+    return (
+        f"{topic} is of a plug-in{package} that is not installed in the Python that builds scenes; install its "
+        "package there, or remove the table."
+    )
 
 
 def name_key(name: str) -> int:
@@ -125,17 +131,22 @@ def read_landform(plugin: Plugin) -> PluginLandform:
     height = function_of(plugin, loaded, "height", "x, y, settings")
     stated = getattr(loaded, "SETTINGS", None)
     if not isinstance(stated, Mapping) or not stated:
-        raise IcyMoonError(f"{plugin.title} has no SETTINGS; write SETTINGS = {{\"height_m\": {{\"default\": 0.0, "
-                           "\"minimum\": 0.0, \"maximum\": 10.0, \"label\": \"Height\", \"doc\": \"…\"}}.")
+        raise IcyMoonError(
+            f'{plugin.title} has no SETTINGS; write SETTINGS = {{"height_m": {{"default": 0.0, '
+            '"minimum": 0.0, "maximum": 10.0, "label": "Height", "doc": "…"}}.'
+        )
     numbers = tuple(_read_number(plugin, key, facts) for key, facts in stated.items())
     first = numbers[0]
     if first.default != 0 or first.minimum != 0:
-        raise IcyMoonError(f"{plugin.title}: the first of SETTINGS, {first.key}, is its size, and 0 turns it off; give "
-                           "it the default 0 and the minimum 0.")
+        raise IcyMoonError(
+            f"{plugin.title}: the first of SETTINGS, {first.key}, is its size, and 0 turns it off; give "
+            "it the default 0 and the minimum 0."
+        )
     finest = getattr(loaded, "finest_m", None)
     label = str(getattr(loaded, "LABEL", plugin.name.replace("_", " ").title()))
-    return PluginLandform(plugin, label, summary_of(loaded).rstrip(".") or label, numbers, height,
-                          finest if callable(finest) else None)
+    return PluginLandform(
+        plugin, label, summary_of(loaded).rstrip(".") or label, numbers, height, finest if callable(finest) else None
+    )
 
 
 def _read_number(plugin: Plugin, key: Any, facts: Any) -> Number:
@@ -148,11 +159,16 @@ def _read_number(plugin: Plugin, key: Any, facts: Any) -> Number:
     if missing := [name for name in _STATED if name not in facts]:
         raise IcyMoonError(f"{where} has no {missing[0]}; a setting has {', '.join(_STATED)}.")
     default, low, high = (facts[name] for name in _STATED[:3])
-    numbers = [value for value in (default, low, high) if isinstance(value, (int, float)) and math.isfinite(value)
-               and not isinstance(value, bool)]
+    numbers = [
+        value
+        for value in (default, low, high)
+        if isinstance(value, (int, float)) and math.isfinite(value) and not isinstance(value, bool)
+    ]
     if len(numbers) < 3 or not low <= default <= high or low == high:
-        raise IcyMoonError(f"{where} has the default {default!r} from {low!r} to {high!r}; give three numbers, the "
-                           "default between the others.")
+        raise IcyMoonError(
+            f"{where} has the default {default!r} from {low!r} to {high!r}; give three numbers, the "
+            "default between the others."
+        )
     if not all(isinstance(facts[name], str) and facts[name].strip() for name in ("label", "doc")):
         raise IcyMoonError(f"{where} has an empty label or doc; write what the window shows.")
     return Number(key, default, low, high, facts["label"], facts["doc"].rstrip("."))

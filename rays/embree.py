@@ -38,17 +38,28 @@ Library = ctypes.CDLL
 class _Arguments(ctypes.Structure):
     """RTCIntersectArguments and RTCOccludedArguments, which have the same fields."""
 
-    _fields_ = [("flags", c_uint), ("features", c_uint), ("context", c_void_p), ("filter", c_void_p),
-                ("other", c_void_p), ("width", c_float)]
+    _fields_ = [
+        ("flags", c_uint),
+        ("features", c_uint),
+        ("context", c_void_p),
+        ("filter", c_void_p),
+        ("other", c_void_p),
+        ("width", c_float),
+    ]
 
 
 _CALLS = {
-    "rtcNewDevice": (c_void_p, [c_char_p]), "rtcReleaseDevice": (None, [c_void_p]),
+    "rtcNewDevice": (c_void_p, [c_char_p]),
+    "rtcReleaseDevice": (None, [c_void_p]),
     "rtcGetDeviceError": (c_int, [c_void_p]),
-    "rtcNewScene": (c_void_p, [c_void_p]), "rtcReleaseScene": (None, [c_void_p]),
-    "rtcSetSceneFlags": (None, [c_void_p, c_int]), "rtcCommitScene": (None, [c_void_p]),
-    "rtcNewGeometry": (c_void_p, [c_void_p, c_int]), "rtcReleaseGeometry": (None, [c_void_p]),
-    "rtcCommitGeometry": (None, [c_void_p]), "rtcAttachGeometry": (c_uint, [c_void_p, c_void_p]),
+    "rtcNewScene": (c_void_p, [c_void_p]),
+    "rtcReleaseScene": (None, [c_void_p]),
+    "rtcSetSceneFlags": (None, [c_void_p, c_int]),
+    "rtcCommitScene": (None, [c_void_p]),
+    "rtcNewGeometry": (c_void_p, [c_void_p, c_int]),
+    "rtcReleaseGeometry": (None, [c_void_p]),
+    "rtcCommitGeometry": (None, [c_void_p]),
+    "rtcAttachGeometry": (c_uint, [c_void_p, c_void_p]),
     "rtcSetSharedGeometryBuffer": (None, [c_void_p, c_int, c_uint, c_int, c_void_p, c_size_t, c_size_t, c_size_t]),
     "rtcSetGeometryInstancedScene": (None, [c_void_p, c_void_p]),
     "rtcSetGeometryTransform": (None, [c_void_p, c_uint, c_int, c_void_p]),
@@ -106,8 +117,10 @@ class EmbreeTracer:
         corners = np.ascontiguousarray(triangles, np.uint32)
         self._kept += [padded, corners]
         geometry = library.rtcNewGeometry(self._device, _TRIANGLES)
-        for kind, form, values, count in ((_VERTEX, _FLOAT3, padded, len(vertices)),
-                                          (_INDEX, _UINT3, corners, len(corners))):
+        for kind, form, values, count in (
+            (_VERTEX, _FLOAT3, padded, len(vertices)),
+            (_INDEX, _UINT3, corners, len(corners)),
+        ):
             library.rtcSetSharedGeometryBuffer(geometry, kind, 0, form, values.ctypes.data, 0, 12, count)
         return self._commit([geometry])
 
@@ -175,8 +188,9 @@ class EmbreeTracer:
             blocked[part] = np.isneginf(_flat(packets[:, _FAR], part))
         return blocked
 
-    def _packets(self, origin: np.ndarray, direction: np.ndarray, near: float,
-                 far: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
+    def _packets(
+        self, origin: np.ndarray, direction: np.ndarray, near: float, far: np.ndarray
+    ) -> Iterator[tuple[slice, np.ndarray]]:
         """Records (k, _ROWS, PACKET) of rays, and which of the rays they are."""
         count = len(direction)
         for first in range(0, count, _MOST_PACKETS * PACKET):
@@ -207,7 +221,7 @@ def _make_packets(count: int) -> np.ndarray:
     """Memory for records (count, _ROWS, PACKET) at a multiple of 64 bytes, float32, all 0."""
     memory = np.zeros(count * _ROWS * PACKET + PACKET, np.float32)
     skip = -memory.ctypes.data % 64 // 4
-    return memory[skip:skip + count * _ROWS * PACKET].reshape(count, _ROWS, PACKET)
+    return memory[skip : skip + count * _ROWS * PACKET].reshape(count, _ROWS, PACKET)
 
 
 def _fill(target: np.ndarray, values: np.ndarray) -> None:
@@ -216,11 +230,11 @@ def _fill(target: np.ndarray, values: np.ndarray) -> None:
         target[:] = values
         return
     whole = len(values) // PACKET
-    target[:whole] = values[:whole * PACKET].reshape(whole, PACKET)
+    target[:whole] = values[: whole * PACKET].reshape(whole, PACKET)
     if rest := len(values) - whole * PACKET:
         target[whole, :rest], target[whole, rest:] = values[-rest:], values[-1]
 
 
 def _flat(values: np.ndarray, part: slice) -> np.ndarray:
     """Values (k, 16) of the rays of a part, in a row."""
-    return values.reshape(-1)[:part.stop - part.start]
+    return values.reshape(-1)[: part.stop - part.start]

@@ -18,8 +18,9 @@ def _library(folders: tuple[Path, ...]) -> Library | None:
     return load_library(folders)
 
 
-def open_tracer(world: World, folders: Sequence[Path] = (),
-                without_embree: Callable[[World], Tracer] | None = None) -> Tracer:
+def open_tracer(
+    world: World, folders: Sequence[Path] = (), without_embree: Callable[[World], Tracer] | None = None
+) -> Tracer:
     """A tracer of a world: by Embree, if it is in one of ``folders``, in embreex or in the system, else the one that
     ``without_embree`` makes.
 
@@ -30,6 +31,7 @@ def open_tracer(world: World, folders: Sequence[Path] = (),
     if library is not None:
         return EmbreeTracer(library, world)
     if without_embree is None:
-        raise IcyMoonError(f"{sys.executable} cannot trace rays, because it lacks Embree; run "
-                           f"{sys.executable} -m pip install embreex.")
+        raise IcyMoonError(
+            f"{sys.executable} cannot trace rays, because it lacks Embree; run {sys.executable} -m pip install embreex."
+        )
     return without_embree(world)

@@ -68,10 +68,12 @@ class World:
     def __post_init__(self) -> None:
         counts = [len(each.places) for each in self.placed]
         object.__setattr__(self, "of", np.repeat(np.arange(len(counts)), counts))
-        object.__setattr__(self, "places", np.concatenate([each.places for each in self.placed] or
-                                                          [np.zeros((0, 4, 4))]))
-        object.__setattr__(self, "numbers", np.concatenate([each.numbers for each in self.placed] or
-                                                           [np.zeros(0, np.int64)]))
+        object.__setattr__(
+            self, "places", np.concatenate([each.places for each in self.placed] or [np.zeros((0, 4, 4))])
+        )
+        object.__setattr__(
+            self, "numbers", np.concatenate([each.numbers for each in self.placed] or [np.zeros(0, np.int64)])
+        )
 
     def move_planes(self, number: int, place: np.ndarray, triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The planes of triangles (n,) of a shape, by its number, in the world, each as at its ``place`` (n,): normals

@@ -34,16 +34,27 @@ class Eye:
     def directions(self, pixels: np.ndarray) -> np.ndarray:
         """Rays (n, 3) in the world through the centres of pixels (n,), counted along rows; one unit long ahead."""
         row, column = np.divmod(pixels, self.columns)
-        own = np.stack([(column + 0.5 - self.cx_px) / self.focal_px, (row + 0.5 - self.cy_px) / self.focal_px,
-                        np.ones(len(pixels))], axis=1)
+        own = np.stack(
+            [
+                (column + 0.5 - self.cx_px) / self.focal_px,
+                (row + 0.5 - self.cy_px) / self.focal_px,
+                np.ones(len(pixels)),
+            ],
+            axis=1,
+        )
         return np.asarray(own @ self.axes.T)
 
     def is_seen(self, right: np.ndarray, down: np.ndarray, ahead: np.ndarray) -> np.ndarray:
         """Whether (n,) points, in metres along the camera's axes, are in the image's frame."""
         with np.errstate(divide="ignore", invalid="ignore"):
             column, row = self.cx_px + self.focal_px * right / ahead, self.cy_px + self.focal_px * down / ahead
-            return np.asarray((ahead > 0) & (column >= 0) & (column <= self.columns)
-                              & (row >= -_ROW_SLACK) & (row <= self.rows + _ROW_SLACK))
+            return np.asarray(
+                (ahead > 0)
+                & (column >= 0)
+                & (column <= self.columns)
+                & (row >= -_ROW_SLACK)
+                & (row <= self.rows + _ROW_SLACK)
+            )
 
 
 #: A point in the first or last row of an eye is in that row of the other, but for rounding.
@@ -73,25 +84,37 @@ class Stage:
     sky_tracer: Tracer
 
 
-def trace_eyes(stage: Stage, eyes: Mapping[str, Eye], baseline_m: float, near_m: float,
-               far_m: float) -> dict[str, EyeTruth]:
+def trace_eyes(
+    stage: Stage, eyes: Mapping[str, Eye], baseline_m: float, near_m: float, far_m: float
+) -> dict[str, EyeTruth]:
     """The truth of two eyes that are ``baseline_m`` apart, by their names. They see nothing nearer than ``near_m``
     or further away than ``far_m``."""
     left, right = eyes
-    return {eye: _trace_eye(stage, eyes[eye], eyes[other], baseline_m, near_m, far_m)
-            for eye, other in ((left, right), (right, left))}
+    return {
+        eye: _trace_eye(stage, eyes[eye], eyes[other], baseline_m, near_m, far_m)
+        for eye, other in ((left, right), (right, left))
+    }
 
 
 def _trace_eye(stage: Stage, eye: Eye, other: Eye, baseline_m: float, near_m: float, far_m: float) -> EyeTruth:
     shape = eye.rows, eye.columns
-    truth = EyeTruth(np.empty(shape, np.float32), np.empty((*shape, 3), np.float32), np.empty(shape, np.uint8),
-                     np.empty(shape, np.int64), np.empty(shape, bool))
+    truth = EyeTruth(
+        np.empty(shape, np.float32),
+        np.empty((*shape, 3), np.float32),
+        np.empty(shape, np.uint8),
+        np.empty(shape, np.int64),
+        np.empty(shape, bool),
+    )
     for pixels in squares(eye.rows, eye.columns):
         direction = eye.directions(pixels)
         seen = _see(stage, eye.position, direction, near_m, far_m)
         hidden = _find_hidden(stage.ground_tracer, eye, other, direction, seen.along, baseline_m, near_m)
-        for values, target in ((seen.along, truth.depth_m), (seen.label, truth.label), (seen.number, truth.number),
-                               (hidden, truth.hidden)):
+        for values, target in (
+            (seen.along, truth.depth_m),
+            (seen.label, truth.label),
+            (seen.number, truth.number),
+            (hidden, truth.hidden),
+        ):
             target.reshape(-1)[pixels] = values
         truth.normal.reshape(-1, 3)[pixels] = seen.normal
     return truth
@@ -109,22 +132,25 @@ def squares(rows: int, columns: int) -> Iterator[np.ndarray]:
 
 def _see(stage: Stage, origin: np.ndarray, direction: np.ndarray, near_m: float, far_m: float) -> Surface:
     """The first surface that rays meet: the ground, else the sky."""
-    seen = find_surface(stage.ground, stage.ground_tracer.intersect(origin, direction, near_m, far_m), origin,
-                        direction)
+    seen = find_surface(
+        stage.ground, stage.ground_tracer.intersect(origin, direction, near_m, far_m), origin, direction
+    )
     if not stage.sky.placed:
         return seen
     free = np.flatnonzero(np.isinf(seen.along))
     if len(free):
         ahead = direction[free]
-        beyond = find_surface(stage.sky, intersect_opaque(stage.sky_tracer, stage.sky, origin, ahead, near_m, far_m),
-                              origin, ahead)
+        beyond = find_surface(
+            stage.sky, intersect_opaque(stage.sky_tracer, stage.sky, origin, ahead, near_m, far_m), origin, ahead
+        )
         for name in ("along", "normal", "label", "number"):
             getattr(seen, name)[free] = getattr(beyond, name)
     return seen
 
 
-def _find_hidden(tracer: Tracer, eye: Eye, other: Eye, direction: np.ndarray, depth_m: np.ndarray, baseline_m: float,
-                 near_m: float) -> np.ndarray:
+def _find_hidden(
+    tracer: Tracer, eye: Eye, other: Eye, direction: np.ndarray, depth_m: np.ndarray, baseline_m: float, near_m: float
+) -> np.ndarray:
     """Whether (n,) the other eye sees something nearer in front of a point, by at least ``NEARER_PX`` of disparity."""
     hidden = np.zeros(len(depth_m), bool)
     away = direction * np.where(np.isinf(depth_m), 0.0, depth_m)[:, None] + (eye.position - other.position)

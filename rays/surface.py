@@ -86,8 +86,10 @@ def find_shading_normals(world: World, hits: Hits, surface: Surface) -> np.ndarr
         shape = world.placed[number].shape
         rays = rays[shape.smooth[hits.triangle[rays]]]
         corners = shape.triangles[hits.triangle[rays]]
-        sides = [world.turn_normals(number, hits.place[rays], each) for each in (
-            _interpolate(shape.normals, corners, hits, rays), shape.planes(hits.triangle[rays])[:, :3])]
+        sides = [
+            world.turn_normals(number, hits.place[rays], each)
+            for each in (_interpolate(shape.normals, corners, hits, rays), shape.planes(hits.triangle[rays])[:, :3])
+        ]
         found[rays] = normalize(sides[0]) * np.where(dot(sides[1], surface.normal[rays]) < 0, -1.0, 1.0)[:, None]
     return found
 
@@ -109,8 +111,9 @@ def _by_shape(world: World, hits: Hits) -> Iterator[tuple[int, np.ndarray]]:
     yield from zip(of[order[starts]].tolist(), np.split(rays[order], starts[1:]), strict=True)
 
 
-def intersect_opaque(tracer: Tracer, world: World, origin: np.ndarray, direction: np.ndarray, near: float,
-                     far: float) -> Hits:
+def intersect_opaque(
+    tracer: Tracer, world: World, origin: np.ndarray, direction: np.ndarray, near: float, far: float
+) -> Hits:
     """The first hits of rays (n, 3) that let at most half of the light pass; see ``Tracer.intersect``."""
     hits = tracer.intersect(origin, direction, near, far)
     if all(each.shape.passing is None for each in world.placed):

@@ -1,6 +1,6 @@
 """The program that makes the asset library in a separate Blender, so that the window stays usable.
 
-    __main__.py assets FOLDER [KIND/NAME ...]      all assets by default
+__main__.py assets FOLDER [KIND/NAME ...]      all assets by default
 """
 
 from __future__ import annotations

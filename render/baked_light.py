@@ -84,8 +84,13 @@ class Indirect:
         share = {group: sum(of[group] for of in shares.values()) / max(len(shares), 1) for group in self.lights}
         noise = math.hypot(*(share[group] * kept.light.noise for group, kept in self.lights.items()))
         of_image = {} if noise_of_image is None else {"noise_of_image": round(noise_of_image, 5)}
-        return {"method": "BAKED", "share": round(sum(share.values()), 5), "noise": round(noise, 5), **of_image,
-                "lights": {group: kept.to_json(share[group]) for group, kept in self.lights.items()}}
+        return {
+            "method": "BAKED",
+            "share": round(sum(share.values()), 5),
+            "noise": round(noise, 5),
+            **of_image,
+            "lights": {group: kept.to_json(share[group]) for group, kept in self.lights.items()},
+        }
 
     def why_unfit(self, stated: dict[str, Any] | None, limit: float) -> str:
         """Why an image must be traced after all, as a clause, by what ``to_json`` states of it; empty if it need not.
@@ -96,13 +101,17 @@ class Indirect:
         if not self.lights or stated is None:
             return ""
         if math.isnan(stated["share"]):
-            return ("the image shows ground to which no light was baked, as of an eye that moves far during the "
-                    "exposure; set quality.bake_area to GROUND")
+            return (
+                "the image shows ground to which no light was baked, as of an eye that moves far during the "
+                "exposure; set quality.bake_area to GROUND"
+            )
         if not 0 < limit < stated["noise"]:
             return ""
-        return (f"baked light would have noise of {show_rounded(100 * stated['noise'])} % of the light, because "
-                f"{show_rounded(100 * stated['share'])} % of it is indirect, which is above quality.bake_noise; raise "
-                "quality.bake_samples")
+        return (
+            f"baked light would have noise of {show_rounded(100 * stated['noise'])} % of the light, because "
+            f"{show_rounded(100 * stated['share'])} % of it is indirect, which is above quality.bake_noise; raise "
+            "quality.bake_samples"
+        )
 
 
 def provide(built: Built, scene: bpy.types.Scene, planned: PlannedPair, shared: SharedLight) -> Indirect:
@@ -145,13 +154,23 @@ def _lights(built: Built) -> dict[str, list[bpy.types.Object]]:
     return {**by_day, "Planet": [built.sun]}
 
 
-def _find_or_bake(built: Built, scene: bpy.types.Scene, settings: Settings, shared: SharedLight, group: str,
-                  dark: list[bpy.types.Object], seen: np.ndarray | None) -> tuple[KeptLight, float]:
+def _find_or_bake(
+    built: Built,
+    scene: bpy.types.Scene,
+    settings: Settings,
+    shared: SharedLight,
+    group: str,
+    dark: list[bpy.types.Object],
+    seen: np.ndarray | None,
+) -> tuple[KeptLight, float]:
     """A light group's baked light, and processor seconds that it took just now."""
     rocks = built.rocks
-    return shared.get(key_of(built, settings, group, seen), len(built.terrain.data.vertices),
-                      len(rocks.data.vertices) if rocks is not None else 0,
-                      lambda: bake(built.terrain, scene, settings, group, dark, rocks, seen))
+    return shared.get(
+        key_of(built, settings, group, seen),
+        len(built.terrain.data.vertices),
+        len(rocks.data.vertices) if rocks is not None else 0,
+        lambda: bake(built.terrain, scene, settings, group, dark, rocks, seen),
+    )
 
 
 def _why_unsuitable(built: Built) -> str:
@@ -194,16 +213,32 @@ def key_of(built: Built, settings: Settings, group: str = "Sun", seen: np.ndarra
     The mesh of a graded ground is made for the rig; otherwise neither heading, rig nor sensor count.
     """
     quality = settings.quality
-    parts = [_SCHEME, compat.blender_series(), changes.scene(settings), changes.look(settings), changes.light(settings),
-             quality.diffuse_bounces, quality.bake_samples, quality.bake_noise, built.extra, *_OTHERS[group]]
+    parts = [
+        _SCHEME,
+        compat.blender_series(),
+        changes.scene(settings),
+        changes.look(settings),
+        changes.light(settings),
+        quality.diffuse_bounces,
+        quality.bake_samples,
+        quality.bake_noise,
+        built.extra,
+        *_OTHERS[group],
+    ]
     if seen is not None:
         parts.append(hashlib.sha256(np.packbits(seen).tobytes()).hexdigest())
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:12]
 
 
-def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, group: str = "Sun",
-         dark: Sequence[bpy.types.Object] = (), rocks: bpy.types.Object | None = None,
-         seen: np.ndarray | None = None) -> BakedLight:
+def bake(
+    terrain: bpy.types.Object,
+    scene: bpy.types.Scene,
+    settings: Settings,
+    group: str = "Sun",
+    dark: Sequence[bpy.types.Object] = (),
+    rocks: bpy.types.Object | None = None,
+    seen: np.ndarray | None = None,
+) -> BakedLight:
     """Bake the indirect light of a ground and its ``rocks`` by a light group, while the lamps of others are ``dark``,
     see ``BakedLight``.
 
@@ -236,11 +271,17 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
         count = min(_FIRST, quality.bake_samples // 2)
         halves = [run("INDIRECT", count, int(seed)) for seed in seeds[:2]]
         share = largest_share(direct, (halves[0] + halves[1]) / 2, positions[lit], triangles, eye)
-        more = samples_needed(noise_of(halves, triangles), share, count, quality.bake_noise / _MARGIN,
-                              quality.bake_samples // 2) - count
+        more = (
+            samples_needed(
+                noise_of(halves, triangles), share, count, quality.bake_noise / _MARGIN, quality.bake_samples // 2
+            )
+            - count
+        )
         if more > 0:
-            halves = [(count * half + more * run("INDIRECT", more, int(seed))) / (count + more)
-                      for half, seed in zip(halves, seeds[2:4], strict=True)]
+            halves = [
+                (count * half + more * run("INDIRECT", more, int(seed))) / (count + more)
+                for half, seed in zip(halves, seeds[2:4], strict=True)
+            ]
             count += more
     if rocks is not None and len(rocks.data.vertices):
         with _hidden(dark):
@@ -252,8 +293,15 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
     error[lit] = (halves[0] - halves[1]).mean(axis=1) / 2
     mean = float(values[lit].mean(dtype=np.float64)) if lit.any() else 0.0
     total = mean + (float(direct.mean(dtype=np.float64)) if lit.any() else 0.0)
-    return BakedLight(values, error, numbers, noise_of(halves, triangles), mean / total if total > 0 else 0.0,
-                      2 * count, time.process_time() - start)
+    return BakedLight(
+        values,
+        error,
+        numbers,
+        noise_of(halves, triangles),
+        mean / total if total > 0 else 0.0,
+        2 * count,
+        time.process_time() - start,
+    )
 
 
 @contextmanager
@@ -274,8 +322,14 @@ def _covered(bake_texels: Callable[[str, int, int], np.ndarray], seed: int) -> n
     return bake_texels("AO", _OPEN, seed)[:, :3].max(axis=1) <= 0
 
 
-def _bake_rocks(rocks: bpy.types.Object, terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings,
-                group: str, samples: int) -> np.ndarray:
+def _bake_rocks(
+    rocks: bpy.types.Object,
+    terrain: bpy.types.Object,
+    scene: bpy.types.Scene,
+    settings: Settings,
+    group: str,
+    samples: int,
+) -> np.ndarray:
     """The numbers (rocks, terms, 3) of the indirect light on rocks."""
     random = generator(int(settings.dataset.seed), "bake", 2, *_OTHERS[group])
     points = baked_rocks.draw_points(rocks, random)
@@ -289,8 +343,9 @@ def _bake_rocks(rocks: bpy.types.Object, terrain: bpy.types.Object, scene: bpy.t
 
 
 @contextmanager
-def _open_bake(item: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, lit: np.ndarray) -> Iterator[
-        tuple[baked_texels.Texels, Callable[[str, int, int], np.ndarray]]]:
+def _open_bake(
+    item: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, lit: np.ndarray
+) -> Iterator[tuple[baked_texels.Texels, Callable[[str, int, int], np.ndarray]]]:
     """The texels of an object around the vertices that are to be ``lit``, and a function of kind, samples and seed that
     bakes light over pi to them (n, 4), while the object has no fine relief."""
     mesh = item.data

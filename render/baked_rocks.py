@@ -34,18 +34,23 @@ def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> Points:
     matrices = euler_matrices(_read(mesh, ROTATION, np.float32, 3).astype(np.float64)) * scale[:, None, :]
     positions = read_vertices(mesh).astype(np.float64)
     level = np.searchsorted(LEVEL_RANKS, np.arange(count), side="right")
-    shapes = sorted((part for part in parts_of(rocks, TAG) if isinstance(part, bpy.types.Object)),
-                    key=lambda part: part.name)
+    shapes = sorted(
+        (part for part in parts_of(rocks, TAG) if isinstance(part, bpy.types.Object)), key=lambda part: part.name
+    )
     drawn = []
     for number, of in enumerate(shapes):
         vertices, triangles = _arrays(of.data)
         for some, points in enumerate(baked_rocks.POINTS):
             these = np.flatnonzero((shape == number) & (level == some))
             if len(these):
-                drawn.append(baked_rocks.draw_points(vertices, triangles, these, matrices[these], positions[these],
-                                                     points, random))
-    return Points(*(np.concatenate([getattr(each, name) for each in drawn])
-                    for name in ("rock", "place", "normal", "corners")))
+                drawn.append(
+                    baked_rocks.draw_points(
+                        vertices, triangles, these, matrices[these], positions[these], points, random
+                    )
+                )
+    return Points(
+        *(np.concatenate([getattr(each, name) for each in drawn]) for name in ("rock", "place", "normal", "corners"))
+    )
 
 
 def above_ground(points: Points, terrain: bpy.types.Object) -> np.ndarray:

@@ -20,8 +20,7 @@ _TRANSPARENT_BOUNCES = 8
 def detect_abilities(quality: QualitySettings) -> Abilities:
     """What this Blender can do; graphics cards are looked for only if the quality asks for them, as that selects
     them."""
-    return Abilities(compat.has_osl(), compat.has_oidn(),
-                     quality.device != "GPU" or bool(select_cards()))
+    return Abilities(compat.has_osl(), compat.has_oidn(), quality.device != "GPU" or bool(select_cards()))
 
 
 def find_lack(settings: Settings) -> str:
@@ -35,8 +34,9 @@ def check_possible(quality: QualitySettings) -> None:
         raise IcyMoonError(lack)
 
 
-def apply(scene: bpy.types.Scene, quality: QualitySettings, seed: int, blurred: bool = False,
-          through: bool = False) -> None:
+def apply(
+    scene: bpy.types.Scene, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False
+) -> None:
     """Set the render engine of a scene from ``quality`` settings; ``blurred`` if lens or movement blur the image,
     ``through`` if light passes through clear ice.
 

@@ -62,8 +62,11 @@ def mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
     index = (np.cumsum(used, dtype=np.int32) - 1)[corners[loops]]
     index[alone] = used.sum() + np.arange(alone.sum())
     own = loops[alone]
-    return (np.concatenate([positions[used], positions[corners[own]]]), np.concatenate([smooth[used], split[own]]),
-            index.reshape(-1, 3))
+    return (
+        np.concatenate([positions[used], positions[corners[own]]]),
+        np.concatenate([smooth[used], split[own]]),
+        index.reshape(-1, 3),
+    )
 
 
 @dataclass
@@ -81,8 +84,13 @@ def _instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.t
     """Evaluated objects with a mesh of the site that a render shows."""
     for found in scene.view_layers[0].depsgraph.object_instances:
         item = found.object
-        if (is_rendered(found) and item.type == "MESH" and len(item.data.polygons)
-                and _label(item.data) != PLANET and item.original.get("icymoon") not in ("planet", "rings", "stars")):
+        if (
+            is_rendered(found)
+            and item.type == "MESH"
+            and len(item.data.polygons)
+            and _label(item.data) != PLANET
+            and item.original.get("icymoon") not in ("planet", "rings", "stars")
+        ):
             yield item, found
 
 
@@ -91,8 +99,9 @@ def _label(mesh: bpy.types.Mesh) -> int:
     return material.pass_index if material is not None else 0
 
 
-def write_geometry(built: Built, scene: bpy.types.Scene, folder: Path, kind: str = "ply",
-                   cell_m: float | None = None) -> dict[str, Any]:
+def write_geometry(
+    built: Built, scene: bpy.types.Scene, folder: Path, kind: str = "ply", cell_m: float | None = None
+) -> dict[str, Any]:
     """Write the ground of a built scene that ``scene`` renders in a format; what ``geometry.json`` contains.
 
     The planet, its rings and stars are left out: they are no geometry of the site. Relief that is shading only, which
@@ -105,31 +114,40 @@ def write_geometry(built: Built, scene: bpy.types.Scene, folder: Path, kind: str
     else:
         meshes = _collect(scene, kind, built.settings)
         names = write_meshes(meshes, kind, built.settings, folder)
-        facts |= {"files": names, "meshes": {each: _count(own) for each, own in by_kind(meshes).items()},
-                  "left_out": _left_out_of_meshes(built.settings)}
+        facts |= {
+            "files": names,
+            "meshes": {each: _count(own) for each, own in by_kind(meshes).items()},
+            "left_out": _left_out_of_meshes(built.settings),
+        }
     write_json(folder / "geometry.json", facts)
     return facts
 
 
 def _count(meshes: Sequence[PlacedMesh]) -> dict[str, int]:
     """Triangles that are rendered of meshes, and in how many places the meshes stand."""
-    return {"triangles": sum(len(mesh.triangles) * len(mesh.places) for mesh in meshes), "shapes": len(meshes),
-            "instances": sum(len(mesh.places) for mesh in meshes)}
+    return {
+        "triangles": sum(len(mesh.triangles) * len(mesh.places) for mesh in meshes),
+        "shapes": len(meshes),
+        "instances": sum(len(mesh.places) for mesh in meshes),
+    }
 
 
 def _left_out_of_meshes(settings: Settings) -> list[str]:
     """The rendered details that meshes lack, a sentence each."""
     if settings.surface.grain_amplitude_m > 0 and settings.surface.relief != "DISPLACEMENT":
-        return ["surface.grain_amplitude_m: relief where it is shading only, as it is where the mesh is coarser; the "
-                "true depth does not have it either"]
+        return [
+            "surface.grain_amplitude_m: relief where it is shading only, as it is where the mesh is coarser; the "
+            "true depth does not have it either"
+        ]
     return []
 
 
 def _left_out_of_maps(settings: Settings) -> list[str]:
     """The rendered details that the maps lack, a sentence each."""
     found = _left_out_of_meshes(settings)
-    if settings.rocks.coverage > 0 and any(principled.lets_light_through(settings[topic])
-                                           for topic in surface_topics(settings)):
+    if settings.rocks.coverage > 0 and any(
+        principled.lets_light_through(settings[topic]) for topic in surface_topics(settings)
+    ):
         found.append("clear ice: such rocks have the albedo of the rest of their ice")
     return found
 
@@ -143,8 +161,12 @@ def _collect(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[Pl
         mesh = item.data
         if mesh.name_full not in counted:
             label = _label(mesh)
-            counted[mesh.name_full] = _Found(SEMANTIC.get(label, "other") if label else "other", len(mesh.vertices),
-                                             len(mesh.loops) - 2 * len(mesh.polygons), [])
+            counted[mesh.name_full] = _Found(
+                SEMANTIC.get(label, "other") if label else "other",
+                len(mesh.vertices),
+                len(mesh.loops) - 2 * len(mesh.polygons),
+                [],
+            )
         counted[mesh.name_full].places.append(np.array(found.matrix_world, np.float64))
     if not counted:
         raise IcyMoonError("The scene has no meshes to write; build a ground first.")
@@ -160,8 +182,9 @@ def _collect(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[Pl
         else:
             ready[item.data.name_full] = mesh_triangles(item.data)
     for name, original in moved.items():
-        with as_rendered(original, counted[name].places[0], settings.quality.threads,
-                         still_from_m(settings.surface)) as made:
+        with as_rendered(
+            original, counted[name].places[0], settings.quality.threads, still_from_m(settings.surface)
+        ) as made:
             ready[name] = mesh_triangles(made)
     return [PlacedMesh(each.kind, *ready[name], np.array(each.places)) for name, each in counted.items()]
 
@@ -191,8 +214,9 @@ def _without_quality(planned: PlannedPair) -> PlannedPair:
     return PlannedPair(digest(plain, extra(plain) + blur_identity(plain)), plain, 0.0)
 
 
-def run_job(job: dict[str, Any], folder: Path, send: Callable[..., None] = emit, kind: str = "ply",
-            cell_m: float | None = None) -> None:
+def run_job(
+    job: dict[str, Any], folder: Path, send: Callable[..., None] = emit, kind: str = "ply", cell_m: float | None = None
+) -> None:
     """Write the ground of each pair of a job in a format. Raises IcyMoonError for what a user can fix."""
     if job.get("blend"):
         raise IcyMoonError("The geometry of a scene in a .blend file cannot be written; give settings or pairs.")

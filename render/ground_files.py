@@ -22,25 +22,38 @@ MOST_TRIANGLES = 50_000_000
 #: Formats that have no instances, and their bytes for a vertex with its normal and for a triangle.
 _WITHOUT_INSTANCES = {"ply": (24, 13), "obj": (75, 50)}
 #: Files of a map, and what their values are.
-MAPS = {"dem.tif": "height of the ground, m", "dsm.tif": "height of ground and rocks, m",
-        "albedo.tif": "albedo in even light: R 620 nm, G 550 nm, B 460 nm"}
+MAPS = {
+    "dem.tif": "height of the ground, m",
+    "dsm.tif": "height of ground and rocks, m",
+    "albedo.tif": "albedo in even light: R 620 nm, G 550 nm, B 460 nm",
+}
 _AXES = "x east, y north, z up, metres, right-handed"
 
 
 def describe_frame(settings: Settings) -> str:
     """The site's frame in a sentence."""
     light = settings.light
-    return (f"Icy Moon site, local frame on {str(light.body).title()} at latitude {light.latitude_deg:g}: {_AXES}, "
-            "origin at the origin of the site")
+    return (
+        f"Icy Moon site, local frame on {str(light.body).title()} at latitude {light.latitude_deg:g}: {_AXES}, "
+        "origin at the origin of the site"
+    )
 
 
 def frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str, Any]:
     """The site's frame, for a file beside the ground's files; ``ground`` is its report, with its place on a map."""
     place = map_facts(ground)
-    zero = (f"the height {place['height_zero_m']!r} m of the ground's file" if place else
-            "the plane z = 0 of the ground's settings, not a datum of the body")
-    return {"frame": describe_frame(settings), "axes": _AXES, "unit": "m", "height_zero": zero,
-            **({"map": place} if place else {})}
+    zero = (
+        f"the height {place['height_zero_m']!r} m of the ground's file"
+        if place
+        else "the plane z = 0 of the ground's settings, not a datum of the body"
+    )
+    return {
+        "frame": describe_frame(settings),
+        "axes": _AXES,
+        "unit": "m",
+        "height_zero": zero,
+        **({"map": place} if place else {}),
+    }
 
 
 def write_map(made: GroundMap, settings: Settings, ground: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -52,9 +65,16 @@ def write_map(made: GroundMap, settings: Settings, ground: Mapping[str, Any], fo
     for (name, text), values in zip(MAPS.items(), (made.ground_m, made.surface_m, made.albedo), strict=True):
         place = Place(extent.cell_m, extent.west_m, extent.north_m, describe_frame(settings), values.ndim == 2, notes)
         _write(folder / name, encode_tiff(np.ascontiguousarray(values, np.float32), place, text))
-    return {"files": MAPS, "cell_m": extent.cell_m, "rows": extent.rows, "columns": extent.columns,
-            "west_m": extent.west_m, "north_m": extent.north_m, "nodata": "NaN",
-            "cells": "a value is that at the centre of its cell; the first row is the northernmost"}
+    return {
+        "files": MAPS,
+        "cell_m": extent.cell_m,
+        "rows": extent.rows,
+        "columns": extent.columns,
+        "west_m": extent.west_m,
+        "north_m": extent.north_m,
+        "nodata": "NaN",
+        "cells": "a value is that at the centre of its cell; the first row is the northernmost",
+    }
 
 
 def _write(path: Path, data: bytes) -> None:
@@ -73,8 +93,11 @@ def write_meshes(meshes: Sequence[PlacedMesh], suffix: str, settings: Settings, 
         for kind, own in kinds.items():
             write_ply(folder / f"{kind}.ply", own, frame)
         return [f"{kind}.ply" for kind in kinds]
-    write, name = {"obj": (write_obj, "ground.obj"), "usd": (write_usd, "ground.usd"),
-                   "gltf": (write_gltf, "ground.glb")}[suffix]
+    write, name = {
+        "obj": (write_obj, "ground.obj"),
+        "usd": (write_usd, "ground.usd"),
+        "gltf": (write_gltf, "ground.glb"),
+    }[suffix]
     write(folder / name, meshes, frame)
     return [name]
 
@@ -84,12 +107,16 @@ def refuse_too_many(counts: Sequence[tuple[int, int, int]], suffix: str) -> None
     and triangles of each mesh."""
     if suffix not in _WITHOUT_INSTANCES:
         return
-    places, vertices, triangles = (sum(column) for column in zip(*(
-        (place, place * own, place * those) for place, own, those in counts), strict=True))
+    places, vertices, triangles = (
+        sum(column)
+        for column in zip(*((place, place * own, place * those) for place, own, those in counts), strict=True)
+    )
     if triangles <= MOST_TRIANGLES:
         return
     of_vertex, of_triangle = _WITHOUT_INSTANCES[suffix]
     size = (vertices * of_vertex + triangles * of_triangle) / 1e9
-    raise IcyMoonError(f"The {places} meshes of the ground have {triangles / 1e6:.0f} million triangles, about "
-                       f"{size:.1f} GB as {suffix} and several times that in the memory of what reads it; export usd "
-                       "or gltf, where rocks of one shape share their triangles, or lower rocks.coverage.")
+    raise IcyMoonError(
+        f"The {places} meshes of the ground have {triangles / 1e6:.0f} million triangles, about "
+        f"{size:.1f} GB as {suffix} and several times that in the memory of what reads it; export usd "
+        "or gltf, where rocks of one shape share their triangles, or lower rocks.coverage."
+    )

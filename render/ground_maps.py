@@ -73,8 +73,10 @@ def extent_of(built: Built, cell_m: float | None) -> Extent:
     # An excess of less than a millionth of a cell adds no further cell.
     columns, rows = (max(1, int(np.ceil(side / cell - 1e-6))) for side in (width, height))
     if max(columns, rows) > MOST_CELLS:
-        raise IcyMoonError(f"Cells of {cell:g} m are {columns} x {rows} on this ground, more than {MOST_CELLS} along a "
-                           f"side; give {max(width, height) / MOST_CELLS:.3g} m or more.")
+        raise IcyMoonError(
+            f"Cells of {cell:g} m are {columns} x {rows} on this ground, more than {MOST_CELLS} along a "
+            f"side; give {max(width, height) / MOST_CELLS:.3g} m or more."
+        )
     middle_x, middle_y = (west + east) / 2, (south + north) / 2
     return Extent(float(cell), rows, columns, float(middle_x - columns * cell / 2), float(middle_y + rows * cell / 2))
 
@@ -85,8 +87,7 @@ def make_heights(rays: RaysOfScene, extent: Extent) -> np.ndarray:
     A height is the median of the heights at 3 x 3 places of its cell, as matchers' points are gridded by medians. Other
     objects, such as a lander, are left out.
     """
-    fine = replace(extent, cell_m=extent.cell_m / PLACES, rows=PLACES * extent.rows,
-                   columns=PLACES * extent.columns)
+    fine = replace(extent, cell_m=extent.cell_m / PLACES, rows=PLACES * extent.rows, columns=PLACES * extent.columns)
     made = []
     for rocks in (True, False):
         with rays.ground(rocks) as (world, tracer):
@@ -100,8 +101,14 @@ def _find_heights(world: World, tracer: Tracer, extent: Extent) -> np.ndarray:
     heights = np.full(extent.rows * extent.columns, np.nan)
     for cells in squares(extent.rows, extent.columns):
         row, column = np.divmod(cells, extent.columns)
-        start = np.stack([extent.west_m + (column + 0.5) * extent.cell_m, extent.north_m - (row + 0.5) * extent.cell_m,
-                          np.full(len(cells), top_m)], axis=1)
+        start = np.stack(
+            [
+                extent.west_m + (column + 0.5) * extent.cell_m,
+                extent.north_m - (row + 0.5) * extent.cell_m,
+                np.full(len(cells), top_m),
+            ],
+            axis=1,
+        )
         down = np.broadcast_to(_DOWN, start.shape)
         met = find_surface(world, tracer.intersect(start, down, 0.0, np.inf), start, down)
         heights[cells] = np.where(np.isinf(met.along), np.nan, top_m - met.along)
@@ -140,7 +147,7 @@ def make_ground_map(built: Built, scene: bpy.types.Scene, folder: Path, cell_m: 
     pass_.name, pass_.type = ALBEDO_AOV, "COLOR"
     top_m = _highest_m(scene) + _ABOVE_M
     lander = [item for item in built.collection.all_objects if item.get(TAG) in LANDER_ROLES.values()]
-    with (_albedo_materials(built), _look_down(scene, extent, top_m), _without_osl(scene, built), _hidden(lander)):
+    with _albedo_materials(built), _look_down(scene, extent, top_m), _without_osl(scene, built), _hidden(lander):
         whole = _render(scene, folder / "ground_map")
         surface = _heights(whole, top_m)
         rocks = [item for item in built.collection.all_objects if item.get(TAG) == "rock" and not item.hide_render]
@@ -191,8 +198,12 @@ def _albedo_materials(built: Built) -> Iterator[None]:
         rocks = [item for item in built.collection.all_objects if item.get(TAG) == "rock"]
         if rocks:
             made.append(build_rock_material(settings, ground, albedo_pass=True))
-        meshes = {each.data for item in rocks for each in instanced_objects(item)
-                  if isinstance(each.data, bpy.types.Mesh) and len(each.data.materials)}
+        meshes = {
+            each.data
+            for item in rocks
+            for each in instanced_objects(item)
+            if isinstance(each.data, bpy.types.Mesh) and len(each.data.materials)
+        }
         for mesh in meshes:
             lend(mesh, made[1])
         yield
@@ -214,8 +225,11 @@ def _look_down(scene: bpy.types.Scene, extent: Extent, top_m: float) -> Iterator
     lens.shift_x = lens.shift_y = -SAMPLE_OFFSET_PX / longest
     lens.clip_start, lens.clip_end = 1e-4, 1e6
     item.rotation_euler = (0.0, 0.0, 0.0)
-    item.location = (extent.west_m + extent.columns * extent.cell_m / 2,
-                     extent.north_m - extent.rows * extent.cell_m / 2, top_m)
+    item.location = (
+        extent.west_m + extent.columns * extent.cell_m / 2,
+        extent.north_m - extent.rows * extent.cell_m / 2,
+        top_m,
+    )
     render.resolution_x, render.resolution_y = extent.columns, extent.rows
     render.use_multiview = render.use_persistent_data = False
     try:
@@ -234,8 +248,9 @@ def _render(scene: bpy.types.Scene, stem: Path) -> dict[str, np.ndarray]:
     except RuntimeError as error:
         raise IcyMoonError(f"Cycles could not render the map: {first_line(error)}") from None
     if not is_whole(file):
-        raise IcyMoonError(f"Blender could not write the map to {file}; the disk is full or the folder may not be "
-                           "written to.")
+        raise IcyMoonError(
+            f"Blender could not write the map to {file}; the disk is full or the folder may not be written to."
+        )
     try:
         return {name: values for _, channels in decode_parts(file.read_bytes()) for name, values in channels.items()}
     except (ValueError, KeyError, OverBudgetError) as error:

@@ -40,22 +40,40 @@ def lander_json(built: Built, settings: Settings, poses: Mapping[str, np.ndarray
     camera, contact = StereoCamera.from_settings(settings.rig), find_contact(settings, built.site_m, built.terrain)
     pads_m = pads_of(objects[ROLES[BODY]])
     matrix = np.array([[camera.focal_px, 0.0, camera.cx_px], [0.0, camera.focal_px, camera.cy_px], [0.0, 0.0, 1.0]])
-    keypoints = describe_keypoints(settings, pads_m, links, poses, matrix, {
-        eye: _without_margins(read_depth(_truth_file(folder, eye).read_bytes()), camera) for eye in EYES})
-    return {"lander": {
-        "links": [{"name": link, "instance": INSTANCES[keys[link]],
-                   **{f"link_to_{eye}": (np.linalg.inv(poses[eye]) @ pose).tolist() for eye in EYES}}
-                  for link, pose in links.items()],
-        **joint_facts(settings), "pads_m": pads_m,
-        "reached_ground": contact.reached_ground, "collisions": [list(pair) for pair in contact.collisions],
-        "clearance_m": {link: (None if np.isnan(height) else height) for link, height in contact.clearances_m.items()},
-        "keypoints": keypoints}}
+    keypoints = describe_keypoints(
+        settings,
+        pads_m,
+        links,
+        poses,
+        matrix,
+        {eye: _without_margins(read_depth(_truth_file(folder, eye).read_bytes()), camera) for eye in EYES},
+    )
+    return {
+        "lander": {
+            "links": [
+                {
+                    "name": link,
+                    "instance": INSTANCES[keys[link]],
+                    **{f"link_to_{eye}": (np.linalg.inv(poses[eye]) @ pose).tolist() for eye in EYES},
+                }
+                for link, pose in links.items()
+            ],
+            **joint_facts(settings),
+            "pads_m": pads_m,
+            "reached_ground": contact.reached_ground,
+            "collisions": [list(pair) for pair in contact.collisions],
+            "clearance_m": {
+                link: (None if np.isnan(height) else height) for link, height in contact.clearances_m.items()
+            },
+            "keypoints": keypoints,
+        }
+    }
 
 
 def _without_margins(values: np.ndarray, camera: StereoCamera) -> np.ndarray:
     """An image of the size of the final ones, of one that was rendered with margins."""
     x, y = camera.margin_x_px, camera.margin_y_px
-    return values[y:y + camera.height_px, x:x + camera.width_px]
+    return values[y : y + camera.height_px, x : x + camera.width_px]
 
 
 def _truth_file(folder: Path, eye: str) -> Path:

@@ -42,15 +42,22 @@ _NAME = "Icy Moon Moved"
 
 def is_moved(mesh: bpy.types.Mesh) -> bool:
     """Whether a material of a mesh moves its vertices when it is rendered."""
-    return any(material is not None and material.displacement_method != "BUMP" and material.node_tree is not None
-               and any(node.bl_idname == "ShaderNodeOutputMaterial" and node.inputs["Displacement"].is_linked
-                       for node in material.node_tree.nodes)
-               for material in mesh.materials)
+    return any(
+        material is not None
+        and material.displacement_method != "BUMP"
+        and material.node_tree is not None
+        and any(
+            node.bl_idname == "ShaderNodeOutputMaterial" and node.inputs["Displacement"].is_linked
+            for node in material.node_tree.nodes
+        )
+        for material in mesh.materials
+    )
 
 
 @contextmanager
-def as_rendered(mesh: bpy.types.Mesh, place: np.ndarray, threads: int = 0,
-                still_m: float = math.inf) -> Iterator[bpy.types.Mesh]:
+def as_rendered(
+    mesh: bpy.types.Mesh, place: np.ndarray, threads: int = 0, still_m: float = math.inf
+) -> Iterator[bpy.types.Mesh]:
     """A mesh of triangles like ``mesh``, with its vertices where Cycles moves them, while the context is open.
 
     ``place`` (4, 4) is the matrix of the mesh's object, of the first instance if there are several; ``threads`` as in
@@ -68,8 +75,9 @@ def as_rendered(mesh: bpy.types.Mesh, place: np.ndarray, threads: int = 0,
         bpy.data.meshes.remove(made)
 
 
-def move_corners(mesh: bpy.types.Mesh, place: np.ndarray, threads: int = 0,
-                 still_m: float = math.inf) -> tuple[np.ndarray, np.ndarray]:
+def move_corners(
+    mesh: bpy.types.Mesh, place: np.ndarray, threads: int = 0, still_m: float = math.inf
+) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n, 3) float32, in the coordinates of a mesh, where Cycles moves its vertices, and of each corner of a
     facet which of them it is. See ``as_rendered``."""
     groups, vertex, normals = _group_corners(mesh)
@@ -87,15 +95,23 @@ def _find_heights(mesh: bpy.types.Mesh, vertices: np.ndarray, place: np.ndarray,
         return None
     displacement = mesh.materials[0].node_tree.get_output_node("CYCLES").inputs["Displacement"].links[0].from_node
     inputs = displacement.inputs
-    if (displacement.bl_idname != "ShaderNodeDisplacement" or displacement.space != "OBJECT"
-            or inputs["Normal"].is_linked or not inputs["Height"].is_linked
-            or any(inputs[name].is_linked for name in ("Midlevel", "Scale"))):
+    if (
+        displacement.bl_idname != "ShaderNodeDisplacement"
+        or displacement.space != "OBJECT"
+        or inputs["Normal"].is_linked
+        or not inputs["Height"].is_linked
+        or any(inputs[name].is_linked for name in ("Midlevel", "Scale"))
+    ):
         return None
     spacing = read_numbers(mesh, SPACING) if math.isfinite(still_m) else None
     some = np.flatnonzero(spacing < still_m) if spacing is not None else np.arange(len(vertices))
     try:
-        value = evaluate_field(inputs["Height"].links[0].from_socket,
-                               vertices[some].astype(np.float64) @ place[:3, :3].T + place[:3, 3], mesh, some)
+        value = evaluate_field(
+            inputs["Height"].links[0].from_socket,
+            vertices[some].astype(np.float64) @ place[:3, :3].T + place[:3, 3],
+            mesh,
+            some,
+        )
     except NotTranslatable:
         return None
     height = np.zeros(len(vertices))
@@ -123,8 +139,9 @@ def _group_corners(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.nda
     mesh.corner_normals.foreach_get("vector", normals)
     normals = normals.reshape(-1, 3)
     rows = np.column_stack([corners.view(np.float32), normals + np.float32(0)])  # no negative zeros
-    _, first, groups = np.unique(rows.view(np.dtype((np.void, rows.itemsize * 4))), return_index=True,
-                                 return_inverse=True)
+    _, first, groups = np.unique(
+        rows.view(np.dtype((np.void, rows.itemsize * 4))), return_index=True, return_inverse=True
+    )
     return groups.reshape(-1), corners[first], normals[first]
 
 
@@ -136,20 +153,23 @@ def _find_shifts(mesh: bpy.types.Mesh, place: np.ndarray, groups: np.ndarray, ma
     total, weights = np.zeros((many, 3)), np.zeros(many)
     for first in range(0, len(starts), _BAKED_FACETS):
         wanted = np.zeros(len(starts), bool)
-        wanted[first:first + _BAKED_FACETS] = True
+        wanted[first : first + _BAKED_FACETS] = True
         try:
             found = baked_texels.lay_out(starts, counts, corners, areas, wanted)
         except ValueError:
-            raise IcyMoonError("The ground has facets with more than four corners, whose displacement cannot be "
-                               "exported; set surface.relief to BUMP.") from None
+            raise IcyMoonError(
+                "The ground has facets with more than four corners, whose displacement cannot be "
+                "exported; set surface.relief to BUMP."
+            ) from None
         still, moved = _bake(mesh, place, found, threads)
         for sides, texels in zip((3, 4), found.texels, strict=True):
             facets = np.flatnonzero((counts == sides) & wanted)
             for some in np.array_split(np.arange(len(facets)), len(facets) // _SOLVED_FACETS + 1):
                 own = starts[facets[some], None] + np.arange(sides)
                 rest = still[texels[some], :3].astype(np.float64)
-                shifts, sure = solve(at_rest[corners[own]], rest, moved[texels[some], :3] - rest,
-                                     diagonals[facets[some]])
+                shifts, sure = solve(
+                    at_rest[corners[own]], rest, moved[texels[some], :3] - rest, diagonals[facets[some]]
+                )
                 weight = np.broadcast_to(np.where(sure, 1.0, _NARROW)[:, None], own.shape).ravel()
                 weights += np.bincount(groups[own].ravel(), weight, many)
                 for axis in range(3):
@@ -165,8 +185,9 @@ def _find_diagonals(mesh: bpy.types.Mesh, starts: np.ndarray) -> np.ndarray:
     return np.asarray((loops[first] - starts[:, None] == 3).any(axis=1))
 
 
-def solve(corners: np.ndarray, rest: np.ndarray, shift: np.ndarray,
-          across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def solve(
+    corners: np.ndarray, rest: np.ndarray, shift: np.ndarray, across: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Shifts (n, k, 3) of the corners (n, k, 3) of facets with k = 3 or 4 corners, from places ``rest`` (n, k, 3) on
     them, before they were moved, and the ``shift`` (n, k, 3) there; and whether (n,) the places determine them.
 
@@ -174,8 +195,9 @@ def solve(corners: np.ndarray, rest: np.ndarray, shift: np.ndarray,
     """
     count, sides = corners.shape[:2]
     weights, least = np.zeros((count, sides, sides)), np.full((count, sides), -np.inf)
-    for straight, turned in (((0, 1, 2), (0, 1, 2)),) if sides == 3 else (((0, 1, 2), (0, 1, 3)),
-                                                                          ((0, 2, 3), (1, 2, 3))):
+    for straight, turned in (
+        (((0, 1, 2), (0, 1, 2)),) if sides == 3 else (((0, 1, 2), (0, 1, 3)), ((0, 2, 3), (1, 2, 3)))
+    ):
         of = np.where(across[:, None], turned, straight)
         own = _barycentric(np.take_along_axis(corners, of[..., None], axis=1), rest)
         new = np.zeros_like(weights)
@@ -200,8 +222,9 @@ def _barycentric(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.stack([1.0 - second - third, second, third], axis=-1)
 
 
-def _bake(mesh: bpy.types.Mesh, place: np.ndarray, found: baked_texels.Texels,
-          threads: int) -> tuple[np.ndarray, np.ndarray]:
+def _bake(
+    mesh: bpy.types.Mesh, place: np.ndarray, found: baked_texels.Texels, threads: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Positions at texels (n, 4) in the world, of a mesh at rest and of the moved one."""
     baked = []
     with ExitStack() as undo:
@@ -226,7 +249,8 @@ def _bake(mesh: bpy.types.Mesh, place: np.ndarray, found: baked_texels.Texels,
             for material, method in zip(materials, methods, strict=True):
                 material.displacement_method = method
             if why := texel_bakes.run(scene, item, type="POSITION"):
-                raise IcyMoonError(f"Cycles could not bake where the fine relief moves the ground{why}; set "
-                                   "surface.relief to BUMP.")
+                raise IcyMoonError(
+                    f"Cycles could not bake where the fine relief moves the ground{why}; set surface.relief to BUMP."
+                )
             baked.append(texel_bakes.read_texels(image))
     return baked[0], baked[1]

@@ -78,8 +78,10 @@ def lend_labels(scene: bpy.types.Scene) -> Iterator[None]:
             if item.pass_index == 0:
                 label = next(free, None)
                 if label is None:
-                    raise IcyMoonError(f"The collection Icy Moon contains more than {LAST_OBJECT_INSTANCE} objects "
-                                       "of yours, which is the number of instance labels; join some of them.")
+                    raise IcyMoonError(
+                        f"The collection Icy Moon contains more than {LAST_OBJECT_INSTANCE} objects "
+                        "of yours, which is the number of instance labels; join some of them."
+                    )
                 lend(item, "pass_index", label)
             for material in materials:
                 if material.pass_index == 0:

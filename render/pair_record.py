@@ -36,8 +36,9 @@ def light_json(built: Built, source: str) -> dict[str, Any]:
     sun = read_scene_sun(built.sun, facts["sun"], source)
     facts["sun"] = sun.to_json()
     if planet := facts["planet"]:
-        over_sun = compare_lights(planet["irradiance_wm2"], planet["ground_irradiance_wm2"], sun.irradiance_wm2,
-                                  sun.ground_irradiance_wm2)
+        over_sun = compare_lights(
+            planet["irradiance_wm2"], planet["ground_irradiance_wm2"], sun.irradiance_wm2, sun.ground_irradiance_wm2
+        )
         planet["over_sun"] = None if math.isinf(over_sun) else over_sun
     return facts
 
@@ -50,25 +51,35 @@ def _eye_pose(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 
 
 #: The loss of files with ``quality.files`` COMPACT, in words.
-_COMPACT = ("radiance as 16-bit floats, off by at most 0.05 % or 3e-8, unless 16 bits cannot carry it; normals as "
-            "16-bit floats, off by at most 0.03°; no Beauty.Combined where it is the sum of Combined_Sun and "
-            "Combined_Planet; all else in 32 bits")
+_COMPACT = (
+    "radiance as 16-bit floats, off by at most 0.05 % or 3e-8, unless 16 bits cannot carry it; normals as "
+    "16-bit floats, off by at most 0.03°; no Beauty.Combined where it is the sum of Combined_Sun and "
+    "Combined_Planet; all else in 32 bits"
+)
 
 
 def _channels(truth: str, files: str) -> dict[str, Any]:
     """The content of the images with this ``quality.truth`` and these ``quality.files``, in words."""
-    light: dict[str, Any] = {"radiance": "W/(m² sr), linear, in the bands R, G, B at 620, 550, 460 nm: over all "
-                                         "wavelengths, if all light were as bright, relative to sunlight, as there",
-                             "depth": "planar Z in m at pixel centres, sky 1e10",
-                             **({"stored": _COMPACT} if files == "COMPACT" else {})}
+    light: dict[str, Any] = {
+        "radiance": "W/(m² sr), linear, in the bands R, G, B at 620, 550, 460 nm: over all "
+        "wavelengths, if all light were as bright, relative to sunlight, as there",
+        "depth": "planar Z in m at pixel centres, sky 1e10",
+        **({"stored": _COMPACT} if files == "COMPACT" else {}),
+    }
     if truth == "DEPTH":
         return light
     light["semantic"] = {str(k): v for k, v in SEMANTIC.items()}
-    return light if truth == "SEMANTIC" else {
-        **light, "normal": "unit, world axes, of the facet",
-        "hidden": "1 where the other eye sees something nearer in front of the point, by its rays; else 0",
-        "instance": f"{INSTANCE_AOV} where it is above 0 (rocks, from {FIRST_ROCK_INSTANCE}), else the "
-                    f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky"}
+    return (
+        light
+        if truth == "SEMANTIC"
+        else {
+            **light,
+            "normal": "unit, world axes, of the facet",
+            "hidden": "1 where the other eye sees something nearer in front of the point, by its rays; else 0",
+            "instance": f"{INSTANCE_AOV} where it is above 0 (rocks, from {FIRST_ROCK_INSTANCE}), else the "
+            f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky",
+        }
+    )
 
 
 def _left_out(built: Built, settings: Settings, indirect: dict[str, Any] | None) -> list[str]:
@@ -78,9 +89,16 @@ def _left_out(built: Built, settings: Settings, indirect: dict[str, Any] | None)
     return [*sentences, *(each for each in traced if each not in sentences)]
 
 
-def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], light: dict[str, Any],
-              files: dict[str, Any], seconds: dict[str, float], denoiser: str,
-              indirect: dict[str, Any] | None) -> dict[str, Any]:
+def pair_json(
+    built: Built,
+    planned: PlannedPair,
+    poses: dict[str, np.ndarray],
+    light: dict[str, Any],
+    files: dict[str, Any],
+    seconds: dict[str, float],
+    denoiser: str,
+    indirect: dict[str, Any] | None,
+) -> dict[str, Any]:
     """The content of ``pair.json``, except for facts that are known only when it is finished.
 
     ``light`` is from ``light_json``, ``denoiser`` is the denoiser that was used, ``indirect`` the statement about baked
@@ -92,27 +110,41 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
     for eye in EYES:
         eyes[eye]["distortion"] = dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True))
     return {
-        "format": FORMAT, "version": VERSION, "id": planned.id, "settings": settings,
-        "edited_by_hand": built.edited, "ground": built.ground, "terrain": built.statistics,
+        "format": FORMAT,
+        "version": VERSION,
+        "id": planned.id,
+        "settings": settings,
+        "edited_by_hand": built.edited,
+        "ground": built.ground,
+        "terrain": built.statistics,
         "own_files_sha256": built.content,
         **({"excavation": built.excavation} if built.excavation else {}),
         "stand_ins": [describe(item) for item in items_of(settings)],
-        "camera": camera.to_json(), "eyes": eyes,
+        "camera": camera.to_json(),
+        "eyes": eyes,
         "poses_camera_to_world": {eye: _eye_pose(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
         "blur": blur.to_json() if blur else None,
         "light": light,
-        "left_out": _left_out(built, settings, indirect), "advice": refused_scenes.scene_advice(settings),
+        "left_out": _left_out(built, settings, indirect),
+        "advice": refused_scenes.scene_advice(settings),
         "channels": _channels(settings.quality.truth, settings.quality.files),
         "seeds": {"dataset": settings.dataset.seed, "render": planned.render_seed},
-        "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
-                     "numpy": np.__version__, "icymoon": version()},
+        "versions": {
+            "blender": bpy.app.version_string,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "icymoon": version(),
+        },
         "device": settings.quality.device,
-        **({"cards": list_selected_cards()} if settings.quality.device == "GPU" else {}), "osl": compat.has_osl(),
-        "hapke": describe_hapke(built.materials), "denoiser": denoiser,
+        **({"cards": list_selected_cards()} if settings.quality.device == "GPU" else {}),
+        "osl": compat.has_osl(),
+        "hapke": describe_hapke(built.materials),
+        "denoiser": denoiser,
         **({} if indirect is None else {"indirect": indirect}),
         "platform": platform.platform(),
         **({"workspace": workspace} if workspace else {}),
-        "seconds": seconds, "peak_memory_mib": peak_memory_mib(),
+        "seconds": seconds,
+        "peak_memory_mib": peak_memory_mib(),
         "files": files,
     }

@@ -36,8 +36,16 @@ def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = Fals
     layer = scene.view_layers[0]
     layer.material_override = None
     layer.samples = 0  # as many as the scene has
-    light = [(names[group], kind) for names, kind in ((BAKED_AOVS, "COLOR"), (BAKED_ERROR_AOVS, "VALUE"))
-             for group in names if light_groups or group == "Sun"] if baked else []
+    light = (
+        [
+            (names[group], kind)
+            for names, kind in ((BAKED_AOVS, "COLOR"), (BAKED_ERROR_AOVS, "VALUE"))
+            for group in names
+            if light_groups or group == "Sun"
+        ]
+        if baked
+        else []
+    )
     for name, kind in ((NORMAL_AOV, "COLOR"), (INSTANCE_AOV, "VALUE"), *light):
         aov = layer.aovs.add()
         aov.name, aov.type = name, kind
@@ -63,9 +71,13 @@ def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = Fals
 #: Passes of the truth that Cycles takes from the first sample, so they may come with the radiance, by
 #: ``quality.truth``; and all passes of the truth. It averages normals and value passes over samples.
 _FIRST_SAMPLE: dict[str, tuple[str, ...]] = {
-    "DEPTH": ("use_pass_z",), "SEMANTIC": ("use_pass_z", "use_pass_material_index"), "FULL": ()}
-_TRUTH_PASSES = _FIRST_SAMPLE | {"FULL": ("use_pass_z", "use_pass_normal", "use_pass_object_index",
-                                          "use_pass_material_index")}
+    "DEPTH": ("use_pass_z",),
+    "SEMANTIC": ("use_pass_z", "use_pass_material_index"),
+    "FULL": (),
+}
+_TRUTH_PASSES = _FIRST_SAMPLE | {
+    "FULL": ("use_pass_z", "use_pass_normal", "use_pass_object_index", "use_pass_material_index")
+}
 
 
 def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, truth: str) -> dict[str, Path]:
@@ -88,7 +100,11 @@ def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, truth: str) -> d
 
 #: Passes that renders have and nobody needs: those that mean something in the other render only, the colour of the
 #: truth's one sample, the image before the denoiser, and baked light, which has been added to the image.
-UNWANTED = {*(f"{BEAUTY}.{name}" for name in (NORMAL_AOV, INSTANCE_AOV)), f"{TRUTH}.Combined",
-            *(f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in BAKED_AOVS.values()),
-            *(f"{TRUTH}.{name}" for name in BAKED_ERROR_AOVS.values()),
-            *(f"{TRUTH}.Combined_{group}" for group in LIGHT_GROUPS), f"{BEAUTY}.Noisy Image"}
+UNWANTED = {
+    *(f"{BEAUTY}.{name}" for name in (NORMAL_AOV, INSTANCE_AOV)),
+    f"{TRUTH}.Combined",
+    *(f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in BAKED_AOVS.values()),
+    *(f"{TRUTH}.{name}" for name in BAKED_ERROR_AOVS.values()),
+    *(f"{TRUTH}.Combined_{group}" for group in LIGHT_GROUPS),
+    f"{BEAUTY}.Noisy Image",
+}

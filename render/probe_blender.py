@@ -15,7 +15,14 @@ from . import graphics_cards
 
 def main(arguments: list[str]) -> int:
     """Say version and abilities; ends the process, as the Blender module may hang when it ends."""
-    emit("probe", blender=bpy.app.version_string, python=platform.python_version(), osl=compat.has_osl(),
-         denoiser=compat.has_oidn(), devices=graphics_cards.select_cards(), module=not bpy.app.binary_path)
+    emit(
+        "probe",
+        blender=bpy.app.version_string,
+        python=platform.python_version(),
+        osl=compat.has_osl(),
+        denoiser=compat.has_oidn(),
+        devices=graphics_cards.select_cards(),
+        module=not bpy.app.binary_path,
+    )
     sys.stdout.flush()
     os._exit(0)

@@ -74,8 +74,12 @@ class RaysOfScene:
         self._look()
         stage, roles = self._open(), _GROUND + (_ROCKS if rocks else ())
         near = [part for part in self._parts if part.role not in _SKY]
-        world = World([placed if part.role in roles else Placed(placed.shape, placed.places[:0], placed.numbers[:0])
-                       for part, placed in zip(near, stage.ground.placed, strict=True)])
+        world = World(
+            [
+                placed if part.role in roles else Placed(placed.shape, placed.places[:0], placed.numbers[:0])
+                for part, placed in zip(near, stage.ground.placed, strict=True)
+            ]
+        )
         stage.ground_tracer.place(world)
         try:
             yield world, stage.ground_tracer
@@ -142,8 +146,12 @@ def _instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.t
     layer.update()
     for found in layer.depsgraph.object_instances:
         item = found.object
-        if (is_rendered(found) and item.type not in _NO_SURFACE and item.original.get(TAG) != "stars"
-                and (item.type != "MESH" or len(item.data.polygons))):
+        if (
+            is_rendered(found)
+            and item.type not in _NO_SURFACE
+            and item.original.get(TAG) != "stars"
+            and (item.type != "MESH" or len(item.data.polygons))
+        ):
             yield item, found
 
 
@@ -242,13 +250,19 @@ def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
     """The triangles of an evaluated mesh."""
     loops, facets = read_triangles(mesh)
     label = _label_triangles(mesh, labels, facets)
-    return Shape(read_vertices(mesh), read_corners(mesh)[loops].astype(np.uint32), read_smooth(mesh)[facets], label,
-                 read_numbers(mesh, TRANSMISSION))  # of rings
+    return Shape(
+        read_vertices(mesh),
+        read_corners(mesh)[loops].astype(np.uint32),
+        read_smooth(mesh)[facets],
+        label,
+        read_numbers(mesh, TRANSMISSION),
+    )  # of rings
 
 
 def _read_moved(mesh: bpy.types.Mesh, labels: Sequence[int], place: np.ndarray, still_m: float) -> Shape:
     """The triangles of a mesh whose vertices are moved by its material, the first time at ``place`` (4, 4)."""
     vertices, groups = move_corners(mesh, place, still_m=still_m)
     loops, facets = read_triangles(mesh)
-    return Shape(vertices, groups[loops].astype(np.uint32), read_smooth(mesh)[facets],
-                 _label_triangles(mesh, labels, facets))
+    return Shape(
+        vertices, groups[loops].astype(np.uint32), read_smooth(mesh)[facets], _label_triangles(mesh, labels, facets)
+    )

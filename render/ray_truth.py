@@ -18,8 +18,16 @@ from ..support.labels import FIRST_ROCK_INSTANCE, HIDDEN, INSTANCE_AOV, NORMAL_A
 from .pairs.pair_folder import EYES
 
 
-def trace_truth(stage: Stage, stem: Path, camera: StereoCamera, poses: Mapping[str, np.ndarray],
-                clip_m: tuple[float, float], toed: bool, wanted: str, rounded: Collection[str]) -> dict[str, Path]:
+def trace_truth(
+    stage: Stage,
+    stem: Path,
+    camera: StereoCamera,
+    poses: Mapping[str, np.ndarray],
+    clip_m: tuple[float, float],
+    toed: bool,
+    wanted: str,
+    rounded: Collection[str],
+) -> dict[str, Path]:
     """Write the truth that is ``wanted``, as in ``quality.truth``, into files at ``stem``, the passes ``rounded`` as
     16-bit floats, and return the files by eye. It asks nothing of Blender, which may render meanwhile.
 
@@ -27,10 +35,18 @@ def trace_truth(stage: Stage, stem: Path, camera: StereoCamera, poses: Mapping[s
     nearer or further away than ``clip_m`` have no truth.
     """
     columns, rows = camera.rendered_px
-    eyes = {eye: Eye(columns, rows, camera.focal_px, camera.cx_px + camera.margin_x_px,
-                     camera.cy_px + camera.margin_y_px,
-                     poses[eye][:3, :3] @ (camera.eye_rotation(eye).T if toed else np.eye(3)), poses[eye][:3, 3])
-            for eye in EYES}
+    eyes = {
+        eye: Eye(
+            columns,
+            rows,
+            camera.focal_px,
+            camera.cx_px + camera.margin_x_px,
+            camera.cy_px + camera.margin_y_px,
+            poses[eye][:3, :3] @ (camera.eye_rotation(eye).T if toed else np.eye(3)),
+            poses[eye][:3, 3],
+        )
+        for eye in EYES
+    }
     files = {eye: stem.with_name(f"{stem.name}-{eye}.exr") for eye in EYES}
     for eye, truth in trace_eyes(stage, eyes, camera.baseline_m, *clip_m).items():
         with explain_disk_errors("write", files[eye]):
@@ -39,18 +55,29 @@ def trace_truth(stage: Stage, stem: Path, camera: StereoCamera, poses: Mapping[s
 
 
 @contextmanager
-def trace_beside(stage: Stage | None, wanted_files: Mapping[int, tuple[Path, bool]], camera: StereoCamera,
-                 poses: Mapping[str, np.ndarray], clip_m: tuple[float, float], wanted: str,
-                 rounded: Collection[str]) -> Iterator[dict[int, Future[dict[str, Path]]]]:
+def trace_beside(
+    stage: Stage | None,
+    wanted_files: Mapping[int, tuple[Path, bool]],
+    camera: StereoCamera,
+    poses: Mapping[str, np.ndarray],
+    clip_m: tuple[float, float],
+    wanted: str,
+    rounded: Collection[str],
+) -> Iterator[dict[int, Future[dict[str, Path]]]]:
     """Trace truths in a thread while something else is done. ``wanted_files`` has the stem of the files of each truth,
     and whether its eyes are turned in; for the rest see ``trace_truth``. Without a ``stage`` nothing is traced.
 
     Cycles lets other threads run while it renders, and its own are not all busy all the time.
     """
     with ThreadPoolExecutor(1) as beside:
-        yield {} if stage is None else {
-            number: beside.submit(trace_truth, stage, stem, camera, poses, clip_m, toed, wanted, rounded)
-            for number, (stem, toed) in wanted_files.items()}
+        yield (
+            {}
+            if stage is None
+            else {
+                number: beside.submit(trace_truth, stage, stem, camera, poses, clip_m, toed, wanted, rounded)
+                for number, (stem, toed) in wanted_files.items()
+            }
+        )
 
 
 #: Passes by ``quality.truth``; all passes for another value.
@@ -66,6 +93,12 @@ def encode_truth(truth: EyeTruth, wanted: str = "FULL", rounded: Collection[str]
         "Material Index": {"X": truth.label},
         NORMAL_AOV: dict(zip("RGB", np.moveaxis(truth.normal, -1, 0), strict=True)),
         INSTANCE_AOV: {"X": np.where(rocks, truth.number, 0)},
-        HIDDEN: {"X": truth.hidden}}
-    return assemble([encode_part(f"{TRUTH}.{name}", channels, f"{TRUTH}.{name}" in rounded)
-                     for name, channels in passes.items() if name in _PASSES.get(wanted, passes)])
+        HIDDEN: {"X": truth.hidden},
+    }
+    return assemble(
+        [
+            encode_part(f"{TRUTH}.{name}", channels, f"{TRUTH}.{name}" in rounded)
+            for name, channels in passes.items()
+            if name in _PASSES.get(wanted, passes)
+        ]
+    )

@@ -46,8 +46,9 @@ def add_render_camera(scene: bpy.types.Scene, built: bpy.types.Object) -> Iterat
 
 
 @contextmanager
-def set_up_camera(scene: bpy.types.Scene, built: bpy.types.Object, camera: StereoCamera, blur: Blur | None,
-                  toed: bool) -> Iterator[None]:
+def set_up_camera(
+    scene: bpy.types.Scene, built: bpy.types.Object, camera: StereoCamera, blur: Blur | None, toed: bool
+) -> Iterator[None]:
     """Let the camera of ``scene``, see ``add_render_camera``, be a copy of the ``built`` one, in its frame.
 
     With ``toed`` eyes are turned in by the angle of ``camera``, else they are parallel. ``blur`` is given to the
@@ -97,8 +98,9 @@ def _set_frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCam
     width, height = camera.rendered_px
     scene.render.resolution_x, scene.render.resolution_y = width, height
     if (scene.render.resolution_x, scene.render.resolution_y) != (width, height):
-        raise IcyMoonError(f"With its overscan an image is {width} x {height} px, more than Blender renders; lower "
-                           "rig.overscan.")
+        raise IcyMoonError(
+            f"With its overscan an image is {width} x {height} px, more than Blender renders; lower rig.overscan."
+        )
     wider = width / camera.width_px
     lens.sensor_width *= wider
     # Shifted by what Cycles' sampling is off the pixel centre, so that truth is exact.
@@ -126,8 +128,9 @@ def _set_focus(lens: bpy.types.Camera, blur: Blur) -> None:
     dof.aperture_blades, dof.aperture_rotation, dof.aperture_ratio = 0, 0.0, 1.0
 
 
-def _set_motion(scene: bpy.types.Scene, item: bpy.types.Object, pose: Matrix, middle: float, blur: Blur,
-                exposure_s: float) -> None:
+def _set_motion(
+    scene: bpy.types.Scene, item: bpy.types.Object, pose: Matrix, middle: float, blur: Blur, exposure_s: float
+) -> None:
     """Let the camera move while the shutter is open, one frame long.
 
     Cycles takes the camera's pose at the beginning, in the middle and at the end of the exposure, and keys are at

@@ -116,14 +116,25 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
     left = count_bytes_left(pairs, dataset, again)
     needed = left + _ROOM_WHILE_WRITING * max(pixels_of(pair.settings) for pair in pairs) if left else 0.0
     if needed > free:
-        raise IcyMoonError(f"{dataset} has {free / 1e6:.0f} MB free, {count_of(len(pairs), 'pair')} may need "
-                           f"{needed / 1e6:.0f} MB more; "
-                           "free some space, choose another folder or render fewer pixels.")
+        raise IcyMoonError(
+            f"{dataset} has {free / 1e6:.0f} MB free, {count_of(len(pairs), 'pair')} may need "
+            f"{needed / 1e6:.0f} MB more; "
+            "free some space, choose another folder or render fewer pixels."
+        )
 
 
-def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: Path, seconds_build: float,
-                report: Callable[[float], None], lost: Callable[[], bool], rays: RaysOfScene, again: bool = False,
-                indirect: Indirect = _TRACED) -> Path:
+def render_pair(
+    built: Built,
+    scene: bpy.types.Scene,
+    planned: PlannedPair,
+    dataset: Path,
+    seconds_build: float,
+    report: Callable[[float], None],
+    lost: Callable[[], bool],
+    rays: RaysOfScene,
+    again: bool = False,
+    indirect: Indirect = _TRACED,
+) -> Path:
     """Render one pair of the scene that ``open_render_scene`` made and return its folder.
 
     ``rays`` are those through that scene. ``indirect`` is what ``baked_light.provide`` returned.
@@ -143,8 +154,10 @@ def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, data
             found = _render_into(part, built, scene, planned, report, traced, rays)
         found["seconds"]["build"] = round(seconds_build, 3)
         # Of all threads; "before" is what this process had spent: its start, the build, other pairs and their bakes.
-        found["cpu_seconds"] = {"before": round(spent - indirect.spent_s, 3),
-                                "pair": round(time.process_time() - spent, 3)}
+        found["cpu_seconds"] = {
+            "before": round(spent - indirect.spent_s, 3),
+            "pair": round(time.process_time() - spent, 3),
+        }
         write_json(part / "pair.json", found)
         publish(part, folder, lost, again)
     finally:
@@ -156,19 +169,25 @@ def check_camera(built: Built) -> None:
     """Raise IcyMoonError if the camera was changed by hand into one that the settings do not describe."""
     stereo = built.camera.data.stereo
     if (stereo.convergence_mode, stereo.pivot) != ("PARALLEL", "LEFT"):
-        raise IcyMoonError(f"The stereo camera's eyes are set to {stereo.convergence_mode.lower()} about "
-                           f"{stereo.pivot.lower()}; set its convergence to Parallel and its pivot to Left, and "
-                           "rig.toe_in_deg to turn the eyes in.")
+        raise IcyMoonError(
+            f"The stereo camera's eyes are set to {stereo.convergence_mode.lower()} about "
+            f"{stereo.pivot.lower()}; set its convergence to Parallel and its pivot to Left, and "
+            "rig.toe_in_deg to turn the eyes in."
+        )
     if built.camera.data.dof.use_dof:
-        raise IcyMoonError("The stereo camera has depth of field of its own, which would blur the true depth too; "
-                           "switch it off, and set rig.focus_distance_m instead.")
+        raise IcyMoonError(
+            "The stereo camera has depth of field of its own, which would blur the true depth too; "
+            "switch it off, and set rig.focus_distance_m instead."
+        )
     rig = built.settings.rig
     wanted = {**lens_values(rig), "interocular_distance": ("rig.baseline_m", rig.baseline_m)}
     for name, (setting, value) in wanted.items():
         there = getattr(stereo if name == "interocular_distance" else built.camera.data, name)
         if there != value and (isinstance(value, str) or abs(there - value) > 1e-5 * max(1e-3, abs(value))):
-            raise IcyMoonError(f"The stereo camera's {name.replace('_', ' ')} was changed by hand to {there}, which "
-                               f"the calibration does not contain; set it back, and set {setting} instead.")
+            raise IcyMoonError(
+                f"The stereo camera's {name.replace('_', ' ')} was changed by hand to {there}, which "
+                f"the calibration does not contain; set it back, and set {setting} instead."
+            )
 
 
 @dataclass(frozen=True)
@@ -206,8 +225,15 @@ class _Rendered:
     seconds: dict[str, float]
 
 
-def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
-                 report: Callable[[float], None], indirect: Indirect, rays: RaysOfScene) -> dict[str, Any]:
+def _render_into(
+    part: Path,
+    built: Built,
+    scene: bpy.types.Scene,
+    planned: PlannedPair,
+    report: Callable[[float], None],
+    indirect: Indirect,
+    rays: RaysOfScene,
+) -> dict[str, Any]:
     """Render a pair into the folder ``part`` and return the content of its pair.json."""
     settings = planned.settings
     quality = direct_quality(settings.quality) if indirect.lights else settings.quality
@@ -218,14 +244,33 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     if settings.workspace.cell_m > 0:
         written[WORKSPACE_FILE] = _fact_of(part / WORKSPACE_FILE)
     seconds = {**made.seconds, "write": round(time.perf_counter() - start, 3)}
-    return {**pair_json(built, planned, made.poses, made.light, written, seconds, quality.denoiser,
-                        indirect.to_json(shares, noise_of_image)),
-            **({"truth": made.engine} if made.engine else {}), **lander_json(built, settings, made.poses, part)}
+    return {
+        **pair_json(
+            built,
+            planned,
+            made.poses,
+            made.light,
+            written,
+            seconds,
+            quality.denoiser,
+            indirect.to_json(shares, noise_of_image),
+        ),
+        **({"truth": made.engine} if made.engine else {}),
+        **lander_json(built, settings, made.poses, part),
+    }
 
 
-def _render_takes(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
-                  report: Callable[[float], None], baked: bool, rays: RaysOfScene, quality: QualitySettings,
-                  rounded: set[str]) -> _Rendered:
+def _render_takes(
+    part: Path,
+    built: Built,
+    scene: bpy.types.Scene,
+    planned: PlannedPair,
+    report: Callable[[float], None],
+    baked: bool,
+    rays: RaysOfScene,
+    quality: QualitySettings,
+    rounded: set[str],
+) -> _Rendered:
     """Render radiance and truth by all cameras of the pair. ``baked`` is whether the light of the ground is."""
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
@@ -237,12 +282,26 @@ def _render_takes(part: Path, built: Built, scene: bpy.types.Scene, planned: Pla
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         stage, engine = _choose_engine(rays, settings, takes)
         clip_m = built.camera.data.clip_start, built.camera.data.clip_end
-        truths = 0 if stage else (sum(layer == TRUTH for take in takes for layer, _ in take.images)
-                                  + (len(hidden_pixels.STEPS_PX) if _is_full(planned) else 0))
-        with (watch_samples(len(lights) * int(quality.samples), truths, report) as sampling,
-              trace_beside(stage, {k: (part / f"{TRUTH}{k}", take.toed) for k, take in enumerate(takes)
-                                   if TRUTH in dict(take.images)},
-                           camera, poses, clip_m, settings.quality.truth, rounded) as traced):
+        truths = (
+            0
+            if stage
+            else (
+                sum(layer == TRUTH for take in takes for layer, _ in take.images)
+                + (len(hidden_pixels.STEPS_PX) if _is_full(planned) else 0)
+            )
+        )
+        with (
+            watch_samples(len(lights) * int(quality.samples), truths, report) as sampling,
+            trace_beside(
+                stage,
+                {k: (part / f"{TRUTH}{k}", take.toed) for k, take in enumerate(takes) if TRUTH in dict(take.images)},
+                camera,
+                poses,
+                clip_m,
+                settings.quality.truth,
+                rounded,
+            ) as traced,
+        ):
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
                     scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None
@@ -263,8 +322,9 @@ def _render_takes(part: Path, built: Built, scene: bpy.types.Scene, planned: Pla
     return _Rendered(files, poses, light, engine, seconds)
 
 
-def _prepare_cycles(scene: bpy.types.Scene, built: Built, planned: PlannedPair, quality: QualitySettings, blurred: bool,
-                    baked: bool) -> list[separate_lights.LightPass]:
+def _prepare_cycles(
+    scene: bpy.types.Scene, built: Built, planned: PlannedPair, quality: QualitySettings, blurred: bool, baked: bool
+) -> list[separate_lights.LightPass]:
     """Set up Cycles for the radiance of a pair and return its lights, each a render."""
     cycles_settings.apply(scene, quality, planned.render_seed, blurred, clear_rocks(planned.settings))
     if baked:
@@ -272,13 +332,18 @@ def _prepare_cycles(scene: bpy.types.Scene, built: Built, planned: PlannedPair, 
     prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
     lights = separate_lights.light_passes(scene, built)
     # Objects that move during a render are not kept for the next one, nor are surfaces that change in between.
-    scene.render.use_persistent_data = (not blurred and len(lights) == 1 and not scene.cycles.shading_system
-                                        and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
+    scene.render.use_persistent_data = (
+        not blurred
+        and len(lights) == 1
+        and not scene.cycles.shading_system
+        and _triangle_count(built) <= MOST_KEPT_TRIANGLES
+    )
     return lights
 
 
-def _write_files(part: Path, files: dict[str, dict[str, Path]], planned: PlannedPair, baked: bool,
-                 rounded: set[str]) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, float]], float | None]:
+def _write_files(
+    part: Path, files: dict[str, dict[str, Path]], planned: PlannedPair, baked: bool, rounded: set[str]
+) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, float]], float | None]:
     """Put layers together into the files of the pair, with baked light added.
 
     Returns the facts of each file, the share of baked light by eye, and its noise in the judged image, if any.
@@ -299,8 +364,9 @@ def _write_files(part: Path, files: dict[str, dict[str, Path]], planned: Planned
     return written, shares, noise_of_image
 
 
-def _choose_engine(rays: RaysOfScene, settings: Settings,
-                   takes: list[_CameraSetup]) -> tuple[Stage | None, dict[str, str]]:
+def _choose_engine(
+    rays: RaysOfScene, settings: Settings, takes: list[_CameraSetup]
+) -> tuple[Stage | None, dict[str, str]]:
     """The stage on which rays of our own find the truth, None if Cycles renders it; and the pair's statement about
     that, empty if truth comes with the radiance."""
     if all(layer == BEAUTY for take in takes for layer, _ in take.images):
@@ -321,27 +387,31 @@ def _write_workspace(path: Path, rays: RaysOfScene, workspace: WorkspaceSettings
         np.save(stream, heights, allow_pickle=False)
 
 
-def _render_radiance(scene: bpy.types.Scene, built: Built, lights: list[separate_lights.LightPass], stem: Path,
-                     planned: PlannedPair) -> dict[str, Path]:
+def _render_radiance(
+    scene: bpy.types.Scene, built: Built, lights: list[separate_lights.LightPass], stem: Path, planned: PlannedPair
+) -> dict[str, Path]:
     """Render radiance into separate files, by eye; lights that need it one after the other, and added up."""
     files: dict[str, Path] = {}
     for number, light in enumerate(lights):
-        made = passes.choose_layer(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"),
-                                   planned.settings.quality.truth)
+        made = passes.choose_layer(
+            scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), planned.settings.quality.truth
+        )
         with separate_lights.use_light(built, light):
             _run_cycles(scene, made, planned)
         for eye, file in made.items():
             if eye in files:
                 with explain_disk_errors("write", file), _report_unreadable(planned):
-                    files[eye].write_bytes(assemble(add_planet(*(read_pieces(each.read_bytes())
-                                                                 for each in (files[eye], file)))))
+                    files[eye].write_bytes(
+                        assemble(add_planet(*(read_pieces(each.read_bytes()) for each in (files[eye], file))))
+                    )
                     system.remove(file)
             files.setdefault(eye, file)
     return files
 
 
-def _render_truth(scene: bpy.types.Scene, built: Built, stem: Path, planned: PlannedPair, camera: StereoCamera,
-                  toed: bool) -> dict[str, Path]:
+def _render_truth(
+    scene: bpy.types.Scene, built: Built, stem: Path, planned: PlannedPair, camera: StereoCamera, toed: bool
+) -> dict[str, Path]:
     """Render truth into separate files, by eye. For parallel eyes full truth includes the pixels that are hidden from
     the other eye."""
     files = passes.choose_layer(scene, TRUTH, stem, planned.settings.quality.truth)
@@ -381,8 +451,10 @@ def _report_unreadable(planned: PlannedPair) -> Iterator[None]:
     try:
         yield
     except (ValueError, KeyError, OverBudgetError) as error:
-        raise IcyMoonError(f"The images that Blender wrote of pair {planned.id} cannot be put together ({error}); "
-                           "render the pair again.") from None
+        raise IcyMoonError(
+            f"The images that Blender wrote of pair {planned.id} cannot be put together ({error}); "
+            "render the pair again."
+        ) from None
 
 
 def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: PlannedPair) -> None:
@@ -393,8 +465,10 @@ def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: Planned
         raise IcyMoonError(f"Cycles could not render pair {planned.id}: {first_line(error)}") from None
     for file in files.values():
         if not is_whole(file):
-            raise DiskError(f"Blender could not write the whole image of pair {planned.id} to {file.parent.parent}; "
-                            "the disk is full or the folder may not be written to.")
+            raise DiskError(
+                f"Blender could not write the whole image of pair {planned.id} to {file.parent.parent}; "
+                "the disk is full or the folder may not be written to."
+            )
 
 
 def _read_layers(written: dict[str, Path], final: Path) -> dict[str, list[Piece]]:
@@ -406,8 +480,9 @@ def _read_layers(written: dict[str, Path], final: Path) -> dict[str, list[Piece]
     return found
 
 
-def _write_layers(layers: dict[str, list[Piece]], final: Path, rounded: set[str], compact: bool,
-                  unwanted: set[str]) -> dict[str, Any]:
+def _write_layers(
+    layers: dict[str, list[Piece]], final: Path, rounded: set[str], compact: bool, unwanted: set[str]
+) -> dict[str, Any]:
     """Put layers into one file, flush it and return its size and checksum.
 
     The passes ``rounded`` are stored as 16-bit floats, those ``unwanted`` are left out. A ``compact`` file has no image

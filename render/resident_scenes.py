@@ -61,16 +61,19 @@ class InThisProcess:
     def __init__(self) -> None:
         """Raises IcyMoonError in a Blender with a window, whose open file would be lost."""
         if not bpy.app.background:
-            raise IcyMoonError("This Blender has a window, and rendering here would close your file; render with "
-                               "icymoon.Worker, which starts another one.")
+            raise IcyMoonError(
+                "This Blender has a window, and rendering here would close your file; render with "
+                "icymoon.Worker, which starts another one."
+            )
         if not hasattr(bpy.types.Scene, "icymoon"):
             scene_properties.register()
             if compat.is_module():
                 atexit.register(scene_properties.unregister)  # see ``register`` of the package
         self._scenes = ResidentScenes()
 
-    def render(self, settings: Settings, dataset: Path, again: bool, hear: Callable[[dict[str, Any]], None]
-               ) -> list[Path]:
+    def render(
+        self, settings: Settings, dataset: Path, again: bool, hear: Callable[[dict[str, Any]], None]
+    ) -> list[Path]:
         """Render the pairs of complete settings and return their folders; ``hear`` receives every message."""
         return self._scenes.render(settings, dataset, again, lambda kind, **facts: hear({"type": kind, **facts}))
 

@@ -34,8 +34,7 @@ class FixedScene:
     """A built scene that is rendered as it is, with all that the user has changed in it."""
 
     def __init__(self, built: Built, frame: int, seconds_build: float) -> None:
-        """Raises IcyMoonError if the scene shows a preview, or if its camera was changed by hand, see ``check_camera``.
-        """
+        """Raises IcyMoonError if the scene shows a preview, or if a hand changed its camera, see ``check_camera``."""
         if built.preview:
             raise IcyMoonError("The scene shows a preview; press Build Scene and render again.")
         check_camera(built)
@@ -46,20 +45,26 @@ class FixedScene:
 
     def __enter__(self) -> Self:
         self._scene = self._held.enter_context(open_render_scene(self._built, self._frame))
-        self.rays = self._held.enter_context(closing(RaysOfScene(self._scene,
-                                                                          still_from_m(self._built.settings.surface))))
+        self.rays = self._held.enter_context(
+            closing(RaysOfScene(self._scene, still_from_m(self._built.settings.surface)))
+        )
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._held.close()
 
     def prepare(self, planned: PlannedPair) -> PreparedScene:
         """Where this pair is rendered."""
         assert self._scene is not None
         cycles_settings.check_possible(planned.settings.quality)
-        _raise_reasons([*refused_scenes.reasons_of_settings(planned.settings),
-                        *eyes_above_ground.reasons(self._built, planned.turn_deg, self._scene)])
+        _raise_reasons(
+            [
+                *refused_scenes.reasons_of_settings(planned.settings),
+                *eyes_above_ground.reasons(self._built, planned.turn_deg, self._scene),
+            ]
+        )
         return self._built, self._scene, self._seconds
 
 
@@ -78,8 +83,9 @@ class ScenesFromSettings:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._held.close()
 
     def prepare(self, planned: PlannedPair) -> PreparedScene:
@@ -98,8 +104,9 @@ class ScenesFromSettings:
         if not shared or not kept:
             self._held.close()
             self._scene = self._held.enter_context(open_render_scene(built, bpy.context.scene.frame_current))
-            self.rays = self._held.enter_context(closing(RaysOfScene(self._scene,
-                                                                              still_from_m(built.settings.surface))))
+            self.rays = self._held.enter_context(
+                closing(RaysOfScene(self._scene, still_from_m(built.settings.surface)))
+            )
         assert self._scene is not None
         self._built = built
         # Not in a scene that comes and goes, after which Cycles would build its tree of triangles again.
@@ -126,6 +133,9 @@ def _same_scene_and_light(one: Settings, other: Settings) -> bool:
 
 def _check_id(planned: PlannedPair, built: Built, extra: str) -> None:
     if digest(planned.settings, built.extra + extra + blur_identity(planned.settings)) != planned.id:
-        why = ("a file that its description names has another content than when it was planned" if built.content else
-               "nodes stand in for OSL here (set hapke.backend to NODES), or another version planned it")
+        why = (
+            "a file that its description names has another content than when it was planned"
+            if built.content
+            else "nodes stand in for OSL here (set hapke.backend to NODES), or another version planned it"
+        )
         raise IcyMoonError(f"Pair {planned.id} would not be what was planned: {why}; plan the data set again.")

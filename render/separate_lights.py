@@ -39,12 +39,18 @@ def light_passes(scene: bpy.types.Scene, built: Built) -> list[LightPass]:
 
     A denoised image is one render: its parts would be denoised one by one.
     """
-    if (not scene.view_layers[0].lightgroups or built.planetshine is None or scene.cycles.use_denoising
-            or not _materials_with_sun_inputs(built)):
+    if (
+        not scene.view_layers[0].lightgroups
+        or built.planetshine is None
+        or scene.cycles.use_denoising
+        or not _materials_with_sun_inputs(built)
+    ):
         return [LightPass()]
     if built.sun.data.energy > 0:
-        return [LightPass(("planetshine",), "Sun"),
-                LightPass(("sun", *(role for role in ROLES if role != "planetshine")), "Planet")]
+        return [
+            LightPass(("planetshine",), "Sun"),
+            LightPass(("sun", *(role for role in ROLES if role != "planetshine")), "Planet"),
+        ]
     return [LightPass((), "Planet")]
 
 
@@ -56,6 +62,7 @@ def use_light(built: Built, light: LightPass) -> Iterator[None]:
         return
     sun = sun_inputs.Sun.from_lamp(built.sun, built.sun.matrix_world)
     with ExitStack() as undo:
+
         def lend(datablock: Any, name: str, value: Any) -> None:
             undo.callback(setattr, datablock, name, getattr(datablock, name))
             setattr(datablock, name, value)

@@ -63,16 +63,27 @@ def read_texels(image: bpy.types.Image) -> np.ndarray:
 
 
 def run(scene: bpy.types.Scene, item: bpy.types.Object, **what: Any) -> str:
-    """Bake ``what`` of an object to its target. Empty if Cycles did, and otherwise why not, to go on with a sentence.
-    """
+    """Bake ``what`` of an object to its target. Returns why Cycles did not, to begin a sentence; empty if it did."""
     layer = scene.view_layers[0]
     layer.objects.active = item
     item.select_set(True, view_layer=layer)
-    with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=item, object=item,
-                                   selected_objects=[item], selected_editable_objects=[item]):
+    with bpy.context.temp_override(
+        scene=scene,
+        view_layer=layer,
+        active_object=item,
+        object=item,
+        selected_objects=[item],
+        selected_editable_objects=[item],
+    ):
         try:
-            done = bpy.ops.object.bake(**what, target="IMAGE_TEXTURES", save_mode="INTERNAL", use_clear=True, margin=0,
-                                       use_selected_to_active=False)
+            done = bpy.ops.object.bake(
+                **what,
+                target="IMAGE_TEXTURES",
+                save_mode="INTERNAL",
+                use_clear=True,
+                margin=0,
+                use_selected_to_active=False,
+            )
         except RuntimeError as error:
             return f" ({str(error).removeprefix('Error: ').strip().splitlines()[0]})"
     return "" if done == {"FINISHED"} else " (it was cancelled)"

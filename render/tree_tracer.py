@@ -33,8 +33,9 @@ class TreeTracer:
         shapes = [each.shape for each in world.placed]
         self._trees = [BVHTree.FromPolygons(each.vertices, each.triangles, all_triangles=True) for each in shapes]
         #: Lowest and highest corners, (shapes, 2, 3).
-        self._boxes = np.array([(each.vertices.min(axis=0), each.vertices.max(axis=0)) for each in shapes],
-                               float).reshape(-1, 2, 3)
+        self._boxes = np.array(
+            [(each.vertices.min(axis=0), each.vertices.max(axis=0)) for each in shapes], float
+        ).reshape(-1, 2, 3)
         self.place(world)
 
     def place(self, world: World) -> None:
@@ -46,8 +47,10 @@ class TreeTracer:
         turned = world.places[:, :3, :3]
         signs = np.stack(np.meshgrid(*[(-1, 1)] * 3), axis=-1).reshape(-1, 3)
         corners = np.einsum("nij,nkj->nki", turned, (boxes[:, 1] - boxes[:, 0])[:, None] / 2 * signs)
-        self._spheres = _Spheres(np.einsum("nij,nj->ni", turned, own) + world.places[:, :3, 3],
-                                 np.linalg.norm(corners, axis=2).max(axis=1, initial=0.0))
+        self._spheres = _Spheres(
+            np.einsum("nij,nj->ni", turned, own) + world.places[:, :3, 3],
+            np.linalg.norm(corners, axis=2).max(axis=1, initial=0.0),
+        )
 
     def close(self) -> None:
         """Free the trees."""
@@ -67,12 +70,18 @@ class TreeTracer:
 
     def _trace(self, origin: np.ndarray, direction: np.ndarray, near: float, far: np.ndarray) -> Hits:
         count = len(direction)
-        hits = Hits(np.full(count, np.inf), np.full(count, -1, np.int32), np.full(count, -1, np.int32),
-                    np.zeros(count, np.float32), np.zeros(count, np.float32))
+        hits = Hits(
+            np.full(count, np.inf),
+            np.full(count, -1, np.int32),
+            np.full(count, -1, np.int32),
+            np.zeros(count, np.float32),
+            np.zeros(count, np.float32),
+        )
         for first in range(0, count, _MOST_RAYS):
             part = np.arange(first, min(count, first + _MOST_RAYS))
-            ray, place, entry = self._spheres.entered_by(origin if origin.ndim == 1 else origin[part], direction[part],
-                                                         far[part])
+            ray, place, entry = self._spheres.entered_by(
+                origin if origin.ndim == 1 else origin[part], direction[part], far[part]
+            )
             ray = part[ray]
             order = np.lexsort((entry, ray))
             ray, place, entry = ray[order], place[order], entry[order]
@@ -84,8 +93,17 @@ class TreeTracer:
                 self._meet(hits, origin, direction, near, end, ray[pairs], place[pairs], entry[pairs] <= end)
         return hits
 
-    def _meet(self, hits: Hits, origin: np.ndarray, direction: np.ndarray, near: float, far: np.ndarray,
-              ray: np.ndarray, place: np.ndarray, asked: np.ndarray) -> None:
+    def _meet(
+        self,
+        hits: Hits,
+        origin: np.ndarray,
+        direction: np.ndarray,
+        near: float,
+        far: np.ndarray,
+        ray: np.ndarray,
+        place: np.ndarray,
+        asked: np.ndarray,
+    ) -> None:
         """Note what rays (k,) meet at places (k,) before ``far`` (k,), for those that are ``asked``."""
         asked &= far > near
         far, ray, place = far[asked], ray[asked], place[asked]
@@ -99,8 +117,12 @@ class TreeTracer:
         most = np.minimum((far - near) * length, _LONGEST)
         for number in np.unique(of[entered]):
             rays = np.flatnonzero(entered & (of == number))
-            told = [each[2:] for each in map(self._trees[number].ray_cast, own[rays].tolist(), toward[rays].tolist(),
-                                             most[rays].tolist())]
+            told = [
+                each[2:]
+                for each in map(
+                    self._trees[number].ray_cast, own[rays].tolist(), toward[rays].tolist(), most[rays].tolist()
+                )
+            ]
             met = np.array([triangle is not None for triangle, _ in told], bool)
             triangle, distance = np.array([each for each in told if each[0] is not None]).reshape(-1, 2).T
             rays = rays[met]
@@ -143,8 +165,9 @@ class _Spheres:
         while len(self._levels[0][1]) > 1:
             self._levels.insert(0, _surround(*self._levels[0]))
 
-    def entered_by(self, origin: np.ndarray, direction: np.ndarray,
-                   far: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def entered_by(
+        self, origin: np.ndarray, direction: np.ndarray, far: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Which rays (n, 3) enter which spheres, in pairs, and how many times its direction a ray goes to there.
         ``origin`` is (3,) or (n, 3); rays go to ``far`` (n,) times their direction."""
         length = np.sqrt(dot(direction, direction))
@@ -158,13 +181,14 @@ class _Spheres:
         away = centre[sphere] - (origin if origin.ndim == 1 else origin[ray])
         middle = dot(away, ahead[ray])
         aside = away - middle[:, None] * ahead[ray]
-        half = np.sqrt(np.maximum(radius[sphere]**2 - dot(aside, aside), 0.0))
+        half = np.sqrt(np.maximum(radius[sphere] ** 2 - dot(aside, aside), 0.0))
         entry = np.maximum(middle - half, 0.0) / length[ray]
-        entered = (dot(aside, aside) <= radius[sphere]**2) & (middle + half >= 0) & (entry <= far[ray])
+        entered = (dot(aside, aside) <= radius[sphere] ** 2) & (middle + half >= 0) & (entry <= far[ray])
         return ray[entered], self._order[sphere[entered]], entry[entered]
 
-    def _entered_by_bundles(self, origin: np.ndarray, ahead: np.ndarray,
-                            far: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _entered_by_bundles(
+        self, origin: np.ndarray, ahead: np.ndarray, far: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Which bundles of rays, unit vectors (m, k, 3) to (m, k) metres, may enter which spheres, in pairs."""
         axis = normalize(ahead.sum(axis=1))
         cosine = np.einsum("mkj,mj->mk", ahead, axis).min(axis=1, initial=1.0)
@@ -181,8 +205,9 @@ class _Spheres:
             across = np.sqrt(np.maximum(distance**2 - along**2, 0.0))
             inside = distance <= radius[node]
             # Beside the cone of the bundle by less than the radius, and not behind its apex.
-            touched = ((across * cosine[bundle] - along * sine[bundle] <= radius[node])
-                       & (along * cosine[bundle] + across * sine[bundle] >= 0))
+            touched = (across * cosine[bundle] - along * sine[bundle] <= radius[node]) & (
+                along * cosine[bundle] + across * sine[bundle] >= 0
+            )
             entered = (inside | touched | (cosine[bundle] < _WIDE)) & (distance - radius[node] <= end[bundle])
             bundle, node = bundle[entered], node[entered]
         return bundle, node
@@ -199,7 +224,7 @@ def _surround(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.nd
     starts = np.arange(0, len(radius), _GROUP)
     least = np.minimum.reduceat(centre - radius[:, None], starts)
     middle = (least + np.maximum.reduceat(centre + radius[:, None], starts)) / 2
-    reach = np.linalg.norm(centre - np.repeat(middle, _GROUP, axis=0)[:len(radius)], axis=1) + radius
+    reach = np.linalg.norm(centre - np.repeat(middle, _GROUP, axis=0)[: len(radius)], axis=1) + radius
     return middle, np.maximum.reduceat(reach, starts)
 
 

@@ -50,5 +50,8 @@ def take_surfaces_off(materials: Sequence[bpy.types.Material]) -> Iterator[None]
 def is_opaque(tree: bpy.types.NodeTree, output: bpy.types.Node) -> bool:
     """Whether every ray surely ends at a surface. With a volume, one without a surface would let rays in."""
     alphas = [node.inputs["Alpha"] for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled"]
-    return (not output.inputs["Volume"].links and not any(node.bl_idname in _MAYBE_PASSED for node in tree.nodes)
-            and all(not alpha.links and alpha.default_value >= 1.0 for alpha in alphas))
+    return (
+        not output.inputs["Volume"].links
+        and not any(node.bl_idname in _MAYBE_PASSED for node in tree.nodes)
+        and all(not alpha.links and alpha.default_value >= 1.0 for alpha in alphas)
+    )

@@ -44,8 +44,15 @@ Send = Callable[..., None]
 _COMPILING = "the driver may be compiling for the graphics card, which takes minutes at its first use"
 
 
-def render_pairs(built: Built, pairs: list[PlannedPair], dataset: Path, frame: int, seconds_build: float,
-                 send: Send, again: bool = False) -> list[Path]:
+def render_pairs(
+    built: Built,
+    pairs: list[PlannedPair],
+    dataset: Path,
+    frame: int,
+    seconds_build: float,
+    send: Send,
+    again: bool = False,
+) -> list[Path]:
     """Render the planned pairs of a built scene and return their folders, see ``render_from``.
 
     Raises IcyMoonError at the first failure, and if the scene shows a preview; finished pairs stay.
@@ -56,8 +63,14 @@ def render_pairs(built: Built, pairs: list[PlannedPair], dataset: Path, frame: i
     return [planned.folder(dataset) for planned in pairs]
 
 
-def render_from(source: FixedScene | ScenesFromSettings, pairs: list[PlannedPair], dataset: Path, send: Send,
-                again: bool = False, keep_going: bool = False) -> None:
+def render_from(
+    source: FixedScene | ScenesFromSettings,
+    pairs: list[PlannedPair],
+    dataset: Path,
+    send: Send,
+    again: bool = False,
+    keep_going: bool = False,
+) -> None:
     """Render planned pairs, each in the scene that ``source`` has for it.
 
     A pair that is already complete is not rendered again unless ``again``. ``send(type, **facts)`` receives
@@ -87,8 +100,17 @@ def render_from(source: FixedScene | ScenesFromSettings, pairs: list[PlannedPair
         claims.close()
 
 
-def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, dataset: Path, send: Send,
-                shared: SharedLight, again: bool, k: int, total: int, sampled: Event) -> None:
+def _render_one(
+    source: FixedScene | ScenesFromSettings,
+    planned: PlannedPair,
+    dataset: Path,
+    send: Send,
+    shared: SharedLight,
+    again: bool,
+    k: int,
+    total: int,
+    sampled: Event,
+) -> None:
     label = f"Pair {k + 1} of {total}"
     folder = planned.folder(dataset)
 
@@ -108,14 +130,34 @@ def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, d
         check(planned.settings, f"Pair {planned.id}")  # an earlier version may have accepted more
         built, scene, seconds_build = source.prepare(planned)
         assert source.rays is not None
-        with (tell_while_compiling(sampled, partial(tell, 0.0, f"{label}: {_COMPILING}"))
-              if planned.settings.quality.device == "GPU" and not sampled.is_set() else nullcontext()):
+        with (
+            tell_while_compiling(sampled, partial(tell, 0.0, f"{label}: {_COMPILING}"))
+            if planned.settings.quality.device == "GPU" and not sampled.is_set()
+            else nullcontext()
+        ):
             indirect = baked_light.provide(built, scene, planned, shared)
-            render_pair(built, scene, planned, dataset, seconds_build, report,
-                        partial(shared.claims.is_lost, planned.id), source.rays, again, indirect)
+            render_pair(
+                built,
+                scene,
+                planned,
+                dataset,
+                seconds_build,
+                report,
+                partial(shared.claims.is_lost, planned.id),
+                source.rays,
+                again,
+                indirect,
+            )
         shared.note_pair(folder)
-    send("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
-         seconds=round(time.perf_counter() - start, 2))
+    send(
+        "pair",
+        id=planned.id,
+        folder=str(folder),
+        rendered=rendered,
+        done=k + 1,
+        total=total,
+        seconds=round(time.perf_counter() - start, 2),
+    )
 
 
 def pairs_of_job(job: dict[str, Any]) -> list[PlannedPair]:
@@ -125,8 +167,10 @@ def pairs_of_job(job: dict[str, Any]) -> list[PlannedPair]:
         return [replace(pair, settings=overlaid(pair.settings, threads)) for pair in read_planned_pairs(job)]
     settings = merged(defaults(), check(job["settings"], "job"))
     # Each pair is built as it is described: there is nothing that has to be turned.
-    return [PlannedPair(pair.id, pair.settings, 0.0)
-            for pair in expand_headings(settings, extra(settings) + _repeat_text(job))]
+    return [
+        PlannedPair(pair.id, pair.settings, 0.0)
+        for pair in expand_headings(settings, extra(settings) + _repeat_text(job))
+    ]
 
 
 def _first_settings(job: dict[str, Any]) -> Settings:
@@ -199,9 +243,9 @@ def run_to_exit(run: Callable[[], None], describe_no_memory: Callable[[], str]) 
         emit("error", message=describe_no_memory(), crash=True)
     except Exception as error:
         import traceback
+
         traceback.print_exc()
-        emit("error", message=f"The worker failed ({type(error).__name__}: {error}); please report this.",
-             crash=True)
+        emit("error", message=f"The worker failed ({type(error).__name__}: {error}); please report this.", crash=True)
     finally:
         sys.stdout.flush()
         sys.stderr.flush()

@@ -28,15 +28,18 @@ def _of_effect(effect: str) -> set[tuple[str, str]]:
 
 
 _SHAPE, _LOOK, _LIGHT, _LANDER, _CAMERA, _SAMPLING, _RESPONSE = map(
-    _of_effect, ("geometry", "material", "light", "lander", "camera", "sampling", "response"))
+    _of_effect, ("geometry", "material", "light", "lander", "camera", "sampling", "response")
+)
 #: Settings of the rig that the lander uses, because its mast carries the rig.
 _MAST = {("rig", key) for key in ("x_m", "y_m", "height_m", "heading_deg", "pitch_deg", "baseline_m")}
 
 
 #: Settings that determine the path of a scoop if the arm's joints move it: the arm's sizes and where it stands.
-_DIGS = {("rig", key) for key in ("x_m", "y_m", "heading_deg", "baseline_m")} | {
-    ("lander", key) for key in ("kind", "file", "turn_deg")} | {
-    (topic, key) for topic, key in _LANDER if topic == "arm" and key.endswith("_m")}
+_DIGS = (
+    {("rig", key) for key in ("x_m", "y_m", "heading_deg", "baseline_m")}
+    | {("lander", key) for key in ("kind", "file", "turn_deg")}
+    | {(topic, key) for topic, key in _LANDER if topic == "arm" and key.endswith("_m")}
+)
 
 
 def _part(settings: Settings, keys: Iterable[tuple[str, str]]) -> dict[str, dict[str, Any]]:
@@ -70,8 +73,12 @@ def scene(settings: Settings) -> Parts:
     found = _geometry(settings)
     for topic, values in _part(settings, keys).items():
         found.setdefault(topic, {}).update(values)
-    found["surface"] = {**found.get("surface", {}), "elevation_marked": settings.surface.trough_dirt != 0,
-                        "own_images": settings.textures.set == "MESH", "in_mesh": relief_in_mesh(settings)}
+    found["surface"] = {
+        **found.get("surface", {}),
+        "elevation_marked": settings.surface.trough_dirt != 0,
+        "own_images": settings.textures.set == "MESH",
+        "in_mesh": relief_in_mesh(settings),
+    }
     return found
 
 
@@ -82,8 +89,14 @@ def relief_in_mesh(settings: Settings) -> str:
     relief, walls = fine_relief_of(settings), breaks_walls(settings)
     if relief is None and not walls:
         return ""
-    return " ".join(f"{value:.6g}" for value in (*(astuple(relief) if relief else ()), *((-1.0,) if walls else ()),
-                                                 *(settings.rig[key] for key in fine_relief.OF_THE_RIG)))
+    return " ".join(
+        f"{value:.6g}"
+        for value in (
+            *(astuple(relief) if relief else ()),
+            *((-1.0,) if walls else ()),
+            *(settings.rig[key] for key in fine_relief.OF_THE_RIG),
+        )
+    )
 
 
 def materials(settings: Settings) -> Parts:
@@ -93,8 +106,11 @@ def materials(settings: Settings) -> Parts:
 
 def look(settings: Settings) -> Parts:
     """``materials``, whether subsurface light is traced through each surface, and how far a lamp near them is."""
-    return {**materials(settings), "walks": {topic: follows_walk(settings, topic) for topic in SURFACES},
-            "lamp": {"distance_m": settings.light.sun_distance_m}}
+    return {
+        **materials(settings),
+        "walks": {topic: follows_walk(settings, topic) for topic in SURFACES},
+        "lamp": {"distance_m": settings.light.sun_distance_m},
+    }
 
 
 def light(settings: Settings) -> Parts:

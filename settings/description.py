@@ -87,10 +87,15 @@ def _checked_list(setting: Setting, value: Any, name: str, where: str, stored: b
     for k, entry in enumerate(value):
         for key in entry:
             if key not in known:
-                raise IcyMoonError(f"{where}: unknown setting {name}[{k}].{shorten(key)}, "
-                                   f"{nearest(key, known, MIN_SIMILARITY)}")
-        tables.append({key: _checked(s, entry.get(key, missing[key]), f"{name}[{k}].{key}", where, stored)
-                       for key, s in known.items()})
+                raise IcyMoonError(
+                    f"{where}: unknown setting {name}[{k}].{shorten(key)}, {nearest(key, known, MIN_SIMILARITY)}"
+                )
+        tables.append(
+            {
+                key: _checked(s, entry.get(key, missing[key]), f"{name}[{k}].{key}", where, stored)
+                for key, s in known.items()
+            }
+        )
     return tables
 
 
@@ -99,12 +104,20 @@ def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) 
         return _checked_list(setting, value, name, where, stored)
     if setting.trust == "mark" and isinstance(value, (int, float)) and not isinstance(value, bool):
         value = repr(value)
-    expected = {"float": "a number", "int": "a whole number", "bool": "true or false",
-                "text": "a text in quotes", "choice": "a text in quotes"}[setting.kind]
-    right_type = {"float": isinstance(value, (int, float)) and not isinstance(value, bool),
-                  "int": isinstance(value, int) and not isinstance(value, bool),
-                  "bool": isinstance(value, bool),
-                  "text": isinstance(value, str), "choice": isinstance(value, str)}[setting.kind]
+    expected = {
+        "float": "a number",
+        "int": "a whole number",
+        "bool": "true or false",
+        "text": "a text in quotes",
+        "choice": "a text in quotes",
+    }[setting.kind]
+    right_type = {
+        "float": isinstance(value, (int, float)) and not isinstance(value, bool),
+        "int": isinstance(value, int) and not isinstance(value, bool),
+        "bool": isinstance(value, bool),
+        "text": isinstance(value, str),
+        "choice": isinstance(value, str),
+    }[setting.kind]
     if not right_type:
         raise IcyMoonError(f"{where}: {name} must be {expected}, not {quote(value)}.")
     if setting.kind == "choice":
@@ -157,8 +170,7 @@ def _check_table(topic: str, values: Any, where: str, stored: bool) -> Tables:
         kept = kept_of_missing(topic, values, where)
         return {topic: kept} if kept else {}
     if topic not in TOPICS and not _was_topic(topic):
-        raise IcyMoonError(f"{where}: unknown topic [{shorten(topic)}], "
-                           f"{nearest_topic(topic, TOPICS, MIN_SIMILARITY)}")
+        raise IcyMoonError(f"{where}: unknown topic [{shorten(topic)}], {nearest_topic(topic, TOPICS, MIN_SIMILARITY)}")
     if not isinstance(values, Mapping):
         raise IcyMoonError(f"{where}: [{topic}] must be a table of settings, not {quote(values)}.")
     checked: Tables = {}
@@ -231,8 +243,9 @@ class Restorer:
 
     def _complete_once(self, topic: str, values: Mapping[str, Any]) -> Settings:
         """A table by its topic, completed from ``_before`` with the settings that it lacks."""
-        return _made_once(self._whole, topic, values,
-                          lambda: merged({topic: self._before.get(topic, {})}, {topic: values}))
+        return _made_once(
+            self._whole, topic, values, lambda: merged({topic: self._before.get(topic, {})}, {topic: values})
+        )
 
 
 def _made_once(known: dict[tuple[str, str], Made], topic: str, values: Any, make: Callable[[], Made]) -> Made:
@@ -247,8 +260,7 @@ def _made_once(known: dict[tuple[str, str], Made], topic: str, values: Any, make
 
 def _before() -> Settings:
     """The complete description with the effect of versions without newer settings."""
-    return typed({topic.key: {s.key: canonical(s, s.old_value) for s in topic.settings}
-                  for topic in TOPICS.values()})
+    return typed({topic.key: {s.key: canonical(s, s.old_value) for s in topic.settings} for topic in TOPICS.values()})
 
 
 @contextmanager
@@ -259,8 +271,10 @@ def asking_to_update(where: str, written_by: str) -> Iterator[None]:
     except IcyMoonError as error:
         if not is_newer(written_by):
             raise
-        raise IcyMoonError(f"{where}: was saved by Icy Moon {written_by} and this is {version()}; update Icy Moon to "
-                           f"load it ({str(error).removeprefix(f'{where}: ').rstrip('.')}).") from None
+        raise IcyMoonError(
+            f"{where}: was saved by Icy Moon {written_by} and this is {version()}; update Icy Moon to "
+            f"load it ({str(error).removeprefix(f'{where}: ').rstrip('.')})."
+        ) from None
 
 
 def merged(*parts: Parts) -> Settings:
@@ -309,8 +323,11 @@ def override(text: str) -> Settings:
     return check({topic_key: {key: parsed}}, f"--set {shorten(text)}")
 
 
-def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "",
-           count: Callable[[Mapping[str, Mapping[str, Value]]], list[str]] | None = None) -> str:
+def digest(
+    settings: Mapping[str, Mapping[str, Value]],
+    extra: str = "",
+    count: Callable[[Mapping[str, Mapping[str, Value]]], list[str]] | None = None,
+) -> str:
     """The id of the pair with these settings: twelve hexadecimal digits.
 
     Settings that cannot change a rendered pixel (camera response, paths, threads) do not count. Newer settings count

@@ -38,8 +38,10 @@ def check_release(topic: str, values: Mapping[str, Any], where: str) -> None:
     """Raise IcyMoonError if a table states another release than is installed; ``where`` names its origin."""
     stated, installed = values.get(RELEASE), TOPICS[topic].plugin
     if stated and stated != installed:
-        raise IcyMoonError(f"{where}: {topic} was made by {stated}, and {installed} is installed; install {stated}, or "
-                           f"leave {topic}.{RELEASE} out for the ground of {installed}.")
+        raise IcyMoonError(
+            f"{where}: {topic} was made by {stated}, and {installed} is installed; install {stated}, or "
+            f"leave {topic}.{RELEASE} out for the ground of {installed}."
+        )
 
 
 def kept_of_missing(topic: str, values: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -51,9 +53,15 @@ def kept_of_missing(topic: str, values: Mapping[str, Any], where: str) -> dict[s
     release = values.get(RELEASE, "")
     if release == "":
         return {}
-    if not isinstance(release, str) or len(release) > _LONGEST or not all(
+    if (
+        not isinstance(release, str)
+        or len(release) > _LONGEST
+        or not all(
             isinstance(key, str) and (isinstance(value, bool) or NUMBER.fits(value))
-            for key, value in values.items() if key != RELEASE):
+            for key, value in values.items()
+            if key != RELEASE
+        )
+    ):
         raise IcyMoonError(f"{where}: [{topic}] is damaged; restore the file, or render the pair again.")
     return dict(values)
 
@@ -68,5 +76,9 @@ def refuse_missing(settings: Mapping[str, Mapping[str, Any]], where: str) -> Non
 def counted_landforms(settings: Mapping[str, Mapping[str, Any]]) -> list[list[Any]]:
     """[name, value] of every setting of the plug-ins' landforms that are on, for the id of a pair."""
     tables = {topic: Table(values) for topic, values in settings.items() if topic.startswith(PREFIX)}
-    return [[f"{topic}.{key}", value] for topic, values in with_releases(Settings(tables)).items()
-            if values.get(RELEASE) for key, value in values.items()]
+    return [
+        [f"{topic}.{key}", value]
+        for topic, values in with_releases(Settings(tables)).items()
+        if values.get(RELEASE)
+        for key, value in values.items()
+    ]

@@ -11,6 +11,7 @@ from typing import Any
 
 def make_mirror(name: str) -> dict[str, Callable[..., Any]]:
     """The functions ``get`` and ``set`` of a property that shows the property of this name."""
+
     def read(group: Any) -> Any:
         return getattr(group, name)
 

@@ -37,8 +37,16 @@ def counts(setting: Setting) -> bool:
 def first_settings() -> list[str]:
     """The names of the settings of the first release that count, as it called them, in the order of an id."""
     old = {new: name for name, new in RENAMED.items()}
-    return [old.get(name, name) for name in (f"{topic.key}.{s.key}" for topic in TOPICS.values() if not topic.plugin
-                                             for s in topic.settings if not s.since and counts(s))]
+    return [
+        old.get(name, name)
+        for name in (
+            f"{topic.key}.{s.key}"
+            for topic in TOPICS.values()
+            if not topic.plugin
+            for s in topic.settings
+            if not s.since and counts(s)
+        )
+    ]
 
 
 def counted(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
@@ -55,16 +63,23 @@ def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[str]]:
 
     What a table gives is made once for all descriptions that share the table. It must not be changed meanwhile.
     """
-    columns = [(name, topic, key) for name in first_settings()
-               for topic, _, key in [present_name(name).partition(".")]]
+    columns = [(name, topic, key) for name in first_settings() for topic, _, key in [present_name(name).partition(".")]]
     special = {name for name, topic, key in columns if key == "relief"}
-    runs = [(topic, MadeOnce(partial(_text_of, [(name, key) for name, _, key in run])) if topic else run[0][0])
-            for topic, run in _split_columns(columns, special)]
+    runs = [
+        (topic, MadeOnce(partial(_text_of, [(name, key) for name, _, key in run])) if topic else run[0][0])
+        for topic, run in _split_columns(columns, special)
+    ]
     newer = {topic: MadeOnce(partial(_find_newer, *those)) for topic, those in _newer_settings().items()}
 
     def count(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
-        first = ", ".join([json.dumps([made, _plain(made, value_in_id(made, settings))]) if isinstance(made, str)
-                           else made.of(settings[topic]) for topic, made in runs])
+        first = ", ".join(
+            [
+                json.dumps([made, _plain(made, value_in_id(made, settings))])
+                if isinstance(made, str)
+                else made.of(settings[topic])
+                for topic, made in runs
+            ]
+        )
         found = [each for topic, made in newer.items() for each in made.of(settings[topic])]
         found += counted_landforms(settings)
         return [f"[{first}]", json.dumps(sorted(found))] if found else [f"[{first}]"]
@@ -72,11 +87,15 @@ def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[str]]:
     return count
 
 
-def _split_columns(columns: Sequence[tuple[str, str, str]], special: Collection[str],
-                   ) -> list[tuple[str, list[tuple[str, str, str]]]]:
+def _split_columns(
+    columns: Sequence[tuple[str, str, str]],
+    special: Collection[str],
+) -> list[tuple[str, list[tuple[str, str, str]]]]:
     """Neighbours of one topic, with that topic; those whose values depend on other topics one by one, without any."""
-    runs = [(topic, list(run)) for topic, run in
-            itertools.groupby(columns, lambda column: "" if column[0] in special else column[1])]
+    runs = [
+        (topic, list(run))
+        for topic, run in itertools.groupby(columns, lambda column: "" if column[0] in special else column[1])
+    ]
     return [(topic, part) for topic, run in runs for part in ([run] if topic else [[each] for each in run])]
 
 
@@ -97,12 +116,17 @@ def _newer_settings() -> dict[str, tuple[list[tuple[str, str, Any]], list[tuple[
     return {topic: both for topic, both in found.items() if any(both)}
 
 
-def _find_newer(values: Sequence[tuple[str, str, Any]], parts: Sequence[tuple[str, str, str, Any]],
-                table: Mapping[str, Any]) -> list[Any]:
+def _find_newer(
+    values: Sequence[tuple[str, str, Any]], parts: Sequence[tuple[str, str, str, Any]], table: Mapping[str, Any]
+) -> list[Any]:
     """[name, value] of the newer settings of a table that differ from before."""
     found = [[name, _plain(name, table[key])] for name, key, old in values if table[key] != old]
-    return found + [[f"{name} {k}", entry[part]] for key, part, name, old in parts
-                    for k, entry in enumerate(table[key]) if entry[part] != old]
+    return found + [
+        [f"{name} {k}", entry[part]]
+        for key, part, name, old in parts
+        for k, entry in enumerate(table[key])
+        if entry[part] != old
+    ]
 
 
 def value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Any:

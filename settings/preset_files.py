@@ -21,9 +21,18 @@ from .topics.scene import Settings
 
 PRESETS = Path(__file__).resolve().parents[1] / "presets"
 #: Folders of presets, whole scenes first, and the titles of their kinds.
-KINDS = {"scenes": "Scenes", "gallery": "Gallery", "bodies": "Moons", "terrains": "Terrains", "rocks": "Rocks",
-         "surfaces": "Surfaces", "lights": "Lights", "rigs": "Stereo Cameras", "sensors": "Camera Responses",
-         "qualities": "Qualities"}
+KINDS = {
+    "scenes": "Scenes",
+    "gallery": "Gallery",
+    "bodies": "Moons",
+    "terrains": "Terrains",
+    "rocks": "Rocks",
+    "surfaces": "Surfaces",
+    "lights": "Lights",
+    "rigs": "Stereo Cameras",
+    "sensors": "Camera Responses",
+    "qualities": "Qualities",
+}
 #: Kinds of presets that describe a whole scene. Others describe a part of one.
 WHOLE = ("scenes", "gallery", "own")
 _HEADER = ("title", "description", "include", "made_with")
@@ -56,9 +65,15 @@ def _load_included(name: str, path: Path) -> Settings:
     """The shipped preset that the file at ``path`` includes."""
     if name.endswith(".toml") and name.removesuffix(".toml") not in preset_names():
         includes_itself = os.path.abspath(path.parent / name) == os.path.abspath(path)
-        raise IcyMoonError(f"{path}: preset.include names " + ("this file itself; leave it out." if includes_itself else
-                           f"the file {quote(name)}, and only shipped presets can be included; leave it out, and give "
-                           "both files with --settings."))
+        raise IcyMoonError(
+            f"{path}: preset.include names "
+            + (
+                "this file itself; leave it out."
+                if includes_itself
+                else f"the file {quote(name)}, and only shipped presets can be included; leave it out, and give "
+                "both files with --settings."
+            )
+        )
     try:
         return load_preset(name)
     except IcyMoonError as error:
@@ -89,8 +104,9 @@ def beside(folder: Path, settings: Settings) -> Settings:
 
 def preset_names(kind: str = "") -> list[str]:
     """Names of the shipped presets, all or of one kind, such as ``scenes/europa_rough_ice``."""
-    return sorted(p.relative_to(PRESETS).with_suffix("").as_posix() for p in (PRESETS / kind).rglob("*.toml")
-                  if p.parent != PLANS)
+    return sorted(
+        p.relative_to(PRESETS).with_suffix("").as_posix() for p in (PRESETS / kind).rglob("*.toml") if p.parent != PLANS
+    )
 
 
 def is_whole(name: str) -> bool:
@@ -111,8 +127,10 @@ def preset_path(name: str) -> Path:
     for candidate in (PRESETS / f"{name}.toml", PRESETS / "scenes" / f"{name}.toml"):
         if ".." not in name and is_file(candidate):
             return candidate
-    raise IcyMoonError(f"Unknown preset {quote(name)}, " + nearest(
-        shorten(name), preset_names(), MIN_SIMILARITY, "none of those that icymoon presets lists."))
+    raise IcyMoonError(
+        f"Unknown preset {quote(name)}, "
+        + nearest(shorten(name), preset_names(), MIN_SIMILARITY, "none of those that icymoon presets lists.")
+    )
 
 
 def preview_path(name: str) -> Path:

@@ -32,8 +32,10 @@ def _is_same(table: Mapping[str, Any], key: str, value: Any) -> bool:
 
 def without_shared(settings: Parts, shared: Parts) -> Tables:
     """The settings of a description that are not shared."""
-    own = {topic: {key: value for key, value in table.items() if key not in shared.get(topic, {})}
-           for topic, table in settings.items()}
+    own = {
+        topic: {key: value for key, value in table.items() if key not in shared.get(topic, {})}
+        for topic, table in settings.items()
+    }
     return {topic: table for topic, table in own.items() if table}
 
 

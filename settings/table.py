@@ -19,18 +19,47 @@ def _topic_of(landform: PluginLandform) -> Topic:
     settings = []
     for n in landform.settings:
         label = f"{n.label} (°)" if n.unit == "deg" else n.label
-        kind: dict[str, Any] = ({"subtype": "DISTANCE", "precision": 4} if n.unit == "m" else
-                                {"precision": 2} if n.unit == "deg" else {})
-        settings.append(Setting(key=n.key, label=label, default=n.default, description=n.doc, effect="geometry",
-                                unit=n.unit, minimum=n.minimum, maximum=n.maximum, **kind))
-    settings.append(Setting(key=RELEASE, label="Made By", default="", effect="geometry", trust="name",
-                            description="Package and version that make the landform. Empty for what is installed"))
-    return Topic(landform.topic, landform.label, landform.doc, tuple(settings), LANDFORMS, shown=ABOVE_A_MAP,
-                 turned_on_by=landform.settings[0].key, plugin=landform.plugin.release)
+        kind: dict[str, Any] = (
+            {"subtype": "DISTANCE", "precision": 4} if n.unit == "m" else {"precision": 2} if n.unit == "deg" else {}
+        )
+        settings.append(
+            Setting(
+                key=n.key,
+                label=label,
+                default=n.default,
+                description=n.doc,
+                effect="geometry",
+                unit=n.unit,
+                minimum=n.minimum,
+                maximum=n.maximum,
+                **kind,
+            )
+        )
+    settings.append(
+        Setting(
+            key=RELEASE,
+            label="Made By",
+            default="",
+            effect="geometry",
+            trust="name",
+            description="Package and version that make the landform. Empty for what is installed",
+        )
+    )
+    return Topic(
+        landform.topic,
+        landform.label,
+        landform.doc,
+        tuple(settings),
+        LANDFORMS,
+        shown=ABOVE_A_MAP,
+        turned_on_by=landform.settings[0].key,
+        plugin=landform.plugin.release,
+    )
 
 
 TOPICS: dict[str, Topic] = OUR_TOPICS | {
-    landform.topic: _topic_of(landform) for landform in landform_plugins()[0].values()}
+    landform.topic: _topic_of(landform) for landform in landform_plugins()[0].values()
+}
 
 
 def all_settings() -> list[tuple[str, Setting]]:
@@ -43,8 +72,19 @@ def ground_settings() -> dict[str, tuple[str, str]]:
 
     The radius of the body is left out, because a patch is flat.
     """
-    ground = {s.key: ("terrain", s.key) for s in TOPICS["terrain"].settings
-              if s.kind in ("int", "float") and s.key != "body_radius_m"}
-    return {**ground, "seed": ("dataset", "seed"),
-            **{f"{topic.key}_{s.key}": (topic.key, s.key) for topic in TOPICS.values() if topic.parent == LANDFORMS
-               for s in topic.settings if s.kind != "text"}}
+    ground = {
+        s.key: ("terrain", s.key)
+        for s in TOPICS["terrain"].settings
+        if s.kind in ("int", "float") and s.key != "body_radius_m"
+    }
+    return {
+        **ground,
+        "seed": ("dataset", "seed"),
+        **{
+            f"{topic.key}_{s.key}": (topic.key, s.key)
+            for topic in TOPICS.values()
+            if topic.parent == LANDFORMS
+            for s in topic.settings
+            if s.kind != "text"
+        },
+    }

@@ -41,8 +41,9 @@ def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
             continue
         lines.append(f"[{topic}]")
         # The lists of tables come last: what follows a [[table]] header belongs to that table.
-        lines += [f"{key} = {toml_value(value)}" for key, value in values.items()
-                  if not isinstance(value, list) or not value]
+        lines += [
+            f"{key} = {toml_value(value)}" for key, value in values.items() if not isinstance(value, list) or not value
+        ]
         for key, value in values.items():
             for entry in value if isinstance(value, list) else ():
                 lines += ["", f"[[{topic}.{key}]]", *(f"{k} = {toml_value(v)}" for k, v in entry.items())]

@@ -30,8 +30,11 @@ def used_files(settings: Settings, blend_folder: str | None = None) -> dict[str,
     if settings.source.kind in ("MESH", "HEIGHT_MAP"):
         named["source.file"] = str(settings.source.file)
     if settings.textures.set == "OWN":
-        named |= {f"textures.{s.key}": str(settings.textures[s.key]) for s in TOPICS["textures"].settings
-                  if s.subtype == "FILE_PATH" and settings.textures[s.key]}
+        named |= {
+            f"textures.{s.key}": str(settings.textures[s.key])
+            for s in TOPICS["textures"].settings
+            if s.subtype == "FILE_PATH" and settings.textures[s.key]
+        }
     if settings.rocks.law == "TABLE" and settings.rocks.coverage > 0:
         named["rocks.file"] = str(settings.rocks.file)
     if settings.excavation.path in ("RECORDED", "JOINTS"):
@@ -54,8 +57,9 @@ def content(settings: Settings, blend_folder: str | None = None) -> str:
             states = [(part, part.stat().st_size, part.stat().st_mtime_ns) for part in _parts(settings, name, path)]
             marks.append(name + "".join(_sha256(*state) for state in states))
         except OSError as error:
-            raise IcyMoonError(f"{error.filename or path}: cannot be read ({reason_of(error)}); check "
-                               f"{name}.") from None
+            raise IcyMoonError(
+                f"{error.filename or path}: cannot be read ({reason_of(error)}); check {name}."
+            ) from None
     # Stand-ins are made where they are needed. Their recipe counts, not how this machine has rounded them.
     marks += [f"{item.key} {RECIPE}" for item in items_of(settings)]
     return hashlib.sha256("".join(marks).encode()).hexdigest() if marks else ""
@@ -63,8 +67,10 @@ def content(settings: Settings, blend_folder: str | None = None) -> str:
 
 def are_there(settings: Settings, blend_folder: str | None = None) -> bool:
     """Whether all files in use exist, with the files that belong to them."""
-    return all(path.is_file() and all(part.is_file() for part in _parts(settings, name, path))
-               for name, path in used_files(settings, blend_folder).items())
+    return all(
+        path.is_file() and all(part.is_file() for part in _parts(settings, name, path))
+        for name, path in used_files(settings, blend_folder).items()
+    )
 
 
 def _parts(settings: Settings, name: str, path: Path) -> list[Path]:

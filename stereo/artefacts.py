@@ -18,10 +18,14 @@ from .measure.prepare import Prepared
 from .measure.result_row import depth_of
 
 #: The files that an evaluation writes into its folder, beside ``pairs/``, and how each begins.
-_OPENINGS: Mapping[str, bytes] = {"results.jsonl": b'{"pair": ', "results.csv": b"pair,method,status,",
-             "comparisons.csv": b"a,b,metric,kind,",
-             "report.json": b'{\n "format": "icymoon-', "summary.json": b'{\n "format": "icymoon-',
-             "report.html": b'<!DOCTYPE html>\n<html lang="en">\n<head>\n'}
+_OPENINGS: Mapping[str, bytes] = {
+    "results.jsonl": b'{"pair": ',
+    "results.csv": b"pair,method,status,",
+    "comparisons.csv": b"a,b,metric,kind,",
+    "report.json": b'{\n "format": "icymoon-',
+    "summary.json": b'{\n "format": "icymoon-',
+    "report.html": b'<!DOCTYPE html>\n<html lang="en">\n<head>\n',
+}
 
 
 def check_output_folder(out: Path, pairs: Iterable[str], openings: Mapping[str, bytes] = _OPENINGS) -> None:
@@ -33,15 +37,20 @@ def check_output_folder(out: Path, pairs: Iterable[str], openings: Mapping[str, 
     folders = [out / "pairs", out / "curves", *(out / "pairs" / name for name in pairs)]
     for path in (*folders, *(out / name for name in openings)):
         if path.is_symlink():
-            raise IcyMoonError(f"{path} is a link, and results are not written through one; remove it, or choose "
-                               "another folder for them.")
+            raise IcyMoonError(
+                f"{path} is a link, and results are not written through one; remove it, or choose "
+                "another folder for them."
+            )
     if any((folder / "pair.json").exists() for folder in folders):
-        raise IcyMoonError(f"{out} is a data set, and results would mix with its pairs; choose another folder for "
-                           "them.")
+        raise IcyMoonError(
+            f"{out} is a data set, and results would mix with its pairs; choose another folder for them."
+        )
     there = [out / name for name in openings if (out / name).exists()]
     if there and not any(_is_ours(path, openings[path.name]) for path in there):
-        raise IcyMoonError(f"{there[0]} was not written by an evaluation and is not overwritten; choose another folder "
-                           "for the results.")
+        raise IcyMoonError(
+            f"{there[0]} was not written by an evaluation and is not overwritten; choose another folder "
+            "for the results."
+        )
 
 
 def _is_ours(path: Path, begin: bytes) -> bool:
@@ -65,13 +74,13 @@ def files_exist(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
 def write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
     """Write the left image, the right one and the true depth; return their paths relative to ``out``."""
     depth = colours.true_depth_picture(prepared.truth, prepared.scale)
-    images = {"left": prepared.left, "right": prepared.right,
-              "true_depth": colours.with_bar(depth, prepared.scale)}
+    images = {"left": prepared.left, "right": prepared.right, "true_depth": colours.with_bar(depth, prepared.scale)}
     return {key: _write_picture(prepared, out, f"{key}.png", image) for key, image in images.items()}
 
 
-def write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndarray, info: Mapping[str, Any],
-                          out: Path) -> dict[str, str]:
+def write_method_pictures(
+    prepared: Prepared, method: Method, disparity: np.ndarray, info: Mapping[str, Any], out: Path
+) -> dict[str, str]:
     """Write depth, error and disparity of one method; return their paths relative to ``out``.
 
     If ``info`` has the array ``flags``, which tells why each pixel was rejected, write a picture of it too.
@@ -79,13 +88,18 @@ def write_method_pictures(prepared: Prepared, method: Method, disparity: np.ndar
     depth = depth_of(prepared, disparity)
     npz = _pair_folder(prepared, out) / f"{method.file_name}.npz"
     write_disparity(npz, disparity, info["arrays"], focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
-    written = {"depth": colours.with_bar(colours.depth_picture(depth, prepared.scale), prepared.scale),
-               "error": colours.with_bar(colours.error_picture(depth, prepared.truth), colours.ERROR)}
+    written = {
+        "depth": colours.with_bar(colours.depth_picture(depth, prepared.scale), prepared.scale),
+        "error": colours.with_bar(colours.error_picture(depth, prepared.truth), colours.ERROR),
+    }
     if "flags" in info["arrays"]:
         written["flags"] = colours.outcome_picture(info["arrays"]["flags"], disparity.shape)
-    return {**{key: _write_picture(prepared, out, f"{method.file_name}_{key}.png", image)
-               for key, image in written.items()},
-            "disparity": npz.relative_to(out).as_posix()}
+    return {
+        **{
+            key: _write_picture(prepared, out, f"{method.file_name}_{key}.png", image) for key, image in written.items()
+        },
+        "disparity": npz.relative_to(out).as_posix(),
+    }
 
 
 def _write_picture(prepared: Prepared, out: Path, name: str, image: np.ndarray) -> str:

@@ -19,6 +19,7 @@ from .export import EXPORTS
 
 PROGRAM = "icymoon.stereo"
 
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code: 0, 1 for an error that the user can fix, 2 for wrong usage, 130 when
     interrupted."""
@@ -43,13 +44,26 @@ def _add_match(command: argparse.ArgumentParser) -> None:
     command.add_argument("--method", required=True, help="one of those that the command methods lists")
     command.add_argument("--left", required=True, type=as_path, help="left image, 8- or 16-bit PNG")
     command.add_argument("--right", required=True, type=as_path, help="right image, 8- or 16-bit PNG")
-    command.add_argument("--option", action="append", default=[], nargs="+", metavar="KEY=VALUE",
-                         help="option of the method, such as window=21 or preset=guiss")
-    command.add_argument("--camera", type=as_path, metavar="PAIR",
-                         help="pair folder whose camera took the images: sets the search range, and an external "
-                              "program may ask for it")
-    command.add_argument("--out", required=True, type=as_path,
-                         help="npz to write: disparity, float32 px, NaN where invalid, and other arrays of the method")
+    command.add_argument(
+        "--option",
+        action="append",
+        default=[],
+        nargs="+",
+        metavar="KEY=VALUE",
+        help="option of the method, such as window=21 or preset=guiss",
+    )
+    command.add_argument(
+        "--camera",
+        type=as_path,
+        metavar="PAIR",
+        help="pair folder whose camera took the images: sets the search range, and an external program may ask for it",
+    )
+    command.add_argument(
+        "--out",
+        required=True,
+        type=as_path,
+        help="npz to write: disparity, float32 px, NaN where invalid, and other arrays of the method",
+    )
     command.set_defaults(run=_run_match)
 
 
@@ -58,13 +72,22 @@ def _add_metrics(command: argparse.ArgumentParser) -> None:
     what.add_argument("--prediction", type=as_path, help="npy, planar depth in metres, NaN invalid")
     what.add_argument("--disparity", type=as_path, help="npy, or npz of match, disparity in px, NaN invalid")
     command.add_argument("--truth", required=True, type=as_path, help="npy of the same shape, planar depth in metres")
-    command.add_argument("--focal-baseline", type=float, metavar="PX_M",
-                         help="disparity times depth of the camera, px·m; adds the disparity metrics")
-    command.add_argument("--guiss", action="store_true",
-                         help="add what the GUISS reference code would report, as guiss_...")
-    command.add_argument("--bm-min-disparity", type=int, metavar="PX",
-                         help="with --guiss: the disparity is of StereoBM, with this least disparity (4 in the paper); "
-                              "an npz of match states it")
+    command.add_argument(
+        "--focal-baseline",
+        type=float,
+        metavar="PX_M",
+        help="disparity times depth of the camera, px·m; adds the disparity metrics",
+    )
+    command.add_argument(
+        "--guiss", action="store_true", help="add what the GUISS reference code would report, as guiss_..."
+    )
+    command.add_argument(
+        "--bm-min-disparity",
+        type=int,
+        metavar="PX",
+        help="with --guiss: the disparity is of StereoBM, with this least disparity (4 in the paper); "
+        "an npz of match states it",
+    )
     command.set_defaults(run=_run_metrics)
 
 
@@ -88,28 +111,55 @@ def _add_export(command: argparse.ArgumentParser) -> None:
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
     what = command.add_mutually_exclusive_group(required=True)
     exports = find("export", EXPORTS)
-    what.add_argument("--format", help="layout to write", type=lambda name: _not_refused(name, exports),
-                      choices=(*EXPORTS, *exports.usable))
-    what.add_argument("--for-prediction", action="store_true",
-                      help="write only what a method on another machine needs: images and camera of each pair, foreign "
-                      "ones too")
-    command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
-                         help="change the camera response that the pairs were rendered for")
+    what.add_argument(
+        "--format",
+        help="layout to write",
+        type=lambda name: _not_refused(name, exports),
+        choices=(*EXPORTS, *exports.usable),
+    )
+    what.add_argument(
+        "--for-prediction",
+        action="store_true",
+        help="write only what a method on another machine needs: images and camera of each pair, foreign ones too",
+    )
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="sensor.KEY=VALUE",
+        help="change the camera response that the pairs were rendered for",
+    )
     command.add_argument("--out", required=True, type=as_path, help="folder for the files")
-    command.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy, that makes the "
-                         "ground for mitsuba, dem, ply, obj, usd and gltf (this Python)")
-    command.add_argument("--cell-m", type=float, metavar="METRES",
-                         help="side of a cell of dem (a 1024th of the ground)")
+    command.add_argument(
+        "--blender",
+        default=sys.executable,
+        help="Blender, or a Python with bpy, that makes the "
+        "ground for mitsuba, dem, ply, obj, usd and gltf (this Python)",
+    )
+    command.add_argument(
+        "--cell-m", type=float, metavar="METRES", help="side of a cell of dem (a 1024th of the ground)"
+    )
     command.set_defaults(run=_run_export)
 
 
 def _add_develop(command: argparse.ArgumentParser) -> None:
-    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
-                         help="pair folder, or data set of pairs; may be several")
-    command.add_argument("--preset", action="append", default=[], metavar="sensors/NAME",
-                         help="a camera response that Icy Moon ships")
-    command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
-                         help="one setting of the camera response, light.sun_scale or light.planet_scale; may repeat")
+    command.add_argument(
+        "path",
+        type=as_path,
+        nargs="+",
+        metavar="PAIR_OR_DATASET",
+        help="pair folder, or data set of pairs; may be several",
+    )
+    command.add_argument(
+        "--preset", action="append", default=[], metavar="sensors/NAME", help="a camera response that Icy Moon ships"
+    )
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="sensor.KEY=VALUE",
+        help="one setting of the camera response, light.sun_scale or light.planet_scale; may repeat",
+    )
     command.add_argument("--out", required=True, type=as_path, help="folder for the images, a folder per pair in it")
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     command.set_defaults(run=_run_develop)
@@ -123,8 +173,12 @@ _VERBS: tuple[tuple[str, str, Callable[[argparse.ArgumentParser], None]], ...] =
     ("metrics", "measure a depth or disparity map and print JSON; undefined metrics are null", _add_metrics),
     ("evaluate", "match and measure pairs, and write a report", _add_evaluate),
     ("decide", "measure what a lander would decide by each matcher: heights, sites, landing pads", _add_decide),
-    ("truth", "write disparity, depth and visibility of both eyes, check that they fit the images, and print a line of "
-     "JSON per pair", _add_truth),
+    (
+        "truth",
+        "write disparity, depth and visibility of both eyes, check that they fit the images, and print a line of "
+        "JSON per pair",
+        _add_truth,
+    ),
     ("export", "write pairs and their truth in another layout", _add_export),
     ("develop", "expose rendered pairs again as PNG, without a new render", _add_develop),
 )
@@ -152,8 +206,10 @@ def _run_check(parsed: argparse.Namespace) -> int:
         from .matchers import find_plugins
 
         found = find_plugins()
-        report |= {"matchers": {name: plugin.release for name, plugin in found.usable.items()},
-                   "refused": list(found.refused.values())}
+        report |= {
+            "matchers": {name: plugin.release for name, plugin in found.usable.items()},
+            "refused": list(found.refused.values()),
+        }
     printer.emit_json(report)
     if report["ok"]:
         return 0
@@ -194,13 +250,22 @@ def _run_match(parsed: argparse.Namespace) -> int:
     options = dict(parse_key_value(text, "--option") for part in parsed.option for text in part)
     pair = read_pair(parsed.camera) if parsed.camera else None
     left, right = (read_png(path, decode) for path in (parsed.left, parsed.right))
-    disparity, _, info = match(parsed.method, left, right, options, pair.camera if pair else None,
-                               known_ranges(pair.settings, None, bool(pair.data.get("edited_by_hand"))) if pair else {})
+    disparity, _, info = match(
+        parsed.method,
+        left,
+        right,
+        options,
+        pair.camera if pair else None,
+        known_ranges(pair.settings, None, bool(pair.data.get("edited_by_hand"))) if pair else {},
+    )
     facts = {BM_MIN_DISPARITY: info["options"]["min_disparity"]} if parsed.method == "bm" else {}
     write_disparity(parsed.out, disparity, info["arrays"], **facts)
     if (searched := info["search"]) and searched.source == FIXED:
-        printer.warn(f"the rig is not known, so {parsed.method} searched {searched.least_px} to {searched.most_px} px; "
-                     "give --camera PAIR or state the range.", PROGRAM)
+        printer.warn(
+            f"the rig is not known, so {parsed.method} searched {searched.least_px} to {searched.most_px} px; "
+            "give --camera PAIR or state the range.",
+            PROGRAM,
+        )
     return 0
 
 
@@ -208,48 +273,104 @@ def _run_metrics(parsed: argparse.Namespace) -> int:
     packages.require("numpy")
     from .measure.measure_files import measure_files
 
-    numbers = measure_files(parsed.prediction, parsed.disparity, parsed.truth, parsed.focal_baseline, parsed.guiss,
-                            parsed.bm_min_disparity)
+    numbers = measure_files(
+        parsed.prediction, parsed.disparity, parsed.truth, parsed.focal_baseline, parsed.guiss, parsed.bm_min_disparity
+    )
     printer.emit_json({key: value if math.isfinite(value) else None for key, value in numbers.items()})
     return 0
 
 
 def _add_method_options(command: argparse.ArgumentParser) -> None:
     """Add the options beside ``--methods`` that state methods and their camera response."""
-    command.add_argument("--method", action="append", default=[], metavar="NAME=MATCHER:KEY=VALUE",
-                         help="one more method, with a name of yours, as in mynet=resident:command=PROGRAM; may repeat")
-    command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",
-                         help="option for every use of a matcher, such as bm.window=21")
-    command.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
-                         help="option of your own matcher, which --methods then names as own:NAME; may repeat")
-    command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
-                         help="change the camera response that the pairs were rendered for, or light.sun_scale")
+    command.add_argument(
+        "--method",
+        action="append",
+        default=[],
+        metavar="NAME=MATCHER:KEY=VALUE",
+        help="one more method, with a name of yours, as in mynet=resident:command=PROGRAM; may repeat",
+    )
+    command.add_argument(
+        "--option",
+        action="append",
+        default=[],
+        metavar="METHOD.KEY=VALUE",
+        help="option for every use of a matcher, such as bm.window=21",
+    )
+    command.add_argument(
+        "--own",
+        action="append",
+        default=[],
+        metavar="NAME:METHOD:KEY=VALUE",
+        help="option of your own matcher, which --methods then names as own:NAME; may repeat",
+    )
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="sensor.KEY=VALUE",
+        help="change the camera response that the pairs were rendered for, or light.sun_scale",
+    )
 
 
 def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
     """Add the arguments of ``evaluate``; ``run_evaluate`` runs it. ``python -m icymoon`` has the same verb."""
-    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
-                         help="pair folder, data set of pairs, or foreign data such as KITTI's; may be several")
-    command.add_argument("--methods", help="matchers, separated by commas, with their own options, as in bm:window=21; "
-                         "or none, which --predictions alone mean (bm,sgbm)")
+    command.add_argument(
+        "path",
+        type=as_path,
+        nargs="+",
+        metavar="PAIR_OR_DATASET",
+        help="pair folder, data set of pairs, or foreign data such as KITTI's; may be several",
+    )
+    command.add_argument(
+        "--methods",
+        help="matchers, separated by commas, with their own options, as in bm:window=21; "
+        "or none, which --predictions alone mean (bm,sgbm)",
+    )
     _add_method_options(command)
-    command.add_argument("--predictions", action="append", default=[], metavar="NAME=FOLDER",
-                         help="disparities computed elsewhere: PAIR.pfm, .png, .npy or .exr for each pair; may repeat")
-    command.add_argument("--out", required=out_needed, type=as_path,
-                         help="folder for the report" + ("" if out_needed else " (evaluation in the data set)"))
+    command.add_argument(
+        "--predictions",
+        action="append",
+        default=[],
+        metavar="NAME=FOLDER",
+        help="disparities computed elsewhere: PAIR.pfm, .png, .npy or .exr for each pair; may repeat",
+    )
+    command.add_argument(
+        "--out",
+        required=out_needed,
+        type=as_path,
+        help="folder for the report" + ("" if out_needed else " (evaluation in the data set)"),
+    )
     command.add_argument("--seed", type=int, default=0, help="seed of the tests that compare methods (%(default)s)")
     where = command.add_mutually_exclusive_group()
-    where.add_argument("--jobs", type=int, metavar="N",
-                       help="processes that measure pairs (one for each processor; one if a method needs more)")
-    where.add_argument("--dask", metavar="ADDRESS", help="measure on the Dask cluster whose scheduler is there, as in "
-                       "tcp://host:8786, or with N processes of Dask here: local:N")
-    command.add_argument("--guiss", action="store_true",
-                         help="also show what the GUISS reference code would report, to compare with published tables")
-    command.add_argument("--points", action="store_true",
-                         help="also write the measured surfaces, as point clouds (ply) coloured by signed error")
+    where.add_argument(
+        "--jobs",
+        type=int,
+        metavar="N",
+        help="processes that measure pairs (one for each processor; one if a method needs more)",
+    )
+    where.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="measure on the Dask cluster whose scheduler is there, as in "
+        "tcp://host:8786, or with N processes of Dask here: local:N",
+    )
+    command.add_argument(
+        "--guiss",
+        action="store_true",
+        help="also show what the GUISS reference code would report, to compare with published tables",
+    )
+    command.add_argument(
+        "--points",
+        action="store_true",
+        help="also write the measured surfaces, as point clouds (ply) coloured by signed error",
+    )
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
-    command.add_argument("--follow", action="store_true", help="measure pairs of a data set as they are rendered, at a "
-                         "lower priority and without a report, until the standard input ends")
+    command.add_argument(
+        "--follow",
+        action="store_true",
+        help="measure pairs of a data set as they are rendered, at a "
+        "lower priority and without a report, until the standard input ends",
+    )
 
 
 def run_evaluate(parsed: argparse.Namespace) -> int:
@@ -271,14 +392,27 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
         raise IcyMoonError(f"--jobs is {parsed.jobs}; give 1 or more.")
     if parsed.follow:
         if len(parsed.path) > 1 or parsed.predictions or parsed.dask or (parsed.jobs or 1) > 1:
-            raise IcyMoonError("--follow measures one data set in one process, without --predictions; give one folder "
-                               "and leave --predictions, --dask and --jobs out.")
+            raise IcyMoonError(
+                "--follow measures one data set in one process, without --predictions; give one folder "
+                "and leave --predictions, --dask and --jobs out."
+            )
         follow_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points)
         return 0
     progress = nullcontext(printer.emit_json) if parsed.json_lines else show_counted_progress("Evaluating")
     with progress as on_event:
-        report = evaluate(parsed.path, methods, parsed.out, response, on_event, parsed.seed, parsed.guiss,
-                          parsed.points, parsed.predictions, parsed.jobs, parsed.dask)
+        report = evaluate(
+            parsed.path,
+            methods,
+            parsed.out,
+            response,
+            on_event,
+            parsed.seed,
+            parsed.guiss,
+            parsed.points,
+            parsed.predictions,
+            parsed.jobs,
+            parsed.dask,
+        )
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
         printer.emit_json({"type": "result", "report": str(path), "rows": report["summary"], "notes": report["notes"]})
@@ -287,30 +421,56 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
             _print_summary(report)
         printer.say(str(path))
     if report["failed"]:
-        raise IcyMoonError(f"{len(report['failed'])} of the evaluations failed, the first one: "
-                           f"{report['failed'][0]['message']}")
+        raise IcyMoonError(
+            f"{len(report['failed'])} of the evaluations failed, the first one: {report['failed'][0]['message']}"
+        )
     return 0
 
 
 def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
     """Add the arguments of ``decide``; ``run_decide`` runs it. ``python -m icymoon`` has the same verb."""
-    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
-                         help="pair folder or data set of pairs; may be several")
-    command.add_argument("--methods", default="bm,sgbm", help="matchers, separated by commas, as in evaluate "
-                         "(%(default)s)")
+    command.add_argument(
+        "path",
+        type=as_path,
+        nargs="+",
+        metavar="PAIR_OR_DATASET",
+        help="pair folder or data set of pairs; may be several",
+    )
+    command.add_argument(
+        "--methods", default="bm,sgbm", help="matchers, separated by commas, as in evaluate (%(default)s)"
+    )
     _add_method_options(command)
-    command.add_argument("--rules", type=as_path, metavar="FILE", help="TOML file with rules of your own for sites and "
-                         "pads, in place of shipped ones")
-    command.add_argument("--cell-m", type=float, metavar="METRES", help="side of a cell, of pairs without true heights "
-                         "(0.02)")
-    command.add_argument("--pose-error-mm", type=float, default=0.0, metavar="MM", help="what the lander knows of the "
-                         "place of its camera: standard deviation of each axis (%(default)s)")
-    command.add_argument("--pose-error-deg", type=float, default=0.0, metavar="DEG", help="the same of its direction "
-                         "(%(default)s)")
-    command.add_argument("--out", required=out_needed, type=as_path,
-                         help="folder for the report" + ("" if out_needed else " (decisions in the data set)"))
-    command.add_argument("--seed", type=int, default=0, help="seed of the errors of poses, and of the tests that "
-                         "compare matchers (%(default)s)")
+    command.add_argument(
+        "--rules",
+        type=as_path,
+        metavar="FILE",
+        help="TOML file with rules of your own for sites and pads, in place of shipped ones",
+    )
+    command.add_argument(
+        "--cell-m", type=float, metavar="METRES", help="side of a cell, of pairs without true heights (0.02)"
+    )
+    command.add_argument(
+        "--pose-error-mm",
+        type=float,
+        default=0.0,
+        metavar="MM",
+        help="what the lander knows of the place of its camera: standard deviation of each axis (%(default)s)",
+    )
+    command.add_argument(
+        "--pose-error-deg", type=float, default=0.0, metavar="DEG", help="the same of its direction (%(default)s)"
+    )
+    command.add_argument(
+        "--out",
+        required=out_needed,
+        type=as_path,
+        help="folder for the report" + ("" if out_needed else " (decisions in the data set)"),
+    )
+    command.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="seed of the errors of poses, and of the tests that compare matchers (%(default)s)",
+    )
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
 
 
@@ -330,18 +490,35 @@ def run_decide(parsed: argparse.Namespace) -> int:
     response = _read_response([], parsed.set)
     progress = nullcontext(printer.emit_json) if parsed.json_lines else show_counted_progress("Deciding")
     with progress as on_event:
-        report = decide_pairs(parsed.path, methods, parsed.out, read_rules(parsed.rules), response, on_event,
-                              parsed.cell_m, PoseError(parsed.pose_error_mm, parsed.pose_error_deg), parsed.seed)
+        report = decide_pairs(
+            parsed.path,
+            methods,
+            parsed.out,
+            read_rules(parsed.rules),
+            response,
+            on_event,
+            parsed.cell_m,
+            PoseError(parsed.pose_error_mm, parsed.pose_error_deg),
+            parsed.seed,
+        )
     path = (parsed.out / "decisions.html").resolve()
     if parsed.json_lines:
-        printer.emit_json({"type": "result", "report": str(path), "rows": report["summary"], "head": report["head"],
-                          "notes": report["notes"]})
+        printer.emit_json(
+            {
+                "type": "result",
+                "report": str(path),
+                "rows": report["summary"],
+                "head": report["head"],
+                "notes": report["notes"],
+            }
+        )
     else:
         _print_decisions(report)
         printer.say(str(path))
     if report["failed"]:
-        raise IcyMoonError(f"{len(report['failed'])} of the decisions failed, the first one: "
-                           f"{report['failed'][0]['message']}")
+        raise IcyMoonError(
+            f"{len(report['failed'])} of the decisions failed, the first one: {report['failed'][0]['message']}"
+        )
     return 0
 
 
@@ -351,9 +528,15 @@ def _print_decisions(report: dict[str, Any]) -> None:
     from .matchers.methods import describe_method
 
     columns = (*SITES[:6], DEM[1], DEM[3], DEM[4], *OTHERS[2:])
-    printer.print_table(("Method", *(column.title for column in columns)),
-                        [(describe_method(entry["method"]), *(format_cell(entry, column) for column in columns))
-                         for entry in report["summary"]], "Means over pairs", narrowest=160)
+    printer.print_table(
+        ("Method", *(column.title for column in columns)),
+        [
+            (describe_method(entry["method"]), *(format_cell(entry, column) for column in columns))
+            for entry in report["summary"]
+        ],
+        "Means over pairs",
+        narrowest=160,
+    )
     for sentence in (*report["head"], *report["notes"]):
         printer.say(sentence)
 
@@ -367,8 +550,10 @@ def _run_truth(parsed: argparse.Namespace) -> int:
         printer.emit_json(found)
         bad += [] if found["ok"] else [found]
     if bad:
-        raise IcyMoonError(f"{len(bad)} of the pairs cannot be trusted, the first one, {bad[0]['pair']}: "
-                           f"{'; '.join(bad[0]['problems'])}")
+        raise IcyMoonError(
+            f"{len(bad)} of the pairs cannot be trusted, the first one, {bad[0]['pair']}: "
+            f"{'; '.join(bad[0]['problems'])}"
+        )
     return 0
 
 
@@ -385,8 +570,11 @@ def _run_export(parsed: argparse.Namespace) -> int:
         return _export_mitsuba(parsed)
     response = _read_response([], parsed.set)
     with show_counted_progress("Exporting") as on_event:
-        failed = (export_for_prediction(parsed.path, parsed.out, response, on_event) if parsed.for_prediction else
-                  export(parsed.path, parsed.format, parsed.out, response, on_event))
+        failed = (
+            export_for_prediction(parsed.path, parsed.out, response, on_event)
+            if parsed.for_prediction
+            else export(parsed.path, parsed.format, parsed.out, response, on_event)
+        )
     if failed:
         raise IcyMoonError(f"{len(failed)} of the pairs could not be exported, the first one: {failed[0]}")
     printer.say(str(parsed.out.resolve()))
@@ -404,8 +592,9 @@ def _export_mitsuba(parsed: argparse.Namespace) -> int:
         for sentence in find_left_out(pair.settings, sky(pair.settings.light)):
             printer.warn(f"pair {pair.id}: {sentence}")
     with show_progress("Starting Blender") as show:
-        export_mitsuba(pairs, parsed.out, parsed.blender,
-                       lambda message: show(message) if message["type"] == "progress" else None)
+        export_mitsuba(
+            pairs, parsed.out, parsed.blender, lambda message: show(message) if message["type"] == "progress" else None
+        )
     printer.say(str(parsed.out.resolve()))
     return 0
 
@@ -419,8 +608,14 @@ def _export_ground(parsed: argparse.Namespace) -> int:
         raise IcyMoonError("--set changes the response of the camera, which ground does not have; leave it out.")
     pairs = {pair.id: pair for path in parsed.path for pair in map(read_pair, find_pair_folders(path))}
     with show_progress("Starting Blender") as show:
-        folders = export_ground(list(pairs.values()), parsed.out, parsed.format, parsed.blender, parsed.cell_m,
-                                lambda message: show(message) if message["type"] == "progress" else None)
+        folders = export_ground(
+            list(pairs.values()),
+            parsed.out,
+            parsed.format,
+            parsed.blender,
+            parsed.cell_m,
+            lambda message: show(message) if message["type"] == "progress" else None,
+        )
     for folder in folders:
         for sentence in read_geometry(folder)["left_out"]:
             printer.warn(f"{folder.name} is without {sentence}")
@@ -453,8 +648,10 @@ def _read_response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str
     for topic, values in settings.items():
         for key in values:
             if TOPICS[topic][key].effect != "response":
-                raise IcyMoonError(f"{topic}.{key} needs a new render; only settings of the sensor, light.sun_scale, "
-                                   "light.planet_scale, light.irradiance_band and rig.distortion_* can change here.")
+                raise IcyMoonError(
+                    f"{topic}.{key} needs a new render; only settings of the sensor, light.sun_scale, "
+                    "light.planet_scale, light.irradiance_band and rig.distortion_* can change here."
+                )
     return settings
 
 
@@ -480,19 +677,33 @@ def _print_summary(report: dict[str, Any]) -> None:
     pairs = max((entry["pairs"] for entry in summary), default=0)
     means = f"Means over {count_of(pairs, 'pair')}"
     for title, ranking, columns in (
-            (f"{means}, all pixels with a true depth", RANKING, (*TOTALS, SECONDS)),
-            (f"{means}, only the pixels that each method measured", "common_l1_m", (TOTALS[0], *MEASURED))):
+        (f"{means}, all pixels with a true depth", RANKING, (*TOTALS, SECONDS)),
+        (f"{means}, only the pixels that each method measured", "common_l1_m", (TOTALS[0], *MEASURED)),
+    ):
         printer.print_table(
             ("Method", "Rank" if ranking == RANKING else "Rank by L1", *(column.title for column in columns)),
-            [(describe_method(entry["method"]),
-              (format_rank(entry, ranking), "bold" if is_best(entry, ranking, summary) else ""),
-              *(format_result(entry, column) for column in columns)) for entry in summary], title, narrowest=120)
+            [
+                (
+                    describe_method(entry["method"]),
+                    (format_rank(entry, ranking), "bold" if is_best(entry, ranking, summary) else ""),
+                    *(format_result(entry, column) for column in columns),
+                )
+                for entry in summary
+            ],
+            title,
+            narrowest=120,
+        )
     if report["plug_ins"]:
         of_plugins = columns_of_plugins(report["plug_ins"])
-        printer.print_table(("Method", *(column.title for column in of_plugins)),
-                            [(describe_method(entry["method"]),
-                              *(format_plugin(entry, column) for column in of_plugins)) for entry in summary],
-                            f"{means}, metrics of plug-ins", narrowest=120)
+        printer.print_table(
+            ("Method", *(column.title for column in of_plugins)),
+            [
+                (describe_method(entry["method"]), *(format_plugin(entry, column) for column in of_plugins))
+                for entry in summary
+            ],
+            f"{means}, metrics of plug-ins",
+            narrowest=120,
+        )
     if report["verdicts"]:
         printer.say(report["verdicts"])
     for note in report["notes"]:

@@ -57,8 +57,14 @@ Event = Callable[[dict[str, Any]], None]
 DECISIONS = 4
 _LOG = "decisions.jsonl"
 _ROW: dict[str, Shape] = {"status": TEXT, "error": TEXT, "numbers": Maybe(TABLE, null=True), "images": Each(TEXT, TEXT)}
-_FACTS = {"pair": FILE_NAME, "scene": TEXT, "site": TEXT, "key": TEXT, "images": Each(TEXT, TEXT),
-          "sun_elevation_deg": NUMBER}
+_FACTS = {
+    "pair": FILE_NAME,
+    "scene": TEXT,
+    "site": TEXT,
+    "key": TEXT,
+    "images": Each(TEXT, TEXT),
+    "sun_elevation_deg": NUMBER,
+}
 
 
 @dataclass(frozen=True)
@@ -83,9 +89,17 @@ class _Run:
     seed: int
 
 
-def decide_pairs(paths: Sequence[Path], methods: Sequence[Method], out: Path, rules: Rules,
-                 response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None,
-                 cell_m: float | None = None, pose: PoseError = EXACT, seed: int = 0) -> dict[str, Any]:
+def decide_pairs(
+    paths: Sequence[Path],
+    methods: Sequence[Method],
+    out: Path,
+    rules: Rules,
+    response: Mapping[str, Mapping[str, Any]] | None = None,
+    on_event: Event = lambda event: None,
+    cell_m: float | None = None,
+    pose: PoseError = EXACT,
+    seed: int = 0,
+) -> dict[str, Any]:
     """Measure decisions on all pairs at ``paths`` by all methods and by the true depth; return ``decisions.json``.
 
     Writes to ``out``: ``decisions.jsonl`` (each row at once), then ``decisions.csv``, ``decisions.json`` and
@@ -112,8 +126,15 @@ def decide_pairs(paths: Sequence[Path], methods: Sequence[Method], out: Path, ru
                 if row["error"]:
                     failed.append({"pair": row["pair"], "method": row["method"], "message": row["error"]})
                     on_event({"type": "error", "message": row["error"]})
-                on_event({"type": "progress", "fraction": done / total, "done": done, "total": total,
-                          "message": f"{row['pair']} {row['method']}"})
+                on_event(
+                    {
+                        "type": "progress",
+                        "fraction": done / total,
+                        "done": done,
+                        "total": total,
+                        "message": f"{row['pair']} {row['method']}",
+                    }
+                )
     finally:
         stop_residents()
     log.compact((name, label) for name in names for label in labels)
@@ -121,20 +142,47 @@ def decide_pairs(paths: Sequence[Path], methods: Sequence[Method], out: Path, ru
     failed.sort(key=lambda entry: place[entry["pair"]])
     facts = [found for name in names if (found := _read_facts(out, name)) is not None]
     rows = [log.read(name, label) for name in names for label in labels]
-    provenance = {"source": ", ".join(str(path.resolve()) for path in paths), "seed": seed,
-                  "pose_error": {"mm": pose.mm, "deg": pose.deg}}
-    return write_decisions(out, rows, facts, labels, rules,
-                           find_progress(rows, facts, labels, out, rules.site.disc_m),
-                           find_faults(rows, facts, labels), failed, provenance)
+    provenance = {
+        "source": ", ".join(str(path.resolve()) for path in paths),
+        "seed": seed,
+        "pose_error": {"mm": pose.mm, "deg": pose.deg},
+    }
+    return write_decisions(
+        out,
+        rows,
+        facts,
+        labels,
+        rules,
+        find_progress(rows, facts, labels, out, rules.site.disc_m),
+        find_faults(rows, facts, labels),
+        failed,
+        provenance,
+    )
 
 
 def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
     """The rows of a pair; those that are missing are made, and written to the log."""
-    content = digest_of([*source.content(), run.response, run.rules.to_json(), run.cell_m, run.pose.mm, run.pose.deg,
-                         run.seed, DECISIONS, version()])
+    content = digest_of(
+        [
+            *source.content(),
+            run.response,
+            run.rules.to_json(),
+            run.cell_m,
+            run.pose.mm,
+            run.pose.deg,
+            run.seed,
+            DECISIONS,
+            version(),
+        ]
+    )
     keys = {TRUE_DEPTH: content} | {m.label: digest_of([content, method_inputs(m)]) for m in run.methods}
-    there = {label: row for label, key in keys.items() if (row := log.find(source.name, label, key))
-             and row["status"] != "failed" and files_exist(row, run.out, source.name)}
+    there = {
+        label: row
+        for label, key in keys.items()
+        if (row := log.find(source.name, label, key))
+        and row["status"] != "failed"
+        and files_exist(row, run.out, source.name)
+    }
     facts = _read_facts(run.out, source.name)
     if len(there) == len(keys) and facts and facts["key"] == content and files_exist(facts, run.out, source.name):
         yield from there.values()
@@ -148,7 +196,7 @@ def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
         for label, key in keys.items():
             yield _logged(log, _failed(source.name, label, key, describe_error(error, source.folder)))
         return
-    random = generator(run.seed, "pose", int(digest_of(source.name), 16) % 2 ** 32)
+    random = generator(run.seed, "pose", int(digest_of(source.name), 16) % 2**32)
     pose = disturb(workspace.pose, run.pose.mm, run.pose.deg, random)
     scoop = find_scoop(workspace.pair, workspace.pose, random)
     for label, key in keys.items():
@@ -157,8 +205,14 @@ def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
             continue
         method = next((each for each in run.methods if each.label == label), None)
         try:
-            row = {"pair": source.name, "method": label, "key": key, "status": _status(workspace.prepared), "error": "",
-                   **_decide(workspace, method, pose, run.out, scoop, random)}
+            row = {
+                "pair": source.name,
+                "method": label,
+                "key": key,
+                "status": _status(workspace.prepared),
+                "error": "",
+                **_decide(workspace, method, pose, run.out, scoop, random),
+            }
         except DiskError:
             raise
         except Exception as error:
@@ -177,20 +231,39 @@ def _logged(log: RowLog, row: Row) -> Row:
 
 
 def _failed(pair: str, label: str, key: str, message: str) -> Row:
-    return {"pair": pair, "method": label, "key": key, "status": "failed", "error": message, "numbers": None,
-            "images": {}}
+    return {
+        "pair": pair,
+        "method": label,
+        "key": key,
+        "status": "failed",
+        "error": message,
+        "numbers": None,
+        "images": {},
+    }
 
 
 def _excavation(workspace: Workspace) -> dict[str, Any] | None:
     """The part of the excavation in ``pair.json`` that progress needs, and advice; None without an excavation."""
     stated = workspace.pair.data.get("excavation")
     wanted = ("state", "states", "change_in_region_by_state_m3", "region_m")
-    return {**{key: stated[key] for key in wanted}, "advice": [
-        *reach.advice(workspace.pair.settings), *stated.get("advice", [])]} if stated else None
+    return (
+        {
+            **{key: stated[key] for key in wanted},
+            "advice": [*reach.advice(workspace.pair.settings), *stated.get("advice", [])],
+        }
+        if stated
+        else None
+    )
 
 
-def _decide(workspace: Workspace, method: Method | None, pose: np.ndarray, out: Path, scoop: Scoop | None,
-            random: np.random.Generator) -> dict[str, Any]:
+def _decide(
+    workspace: Workspace,
+    method: Method | None,
+    pose: np.ndarray,
+    out: Path,
+    scoop: Scoop | None,
+    random: np.random.Generator,
+) -> dict[str, Any]:
     """The numbers and files of a method; of the true depth without one."""
     depth, matching = (workspace.prepared.truth, 0.0) if method is None else _match(workspace, method)
     start = time.process_time()
@@ -201,16 +274,24 @@ def _decide(workspace: Workspace, method: Method | None, pose: np.ndarray, out: 
     if scoop is not None:
         numbers["scoop"] = locate(scoop, depth, workspace.pair, pose, random)
     numbers["cpu_s"] = {"match": matching, "decide": time.process_time() - start}
-    return {"numbers": numbers, "images": _write_maps(workspace, found, numbers, out,
-                                                      method.file_name if method else "true_depth")}
+    return {
+        "numbers": numbers,
+        "images": _write_maps(workspace, found, numbers, out, method.file_name if method else "true_depth"),
+    }
 
 
 def _match(workspace: Workspace, method: Method) -> tuple[np.ndarray, float]:
     """The depth of a method, and the processor seconds that it took."""
     prepared = workspace.prepared
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-    disparity, _, info = match(method.name, prepared.left, prepared.right, method.options, prepared.pair.camera,
-                               search_ranges(prepared, shared))
+    disparity, _, info = match(
+        method.name,
+        prepared.left,
+        prepared.right,
+        method.options,
+        prepared.pair.camera,
+        search_ranges(prepared, shared),
+    )
     return depth_of(prepared, disparity), float(info["seconds"])
 
 
@@ -221,14 +302,23 @@ def _write_maps(workspace: Workspace, found: Maps, numbers: Mapping[str, Any], o
     chosen = numbers["sites"]["chosen"]
     drawn = {"outcome": pictures.outcome_picture(workspace, found), "error": pictures.error_picture(workspace, found)}
     for kind, picture in drawn.items():
-        write_png(folder / f"{name}_{kind}.png",
-                  pictures.with_ring(picture, chosen, found.dem.height_m.shape, site.disc_m, grid.cell_m))
+        write_png(
+            folder / f"{name}_{kind}.png",
+            pictures.with_ring(picture, chosen, found.dem.height_m.shape, site.disc_m, grid.cell_m),
+        )
     write_bytes(folder / f"{name}_dem.tif", found.dem.geotiff(workspace.pair.data.get("ground")))
-    for kind, values in (("dem", found.dem.height_m), ("suitability", found.sites.margin),
-                         ("slope", found.sites.layers.slope_deg), ("pads", found.pads)):
+    for kind, values in (
+        ("dem", found.dem.height_m),
+        ("suitability", found.sites.margin),
+        ("slope", found.sites.layers.slope_deg),
+        ("pads", found.pads),
+    ):
         write_bytes(folder / f"{name}_{kind}.npy", _npy(values))
-    files = {kind: f"{name}_{kind}.png" for kind in drawn} | {"tif": f"{name}_dem.tif"} | {
-        kind: f"{name}_{kind}.npy" for kind in ("dem", "suitability", "slope", "pads")}
+    files = (
+        {kind: f"{name}_{kind}.png" for kind in drawn}
+        | {"tif": f"{name}_dem.tif"}
+        | {kind: f"{name}_{kind}.npy" for kind in ("dem", "suitability", "slope", "pads")}
+    )
     return {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()}
 
 
@@ -249,19 +339,38 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
     write_bytes(folder / "truth_dem.npy", _npy(truth.dem.height_m))
     write_bytes(folder / "truth_suitability.npy", _npy(truth.sites.margin))
     write_bytes(folder / "reach.npy", _npy(workspace.reached))
-    files = {"left": "left.png", "truth": "truth_sites.png", "truth_tif": "truth_dem.tif", "truth_dem": "truth_dem.npy",
-             "truth_suitability": "truth_suitability.npy", "reach": "reach.npy"}
+    files = {
+        "left": "left.png",
+        "truth": "truth_sites.png",
+        "truth_tif": "truth_dem.tif",
+        "truth_dem": "truth_dem.npy",
+        "truth_suitability": "truth_suitability.npy",
+        "reach": "reach.npy",
+    }
     grid = workspace.grid
-    write_json(folder / "decisions.json", {
-        "pair": name, "scene": series_of(prepared.facts["settings"]),
-        "site": site_of(prepared.facts["settings"]), "key": key, "exact": workspace.exact,
-        "arm": has_arm(workspace.pair.settings), "joints": stated_joints(workspace.pair),
-        "cell_m": grid.cell_m, "rows": grid.rows, "columns": grid.columns, "origin_m": [grid.west_m, grid.north_m],
-        "sun_elevation_deg": elevation_deg(toward_sun(workspace.pair)),
-        "excavation": _excavation(workspace), "render_seed": workspace.pair.data.get("seeds", {}).get("render"),
-        "height_px": int(prepared.left.shape[0]),
-        "suspect": not prepared.check.ok, "noise": prepared.facts.get("noise"),
-        "images": {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()}})
+    write_json(
+        folder / "decisions.json",
+        {
+            "pair": name,
+            "scene": series_of(prepared.facts["settings"]),
+            "site": site_of(prepared.facts["settings"]),
+            "key": key,
+            "exact": workspace.exact,
+            "arm": has_arm(workspace.pair.settings),
+            "joints": stated_joints(workspace.pair),
+            "cell_m": grid.cell_m,
+            "rows": grid.rows,
+            "columns": grid.columns,
+            "origin_m": [grid.west_m, grid.north_m],
+            "sun_elevation_deg": elevation_deg(toward_sun(workspace.pair)),
+            "excavation": _excavation(workspace),
+            "render_seed": workspace.pair.data.get("seeds", {}).get("render"),
+            "height_px": int(prepared.left.shape[0]),
+            "suspect": not prepared.check.ok,
+            "noise": prepared.facts.get("noise"),
+            "images": {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()},
+        },
+    )
 
 
 def _read_facts(out: Path, pair: str) -> dict[str, Any] | None:

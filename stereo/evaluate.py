@@ -40,10 +40,19 @@ Event = Callable[[dict[str, Any]], None]
 MEASURE = 5
 
 
-def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
-             response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None,
-             seed: int = 0, guiss: bool = False, points: bool = False, predictions: Sequence[str] = (),
-             jobs: int | None = None, dask: str | None = None) -> dict[str, Any]:
+def evaluate(
+    paths: Sequence[Path],
+    methods: Sequence[Method],
+    out: Path,
+    response: Mapping[str, Mapping[str, Any]] | None = None,
+    on_event: Event = lambda event: None,
+    seed: int = 0,
+    guiss: bool = False,
+    points: bool = False,
+    predictions: Sequence[str] = (),
+    jobs: int | None = None,
+    dask: str | None = None,
+) -> dict[str, Any]:
     """Evaluate pairs and all pairs of data sets, including data sets in other layouts (see ``datasets.layouts``);
     return the content of ``report.json``.
 
@@ -89,8 +98,10 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     """
     sources = find_sources(paths)
     check_response(sources, response or {})
-    methods = [*methods, *parse_predictions(predictions, [source.name for source in sources],
-                                            [method.label for method in methods])]
+    methods = [
+        *methods,
+        *parse_predictions(predictions, [source.name for source in sources], [method.label for method in methods]),
+    ]
     if not methods:
         raise IcyMoonError("There is no method to evaluate; name one with --methods or --predictions.")
     names = [source.name for source in sources]
@@ -104,12 +115,23 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
         stop_residents()
     evaluation.log.compact((name, method.label) for name in names for method in methods)
     failed, suspect = evaluation.sorted_messages()
-    return write_results(evaluation.log, names, methods, out, failed, suspect, _source(paths, response or {}), seed,
-                         guiss, evaluation.faults)
+    return write_results(
+        evaluation.log,
+        names,
+        methods,
+        out,
+        failed,
+        suspect,
+        _source(paths, response or {}),
+        seed,
+        guiss,
+        evaluation.faults,
+    )
 
 
-def _measure(evaluation: Evaluation, paths: Sequence[Path], run: Run, count: int, dask: str | None
-             ) -> Iterator[tuple[Task, dict[str, Any]]]:
+def _measure(
+    evaluation: Evaluation, paths: Sequence[Path], run: Run, count: int, dask: str | None
+) -> Iterator[tuple[Task, dict[str, Any]]]:
     if dask:
         return measure_on_cluster(dask, paths, run, evaluation.tasks())
     if count > 1:
@@ -145,11 +167,18 @@ class Evaluation:
             name = source.name
             content = digest_of([*source.content(), self._run.response, MEASURE, version()])
             keys = {method.label: self._key(method, name, content) for method in self._run.methods}
-            task = Task(name, content, keys, {
-                label: row for label, key in keys.items() if (row := self._find_row(name, label, key))})
+            task = Task(
+                name,
+                content,
+                keys,
+                {label: row for label, key in keys.items() if (row := self._find_row(name, label, key))},
+            )
             facts = _read_facts(self._run.out, name, content)
-            if facts is None or len(task.rows) < len(keys) or not all(
-                    self._is_finished(row, task) for row in task.rows.values()):
+            if (
+                facts is None
+                or len(task.rows) < len(keys)
+                or not all(self._is_finished(row, task) for row in task.rows.values())
+            ):
                 yield task
                 continue
             for method in self._run.methods:
@@ -165,8 +194,9 @@ class Evaluation:
         return digest_of([content, inputs, *([self._metrics] if self._metrics else [])])
 
     def _is_finished(self, row: Row, task: Task) -> bool:
-        compared = all(row["common"].get(label, {}).get("key") == key for label, key in task.keys.items()
-                       if label != row["method"])
+        compared = all(
+            row["common"].get(label, {}).get("key") == key for label, key in task.keys.items() if label != row["method"]
+        )
         return compared and (not self._run.points or "points" in row["images"])
 
     def _find_row(self, pair: str, label: str, key: str) -> Row | None:
@@ -220,8 +250,15 @@ class Evaluation:
 
     def _tell_progress(self, row: Row) -> None:
         self._done += 1
-        self._tell({"type": "progress", "fraction": self._done / self._total, "done": self._done,
-                    "total": self._total, "message": f"{row['pair']} {describe_method(row['method'])}"})
+        self._tell(
+            {
+                "type": "progress",
+                "fraction": self._done / self._total,
+                "done": self._done,
+                "total": self._total,
+                "message": f"{row['pair']} {describe_method(row['method'])}",
+            }
+        )
 
     def _tell_failure(self, message: str, **what: str) -> None:
         self._failed.append({**what, "message": message})
@@ -230,8 +267,9 @@ class Evaluation:
     def sorted_messages(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
         """The messages about failed and about suspect pairs, in the order of the pairs."""
         place = {name: k for k, name in enumerate(self.sources)}
-        failed, suspect = (sorted(found, key=lambda entry: place[entry["pair"]])
-                           for found in (self._failed, self._suspect))
+        failed, suspect = (
+            sorted(found, key=lambda entry: place[entry["pair"]]) for found in (self._failed, self._suspect)
+        )
         return failed, suspect
 
 
@@ -245,14 +283,22 @@ def method_inputs(method: Method) -> list[Any]:
     """Everything besides the images that a method's disparity depends on: its options, the files that they name, and
     versions."""
     options = options_of(method)
-    files = {key: read_checksum(Path(value)) for key, value in options.items()
-             if isinstance(value, str) and os.path.isfile(value)}
+    files = {
+        key: read_checksum(Path(value))
+        for key, value in options.items()
+        if isinstance(value, str) and os.path.isfile(value)
+    }
     if method.name != PREDICTION:
         files |= {text: read_checksum(Path(text)) for text in files_of(method.name, options) if os.path.isfile(text)}
     versions = packages.find_versions()
     release = release_of(method.name)  # a plug-in's; our methods have the version of Icy Moon
-    return [method.name, options, files, {name: versions[name] for name in ("numpy", "cv2", "torch")},
-            *([release] if release else [])]
+    return [
+        method.name,
+        options,
+        files,
+        {name: versions[name] for name in ("numpy", "cv2", "torch")},
+        *([release] if release else []),
+    ]
 
 
 def digest_of(data: Any) -> str:
@@ -261,6 +307,9 @@ def digest_of(data: Any) -> str:
 
 
 def _source(paths: Sequence[Path], response: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    return {"source": ", ".join(str(path.resolve()) for path in paths),
-            "response_overrides": {f"{topic}.{key}": value for topic, values in response.items()
-                                   for key, value in values.items()}}
+    return {
+        "source": ", ".join(str(path.resolve()) for path in paths),
+        "response_overrides": {
+            f"{topic}.{key}": value for topic, values in response.items() for key, value in values.items()
+        },
+    }

@@ -28,8 +28,14 @@ from .sources import Source, find_sources
 _WAIT_S = 1.0
 
 
-def follow(dataset: Path, methods: Sequence[Method], out: Path, response: Mapping[str, Mapping[str, Any]],
-           is_over: Callable[[], bool], points: bool = False) -> None:
+def follow(
+    dataset: Path,
+    methods: Sequence[Method],
+    out: Path,
+    response: Mapping[str, Mapping[str, Any]],
+    is_over: Callable[[], bool],
+    points: bool = False,
+) -> None:
     """Measure pairs of a data set as they are completed, until ``is_over``; of the parameters see ``evaluate``.
 
     At the end a pair that is being measured is finished. Raises IcyMoonError if ``out`` cannot be written, or contains
@@ -69,8 +75,9 @@ def _measure(evaluation: Evaluation, run: Run, is_over: Callable[[], bool]) -> I
             yield task, event
 
 
-def follow_until_input_ends(dataset: Path, methods: Sequence[Method], out: Path,
-                            response: Mapping[str, Mapping[str, Any]], points: bool) -> None:
+def follow_until_input_ends(
+    dataset: Path, methods: Sequence[Method], out: Path, response: Mapping[str, Mapping[str, Any]], points: bool
+) -> None:
     """``follow`` at a lower priority, for a process whose standard input ends when nothing more is rendered, however
     the process at its other end does."""
     lower_priority()

@@ -24,8 +24,9 @@ python -m icymoon.stereo evaluate DATASET --predictions NAME=FOLDER --out REPORT
 """
 
 
-def export_for_prediction(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[str, Any]],
-                          on_event: Event = lambda event: None) -> list[str]:
+def export_for_prediction(
+    paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[str, Any]], on_event: Event = lambda event: None
+) -> list[str]:
     """Write ``<out>/<pair>/im0.png``, ``im1.png`` and ``calib.txt`` of all pairs at ``paths``, and ``README.txt``.
 
     The images are those that matchers get here. Returns a sentence for each pair that failed; these are events
@@ -47,7 +48,14 @@ def export_for_prediction(paths: Sequence[Path], out: Path, response: Mapping[st
             failed.append(describe_error(error, source.folder))
             on_event({"type": "error", "message": failed[-1]})
             continue
-        on_event({"type": "progress", "fraction": done / len(sources), "done": done, "total": len(sources),
-                  "message": source.name})
+        on_event(
+            {
+                "type": "progress",
+                "fraction": done / len(sources),
+                "done": done,
+                "total": len(sources),
+                "message": source.name,
+            }
+        )
     write_text(out / "README.txt", _README.format(example=sources[0].name))
     return failed

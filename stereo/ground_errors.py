@@ -57,8 +57,9 @@ def read_depth_errors(pair_folder: Path, disparity_file: Path) -> DepthErrors:
     pair = read_unchanged_pair(pair_folder)
     pose = pair.rectified_pose("left")
     if pose is None:
-        raise IcyMoonError(f"{pair_folder / 'pair.json'} does not contain the position of the camera; render the pair "
-                           "again.")
+        raise IcyMoonError(
+            f"{pair_folder / 'pair.json'} does not contain the position of the camera; render the pair again."
+        )
     truth = pair.camera.cropped(scene_depth(read_depth(pair.truth("left"), "left")))
     lens = lens_of(pair.camera, pair.settings.rig, "left") if pair.camera.toe_in_deg else None
     truth = truth if lens is None else np.where(lens.sees, truth, np.nan)
@@ -95,7 +96,7 @@ def on_vertices(errors: DepthErrors, position_m: np.ndarray, edges: np.ndarray) 
     kind[inside] = np.where(seen, np.where(np.isnan(found), MISSING, MEASURED), UNSEEN)
     coarse = np.zeros(len(place), bool)
     with np.errstate(invalid="ignore"):
-        long = ((place[edges[:, 0]] - place[edges[:, 1]]) ** 2).sum(axis=1) > COARSE_PX ** 2
+        long = ((place[edges[:, 0]] - place[edges[:, 1]]) ** 2).sum(axis=1) > COARSE_PX**2
     coarse[edges[long].ravel()] = True
     coarse &= kind != UNSEEN
     kind[coarse], error[coarse] = COARSE, np.nan
@@ -106,14 +107,16 @@ def _sample(errors: DepthErrors, place: np.ndarray, depth: np.ndarray) -> tuple[
     """For vertices at places in the image, with their depths: the error there, and whether the camera sees them."""
     height, width = errors.truth.shape
     corner = np.floor(place - 0.5).astype(np.intp)
-    rows, columns = (np.stack([np.clip(corner[:, axis] + step[1 - axis], 0, size - 1) for step in _AROUND], axis=1)
-                     for axis, size in ((1, height), (0, width)))
+    rows, columns = (
+        np.stack([np.clip(corner[:, axis] + step[1 - axis], 0, size - 1) for step in _AROUND], axis=1)
+        for axis, size in ((1, height), (0, width))
+    )
     true = errors.truth[rows, columns]
     known = np.isfinite(true)
     nearest = np.where(known, np.abs(true - depth[:, None]), np.inf).argmin(axis=1)
     at = np.arange(len(place)), nearest
     low, high = np.where(known, true, np.inf).min(axis=1), np.where(known, true, 0.0).max(axis=1)
-    reach = np.maximum(_SEEN_PX * depth ** 2 / errors.camera.focal_baseline_px_m, _SEEN_SHARE * depth)
+    reach = np.maximum(_SEEN_PX * depth**2 / errors.camera.focal_baseline_px_m, _SEEN_SHARE * depth)
     seen = known.any(axis=1) & (depth >= low - reach) & (depth <= high + reach)
     return errors.error_m[rows[at], columns[at]], seen
 
@@ -121,8 +124,12 @@ def _sample(errors: DepthErrors, place: np.ndarray, depth: np.ndarray) -> tuple[
 def nearest_of(one: OnVertices, other: OnVertices) -> OnVertices:
     """The better known of two for each vertex; of equals, that which was seen from nearer."""
     take = (other.kind < one.kind) | ((other.kind == one.kind) & (other.depth_m < one.depth_m))
-    return OnVertices(*(np.where(take, b, a) for a, b in ((one.error_m, other.error_m), (one.kind, other.kind),
-                                                         (one.depth_m, other.depth_m))))
+    return OnVertices(
+        *(
+            np.where(take, b, a)
+            for a, b in ((one.error_m, other.error_m), (one.kind, other.kind), (one.depth_m, other.depth_m))
+        )
+    )
 
 
 def count_pixels(errors: DepthErrors, places: np.ndarray) -> dict[str, int]:
@@ -134,11 +141,15 @@ def count_pixels(errors: DepthErrors, places: np.ndarray) -> dict[str, int]:
     cells = np.zeros([-(-n // size) for n in errors.truth.shape], bool)
     column, row = (places // size).astype(np.intp).T
     cells[row, column] = True
-    shown = cells.repeat(size, axis=0).repeat(size, axis=1)[:known.shape[0], :known.shape[1]]
+    shown = cells.repeat(size, axis=0).repeat(size, axis=1)[: known.shape[0], : known.shape[1]]
     with np.errstate(invalid="ignore"):
-        return {"far": int((error > ERROR.low).sum()), "near": int((error < -ERROR.low).sum()),
-                "right": int((np.abs(error) <= ERROR.low).sum()), "missing": int(np.isnan(error).sum()),
-                "coarse": int((known & ~shown).sum())}
+        return {
+            "far": int((error > ERROR.low).sum()),
+            "near": int((error < -ERROR.low).sum()),
+            "right": int((np.abs(error) <= ERROR.low).sum()),
+            "missing": int(np.isnan(error).sum()),
+            "coarse": int((known & ~shown).sum()),
+        }
 
 
 def colours_of(error_m: np.ndarray, kind: np.ndarray, full_m: float) -> np.ndarray:

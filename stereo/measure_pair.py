@@ -107,8 +107,11 @@ def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any
     common = common_numbers(prepared, disparities)
     points = run.points and pose_of(prepared) is not None
     if run.points and not points:
-        yield {"type": "warning", "message": f"{prepared.pair.folder / 'pair.json'} does not contain the position of "
-               "the camera, so no points are written; render the pair again."}
+        yield {
+            "type": "warning",
+            "message": f"{prepared.pair.folder / 'pair.json'} does not contain the position of "
+            "the camera, so no points are written; render the pair again.",
+        }
     for label, disparity in disparities.items():
         beside = {other: numbers | {"key": task.keys[other]} for other, numbers in common[label].items()}
         row = rows[label] | {"common": rows[label]["common"] | beside}
@@ -129,12 +132,14 @@ def search_ranges(prepared: Prepared, shared: np.ndarray) -> dict[str, SearchRan
     return ranges
 
 
-def _match(method: Method, prepared: Prepared,
-           ranges: Callable[[], Mapping[str, SearchRange]]) -> tuple[np.ndarray, dict[str, Any]]:
+def _match(
+    method: Method, prepared: Prepared, ranges: Callable[[], Mapping[str, SearchRange]]
+) -> tuple[np.ndarray, dict[str, Any]]:
     if method.name == PREDICTION:
         return read_prediction(method, prepared)
-    disparity, _, info = match(method.name, prepared.left, prepared.right, method.options, prepared.pair.camera,
-                               ranges())
+    disparity, _, info = match(
+        method.name, prepared.left, prepared.right, method.options, prepared.pair.camera, ranges()
+    )
     return disparity, info
 
 
@@ -142,21 +147,44 @@ def _read_stored(row: Row | None, prepared: Prepared, out: Path) -> np.ndarray |
     return read_disparity(out / row["images"]["disparity"], prepared.truth.shape) if row else None
 
 
-def _make_row(prepared: Prepared, run: Run, task: Task, method: Method, disparity: np.ndarray,
-              info: dict[str, Any]) -> Row:
-    return {"pair": prepared.pair.name, "method": method.label, "key": task.keys[method.label],
-            "status": "ok" if prepared.check.ok else "suspect",
-            **own_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
-            **plugin_numbers(prepared, disparity),
-            "common": {}, **{key: info[key] for key in COSTS},
-            "options": info["options"], "search": info["search"], "counts": info["counts"], "facts": info["facts"],
-            "error": "",
-            "images": write_method_pictures(prepared, method, disparity, info, run.out)}
+def _make_row(
+    prepared: Prepared, run: Run, task: Task, method: Method, disparity: np.ndarray, info: dict[str, Any]
+) -> Row:
+    return {
+        "pair": prepared.pair.name,
+        "method": method.label,
+        "key": task.keys[method.label],
+        "status": "ok" if prepared.check.ok else "suspect",
+        **own_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
+        **plugin_numbers(prepared, disparity),
+        "common": {},
+        **{key: info[key] for key in COSTS},
+        "options": info["options"],
+        "search": info["search"],
+        "counts": info["counts"],
+        "facts": info["facts"],
+        "error": "",
+        "images": write_method_pictures(prepared, method, disparity, info, run.out),
+    }
 
 
 def failed_row(task: Task, method: Method, message: str) -> Row:
     """The row of a method that failed on a pair."""
-    return {"pair": task.pair, "method": method.label, "key": task.keys[method.label], "status": "failed",
-            **dict.fromkeys(NUMBERS), "error_curve": [], "sparsification": {}, "strata": {}, "histograms": {},
-            "common": {}, "options": options_of(method), "search": None, "counts": {}, "facts": {}, "error": message,
-            "images": {}}
+    return {
+        "pair": task.pair,
+        "method": method.label,
+        "key": task.keys[method.label],
+        "status": "failed",
+        **dict.fromkeys(NUMBERS),
+        "error_curve": [],
+        "sparsification": {},
+        "strata": {},
+        "histograms": {},
+        "common": {},
+        "options": options_of(method),
+        "search": None,
+        "counts": {},
+        "facts": {},
+        "error": message,
+        "images": {},
+    }

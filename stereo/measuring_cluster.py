@@ -28,16 +28,23 @@ _EACH = 2
 _ONE_AT_A_TIME = Lock()
 
 
-def measure_on_cluster(address: str, paths: Sequence[Path], run: Run, tasks: Iterator[Task]
-                       ) -> Iterator[tuple[Task, dict[str, Any]]]:
+def measure_on_cluster(
+    address: str, paths: Sequence[Path], run: Run, tasks: Iterator[Task]
+) -> Iterator[tuple[Task, dict[str, Any]]]:
     """Do all tasks on the Dask cluster at an address; as ``measuring_processes.Processes.measure``.
 
     Every worker needs this package, the packages of the evaluator, and the pairs and ``run.out`` at the same paths.
     Raises IcyMoonError if there is no cluster, and DiskError if a disk refuses.
     """
-    setup = json.dumps({"paths": [str(path.resolve()) for path in paths],
-                        "methods": [asdict(method) for method in run.methods], "out": str(run.out.resolve()),
-                        "response": run.response, "points": run.points})
+    setup = json.dumps(
+        {
+            "paths": [str(path.resolve()) for path in paths],
+            "methods": [asdict(method) for method in run.methods],
+            "out": str(run.out.resolve()),
+            "response": run.response,
+            "points": run.points,
+        }
+    )
     with connect(address) as client:
         from distributed import as_completed
 
@@ -57,8 +64,10 @@ def measure_on_cluster(address: str, paths: Sequence[Path], run: Run, tasks: Ite
                 error = future.exception()
                 if isinstance(error, DiskError):
                     raise error
-                died = {"type": "died", "message": f"its task ended: {error}; there may be too little memory, give "
-                                                   "the Dask workers more"}
+                died = {
+                    "type": "died",
+                    "message": f"its task ended: {error}; there may be too little memory, give the Dask workers more",
+                }
                 for event in [died] if error else future.result():
                     yield task, event
         finally:
@@ -77,5 +86,6 @@ def measure_task(setup: str, task: dict[str, Any]) -> list[dict[str, Any]]:
 def _prepared(setup: str) -> tuple[dict[str, Source], Run]:
     found = json.loads(setup)
     sources = {source.name: source for source in find_sources([Path(path) for path in found["paths"]])}
-    return sources, Run([Method(**method) for method in found["methods"]], Path(found["out"]), found["response"],
-                        found["points"])
+    return sources, Run(
+        [Method(**method) for method in found["methods"]], Path(found["out"]), found["response"], found["points"]
+    )

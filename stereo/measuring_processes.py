@@ -52,8 +52,13 @@ class Processes:
 
     def __init__(self, count: int, paths: Sequence[Path], run: Run) -> None:
         self._count, self._out = count, run.out
-        self._setup = {"paths": [str(path) for path in paths], "methods": [asdict(method) for method in run.methods],
-                       "out": str(run.out), "response": run.response, "points": run.points}
+        self._setup = {
+            "paths": [str(path) for path in paths],
+            "methods": [asdict(method) for method in run.methods],
+            "out": str(run.out),
+            "response": run.response,
+            "points": run.points,
+        }
         self._said: queue.SimpleQueue[tuple[_Process, dict[str, Any] | None]] = queue.SimpleQueue()
 
     def measure(self, tasks: Iterator[Task]) -> Iterator[tuple[Task, dict[str, Any]]]:
@@ -77,8 +82,14 @@ class Processes:
                 if event is None:
                     del busy[process]
                     process.kill()
-                    yield task, {"type": "died", "message": f"the process that measured it {process.end()}; there may "
-                                                            "be too little memory, try fewer --jobs"}
+                    yield (
+                        task,
+                        {
+                            "type": "died",
+                            "message": f"the process that measured it {process.end()}; there may "
+                            "be too little memory, try fewer --jobs",
+                        },
+                    )
                 elif event["type"] == "done":
                     idle.append(process)
                     del busy[process]
@@ -104,11 +115,16 @@ class _Process:
 
     def __init__(self, setup: dict[str, Any], said: queue.SimpleQueue[Any]) -> None:
         try:
-            self._process = start(python_command(sys.executable, "measure"), KEEPS_MEMORY | clean_environment(),
-                                  stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+            self._process = start(
+                python_command(sys.executable, "measure"),
+                KEEPS_MEMORY | clean_environment(),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+            )
         except OSError as error:
-            raise IcyMoonError(f"{sys.executable} cannot be started again ({error.strerror or error}); use "
-                               "--jobs 1.") from None
+            raise IcyMoonError(
+                f"{sys.executable} cannot be started again ({error.strerror or error}); use --jobs 1."
+            ) from None
         self._reader = threading.Thread(target=self._read, args=(said,), daemon=True)
         self._reader.start()
         self.send(setup)
@@ -157,8 +173,9 @@ def main(arguments: Sequence[str]) -> int:
             return 0
         setup = json.loads(first)
         sources = {source.name: source for source in find_sources([Path(path) for path in setup["paths"]])}
-        run = Run([Method(**method) for method in setup["methods"]], Path(setup["out"]), setup["response"],
-                  setup["points"])
+        run = Run(
+            [Method(**method) for method in setup["methods"]], Path(setup["out"]), setup["response"], setup["points"]
+        )
         try:
             for line in lines:
                 task = Task(**json.loads(line))

@@ -53,10 +53,14 @@ class PairViews:
 
     def pictures(self, view: str) -> list[np.ndarray]:
         """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that take turns. KeyError for no view."""
-        return {"SIDE_BY_SIDE": self._side_by_side, "LEFT": lambda: [self.shown_left],
-                "RIGHT": lambda: [self.shown_right],
-                "FLICKER": lambda: list(self._aligned(self.shown_left, self.shown_right)),
-                "ANAGLYPH": self._anaglyph, "DEPTH": self._overlay}[view]()
+        return {
+            "SIDE_BY_SIDE": self._side_by_side,
+            "LEFT": lambda: [self.shown_left],
+            "RIGHT": lambda: [self.shown_right],
+            "FLICKER": lambda: list(self._aligned(self.shown_left, self.shown_right)),
+            "ANAGLYPH": self._anaglyph,
+            "DEPTH": self._overlay,
+        }[view]()
 
     @property
     def aligned(self) -> tuple[np.ndarray, np.ndarray]:
@@ -65,7 +69,7 @@ class PairViews:
 
     def _aligned(self, left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         width = left.shape[1] - self.shift_px
-        return left[:, self.shift_px:], right[:, :width]
+        return left[:, self.shift_px :], right[:, :width]
 
     @property
     def lines(self) -> list[str]:
@@ -81,8 +85,11 @@ class PairViews:
         width = self.left.shape[1]
         size = max(1.0, (3 * width) * _CAPTION_PER_PX)
         legend = self._legend(width, size)
-        columns = [np.vstack([self.shown_left, _caption("Left", legend.shape, size)]),
-                   np.vstack([self.shown_right, _caption("Right", legend.shape, size)]), np.vstack([depth, legend])]
+        columns = [
+            np.vstack([self.shown_left, _caption("Left", legend.shape, size)]),
+            np.vstack([self.shown_right, _caption("Right", legend.shape, size)]),
+            np.vstack([depth, legend]),
+        ]
         gap = np.full((len(columns[0]), round(_GAP_PX * size), 3), _PAPER, np.uint8)
         return [np.hstack([columns[0], gap, columns[1], gap, columns[2]])]
 
@@ -102,7 +109,7 @@ class PairViews:
             letter, baseline, swatch = 8 * size, round(40 * size), round(10 * size)
             start = max(2 * swatch, width - swatch - text_width("sky", letter))
             put_text(legend, "sky", start, baseline, letter, _INK)
-            legend[baseline - swatch:baseline, start - round(1.5 * swatch):start - swatch // 2] = SKY_GREY
+            legend[baseline - swatch : baseline, start - round(1.5 * swatch) : start - swatch // 2] = SKY_GREY
         return legend
 
 
@@ -123,11 +130,20 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
     range_m = (float(known.min()), float(known.max())) if known.size else None
     title = f"True depth, {range_m[0]:.3g} to {range_m[1]:.3g} m" if range_m else "No depth"
     return PairViews(
-        pair.id, _reduced(left, factor), _reduced(right, factor), _reduced(shown[0], factor),
-        _reduced(shown[1], factor), _sampled(depth, factor),
-        replace(depth_scale(depth), title=title), range_m,
-        tuple(frame.seconds for frame in images.frames), images.saturated, _shift_px(pair, known) // factor, factor,
-        (*_left_out(pair, settings), *images.warnings))
+        pair.id,
+        _reduced(left, factor),
+        _reduced(right, factor),
+        _reduced(shown[0], factor),
+        _reduced(shown[1], factor),
+        _sampled(depth, factor),
+        replace(depth_scale(depth), title=title),
+        range_m,
+        tuple(frame.seconds for frame in images.frames),
+        images.saturated,
+        _shift_px(pair, known) // factor,
+        factor,
+        (*_left_out(pair, settings), *images.warnings),
+    )
 
 
 def _develop(pair: Pair, settings: Settings) -> Images:
@@ -140,10 +156,15 @@ def _develop(pair: Pair, settings: Settings) -> Images:
 
 
 def _left_out(pair: Pair, settings: Settings) -> list[str]:
-    parts = [*(["lens distortion"] if any(coefficients(settings.rig)) else []),
-             *(["the rectification of toed-in eyes"] if pair.camera.toe_in_deg else []),
-             *(["edge-aware demosaicing"] if settings.sensor.colour == "BAYER"
-               and settings.sensor.demosaicing == "EDGE_AWARE" else [])]
+    parts = [
+        *(["lens distortion"] if any(coefficients(settings.rig)) else []),
+        *(["the rectification of toed-in eyes"] if pair.camera.toe_in_deg else []),
+        *(
+            ["edge-aware demosaicing"]
+            if settings.sensor.colour == "BAYER" and settings.sensor.demosaicing == "EDGE_AWARE"
+            else []
+        ),
+    ]
     return [f"Shown without {' and '.join(parts)}; Show Camera Image includes that."] if parts else []
 
 
@@ -157,14 +178,14 @@ def _shift_px(pair: Pair, depth: np.ndarray) -> int:
 def _reduced(image: np.ndarray, factor: int) -> np.ndarray:
     """Means over squares of ``factor`` pixels, uint8; incomplete squares at the right and bottom are left out."""
     height, width = (n // factor for n in image.shape[:2])
-    squares = image[:height * factor, :width * factor].reshape(height, factor, width, factor, *image.shape[2:])
+    squares = image[: height * factor, : width * factor].reshape(height, factor, width, factor, *image.shape[2:])
     return image if factor == 1 else np.rint(squares.mean(axis=(1, 3))).astype(np.uint8)
 
 
 def _sampled(depth: np.ndarray, factor: int) -> np.ndarray:
     """The depth of one pixel of each of these squares, never a mean."""
     height, width = (n // factor for n in depth.shape)
-    return depth[factor // 2::factor, factor // 2::factor][:height, :width]
+    return depth[factor // 2 :: factor, factor // 2 :: factor][:height, :width]
 
 
 def _in_colour(image: np.ndarray) -> np.ndarray:

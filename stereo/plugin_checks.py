@@ -26,8 +26,9 @@ _LEAST_PX, _COUNT = 0, 32
 _FOCAL_PX, _FOCAL_BASELINE_PX_M = 86.0, 21.5
 
 
-def textured_pair(height: int = _HEIGHT, width: int = _WIDTH, colour: bool = False
-                  ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def textured_pair(
+    height: int = _HEIGHT, width: int = _WIDTH, colour: bool = False
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Two uint8 images of a textured, tilted plane, (H, W) or (H, W, 3), and the true disparity, float64 (H, W) px."""
     x, y = np.arange(width)[None, :], np.arange(height)[:, None]
     disparity = np.broadcast_to(_FARTHEST_PX + _ROW_PX * y, (height, width)) * min(1.0, width / _WIDTH)
@@ -48,8 +49,9 @@ def _texture(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def check_matcher(plugin: Plugin) -> Iterator[Check]:
     """Try a matcher on images of several sizes and with the ends of its options."""
-    first, matcher = check_making("it has match(left, right, context), and its options are declared",
-                                  lambda: PluginMatcher(plugin))
+    first, matcher = check_making(
+        "it has match(left, right, context), and its options are declared", lambda: PluginMatcher(plugin)
+    )
     yield first
     if matcher is None:
         return
@@ -66,20 +68,26 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
         return
     yield Check("it measures the plane of the trial, in px and with the right sign", _fault(plugin, found, truth))
     outside = int(((found < _LEAST_PX - 1) | (found > _LEAST_PX + _COUNT)).sum())
-    yield Check("it keeps to the disparities that are searched", "" if not outside else
-                f"{plugin.title} returned {outside} disparities outside {_LEAST_PX} to {_LEAST_PX + _COUNT - 1} px; "
-                "search context.least_px to context.most_px, or return NaN.")
-    yield check_of("the same images give the same result", lambda: None if np.array_equal(
-        found, run(), equal_nan=True) else f"{plugin.title} gave two results for the same images; draw its random "
-                   "numbers from a fixed seed.")
+    yield Check(
+        "it keeps to the disparities that are searched",
+        ""
+        if not outside
+        else f"{plugin.title} returned {outside} disparities outside {_LEAST_PX} to {_LEAST_PX + _COUNT - 1} px; "
+        "search context.least_px to context.most_px, or return NaN.",
+    )
+    yield check_of(
+        "the same images give the same result",
+        lambda: None
+        if np.array_equal(found, run(), equal_nan=True)
+        else f"{plugin.title} gave two results for the same images; draw its random numbers from a fixed seed.",
+    )
     flat = np.full_like(left, 100)
     yield check_call("images without texture are no error", run, flat, flat)
     small, other, _ = textured_pair(24, 33, matcher.COLOUR)
     yield check_call("small images are no error", run, small, other)
     yield check_call("a range as wide as the image is no error", run, small, other, 48)
     for option in matcher.OPTIONS:
-        if option.key in ("disparities", "min_disparity") or (
-                isinstance(option.default, str) and not option.choices):
+        if option.key in ("disparities", "min_disparity") or (isinstance(option.default, str) and not option.choices):
             continue
         for value in option.choices or (option.minimum, option.maximum):
             yield check_call(f"{option.key}={value} is no error", run, **{option.key: value})
@@ -87,6 +95,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
 
 def _fault(plugin: Plugin, found: np.ndarray, truth: np.ndarray) -> str:
     """The fault of the disparities that the plug-in found in the trial, in words; empty if there is no fault."""
+
     def share_right(values: np.ndarray) -> float:
         known = np.isfinite(values)
         return float((np.abs(values - truth)[known] < _RIGHT_PX).mean()) if known.any() else 0.0
@@ -97,15 +106,18 @@ def _fault(plugin: Plugin, found: np.ndarray, truth: np.ndarray) -> str:
             "they have the wrong sign: return left column minus right column": lambda: -found,
             "they are 16 times too large: OpenCV counts sixteenths of a px": lambda: found / 16,
             "they are normalised by the width: return px": lambda: found * found.shape[1],
-            "they belong to the right image: return those of the left one": lambda: np.roll(found, 14, axis=1)}
+            "they belong to the right image: return those of the left one": lambda: np.roll(found, 14, axis=1),
+        }
         for words, guess in guesses.items():
             if share_right(guess()) > 0.5:
                 return f"{plugin.title} returned disparities that are not those of the trial: {words}." if words else ""
     if not np.isfinite(found).any():
         return f"{plugin.title} measured nothing on well textured images; return disparities in px."
-    return (f"{plugin.title} is wrong by more than {_RIGHT_PX:g} px in most of the pixels that it measured "
-            f"({np.nanmedian(found):.3g} px in the median, {np.median(truth):.3g} px is right); check sign and unit, "
-            "and return NaN where a match is not certain.")
+    return (
+        f"{plugin.title} is wrong by more than {_RIGHT_PX:g} px in most of the pixels that it measured "
+        f"({np.nanmedian(found):.3g} px in the median, {np.median(truth):.3g} px is right); check sign and unit, "
+        "and return NaN where a match is not certain."
+    )
 
 
 def check_metric(plugin: Plugin) -> Iterator[Check]:
@@ -120,17 +132,35 @@ def check_metric(plugin: Plugin) -> Iterator[Check]:
 
     def run(disparity: np.ndarray, true: np.ndarray = truth) -> float | None:
         depth, true_depth = (_FOCAL_BASELINE_PX_M / values for values in (disparity, true))
-        return metric.measure(MeasuredMap(disparity.copy(), depth, true.copy(), true_depth, np.isfinite(true), left,
-                                          _FOCAL_PX, _FOCAL_BASELINE_PX_M / _FOCAL_PX))
+        return metric.measure(
+            MeasuredMap(
+                disparity.copy(),
+                depth,
+                true.copy(),
+                true_depth,
+                np.isfinite(true),
+                left,
+                _FOCAL_PX,
+                _FOCAL_BASELINE_PX_M / _FOCAL_PX,
+            )
+        )
 
     ran, found = check_making("it returns a number", lambda: run(rough))
     yield ran
     if ran.fault:
         return
-    yield Check("it is defined for a map with errors and gaps", "" if found is not None else
-                f"{plugin.title} returned NaN or infinity for a map with errors and gaps; leave out what is NaN.")
-    yield check_of("the same map gives the same number", lambda: None if run(rough) == found else
-                   f"{plugin.title} gave two numbers for the same map; draw its random numbers from a fixed seed.")
+    yield Check(
+        "it is defined for a map with errors and gaps",
+        ""
+        if found is not None
+        else f"{plugin.title} returned NaN or infinity for a map with errors and gaps; leave out what is NaN.",
+    )
+    yield check_of(
+        "the same map gives the same number",
+        lambda: None
+        if run(rough) == found
+        else f"{plugin.title} gave two numbers for the same map; draw its random numbers from a fixed seed.",
+    )
     yield check_call("a map that is the truth is no error", run, truth)
     yield check_call("a map without a measurement is no error", run, np.full_like(truth, np.nan))
     sky = np.where(np.arange(_HEIGHT)[:, None] < 40, np.nan, truth)
@@ -155,9 +185,16 @@ def check_export(plugin: Plugin) -> Iterator[Check]:
         yield (ran := check_of("it writes a pair of a grey camera", partial(run, "first", False)))
         if ran.fault:
             return
-        yield check_of("the same pair gives the same files", lambda: run("second", False) or (
-            "" if written["first"] == written["second"] else
-            f"{plugin.title} wrote other bytes for the same pair; leave out the time and other things that change."))
+        yield check_of(
+            "the same pair gives the same files",
+            lambda: run("second", False)
+            or (
+                ""
+                if written["first"] == written["second"]
+                else f"{plugin.title} wrote other bytes for the same pair; leave out the time and "
+                "other things that change."
+            ),
+        )
         yield check_of("it writes a pair of a colour camera, without labels", partial(run, "colour", True))
         if exporter.finishes:
             yield check_call("finish(names, folder) is no error", exporter.finish, ["first"], folder / "first")
@@ -170,7 +207,24 @@ def _pair_to_export(colour: bool) -> ExportedPair:
     light = np.repeat(left[..., None], 3, axis=-1) if left.ndim == 2 else left
     labels = None if colour else seen.astype(np.int32)
     settings = {topic: dict(values) for topic, values in defaults().items()}
-    return ExportedPair("trial", left.astype(np.uint16) << 4, right.astype(np.uint16) << 4, 12,
-                        light.astype(np.float32), light.astype(np.float32), depth, depth, disparity, disparity, seen,
-                        seen, labels, labels, _FOCAL_PX, _WIDTH / 2, _HEIGHT / 2, _FOCAL_BASELINE_PX_M / _FOCAL_PX,
-                        settings)
+    return ExportedPair(
+        "trial",
+        left.astype(np.uint16) << 4,
+        right.astype(np.uint16) << 4,
+        12,
+        light.astype(np.float32),
+        light.astype(np.float32),
+        depth,
+        depth,
+        disparity,
+        disparity,
+        seen,
+        seen,
+        labels,
+        labels,
+        _FOCAL_PX,
+        _WIDTH / 2,
+        _HEIGHT / 2,
+        _FOCAL_BASELINE_PX_M / _FOCAL_PX,
+        settings,
+    )

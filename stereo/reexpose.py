@@ -29,8 +29,9 @@ _STALE = re.compile(r"(left|right)_(\d+\.png|distorted\.png|mosaic\.png|deposits
 FORMAT, VERSION = "icymoon-images", 1
 
 
-def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[str, Any]],
-             on_event: Event = lambda event: None) -> list[Path]:
+def reexpose(
+    paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[str, Any]], on_event: Event = lambda event: None
+) -> list[Path]:
     """Develop pairs, and all pairs of data sets, with another ``response``; return the folders of the images.
 
     Writes to ``out/<pair>/``:
@@ -61,8 +62,15 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
         except Exception as error:
             failed.append(describe_error(error, folder))
             on_event({"type": "error", "message": failed[-1]})
-        on_event({"type": "progress", "fraction": (k + 1) / len(folders), "done": k + 1, "total": len(folders),
-                  "message": folder.name})
+        on_event(
+            {
+                "type": "progress",
+                "fraction": (k + 1) / len(folders),
+                "done": k + 1,
+                "total": len(folders),
+                "message": folder.name,
+            }
+        )
     if failed:
         raise IcyMoonError(f"{len(failed)} of {count_of(len(folders), 'pair')} failed, the first one: {failed[0]}")
     return done
@@ -81,11 +89,19 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
     bent = any(lens_of(pair.camera, settings.rig, eye) is not None for eye in EYES)
     for eye in EYES if bent else ():
         write_npy(out / f"{eye}_distorted_depth.npy", read_sensor_depth(pair, eye, settings.rig))
-    write_json(out / "images.json", {
-        "format": FORMAT, "version": VERSION, "pair": pair.id, "camera": pair.camera.to_json(),
-        "eyes": pair.camera.eyes_json(),
-        "distortion": dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True)),
-        **exposure_facts(images), "settings": {topic: settings[topic] for topic in ("sensor", "light")}})
+    write_json(
+        out / "images.json",
+        {
+            "format": FORMAT,
+            "version": VERSION,
+            "pair": pair.id,
+            "camera": pair.camera.to_json(),
+            "eyes": pair.camera.eyes_json(),
+            "distortion": dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True)),
+            **exposure_facts(images),
+            "settings": {topic: settings[topic] for topic in ("sensor", "light")},
+        },
+    )
     return images
 
 
@@ -97,6 +113,7 @@ def _images_by_name(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:
         named |= {f"{eye}_{kind}": (getattr(images, f"detected_{eye}"), images.bits) for eye in EYES}
     named |= {f"{eye}_deposits": (share, 8) for eye, share in images.blocked.items()}
     if len(images.frames) > 1:
-        named |= {f"{eye}_{k}": (getattr(frame, eye), sensor_bits)
-                  for k, frame in enumerate(images.frames) for eye in EYES}
+        named |= {
+            f"{eye}_{k}": (getattr(frame, eye), sensor_bits) for k, frame in enumerate(images.frames) for eye in EYES
+        }
     return {name: numbers.astype(np.uint8) if bits == 8 else numbers for name, (numbers, bits) in named.items()}

@@ -69,12 +69,16 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
     first: dict[str, Source] = {}
     for source in found:
         if not FILE_NAME.fits(source.name):
-            raise IcyMoonError(f"{source.folder}: results cannot have a pair of this name, which is no name of a file "
-                               "on every system; rename its folder.")
+            raise IcyMoonError(
+                f"{source.folder}: results cannot have a pair of this name, which is no name of a file "
+                "on every system; rename its folder."
+            )
         same = first.setdefault(source.name, source)
         if same is not source:
-            raise IcyMoonError(f"{same.folder} and {source.folder} have different pairs of the same name, "
-                               f"{source.name}; give one of them at a time.")
+            raise IcyMoonError(
+                f"{same.folder} and {source.folder} have different pairs of the same name, "
+                f"{source.name}; give one of them at a time."
+            )
     return found
 
 
@@ -93,8 +97,9 @@ def sort_by_ground(sources: Sequence[Source]) -> list[Source]:
 def _find_foreign(path: Path) -> list[FoundPair]:
     pairs = find_foreign_pairs(path)
     if not pairs:
-        raise IcyMoonError(f"{path} contains no complete stereo pair; render one first or choose another folder: a "
-                           f"data set, {KNOWN}.")
+        raise IcyMoonError(
+            f"{path} contains no complete stereo pair; render one first or choose another folder: a data set, {KNOWN}."
+        )
     return pairs
 
 
@@ -102,5 +107,7 @@ def check_response(sources: Sequence[Source], response: Mapping[str, Mapping[str
     """Raise IcyMoonError if ``response`` would change the camera response of pairs that were not rendered."""
     foreign = next((source for source in sources if isinstance(source, ForeignPair)), None)
     if response and foreign:
-        raise IcyMoonError(f"{foreign.folder} was not rendered here, and its images have the response of their camera; "
-                           "leave out --set.")
+        raise IcyMoonError(
+            f"{foreign.folder} was not rendered here, and its images have the response of their camera; "
+            "leave out --set."
+        )

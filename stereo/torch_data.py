@@ -39,10 +39,17 @@ class Dataset:
     for settings that need a new render, and if no pair is left.
     """
 
-    def __init__(self, paths: str | Path | Sequence[str | Path], split: str | None = None, *,
-                 splits: Mapping[str, float] | None = None, presets: Sequence[str] = (),
-                 augment: Mapping[str, tuple[float, float]] | None = None, crop_px: tuple[int, int] | None = None,
-                 seed: int = 0) -> None:
+    def __init__(
+        self,
+        paths: str | Path | Sequence[str | Path],
+        split: str | None = None,
+        *,
+        splits: Mapping[str, float] | None = None,
+        presets: Sequence[str] = (),
+        augment: Mapping[str, tuple[float, float]] | None = None,
+        crop_px: tuple[int, int] | None = None,
+        seed: int = 0,
+    ) -> None:
         stated = None if splits is None else check_splits(splits)
         roots = [paths] if isinstance(paths, str | Path) else list(paths)
         found = [pair for root in roots for pair in find_pairs(Path(root))]
@@ -51,11 +58,16 @@ class Dataset:
         known = list(dict.fromkeys(name for each in shares.values() for name in each))
         if split is not None and split not in known:
             raise IcyMoonError(f"There is no split {split!r}; there are {', '.join(known)}.")
-        self.pairs = [pair for pair in found
-                      if split is None or split_of(scene_of(pair), shares[pair.folder.parent.parent]) == split]
+        self.pairs = [
+            pair
+            for pair in found
+            if split is None or split_of(scene_of(pair), shares[pair.folder.parent.parent]) == split
+        ]
         if not self.pairs:
-            raise IcyMoonError(f"None of the {count_of(len(found), 'pair')} is in the split {split}; give more "
-                               "scenes, or other splits.")
+            raise IcyMoonError(
+                f"None of the {count_of(len(found), 'pair')} is in the split {split}; give more "
+                "scenes, or other splits."
+            )
         self._response = merged(*(load_preset(name) for name in presets))
         self._ranges = dict(augment or {})
         self._crop, self._seed, self._epoch = crop_px, seed, 0
@@ -70,8 +82,10 @@ class Dataset:
     def _check_crop(self, crop_px: tuple[int, int]) -> None:
         for pair in self.pairs:
             if crop_px[0] > pair.camera.width_px or crop_px[1] > pair.camera.height_px or min(crop_px) < 1:
-                raise IcyMoonError(f"{pair.folder} has {pair.camera.width_px} x {pair.camera.height_px} pixels, and "
-                                   f"crop_px is {crop_px[0]} x {crop_px[1]}; give a smaller one.")
+                raise IcyMoonError(
+                    f"{pair.folder} has {pair.camera.width_px} x {pair.camera.height_px} pixels, and "
+                    f"crop_px is {crop_px[0]} x {crop_px[1]}; give a smaller one."
+                )
 
     def __repr__(self) -> str:
         scenes = len({scene_of(pair) for pair in self.pairs})
@@ -89,21 +103,28 @@ class Dataset:
         try:
             import torch
         except ImportError:
-            raise IcyMoonError("Training samples are tensors of PyTorch, which is not here; pip install "
-                               '"icymoon[networks]".') from None
+            raise IcyMoonError(
+                'Training samples are tensors of PyTorch, which is not here; pip install "icymoon[networks]".'
+            ) from None
 
         number = range(len(self.pairs))[number]
         found = self.arrays(number)
-        return {key: torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value
-                for key, value in found.items()}
+        return {
+            key: torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value
+            for key, value in found.items()
+        }
 
     def arrays(self, number: int) -> dict[str, Any]:
         """The sample as NumPy arrays."""
         pair = self.pairs[number]
         random = generator(self._seed, "training", self._epoch, int(pair.id, 16))
         drawn = {name: float(random.uniform(low, high)) for name, (low, high) in self._ranges.items()}
-        settings = merged(pair.settings, self._response, *(_setting(name, value) for name, value in drawn.items()),
-                          {"sensor": {"noise_seed": int(random.integers(2**31 - 1))}})
+        settings = merged(
+            pair.settings,
+            self._response,
+            *(_setting(name, value) for name, value in drawn.items()),
+            {"sensor": {"noise_seed": int(random.integers(2**31 - 1))}},
+        )
         rows, columns, left, upper = self._window(pair, random)
         crop = Crop(rows, columns)
         shown = self._crops.read(pair, settings, crop) if self._crop else None
@@ -113,9 +134,15 @@ class Dataset:
             grey = shown[eye].ndim == 2
             shown[eye] = (shown[eye][None] if grey else np.moveaxis(shown[eye], -1, 0)).astype(np.float32)
         shown["disparity_px"] = shown["disparity_px"].astype(np.float32)
-        return {**shown, "focal_px": pair.camera.focal_px, "baseline_m": pair.camera.baseline_m,
-                "cx_px": pair.camera.cx_px - left, "cy_px": pair.camera.cy_px - upper, "pair": pair.id,
-                "scene": scene_of(pair)}
+        return {
+            **shown,
+            "focal_px": pair.camera.focal_px,
+            "baseline_m": pair.camera.baseline_m,
+            "cx_px": pair.camera.cx_px - left,
+            "cy_px": pair.camera.cy_px - upper,
+            "pair": pair.id,
+            "scene": scene_of(pair),
+        }
 
     def _window(self, pair: Pair, random: np.random.Generator) -> tuple[slice, slice, int, int]:
         """Rows and columns of the crop, and its corner. Both eyes have the same columns, so disparities stay."""

@@ -83,4 +83,5 @@ def _is_blenders(python: Path) -> bool:
         return False
     major, minor, prefix = ([*done.stdout.strip().split(" ", 2), "", "", ""])[:3]
     return (major, minor) == tuple(map(str, sys.version_info[:2])) and (
-        os.path.realpath(prefix) == os.path.realpath(sys.prefix))
+        os.path.realpath(prefix) == os.path.realpath(sys.prefix)
+    )

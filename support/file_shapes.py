@@ -62,8 +62,11 @@ def _is_whole(value: Any) -> bool:
 
 
 def _is_matrix(value: Any) -> bool:
-    return (isinstance(value, list) and len(value) == 4
-            and all(isinstance(row, list) and len(row) == 4 and all(map(_is_number, row)) for row in value))
+    return (
+        isinstance(value, list)
+        and len(value) == 4
+        and all(isinstance(row, list) and len(row) == 4 and all(map(_is_number, row)) for row in value)
+    )
 
 
 def _is_text(value: Any) -> bool:
@@ -89,8 +92,9 @@ PROCESS = Kind("the number of a process", lambda value: _is_whole(value) and 1 <
 TABLE = Kind("a table", lambda value: isinstance(value, dict))
 MATRIX = Kind("a 4 x 4 matrix", _is_matrix)
 FILE_NAME = Kind("a file name without a folder", _is_file_name)
-SHA256 = Kind("64 digits of 0-9 and a-f", lambda value: isinstance(value, str)
-              and re.fullmatch("[0-9a-f]{64}", value) is not None)
+SHA256 = Kind(
+    "64 digits of 0-9 and a-f", lambda value: isinstance(value, str) and re.fullmatch("[0-9a-f]{64}", value) is not None
+)
 
 
 def find_fault(data: Any, shape: Shape, name: str = "it") -> str:
@@ -111,10 +115,15 @@ def find_fault(data: Any, shape: Shape, name: str = "it") -> str:
             return f"{_key_path(name, key)} is missing"
     if isinstance(shape, Each):
         keys = shape.keys or TEXT
-        return _first_fault(_mismatch(key, f"a name in {name}", keys.name) if not keys.fits(key) else
-                            find_fault(value, shape.shape, _key_path(name, key)) for key, value in data.items())
-    return _first_fault(find_fault(data[key], inner, _key_path(name, key))
-                        for key, inner in shape.items() if key in data)
+        return _first_fault(
+            _mismatch(key, f"a name in {name}", keys.name)
+            if not keys.fits(key)
+            else find_fault(value, shape.shape, _key_path(name, key))
+            for key, value in data.items()
+        )
+    return _first_fault(
+        find_fault(data[key], inner, _key_path(name, key)) for key, inner in shape.items() if key in data
+    )
 
 
 def _key_path(name: str, key: str) -> str:
@@ -152,20 +161,27 @@ def read_record(path: Path, shape: Shape, fix: str) -> Any:
 _OF_A_LINE, _OF_A_NUMBER = 160, 32
 
 
-def read_number_lines(path: Path, columns: Sequence[str], setting: str,
-                      most: int | None = None) -> list[tuple[int, list[float] | None]]:
+def read_number_lines(
+    path: Path, columns: Sequence[str], setting: str, most: int | None = None
+) -> list[tuple[int, list[float] | None]]:
     """The numbers of some columns of a CSV file whose first line names its columns.
 
     For each line that is not empty: its line number in the file and its numbers, or None if a column has no number.
     Raises IcyMoonError if the file that ``setting`` names cannot be read, lacks a column, or has more lines than
     ``most``; reading stops there.
     """
-    return read(path, lambda foreign: _parse_number_lines(foreign, columns, most), "a table of numbers",
-                f"check {setting}", most=MOST_TEXT)
+    return read(
+        path,
+        lambda foreign: _parse_number_lines(foreign, columns, most),
+        "a table of numbers",
+        f"check {setting}",
+        most=MOST_TEXT,
+    )
 
 
-def _parse_number_lines(foreign: ForeignBytes, columns: Sequence[str],
-                        most: int | None) -> list[tuple[int, list[float] | None]]:
+def _parse_number_lines(
+    foreign: ForeignBytes, columns: Sequence[str], most: int | None
+) -> list[tuple[int, list[float] | None]]:
     found: list[tuple[int, list[float] | None]] = []
     lines = foreign.lines()
     first = _without_nul(*next(lines, (1, b""))).removeprefix(codecs.BOM_UTF8)
@@ -173,15 +189,17 @@ def _parse_number_lines(foreign: ForeignBytes, columns: Sequence[str],
     for column in columns:
         if column not in heads:
             guess = nearest(column, heads, otherwise=f"but the first line {quote(decode_text(first))}.")
-            raise RefusedError(f"has no column {column}, {guess} Its first line must name the columns "
-                               f"{', '.join(columns)}.")
+            raise RefusedError(
+                f"has no column {column}, {guess} Its first line must name the columns {', '.join(columns)}."
+            )
     places = [heads.index(column) for column in columns]
     for number, line in lines:
         if not line.strip():
             continue
         if len(found) == most:
-            raise RefusedError(f"has more than {most} lines of numbers; leave out those that lie evenly between their "
-                               "neighbours.")
+            raise RefusedError(
+                f"has more than {most} lines of numbers; leave out those that lie evenly between their neighbours."
+            )
         foreign.budget.charge(_OF_A_LINE + _OF_A_NUMBER * len(places), "numbers")
         found.append((number, _numbers_at(_without_nul(number, line).split(b","), places)))
     return found

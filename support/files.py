@@ -28,13 +28,15 @@ _PART_BYTES = 2**18
 _LONGEST_WHOLE, _MOST_QUOTED = 10**20, 8
 #: What usual file systems take: bytes of a name, characters of a path.
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095
-_FIXES = {errno.ENOSPC: "the disk is full; free some space or choose another folder",
-         errno.EDQUOT: "your disk quota is used up; free some space or choose another folder",
-         errno.EROFS: "the disk is read-only; choose another folder",
-         errno.EACCES: "this folder may not be written to; choose another one",
-         errno.EPERM: "this folder may not be written to; choose another one",
-         errno.ENOTDIR: "a part of this path is a file, not a folder; choose another folder",
-         errno.EEXIST: "a file of this name is in the way; move it or choose another folder"}
+_FIXES = {
+    errno.ENOSPC: "the disk is full; free some space or choose another folder",
+    errno.EDQUOT: "your disk quota is used up; free some space or choose another folder",
+    errno.EROFS: "the disk is read-only; choose another folder",
+    errno.EACCES: "this folder may not be written to; choose another one",
+    errno.EPERM: "this folder may not be written to; choose another one",
+    errno.ENOTDIR: "a part of this path is a file, not a folder; choose another folder",
+    errno.EEXIST: "a file of this name is in the way; move it or choose another folder",
+}
 _OPEN = "another program has it open, or it may not be written to; close it there or choose another folder"
 #: macOS' attributes of a file on other disks and its views of folders, and Windows' pictures and views of folders.
 _OF_FILE_MANAGERS = re.compile(r"\._.+|\.DS_Store|Thumbs\.db|desktop\.ini")
@@ -94,8 +96,11 @@ def is_of_file_manager(name: str) -> bool:
 def list_put_there(folder: Path, pattern: str = "*") -> list[Path]:
     """The paths in a folder that fit a pattern, sorted, without files that file managers left there or in folders
     within."""
-    return [path for path in sorted(folder.glob(pattern))
-            if not any(map(is_of_file_manager, path.relative_to(folder).parts))]
+    return [
+        path
+        for path in sorted(folder.glob(pattern))
+        if not any(map(is_of_file_manager, path.relative_to(folder).parts))
+    ]
 
 
 def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:
@@ -148,6 +153,7 @@ def replace_if_unchanged(path: Path, before: str, text: str) -> bool:
     This is safe if another process moves the file's folder away at any moment and puts another in its place: the part
     is then in the folder that was moved.
     """
+
     def write(part: Path) -> None:
         _write_text(part, text)
         if read_text(path) != before:
@@ -192,8 +198,10 @@ def absolute_path(text: str, name: str, blend_folder: str | None = None) -> Path
     """
     if text.startswith("//"):
         if not blend_folder:
-            raise IcyMoonError(f"{name} is {shorten(text)!r}, beside a .blend file that is not saved; "
-                               "save it or choose a path that does not begin with //.")
+            raise IcyMoonError(
+                f"{name} is {shorten(text)!r}, beside a .blend file that is not saved; "
+                "save it or choose a path that does not begin with //."
+            )
         return Path(os.path.normpath(os.path.join(blend_folder, parse_path(text[2:], name))))
     return Path(os.path.abspath(parse_path(text, name)))
 
@@ -207,8 +215,10 @@ def parse_path(text: str, name: str) -> Path:
         raise IcyMoonError(f"{name} is empty; choose a path.")
     path = os.path.expanduser(text)
     if text.startswith("~") and path == text:
-        raise IcyMoonError(f"{name} is {shorten(text)!r}, but there is no such home folder; write the whole path, or "
-                           "./~ for a name that begins so.")
+        raise IcyMoonError(
+            f"{name} is {shorten(text)!r}, but there is no such home folder; write the whole path, or "
+            "./~ for a name that begins so."
+        )
     try:
         longest = max(map(len, os.fsencode(path).split(os.sep.encode())))
     except ValueError:
@@ -216,8 +226,10 @@ def parse_path(text: str, name: str) -> Path:
     if longest == 0 or "\0" in path:
         raise IcyMoonError(f"{name} is {shorten(text)!r}, with characters that no path can have; write another.")
     if longest > _LONGEST_NAME or len(path) > _LONGEST_PATH:
-        raise IcyMoonError(f"{name} is {shorten(text)!r}, longer than file systems take ({_LONGEST_NAME} bytes for a "
-                           f"name, {_LONGEST_PATH} for a path); choose a shorter one.")
+        raise IcyMoonError(
+            f"{name} is {shorten(text)!r}, longer than file systems take ({_LONGEST_NAME} bytes for a "
+            f"name, {_LONGEST_PATH} for a path); choose a shorter one."
+        )
     return Path(path)
 
 

@@ -56,8 +56,13 @@ _MOST_MEMBERS, _MOST_HEADER = 1000, 10_000
 _XML_PART = 256
 #: Bytes of the list of an archive's members, of the least record at its end, and that are unpacked at a time.
 _MOST_DIRECTORY, _ARCHIVE_END, _UNPACKED_STEP = 2**20, 22, 2**18
-_TEXT_MARKS = {codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32", codecs.BOM_UTF8: "utf-8-sig",
-               codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+_TEXT_MARKS = {
+    codecs.BOM_UTF32_LE: "utf-32",
+    codecs.BOM_UTF32_BE: "utf-32",
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
 
 
 class RefusedError(Exception):
@@ -113,8 +118,9 @@ class Cursor:
         """The next bytes. Raises ValueError if there are fewer, or the count is negative."""
         at, end = self._at, self._at + count
         if not at <= end <= len(self._data):
-            raise ValueError(f"a size of {count} at byte {self.at}" if count < 0 else
-                             f"it ends {count - self.left} bytes early")
+            raise ValueError(
+                f"a size of {count} at byte {self.at}" if count < 0 else f"it ends {count - self.left} bytes early"
+            )
         self._at = end
         return bytes(self._data[at:end])
 
@@ -140,7 +146,7 @@ class Cursor:
         """The bytes before ``mark``, which is left out. Raises ValueError if it does not follow within ``most``."""
         at, data = self._at, self._data
         if not isinstance(data, bytes):
-            data, at = bytes(data[at:at + most + len(mark)]), 0
+            data, at = bytes(data[at : at + most + len(mark)]), 0
         end = data.find(mark, at, at + most + len(mark))
         if end < 0:
             raise ValueError(f"no end of the text at byte {self.at}")
@@ -157,7 +163,7 @@ class Cursor:
         if count < 0 or count * dtype.itemsize > self.left:
             raise ValueError(f"{count} {what} at byte {self.at}, with {self.left} bytes left")
         self._at += count * dtype.itemsize
-        return np.frombuffer(memoryview(self._data)[self._at - count * dtype.itemsize:self._at], dtype)
+        return np.frombuffer(memoryview(self._data)[self._at - count * dtype.itemsize : self._at], dtype)
 
 
 class ForeignBytes:
@@ -176,7 +182,7 @@ class ForeignBytes:
             raise OverBudgetError("refers to the same bytes again and again")
         self._readable -= count
         if isinstance(self._source, bytes):
-            return self._source[start:start + count]
+            return self._source[start : start + count]
         self._source.seek(start)
         data = self._source.read(count)
         if len(data) != count:
@@ -206,8 +212,14 @@ class ForeignBytes:
         return _split(chain([first], rest), b"\r" if b"\n" not in first else b"\n", longest)
 
 
-def read(path: Path, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str, most: int = MOST_BYTES,
-         memory: int = MOST_MEMORY) -> Parsed:
+def read(
+    path: Path,
+    parse: Callable[[ForeignBytes], Parsed],
+    kind: str,
+    fix: str,
+    most: int = MOST_BYTES,
+    memory: int = MOST_MEMORY,
+) -> Parsed:
     """The result of ``parse`` for a file.
 
     ``kind`` names the format with its article, as in "a PLY file"; ``fix`` is an imperative without a full stop.
@@ -223,14 +235,16 @@ def read(path: Path, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: st
     with stream:
         size = stream.seek(0, io.SEEK_END)
         if size > most:
-            raise IcyMoonError(f"{path} has {size / 1e6:.0f} MB, and {most / 1e6:g} MB are the most that is read; make "
-                               "it smaller.")
+            raise IcyMoonError(
+                f"{path} has {size / 1e6:.0f} MB, and {most / 1e6:g} MB are the most that is read; make it smaller."
+            )
         with explained(path, kind, fix):
             return parse(ForeignBytes(stream, size, Budget(memory), path.name))
 
 
-def parse_part(data: bytes, where: object, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str,
-               memory: int = MOST_MEMORY) -> Parsed:
+def parse_part(
+    data: bytes, where: object, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str, memory: int = MOST_MEMORY
+) -> Parsed:
     """The result of ``parse`` for bytes in memory. ``where`` names their file. Raises as ``read`` does."""
     with explained(where, kind, fix):
         return parse(ForeignBytes(data, len(data), Budget(memory)))
@@ -278,6 +292,7 @@ def reason_of(error: Exception) -> str:
 
 def read_regular(path: Path, most: int) -> bytes:
     """The content of a regular file. Raises OSError if it is absent, ValueError if it has more than ``most`` bytes."""
+
     def read_all() -> bytes:
         with system.open_regular(path) as stream:
             return stream.read(most + 1)
@@ -315,7 +330,7 @@ def lines(data: bytes, longest: int = LONGEST_LINE) -> Iterator[tuple[int, bytes
     """
     end = b"\r" if b"\n" not in data else b"\n"
     step = max(longest, _LEAST_PART)
-    return _split((data[at:at + step] for at in range(0, len(data), step)), end, longest)
+    return _split((data[at : at + step] for at in range(0, len(data), step)), end, longest)
 
 
 def _split(parts: Iterable[bytes], end: bytes, longest: int) -> Iterator[tuple[int, bytes]]:
@@ -382,8 +397,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     """The content of a TOML text. Raises tomllib.TOMLDecodeError, a ValueError with line and column, for another, and
     for one of more than ``MOST_TOML`` characters or with keys of more than ten parts."""
     if len(text) > MOST_TOML:
-        raise tomllib.TOMLDecodeError(f"it has {len(text) / 1e6:.0f} million characters, more than "
-                                      f"{MOST_TOML / 1e6:g}")
+        raise tomllib.TOMLDecodeError(f"it has {len(text) / 1e6:.0f} million characters, more than {MOST_TOML / 1e6:g}")
     tables, long_lines = 0, False
     for number, line in enumerate(text.split("\n"), 1):  # tomllib looks at each beginning of a key
         long_lines = long_lines or len(line) > _LEAST_DIGITS
@@ -496,8 +510,9 @@ def _read_array(cursor: Cursor, kinds: str) -> np.ndarray:
     return cursor.numbers(dtype, count).reshape(shape, order="F" if by_columns else "C")
 
 
-def parse_npz(foreign: ForeignBytes, wanted: Collection[str] | None = None, kinds: str = "fiub"
-              ) -> dict[str, np.ndarray]:
+def parse_npz(
+    foreign: ForeignBytes, wanted: Collection[str] | None = None, kinds: str = "fiub"
+) -> dict[str, np.ndarray]:
     """The arrays of an archive in numpy's format by name: all, or those ``wanted`` that it has.
 
     Raises ValueError if it is damaged or an array is of another type, OverBudgetError if they are too large.
@@ -534,6 +549,6 @@ def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, size: int) -> mem
     content, at = bytearray(size), 0
     with archive.open(member) as stream:
         while at < size and (part := stream.read(min(_UNPACKED_STEP, size - at))):
-            content[at:at + len(part)] = part
+            content[at : at + len(part)] = part
             at += len(part)
     return memoryview(content)[:at].toreadonly()

@@ -25,8 +25,8 @@ NORMAL_PASS = f"{TRUTH}.{NORMAL_AOV}"
 BAKED_ERROR_PASSES = {group: f"{BEAUTY}.{name}" for group, name in BAKED_ERROR_AOVS.items()}
 _RADIANCE = {IMAGE_PASS, *GROUP_PASSES, *BAKED_ERROR_PASSES.values()}
 #: Passes (``LAYER.PASS``) that a pair's files store as 16-bit floats, by ``quality.half_floats``.
-ROUNDED = {"NONE": set[str](), "RADIANCE": _RADIANCE,
-           "RADIANCE_NORMALS": _RADIANCE | {f"{TRUTH}.Normal", NORMAL_PASS}}
+ROUNDED = {"NONE": set[str](), "RADIANCE": _RADIANCE, "RADIANCE_NORMALS": _RADIANCE | {f"{TRUTH}.Normal", NORMAL_PASS}}
+
 
 def rounded_passes(files: str, half_floats: str) -> set[str]:
     """Passes that are stored as 16-bit floats with this ``quality.files`` and ``quality.half_floats``."""

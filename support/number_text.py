@@ -14,8 +14,9 @@ def show_rounded(value: float, digits: int = 2) -> str:
 def show_place(latitude_deg: float, longitude_deg: float, form: str = "g") -> str:
     """A site on a globe, as in "80° S, 29° E", with numbers of a ``form``."""
     sides = "S" if latitude_deg < 0 else "N", "W" if longitude_deg < 0 else "E"
-    return ", ".join(f"{abs(value):{form}}° {side}" for value, side in zip((latitude_deg, longitude_deg), sides,
-                                                                           strict=True))
+    return ", ".join(
+        f"{abs(value):{form}}° {side}" for value, side in zip((latitude_deg, longitude_deg), sides, strict=True)
+    )
 
 
 def count_of(number: int, thing: str, things: str = "") -> str:

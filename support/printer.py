@@ -128,8 +128,13 @@ def drop_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def print_table(columns: Sequence[str], rows: Iterable[Sequence[str | tuple[str, str]]], title: str = "",
-                left: Collection[int] = (0,), narrowest: int = 0) -> None:
+def print_table(
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str | tuple[str, str]]],
+    title: str = "",
+    left: Collection[int] = (0,),
+    narrowest: int = 0,
+) -> None:
     """Print a table. A cell is a text, or a text and its style by rich's name.
 
     Columns in ``left`` are aligned to the left, others to the right. ``narrowest`` is the width, in characters, of a

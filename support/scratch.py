@@ -52,8 +52,9 @@ def _sweep() -> None:
 
 def _is_ours(folder: Path) -> bool:
     """Whether a folder, and no link to one, is this user's."""
-    return (not folder.is_symlink() and folder.is_dir() and not (folder / _OWNER).is_symlink()
-            and system.is_users(folder))
+    return (
+        not folder.is_symlink() and folder.is_dir() and not (folder / _OWNER).is_symlink() and system.is_users(folder)
+    )
 
 
 def _is_abandoned(owner: dict[str, Any]) -> bool:

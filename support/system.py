@@ -38,13 +38,20 @@ _NEW_GROUP, _NO_WINDOW = 0x200, 0x08000000
 _NO_SUCH_PROCESS = 87
 #: Longest path that Windows takes from programs that were not made for longer ones.
 LONGEST_PATH = 259
-_DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$",
-            *(f"{device}{n}" for device in ("COM", "LPT") for n in "123456789¹²³")}
+_DEVICES = {
+    "CON",
+    "PRN",
+    "AUX",
+    "NUL",
+    "CONIN$",
+    "CONOUT$",
+    *(f"{device}{n}" for device in ("COM", "LPT") for n in "123456789¹²³"),
+}
 #: Tells a process of ours when to stop: at the end of its standard input (-), or when there is a file of this name.
 _STOP = "ICYMOON_STOP"
 #: Environment of a process that computes with images: glibc gives the memory of each array back to Linux and asks for
 #: it again, which takes a tenth of the processor's time. These values make it keep the memory of arrays below 32 MiB.
-KEEPS_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2 ** 25), "MALLOC_TRIM_THRESHOLD_": str(2 ** 29)}
+KEEPS_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**29)}
 #: Address space in bytes that a thread may take: its stack, and a part of the heap that glibc keeps for it.
 _OF_A_THREAD = 2**27 + 2**26
 #: Increase of niceness of a program of low priority, and the class of Windows for the same.
@@ -150,7 +157,8 @@ def remove_folder(path: Path) -> None:
 def is_broken_pipe(error: OSError) -> bool:
     """Whether nobody reads the printed output any more; Windows reports an invalid argument."""
     return isinstance(error, BrokenPipeError) or (
-        is_windows() and error.errno == errno.EINVAL and error.filename is None)
+        is_windows() and error.errno == errno.EINVAL and error.filename is None
+    )
 
 
 def lock(path: Path) -> IO[bytes] | None:
@@ -209,8 +217,10 @@ def check_path(path: Path, deepest: Path | None = None) -> None:
             raise IcyMoonError(f"{path}: Windows takes no name such as {name!r} ({fault}); choose another one.")
     length = len(os.path.abspath(deepest or path))
     if length > LONGEST_PATH and not _allows_long_paths():
-        raise IcyMoonError(f"{path}: the path to write has {length} characters, and Windows takes {LONGEST_PATH}; "
-                           "choose a folder with a shorter path.")
+        raise IcyMoonError(
+            f"{path}: the path to write has {length} characters, and Windows takes {LONGEST_PATH}; "
+            "choose a folder with a shorter path."
+        )
 
 
 def name_fault(name: str) -> str:
@@ -262,24 +272,29 @@ def cache_folder() -> Path:
 #: What Blender as a module needs of a desktop, which a server or a container may lack: packages by system.
 BLENDER_NEEDS = {
     "Debian and Ubuntu": "sudo apt install libegl1 libgl1 libice6 libsm6 libx11-6 libxext6 libxfixes3 libxi6 "
-                         "libxkbcommon0 libxrender1 libxt6 libxxf86vm1",
+    "libxkbcommon0 libxrender1 libxt6 libxxf86vm1",
     "Fedora": "sudo dnf install libICE libSM libX11 libXext libXfixes libXi libXrender libXt libXxf86vm libglvnd-egl "
-              "libglvnd-glx libxkbcommon"}
+    "libglvnd-glx libxkbcommon",
+}
 _MISSING_LIBRARY = re.compile(r"(\S+?\.so[.\d]*): cannot open shared object file|Library not loaded: (\S+)")
 
 
 def explain_missing_library(error: str) -> str:
     """What Blender as a module lacks of the system and how to get it, as a sentence; empty for another error."""
     if "DLL load failed" in error:
-        return ("Windows lacks a library that Blender needs; install Microsoft Visual C++ Redistributable 2015-2022 "
-                "(x64), and on Windows Server its feature Media Foundation.")
+        return (
+            "Windows lacks a library that Blender needs; install Microsoft Visual C++ Redistributable 2015-2022 "
+            "(x64), and on Windows Server its feature Media Foundation."
+        )
     found = _MISSING_LIBRARY.search(error)
     if found is None:
         return ""
     name = found[1] or found[2]
     if PLATFORM == "darwin":
-        return (f"Blender does not find its library {name}; macOS brings all that it needs, so update macOS and "
-                f"install Blender again: {sys.executable} -m pip install --force-reinstall bpy.")
+        return (
+            f"Blender does not find its library {name}; macOS brings all that it needs, so update macOS and "
+            f"install Blender again: {sys.executable} -m pip install --force-reinstall bpy."
+        )
     ways = ", or ".join(f"{command} ({system})" for system, command in BLENDER_NEEDS.items())
     return f"This system lacks {name}, which Blender needs; install what it needs of a desktop: {ways}."
 
@@ -380,8 +395,9 @@ def is_ended_by_time_limit(status: int) -> bool:
     return hasattr(signal, "SIGXCPU") and status == -signal.SIGXCPU
 
 
-def run(command: Sequence[str], environment: Mapping[str, str] | None = None,
-        timeout_s: float | None = None) -> subprocess.CompletedProcess[str]:
+def run(
+    command: Sequence[str], environment: Mapping[str, str] | None = None, timeout_s: float | None = None
+) -> subprocess.CompletedProcess[str]:
     """Run a program to its end, without a window, and return its output.
 
     The program and all that it has started end when we are interrupted. Raises OSError if it cannot start, and
@@ -406,8 +422,9 @@ def run(command: Sequence[str], environment: Mapping[str, str] | None = None,
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
 
 
-def start(command: Sequence[str], environment: Mapping[str, str] | None = None,
-          **streams: Any) -> subprocess.Popen[bytes]:
+def start(
+    command: Sequence[str], environment: Mapping[str, str] | None = None, **streams: Any
+) -> subprocess.Popen[bytes]:
     """Start a program that no Ctrl-C of ours reaches, without a window; ``streams`` as of subprocess.Popen.
 
     Raises OSError if it cannot start.
@@ -418,12 +435,18 @@ def start(command: Sequence[str], environment: Mapping[str, str] | None = None,
 
 def start_ours(command: Sequence[str], environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
     """As ``start``, of a program that ``obey_starter``: it ends when we do. Its errors go to its output."""
-    return start(command, _stop_environment(environment, "-"), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                 stderr=subprocess.STDOUT)
+    return start(
+        command,
+        _stop_environment(environment, "-"),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
 
 
-def start_detached(command: Sequence[str], environment: Mapping[str, str] | None, held: IO[bytes],
-                   log: IO[bytes], stop: Path) -> subprocess.Popen[bytes]:
+def start_detached(
+    command: Sequence[str], environment: Mapping[str, str] | None, held: IO[bytes], log: IO[bytes], stop: Path
+) -> subprocess.Popen[bytes]:
     """As ``start``, of a program that may outlive us. It holds a lock of ``lock_for_child`` and writes to ``log``.
 
     ``stop`` names a file that is for ``interrupt_other``.
@@ -480,8 +503,12 @@ def kill_all(process: subprocess.Popen[bytes]) -> None:
         if is_windows():
             # By its place: Windows looks for a mere name in the current folder too, which may be anyone's.
             taskkill = PureWindowsPath(os.environ.get("SYSTEMROOT", "C:/Windows"), "System32", "taskkill.exe")
-            subprocess.run([str(taskkill), "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False,
-                           creationflags=_NO_WINDOW)
+            subprocess.run(
+                [str(taskkill), "/T", "/F", "/PID", str(process.pid)],
+                capture_output=True,
+                check=False,
+                creationflags=_NO_WINDOW,
+            )
             process.kill()
         else:
             os.killpg(process.pid, signal.SIGKILL)  # its group has its number, and may outlive it

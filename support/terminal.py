@@ -49,8 +49,13 @@ def named(names: Sequence[str]) -> list[str]:
     return [] if list(names) == [ALL] else list(names)
 
 
-def run_verb(parser: argparse.ArgumentParser, arguments: Sequence[str] | None, program: str, stopped: str,
-             tell: Callable[[argparse.Namespace, IcyMoonError], None] = lambda options, error: None) -> int:
+def run_verb(
+    parser: argparse.ArgumentParser,
+    arguments: Sequence[str] | None,
+    program: str,
+    stopped: str,
+    tell: Callable[[argparse.Namespace, IcyMoonError], None] = lambda options, error: None,
+) -> int:
     """Run the verb that the arguments name and return its exit status: its own, 1 after an error that is told, 130 when
     stopped.
 
@@ -85,8 +90,9 @@ def report_end(error: BaseException, program: str, stopped: str) -> int:
         return 1
     if isinstance(error, OSError):
         where = f"{shorten(str(error.filename))}: " if error.filename is not None else ""
-        printer.warn(f"{where}the system refuses it ({error.strerror or error}); fix that or choose another place.",
-                     program)
+        printer.warn(
+            f"{where}the system refuses it ({error.strerror or error}); fix that or choose another place.", program
+        )
         return 1
     raise error
 
@@ -121,9 +127,15 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     console = printer.make_console()
-    with Progress(TextColumn("{task.description}", markup=False), BarColumn(),
-                  TextColumn("{task.percentage:>3.0f} %", markup=False), TimeElapsedColumn(), TimeRemainingColumn(),
-                  console=console, transient=False) as bar:
+    with Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %", markup=False),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=False,
+    ) as bar:
         task = bar.add_task(printer.show_controls(title), total=1.0)
         shown = bar.tasks[0]
 
@@ -174,8 +186,12 @@ def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], Non
 
         def show(event: dict[str, Any]) -> None:
             if event["type"] == "progress":
-                progress.update(task, total=event["total"], completed=event["done"],
-                                description=printer.show_controls(event["message"]))
+                progress.update(
+                    task,
+                    total=event["total"],
+                    completed=event["done"],
+                    description=printer.show_controls(event["message"]),
+                )
             elif event["type"] == "warning":
                 printer.print_line(console, ("Warning:", "yellow"), f" {event['message']}")
             else:

@@ -87,8 +87,9 @@ class _WithoutBlender(pytest.Module):
 
 def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module | None:
     """Skip a module that needs Blender with a reason, instead of failing to import it."""
-    return None if HAS_BLENDER or not needs_blender(module_path) else _WithoutBlender.from_parent(parent,
-                                                                                                  path=module_path)
+    return (
+        None if HAS_BLENDER or not needs_blender(module_path) else _WithoutBlender.from_parent(parent, path=module_path)
+    )
 
 
 @pytest.fixture(scope="session")

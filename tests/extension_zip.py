@@ -1,6 +1,6 @@
 """Build the extension's zip with Blender's own tool, which needs no Blender, and check what is in it.
 
-    python tests/extension_zip.py dist/icymoon.zip
+python tests/extension_zip.py dist/icymoon.zip
 """
 
 from __future__ import annotations
@@ -15,15 +15,23 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-NEEDED = ("blender_manifest.toml", "LICENSE", "stereo/report/report.html.j2", "stereo/environment/evaluator.lock",
-          "presets/scenes/europa_rough_ice.toml")
+NEEDED = (
+    "blender_manifest.toml",
+    "LICENSE",
+    "stereo/report/report.html.j2",
+    "stereo/environment/evaluator.lock",
+    "presets/scenes/europa_rough_ice.toml",
+)
 
 
 def blender_ext() -> Path:
     """Blender's extension tool, a plain Python script inside the bpy package."""
     found = importlib.util.find_spec("bpy")
-    tools = sorted(Path(found.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")
-                   ) if found and found.origin else []
+    tools = (
+        sorted(Path(found.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
+        if found and found.origin
+        else []
+    )
     if not tools:
         sys.exit("extension_zip: this Python has no bpy, whose tool builds extensions; run it with .venv/bin/python.")
     return tools[-1]
@@ -34,9 +42,20 @@ def shipped() -> set[str]:
     files = [ROOT / name for name in ("blender_manifest.toml", "LICENSE")] + list(ROOT.glob("*.py"))
     for package in PYPROJECT["tool"]["setuptools"]["packages"]:
         files += ROOT.joinpath(*package.split(".")[1:]).glob("*.py")
-    data = ("docs/**/*.md", "docs/*.json", "presets/**/*.toml", "presets/previews/**/*.jpg", "stereo/*/*.j2",
-            "stereo/*/*.js", "stereo/*/*.css", "stereo/*/*.toml", "stereo/*/*.lock", "nodes/*/*.osl",
-            "physics/*/*.json", "physics/*/*.csv")
+    data = (
+        "docs/**/*.md",
+        "docs/*.json",
+        "presets/**/*.toml",
+        "presets/previews/**/*.jpg",
+        "stereo/*/*.j2",
+        "stereo/*/*.js",
+        "stereo/*/*.css",
+        "stereo/*/*.toml",
+        "stereo/*/*.lock",
+        "nodes/*/*.osl",
+        "physics/*/*.json",
+        "physics/*/*.csv",
+    )
     files += [path for pattern in data for path in ROOT.glob(pattern)]
     return {path.relative_to(ROOT).as_posix() for path in files}
 
@@ -47,8 +66,10 @@ def faults(archive: Path) -> list[str]:
         names = {name for name in opened.namelist() if not name.endswith("/")} - {"README.md"}
     found = [f"{name} is missing" for name in sorted(shipped() - names)]
     strange = Counter(name.split("/")[0] for name in names - shipped())
-    found += [f"{name} ({count} files) does not belong into it; out/ is the place for what you make"
-              for name, count in sorted(strange.items())]
+    found += [
+        f"{name} ({count} files) does not belong into it; out/ is the place for what you make"
+        for name, count in sorted(strange.items())
+    ]
     found += [f"{name} is not there" for name in NEEDED if name not in names]
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     if manifest["version"] != (version := PYPROJECT["project"]["version"]):

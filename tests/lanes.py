@@ -42,12 +42,29 @@ from run import drive
 ENVIRONMENTS = ROOT / ".venvs"
 LOGS = ROOT / "out" / "lanes"
 # The networks know no Blender, and torch is large: they are tested in the main environment only.
-PYTEST = ("-m", "pytest", "-m", "not slow and not heavy", "-p", "no:cacheprovider",
-          "--numprocesses", "auto", "--maxprocesses", "4", "--dist", "worksteal",
-          "--ignore=tests/stereo/networks/test_networks.py")
+PYTEST = (
+    "-m",
+    "pytest",
+    "-m",
+    "not slow and not heavy",
+    "-p",
+    "no:cacheprovider",
+    "--numprocesses",
+    "auto",
+    "--maxprocesses",
+    "4",
+    "--dist",
+    "worksteal",
+    "--ignore=tests/stereo/networks/test_networks.py",
+)
 #: What knows Blender; the rest has been tested in this Python, in the main environment.
-WITH_BLENDER = ("tests/nodes", "tests/operators", "tests/panels", "tests/whole_program",
-                *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "tests" / "render").glob("test_*.py")))
+WITH_BLENDER = (
+    "tests/nodes",
+    "tests/operators",
+    "tests/panels",
+    "tests/whole_program",
+    *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "tests" / "render").glob("test_*.py")),
+)
 PYTEST_S = 7200.0
 #: After which a real Blender's command is taken for stuck; each takes some seconds.
 STUCK_S = 900.0
@@ -88,11 +105,16 @@ def wheel(version: str) -> str:
     if not mark.is_file() or mark.read_text() != "\n".join(wanted):
         shutil.rmtree(folder, ignore_errors=True)
         finished(version, [python, "-m", "venv", str(folder)], STUCK_S, {})
-        finished(version, [str(folder / "bin" / "python"), "-m", "pip", "install", "-q", "--disable-pip-version-check",
-                           *wanted], 1800.0, {})
+        finished(
+            version,
+            [str(folder / "bin" / "python"), "-m", "pip", "install", "-q", "--disable-pip-version-check", *wanted],
+            1800.0,
+            {},
+        )
         mark.write_text("\n".join(wanted))
-    return finished(version, [str(folder / "bin" / "python"), *PYTEST, *WITH_BLENDER], PYTEST_S,
-                    {"PYTHONPATH": checkout_on_path()})
+    return finished(
+        version, [str(folder / "bin" / "python"), *PYTEST, *WITH_BLENDER], PYTEST_S, {"PYTHONPATH": checkout_on_path()}
+    )
 
 
 def wheel_52() -> str:
@@ -103,9 +125,12 @@ def wheel_52() -> str:
     packages = ENVIRONMENTS / "packages-3.13"
     install_packages(packages, "3.13", needs())
     # The evaluator is started without PYTHONPATH, so it gets a Python that brings its own.
-    return finished("5.2", [str(python), *PYTEST], PYTEST_S,
-                    {"PYTHONPATH": f"{checkout_on_path()}:{packages}",
-                     "ICYMOON_EVALUATOR": str(evaluator(find("4.3")))})
+    return finished(
+        "5.2",
+        [str(python), *PYTEST],
+        PYTEST_S,
+        {"PYTHONPATH": f"{checkout_on_path()}:{packages}", "ICYMOON_EVALUATOR": str(evaluator(find("4.3")))},
+    )
 
 
 def real(which: str) -> str:
@@ -119,12 +144,35 @@ def real(which: str) -> str:
         start = [blender.executable, "-b", "--factory-startup", "--addons", ADD_ON, "--python-exit-code", "1"]
         finished(name, [*start, "--python", "tests/gui/smoke.py", "--", str(out)], STUCK_S, environment)
         finished(name, [*start, "--python", "tests/gui/console.py", "--", f"{folder}/console"], STUCK_S, environment)
-        failing = run([*start, "--python-expr", f"import bpy; bpy.context.scene.icymoon.dataset.folder = {folder!r}; "
-                       "bpy.ops.icymoon.evaluate()"], STUCK_S, environment)
+        failing = run(
+            [
+                *start,
+                "--python-expr",
+                f"import bpy; bpy.context.scene.icymoon.dataset.folder = {folder!r}; bpy.ops.icymoon.evaluate()",
+            ],
+            STUCK_S,
+            environment,
+        )
         assert failing.returncode == 1, f"evaluating nothing ends with status {failing.returncode}"
-        command = [sys.executable, "-m", "icymoon", "render", "--preset", "europa_rough_ice", "--blender",
-                   blender.executable, "--set", "terrain.resolution=129", "--set", "quality.samples=2",
-                   "--set", "rig.width_px=160", "--set", "rig.height_px=120", "--out"]
+        command = [
+            sys.executable,
+            "-m",
+            "icymoon",
+            "render",
+            "--preset",
+            "europa_rough_ice",
+            "--blender",
+            blender.executable,
+            "--set",
+            "terrain.resolution=129",
+            "--set",
+            "quality.samples=2",
+            "--set",
+            "rig.width_px=160",
+            "--set",
+            "rig.height_px=120",
+            "--out",
+        ]
         environment["PYTHONPATH"] = checkout_on_path()
         finished(name, [*command, f"{folder}/by-command"], STUCK_S, environment)
         assert list(Path(folder).glob("by-command/pairs/*/pair.json")), "the command line left no pair"
@@ -133,8 +181,9 @@ def real(which: str) -> str:
         assert "Traceback" not in failing.stdout, failing.stdout
         installed.uninstall()
         installed.remove()
-    return ("installed, built, rendered, evaluated, used as a library, uninstalled without a trace; failures have "
-            "status 1")
+    return (
+        "installed, built, rendered, evaluated, used as a library, uninstalled without a trace; failures have status 1"
+    )
 
 
 def gui(which: str, *steps: str) -> str:
@@ -146,12 +195,16 @@ def gui(which: str, *steps: str) -> str:
 
 
 LANES: dict[str, Callable[[], str]] = {
-    "4.2": lambda: wheel("4.2"), "4.5": lambda: wheel("4.5"), "5.2": wheel_52,
+    "4.2": lambda: wheel("4.2"),
+    "4.5": lambda: wheel("4.5"),
+    "5.2": wheel_52,
     **{f"real-{which}": partial(real, which) for which in ("4.3", "5.2", "named")},
-    **{f"gui-{which}": partial(gui, which) for which in ("4.3", "5.2", "named")}}
+    **{f"gui-{which}": partial(gui, which) for which in ("4.3", "5.2", "named")},
+}
 #: Parts of other lanes, which run only when they are named.
-PARTS: dict[str, Callable[[], str]] = {f"first-{which}": partial(gui, which, "first")
-                                       for which in ("4.3", "5.2", "named")}
+PARTS: dict[str, Callable[[], str]] = {
+    f"first-{which}": partial(gui, which, "first") for which in ("4.3", "5.2", "named")
+}
 
 
 def main(names: list[str]) -> int:

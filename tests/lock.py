@@ -23,11 +23,13 @@ from icymoon.stereo.environment.packages import PACKAGES, requirement
 
 #: Pythons of the Blenders from 4.2 on and of the systems they run on; platforms as pip names them.
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
-PLATFORMS = {"Linux x86_64": [f"{old}_x86_64" for old in ("manylinux_2_28", "manylinux_2_27", "manylinux2014")],
-             "Linux aarch64": [f"{old}_aarch64" for old in ("manylinux_2_28", "manylinux_2_27", "manylinux2014")],
-             "macOS arm64": [f"macosx_{k}_0_arm64" for k in (14, 13, 12, 11)],
-             "macOS x86_64": [f"macosx_{k}_x86_64" for k in ("14_0", "13_0", "12_0", "11_0", "10_15", "10_12")],
-             "Windows x86_64": ["win_amd64"]}
+PLATFORMS = {
+    "Linux x86_64": [f"{old}_x86_64" for old in ("manylinux_2_28", "manylinux_2_27", "manylinux2014")],
+    "Linux aarch64": [f"{old}_aarch64" for old in ("manylinux_2_28", "manylinux_2_27", "manylinux2014")],
+    "macOS arm64": [f"macosx_{k}_0_arm64" for k in (14, 13, 12, 11)],
+    "macOS x86_64": [f"macosx_{k}_x86_64" for k in ("14_0", "13_0", "12_0", "11_0", "10_15", "10_12")],
+    "Windows x86_64": ["win_amd64"],
+}
 #: What a package needs on some systems alone, which pip asks of the system that it runs on.
 _NEEDED = re.compile(r"[A-Za-z0-9._-]+")
 _HEAD = """# Written by tests/lock.py: what Install Evaluator installs, and nothing else. The hashes are those of the
@@ -39,9 +41,30 @@ def resolved(requirements: Sequence[str], python: str, platforms: Sequence[str])
     """What pip would install. Raises ValueError with its words if it cannot."""
     with tempfile.TemporaryDirectory() as folder:
         tags = [word for name in platforms for word in ("--platform", name)]
-        done = subprocess.run([sys.executable, "-I", "-m", "pip", "install", "--dry-run", "--quiet", "--report", "-",
-                               "--ignore-installed", "--only-binary=:all:", "--python-version", python, *tags,
-                               "--target", folder, *requirements], capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [
+                sys.executable,
+                "-I",
+                "-m",
+                "pip",
+                "install",
+                "--dry-run",
+                "--quiet",
+                "--report",
+                "-",
+                "--ignore-installed",
+                "--only-binary=:all:",
+                "--python-version",
+                python,
+                *tags,
+                "--target",
+                folder,
+                *requirements,
+            ],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
     if done.returncode:
         raise ValueError((done.stderr.strip().splitlines() or ["pip says nothing"])[-1])
     return list(json.loads(done.stdout)["install"])
@@ -82,8 +105,10 @@ def locked(given: Sequence[str]) -> tuple[dict[str, str], dict[str, set[str]], l
 def main(given: Sequence[str]) -> int:
     """Write the lock file; 1 if a system lacks a package."""
     pins, hashes, lacking = locked(given)
-    lines = [" \\\n    ".join([f"{name}=={pins[name]}", *(f"--hash=sha256:{value}" for value in sorted(hashes[name]))])
-             for name in sorted(pins)]
+    lines = [
+        " \\\n    ".join([f"{name}=={pins[name]}", *(f"--hash=sha256:{value}" for value in sorted(hashes[name]))])
+        for name in sorted(pins)
+    ]
     head = _HEAD.format(pythons=", ".join(PYTHONS), platforms=", ".join(PLATFORMS))
     Path(LOCK).write_text(head + "\n".join(lines) + "\n", encoding="utf-8", newline="\n")
     print("\n".join([f"{LOCK}: {len(pins)} packages", *lacking]))

@@ -38,16 +38,54 @@ TABLE = ROOT / "tests" / "mutants.toml"
 OUT = ROOT / "out" / "mutants"
 #: One or two defects for each place: a neighbour at the boundary, and the opposite.
 OPERATORS = (
-    "NumberReplacer", "AddNot", "ReplaceTrueWithFalse", "ReplaceFalseWithTrue", "ReplaceAndWithOr", "ReplaceOrWithAnd",
-    "ReplaceBreakWithContinue", "ReplaceContinueWithBreak", "ExceptionReplacer", "RemoveDecorator",
-    "ZeroIterationForLoop", "ReplaceUnaryOperator_Delete_USub", "ReplaceUnaryOperator_Delete_Not",
+    "NumberReplacer",
+    "AddNot",
+    "ReplaceTrueWithFalse",
+    "ReplaceFalseWithTrue",
+    "ReplaceAndWithOr",
+    "ReplaceOrWithAnd",
+    "ReplaceBreakWithContinue",
+    "ReplaceContinueWithBreak",
+    "ExceptionReplacer",
+    "RemoveDecorator",
+    "ZeroIterationForLoop",
+    "ReplaceUnaryOperator_Delete_USub",
+    "ReplaceUnaryOperator_Delete_Not",
     "ReplaceUnaryOperator_Delete_Invert",
-    *(f"ReplaceBinaryOperator_{pair}" for pair in (
-        "Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "FloorDiv_Div", "Mod_Mul", "Pow_Mul", "BitOr_BitAnd",
-        "BitAnd_BitOr", "RShift_LShift", "LShift_RShift")),
-    *(f"ReplaceComparisonOperator_{pair}" for pair in (
-        "Lt_LtE", "Lt_GtE", "LtE_Lt", "LtE_Gt", "Gt_GtE", "Gt_LtE", "GtE_Gt", "GtE_Lt", "Eq_NotEq", "NotEq_Eq",
-        "Is_IsNot", "IsNot_Is")))
+    *(
+        f"ReplaceBinaryOperator_{pair}"
+        for pair in (
+            "Add_Sub",
+            "Sub_Add",
+            "Mul_Div",
+            "Div_Mul",
+            "FloorDiv_Div",
+            "Mod_Mul",
+            "Pow_Mul",
+            "BitOr_BitAnd",
+            "BitAnd_BitOr",
+            "RShift_LShift",
+            "LShift_RShift",
+        )
+    ),
+    *(
+        f"ReplaceComparisonOperator_{pair}"
+        for pair in (
+            "Lt_LtE",
+            "Lt_GtE",
+            "LtE_Lt",
+            "LtE_Gt",
+            "Gt_GtE",
+            "Gt_LtE",
+            "GtE_Gt",
+            "GtE_Lt",
+            "Eq_NotEq",
+            "NotEq_Eq",
+            "Is_IsNot",
+            "IsNot_Is",
+        )
+    ),
+)
 WANTED = 0.9
 #: How much longer than unmutated code a mutant may take: it may loop for ever, and the machine may be busy.
 PATIENCE, LEAST_S = 8.0, 60.0
@@ -90,9 +128,12 @@ def bare(source: str) -> str:
 
 def place_of(source: str, line: int) -> str:
     """The innermost function or class of a line."""
-    found = [node for node in ast.walk(ast.parse(source))
-             if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef))
-             and min([node.lineno, *(d.lineno for d in node.decorator_list)]) <= line <= (node.end_lineno or 0)]
+    found = [
+        node
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef))
+        and min([node.lineno, *(d.lineno for d in node.decorator_list)]) <= line <= (node.end_lineno or 0)
+    ]
     return ".".join(node.name for node in sorted(found, key=lambda node: node.lineno))
 
 
@@ -123,10 +164,17 @@ def mutants_of(source: str) -> list[Mutant]:
 
 def _described(source: str, mutated: str) -> Mutant:
     old, new = source.splitlines(), mutated.splitlines()
-    first, last, start, end = next((a, b, c, d) for kind, a, b, c, d in difflib.SequenceMatcher(
-        None, old, new, autojunk=False).get_opcodes() if kind != "equal")
-    return Mutant(place_of(source, first + 1), " ".join(" ".join(old[first:last]).split()),
-                  " ".join(" ".join(new[start:end]).split()), mutated)
+    first, last, start, end = next(
+        (a, b, c, d)
+        for kind, a, b, c, d in difflib.SequenceMatcher(None, old, new, autojunk=False).get_opcodes()
+        if kind != "equal"
+    )
+    return Mutant(
+        place_of(source, first + 1),
+        " ".join(" ".join(old[first:last]).split()),
+        " ".join(" ".join(new[start:end]).split()),
+        mutated,
+    )
 
 
 class Instead(SourceFileLoader):
@@ -141,8 +189,11 @@ class Instead(SourceFileLoader):
 
     def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """As a finder, that of this module alone."""
-        return importlib.util.spec_from_file_location(fullname, self.path, loader=self) if (
-            fullname == self.name) else None
+        return (
+            importlib.util.spec_from_file_location(fullname, self.path, loader=self)
+            if (fullname == self.name)
+            else None
+        )
 
 
 class Watching:
@@ -159,8 +210,7 @@ class Watching:
             os.write(self.note, f"{report.nodeid}\t{report.duration}\n".encode())
 
 
-def judge(module: str, path: Path, source: str, tests: Sequence[str], seconds: Mapping[str, float],
-          note: int) -> None:
+def judge(module: str, path: Path, source: str, tests: Sequence[str], seconds: Mapping[str, float], note: int) -> None:
     """Run the tests on a mutant, in a forked process, and end it with pytest's status."""
     os.setpgid(0, 0)
     silent = os.open(os.devnull, os.O_RDWR)
@@ -172,9 +222,23 @@ def judge(module: str, path: Path, source: str, tests: Sequence[str], seconds: M
     folder = OUT / f"tmp-{os.getpid()}"
     status = 3
     try:
-        status = int(pytest.main([
-            "-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", "--basetemp", str(folder), "-m", "not slow",
-            *tests], plugins=[Watching(note, seconds)]))
+        status = int(
+            pytest.main(
+                [
+                    "-x",
+                    "-q",
+                    "-p",
+                    "no:cacheprovider",
+                    "--hypothesis-seed=0",
+                    "--basetemp",
+                    str(folder),
+                    "-m",
+                    "not slow",
+                    *tests,
+                ],
+                plugins=[Watching(note, seconds)],
+            )
+        )
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         os._exit(status)
@@ -183,8 +247,9 @@ def judge(module: str, path: Path, source: str, tests: Sequence[str], seconds: M
 class Trial:
     """One mutant, or none, before its tests."""
 
-    def __init__(self, module: str, path: Path, source: str, tests: Sequence[str], limit_s: float,
-                 seconds: Mapping[str, float]) -> None:
+    def __init__(
+        self, module: str, path: Path, source: str, tests: Sequence[str], limit_s: float, seconds: Mapping[str, float]
+    ) -> None:
         self.started, self.limit_s = time.monotonic(), limit_s
         self.notes = OUT / f"notes-{os.getpid()}-{time.monotonic_ns()}"
         note = os.open(self.notes, os.O_WRONLY | os.O_CREAT)
@@ -211,8 +276,9 @@ class Trial:
         return time.monotonic() - self.started
 
 
-def judged(module: str, path: Path, mutants: Sequence[Mutant], tests: Sequence[str], seconds: Mapping[str, float],
-           jobs: int) -> Iterator[tuple[Mutant, str, str]]:
+def judged(
+    module: str, path: Path, mutants: Sequence[Mutant], tests: Sequence[str], seconds: Mapping[str, float], jobs: int
+) -> Iterator[tuple[Mutant, str, str]]:
     """Every mutant with its verdict and the test that killed it; ``seconds`` is what each test takes without one."""
     limit_s = max(LEAST_S, PATIENCE * sum(seconds.values()))
     waiting, running = list(mutants), dict[Mutant, Trial]()
@@ -247,21 +313,28 @@ def run(entry: dict[str, Any], jobs: int) -> tuple[int, int, int, list[Mutant]]:
     path = ROOT / Path(*module.split(".")).with_suffix(".py")
     source = path.read_text(encoding="utf-8")
     every = mutants_of(source)
-    alike = {json.dumps([same["where"], same["was"], now], ensure_ascii=False)
-             for same in entry.get("equivalent", []) for now in same["now"]}
+    alike = {
+        json.dumps([same["where"], same["was"], now], ensure_ascii=False)
+        for same in entry.get("equivalent", [])
+        for now in same["now"]
+    }
     if unknown := alike - {mutant.name for mutant in every}:
         sys.exit(f"{TABLE.name}: {module} has no mutant {min(unknown)}; take it out of the list.")
     real = sorted((mutant for mutant in every if mutant.name not in alike), key=lambda mutant: mutant.rank)
-    real = real[:entry.get("most", len(real))]
+    real = real[: entry.get("most", len(real))]
 
     kept = OUT / f"{module}.jsonl"
     mark = hashlib.sha256(source.encode()).hexdigest()
     lines = [json.loads(line) for line in kept.read_text(encoding="utf-8").splitlines()] if kept.exists() else []
-    killed = {line["name"] for line in lines[1:] if line["verdict"] != SURVIVED} if (
-        lines and lines[0]["source"] == mark) else set()
+    killed = (
+        {line["name"] for line in lines[1:] if line["verdict"] != SURVIVED}
+        if (lines and lines[0]["source"] == mark)
+        else set()
+    )
     seconds = durations(f"icymoon.{module}", path, source, tests)
     survivors = []
     with kept.open("w", encoding="utf-8") as stream:
+
         def note(line: dict[str, str]) -> None:
             stream.write(json.dumps(line, ensure_ascii=False) + "\n")
             stream.flush()
@@ -270,15 +343,26 @@ def run(entry: dict[str, Any], jobs: int) -> tuple[int, int, int, list[Mutant]]:
         for name in killed:
             note({"name": name, "verdict": KILLED})
         ahead = [mutant for mutant in real if mutant.name not in killed]
-        for number, (mutant, verdict_, by) in enumerate(judged(
-                f"icymoon.{module}", path, ahead, tests, seconds, jobs), 1):
+        for number, (mutant, verdict_, by) in enumerate(
+            judged(f"icymoon.{module}", path, ahead, tests, seconds, jobs), 1
+        ):
             note({"name": mutant.name, "verdict": verdict_, "by": by})
             print(f"\r{module}: {number} of {len(ahead)}", end="", file=sys.stderr, flush=True)
             if verdict_ == SURVIVED:
                 survivors.append(mutant)
     print("\r\033[K", end="", file=sys.stderr)
-    diffs = ("".join(difflib.unified_diff(source.splitlines(True), mutant.source.splitlines(True), f"{module} in "
-                                          f"{mutant.where or 'the module'}", "mutant", n=1)) for mutant in survivors)
+    diffs = (
+        "".join(
+            difflib.unified_diff(
+                source.splitlines(True),
+                mutant.source.splitlines(True),
+                f"{module} in {mutant.where or 'the module'}",
+                "mutant",
+                n=1,
+            )
+        )
+        for mutant in survivors
+    )
     (OUT / f"{module}.diff").write_text("\n".join(diffs), encoding="utf-8")
     return len(every), len(alike), len(real) - len(survivors), survivors
 

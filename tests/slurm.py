@@ -74,8 +74,11 @@ def missing() -> str:
 def _environment() -> dict[str, str]:
     libraries = ":".join(str(p.parent) for p in (ROOT / "usr" / "lib").rglob("libslurmfull.so"))
     plain = ":".join(str(p) for p in (ROOT / "usr" / "lib").glob("*-linux-gnu*"))
-    return {**os.environ, "LD_LIBRARY_PATH": f"{libraries}:{plain}",
-            "PATH": f"{ROOT}/usr/bin:{ROOT}/usr/sbin:{os.environ['PATH']}"}
+    return {
+        **os.environ,
+        "LD_LIBRARY_PATH": f"{libraries}:{plain}",
+        "PATH": f"{ROOT}/usr/bin:{ROOT}/usr/sbin:{os.environ['PATH']}",
+    }
 
 
 def _free_ports(count: int) -> list[int]:
@@ -96,20 +99,30 @@ def cluster(cpus: int = 2) -> Iterator[dict[str, str]]:
     controller, daemon = _free_ports(2)
     (folder / "state").mkdir()
     (folder / "spool").mkdir()
-    (folder / "slurm.conf").write_text(_CONFIGURATION.format(
-        host=host, user=getpass.getuser(), plugins=plugins, controller=controller, daemon=daemon, folder=folder,
-        cpus=cpus))
+    (folder / "slurm.conf").write_text(
+        _CONFIGURATION.format(
+            host=host,
+            user=getpass.getuser(),
+            plugins=plugins,
+            controller=controller,
+            daemon=daemon,
+            folder=folder,
+            cpus=cpus,
+        )
+    )
     daemons = []
     try:
         step = str(ROOT / "usr" / "sbin" / "slurmstepd-wlm")
         for name, words in (("slurmctld-wlm", ["-D"]), ("slurmd-wlm", ["-D", "-N", host, "-d", step])):
             log = (folder / f"{name}.out").open("w")
-            daemons.append(subprocess.Popen([str(ROOT / "usr" / "sbin" / name), *words], env=environment, stdout=log,
-                                            stderr=log))
+            daemons.append(
+                subprocess.Popen([str(ROOT / "usr" / "sbin" / name), *words], env=environment, stdout=log, stderr=log)
+            )
         deadline = time.monotonic() + 60
         while True:
-            state = subprocess.run(["sinfo", "-h", "-o", "%T"], env=environment, capture_output=True, text=True,
-                                   check=False)
+            state = subprocess.run(
+                ["sinfo", "-h", "-o", "%T"], env=environment, capture_output=True, text=True, check=False
+            )
             if state.stdout.strip() in ("idle", "mixed", "allocated"):
                 break
             ended = [d.args for d in daemons if d.poll() is not None]

@@ -31,29 +31,44 @@ WHEELS = ROOT / "dist" / "wheels"
 #: Python -> the Blenders that bring it: the first version, and the first that brings a later Python.
 BLENDERS = {"3.11": ("4.2.0", "5.1.0"), "3.13": ("5.1.0", None), "3.14": (None, None)}
 #: Names of platforms: Blender's -> that of the lock file. Blender for macOS on Intel ended with Python 3.11.
-SYSTEMS = {"linux-x64": "Linux x86_64", "windows-x64": "Windows x86_64", "macos-arm64": "macOS arm64",
-           "macos-x64": "macOS x86_64"}
+SYSTEMS = {
+    "linux-x64": "Linux x86_64",
+    "windows-x64": "Windows x86_64",
+    "macos-arm64": "macOS arm64",
+    "macos-x64": "macOS x86_64",
+}
 #: The zips that a release has.
-RELEASE = [(python, platform) for python in ("3.11", "3.13") for platform in SYSTEMS
-           if (python, platform) != ("3.13", "macos-x64")]
+RELEASE = [
+    (python, platform)
+    for python in ("3.11", "3.13")
+    for platform in SYSTEMS
+    if (python, platform) != ("3.13", "macos-x64")
+]
 #: What is not put in, since Blender has it.
 NOT_BUNDLED = ("numpy",)
 #: What installs packages from the Internet, which the platform refuses.
 LEFT_OUT = ("operators/install_evaluator.py", "stereo/environment/install.py", "stereo/environment/evaluator.lock")
 #: Whose work is inside, as each licence says it; the manifest must name them.
 COPYRIGHT = {
-    "contourpy": "2021-2025 ContourPy Developers", "cycler": "2015 matplotlib project",
+    "contourpy": "2021-2025 ContourPy Developers",
+    "cycler": "2015 matplotlib project",
     "fonttools": "2017 Just van Rossum",
-    "jinja2": "2007 Pallets", "kiwisolver": "2013-2026 Nucleic Development Team",
-    "markdown-it-py": "2020 ExecutableBookProject", "markupsafe": "2010 Pallets",
-    "matplotlib": "2012-2026 Matplotlib Development Team", "mdurl": "2021 Taneli Hukkinen",
+    "jinja2": "2007 Pallets",
+    "kiwisolver": "2013-2026 Nucleic Development Team",
+    "markdown-it-py": "2020 ExecutableBookProject",
+    "markupsafe": "2010 Pallets",
+    "matplotlib": "2012-2026 Matplotlib Development Team",
+    "mdurl": "2021 Taneli Hukkinen",
     "opencv-contrib-python-headless": "2000-2025 OpenCV team and contributors",
     "openexr": "2002-2026 Contributors to the OpenEXR Project",
     "packaging": "2014-2026 Donald Stufft and individual contributors",
     "pillow": "1995-2026 Fredrik Lundh, Jeffrey A. Clark and contributors",
-    "pygments": "2006-2022 Pygments authors", "pyparsing": "2003-2025 Paul McGuire",
-    "python-dateutil": "2003-2026 Gustavo Niemeyer, Paul Ganssle and contributors", "rich": "2020 Will McGugan",
-    "tzdata": "2020-2026 Python Software Foundation"}
+    "pygments": "2006-2022 Pygments authors",
+    "pyparsing": "2003-2025 Paul McGuire",
+    "python-dateutil": "2003-2026 Gustavo Niemeyer, Paul Ganssle and contributors",
+    "rich": "2020 Will McGugan",
+    "tzdata": "2020-2026 Python Software Foundation",
+}
 
 
 @dataclass(frozen=True)
@@ -90,12 +105,35 @@ def download(store: Store) -> list[Path]:
     (folder / "locked.txt").write_text(locked(), encoding="utf-8")
     tags = [word for tag in PLATFORMS[SYSTEMS[store.platform]] for word in ("--platform", tag)]
     done = subprocess.run(
-        [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
-         "--require-hashes", "--only-binary=:all:", "--python-version", store.python, "--implementation", "cp", *tags,
-         "--dest", str(folder), "-r", str(folder / "locked.txt")], capture_output=True, text=True, check=False)
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            "download",
+            "--quiet",
+            "--disable-pip-version-check",
+            "--no-deps",
+            "--require-hashes",
+            "--only-binary=:all:",
+            "--python-version",
+            store.python,
+            "--implementation",
+            "cp",
+            *tags,
+            "--dest",
+            str(folder),
+            "-r",
+            str(folder / "locked.txt"),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if done.returncode:
-        sys.exit(f"store_zip: no wheels for Python {store.python} on {store.platform}: "
-                 f"{(done.stderr.strip().splitlines() or ['pip says nothing'])[-1]}")
+        sys.exit(
+            f"store_zip: no wheels for Python {store.python} on {store.platform}: "
+            f"{(done.stderr.strip().splitlines() or ['pip says nothing'])[-1]}"
+        )
     wanted = {tuple(line.split(" ")[0].split("==")) for line in locked().splitlines() if "==" in line}
     return sorted(path for path in folder.glob("*.whl") if name_and_version(path) in wanted)
 
@@ -111,10 +149,18 @@ def manifest(text: str, store: Store, wheels: Sequence[Path]) -> str:
     first, end = (None, None) if store.any_blender else BLENDERS[store.python]
     versions = [f'blender_version_min = "{first or "4.2.0"}"', *([f'blender_version_max = "{end}"'] if end else [])]
     years = [COPYRIGHT[name_and_version(wheel)[0]] for wheel in wheels]
-    lines = [*versions, f'platforms = ["{store.platform}"]',
-             *([f'website = "{store.website}"'] if store.website else []),
-             "copyright = [", '  "2026 Icy Moon developers",', *(f'  "{each}",' for each in sorted(set(years))), "]",
-             "wheels = [", *(f'  "./wheels/{wheel.name}",' for wheel in wheels), "]"]
+    lines = [
+        *versions,
+        f'platforms = ["{store.platform}"]',
+        *([f'website = "{store.website}"'] if store.website else []),
+        "copyright = [",
+        '  "2026 Icy Moon developers",',
+        *(f'  "{each}",' for each in sorted(set(years))),
+        "]",
+        "wheels = [",
+        *(f'  "./wheels/{wheel.name}",' for wheel in wheels),
+        "]",
+    ]
     text = re.sub(r"^network = .*\n", "", text, flags=re.MULTILINE)  # only the installer uses it
     return re.sub(r"^blender_version_min = .*$", lambda _: "\n".join(lines), text, flags=re.MULTILINE)
 
@@ -139,8 +185,9 @@ def build(store: Store, target: Path) -> None:
         stage(store, download(store), Path(scratch))
         steps = (["build", "--source-dir", scratch, "--output-filepath", str(target)], ["validate", str(target)])
         for step in steps:
-            done = subprocess.run([sys.executable, str(blender_ext()), *step], capture_output=True, text=True,
-                                  check=False)
+            done = subprocess.run(
+                [sys.executable, str(blender_ext()), *step], capture_output=True, text=True, check=False
+            )
             if done.returncode or not target.is_file():
                 sys.exit(f"store_zip: {step[0]} failed:\n{done.stdout}{done.stderr}")
     if wrong := faults(target):
@@ -175,9 +222,11 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--any-blender", action="store_true", help="for any version of Blender that has that Python")
     parser.add_argument("--out", type=Path, default=ROOT / "dist" / "store", help="folder of the zips")
     given = parser.parse_args(words)
-    pairs = [(python, platform) for python, platform in (
-        RELEASE if not (given.python and given.platform) else [(given.python, given.platform)])
-        if given.python in (None, python) and given.platform in (None, platform)]
+    pairs = [
+        (python, platform)
+        for python, platform in (RELEASE if not (given.python and given.platform) else [(given.python, given.platform)])
+        if given.python in (None, python) and given.platform in (None, platform)
+    ]
     if not pairs:
         parser.error("there is no Blender with that Python on that platform")
     for python, platform in pairs:

@@ -17,20 +17,65 @@ from sources import IDS, ROOT, SOURCES, tree_of
 #: The rooms from the ground up. A module imports from its own room and from those below it, wherever in the file the
 #: import stands. A room is a folder; a module at the root is a room by itself. All that is above has a place here.
 PURE = (
-    "support", "settings/topics", "plugins",
-    "physics/rig", "physics/random_numbers", "physics/rocks", "physics/terrain/noise", "physics/terrain/roughness",
-    "physics/terrain/landforms", "physics/terrain", "physics/mesh", "physics/arm", "physics/excavation",
-    "physics/surfaces", "physics/light", "physics/camera", "physics", "rays",
-    "formats", "paper_stand_ins", "settings",
-    "render/pairs", "render/plans", "render/workers", "render/cost",
-    "stereo/environment", "stereo/inference", "stereo/images", "stereo/measure", "stereo/networks",
-    "stereo/adapters", "stereo/matchers",
-    "stereo/export", "stereo/datasets", "stereo/report", "stereo/decisions", "stereo/trade", "stereo",
-    "validation/polar", "validation", "commands", "library")
+    "support",
+    "settings/topics",
+    "plugins",
+    "physics/rig",
+    "physics/random_numbers",
+    "physics/rocks",
+    "physics/terrain/noise",
+    "physics/terrain/roughness",
+    "physics/terrain/landforms",
+    "physics/terrain",
+    "physics/mesh",
+    "physics/arm",
+    "physics/excavation",
+    "physics/surfaces",
+    "physics/light",
+    "physics/camera",
+    "physics",
+    "rays",
+    "formats",
+    "paper_stand_ins",
+    "settings",
+    "render/pairs",
+    "render/plans",
+    "render/workers",
+    "render/cost",
+    "stereo/environment",
+    "stereo/inference",
+    "stereo/images",
+    "stereo/measure",
+    "stereo/networks",
+    "stereo/adapters",
+    "stereo/matchers",
+    "stereo/export",
+    "stereo/datasets",
+    "stereo/report",
+    "stereo/decisions",
+    "stereo/trade",
+    "stereo",
+    "validation/polar",
+    "validation",
+    "commands",
+    "library",
+)
 WITH_BLENDER = (
-    "support/blender", "settings/blender",
-    "nodes/tree", "nodes/datablocks", "nodes/light", "nodes/ground", "nodes/surface", "nodes/lander", "nodes",
-    "render", "operators", "panels", "__init__", "__main__")
+    "support/blender",
+    "settings/blender",
+    "nodes/tree",
+    "nodes/datablocks",
+    "nodes/light",
+    "nodes/ground",
+    "nodes/surface",
+    "nodes/lander",
+    "nodes",
+    "render",
+    "operators",
+    "panels",
+    "__init__",
+    "__main__",
+)
 FLOORS = {room: floor for floor, room in enumerate((*PURE, *WITH_BLENDER))}
 #: What only Blender has.
 BLENDERS = {"bpy", "mathutils", "bmesh", "gpu", "bl_ui", "idprop", "_cycles", "_bpy"}
@@ -52,7 +97,7 @@ def imported(path: Path) -> set[str]:
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            base = ".".join([*package[:len(package) - node.level + 1]] if node.level else [])
+            base = ".".join([*package[: len(package) - node.level + 1]] if node.level else [])
             module = ".".join(part for part in (base, node.module or "") if part)
             found.add(module)
             found |= {f"{module}.{alias.name}" for alias in node.names}
@@ -88,14 +133,15 @@ def test_every_module_has_a_floor():
 def test_every_package_is_shipped():
     """Wheel and extension contain the packages that pyproject.toml lists, and would start without the others."""
     listed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
-    there = {".".join(["icymoon", *path.parent.relative_to(ROOT).parts]) for path in SOURCES
-             if path.name == "__init__.py"}
+    there = {
+        ".".join(["icymoon", *path.parent.relative_to(ROOT).parts]) for path in SOURCES if path.name == "__init__.py"
+    }
     assert there == set(listed)
 
 
 def test_the_manual_lists_the_rooms_in_this_order():
     page = (ROOT / "docs" / "extend.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| (`.*?) \|", page[page.index("## The rooms"):], re.MULTILINE)
+    rows = re.findall(r"^\| (`.*?) \|", page[page.index("## The rooms") :], re.MULTILINE)
     listed = [re.sub(r"/$|\.py$", "", name) for row in rows for name in re.findall(r"`([^`]+)`", row)]
     assert listed == [*reversed(FLOORS)]
 
@@ -115,19 +161,32 @@ def test_imports_go_down(path):
     assert not upward(name_of(path), ours(path))
 
 
-@pytest.mark.parametrize(("module", "used"), [
-    ("physics.camera.point_spread", {"stereo.trade.measure_variants", "commands.cli"}),
-    ("physics.camera.point_spread", {"settings", "settings.table"}), ("support.errors", {"settings.table"}),
-    ("render.plans.order", {"render.workers.claims"}), ("nodes.scene", {"render.worker"}),
-    ("stereo.measure.metrics", {"stereo.report.html"}), ("physics.light.sky", {"physics.scene_requirements"})])
+@pytest.mark.parametrize(
+    ("module", "used"),
+    [
+        ("physics.camera.point_spread", {"stereo.trade.measure_variants", "commands.cli"}),
+        ("physics.camera.point_spread", {"settings", "settings.table"}),
+        ("support.errors", {"settings.table"}),
+        ("render.plans.order", {"render.workers.claims"}),
+        ("nodes.scene", {"render.worker"}),
+        ("stereo.measure.metrics", {"stereo.report.html"}),
+        ("physics.light.sky", {"physics.scene_requirements"}),
+    ],
+)
 def test_an_import_upwards_is_found(module, used):
     assert upward(module, used) == sorted(used - {"settings"})
 
 
-@pytest.mark.parametrize(("module", "used"), [
-    ("operators.trade", {"render.cost.speed", "commands.doctor"}), ("physics.light.sky", {"physics.light.bodies"}),
-    ("support.files", {"support.errors"}), ("__main__", {"commands.cli"}),
-    ("stereo.cli", {"stereo.trade.advice", "stereo"})])
+@pytest.mark.parametrize(
+    ("module", "used"),
+    [
+        ("operators.trade", {"render.cost.speed", "commands.doctor"}),
+        ("physics.light.sky", {"physics.light.bodies"}),
+        ("support.files", {"support.errors"}),
+        ("__main__", {"commands.cli"}),
+        ("stereo.cli", {"stereo.trade.advice", "stereo"}),
+    ],
+)
 def test_an_import_downwards_is_none(module, used):
     assert not upward(module, used)
 
@@ -149,17 +208,22 @@ def circle(uses: dict[str, set[str]]) -> list[str]:
     path = [next(iter(left))]
     while path.count(path[-1]) == 1:  # what is left imports something that is left
         path.append(min(left[path[-1]] & left.keys()))
-    return path[path.index(path[-1]):]
+    return path[path.index(path[-1]) :]
 
 
 def test_no_modules_import_each_other_in_a_circle():
     assert not circle({name_of(path): uses_of(path) for path in SOURCES})
 
 
-@pytest.mark.parametrize(("uses", "found"), [
-    ({"a": {"b"}, "b": {"a"}}, ["a", "b", "a"]), ({"a": {"b"}, "b": {"c"}, "c": {"b"}}, ["b", "c", "b"]),
-    ({"a": {"b", "d"}, "b": {"c"}, "c": {"d"}, "d": {"b"}}, ["b", "c", "d", "b"]),
-    ({"a": {"b", "c"}, "b": {"c"}, "c": set()}, [])])
+@pytest.mark.parametrize(
+    ("uses", "found"),
+    [
+        ({"a": {"b"}, "b": {"a"}}, ["a", "b", "a"]),
+        ({"a": {"b"}, "b": {"c"}, "c": {"b"}}, ["b", "c", "b"]),
+        ({"a": {"b", "d"}, "b": {"c"}, "c": {"d"}, "d": {"b"}}, ["b", "c", "d", "b"]),
+        ({"a": {"b", "c"}, "b": {"c"}, "c": set()}, []),
+    ],
+)
 def test_a_circle_is_found(uses, found):
     assert circle(uses) == found
 
@@ -168,27 +232,34 @@ def in_a_pure_room(path: Path) -> bool:
     return room_of(name_of(path)) in PURE
 
 
-@pytest.mark.parametrize("path", [path for path in SOURCES if in_a_pure_room(path)],
-                         ids=lambda p: p.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize(
+    "path", [path for path in SOURCES if in_a_pure_room(path)], ids=lambda p: p.relative_to(ROOT).as_posix()
+)
 def test_pure_rooms_know_no_blender(path):
     assert not {name.split(".")[0] for name in imported(path)} & BLENDERS
 
 
 def test_pure_rooms_import_without_blender():
     there = importlib.util.find_spec("torch") is not None  # not in the Python 3.13 that has Blender 5.2
-    modules = [name_of(path) for path in SOURCES if in_a_pure_room(path) and path.stem != "__main__"
-               and (there or "networks" not in path.parts)]
-    program = ("import importlib, sys\n"
-               "sys.modules['bpy'] = sys.modules['mathutils'] = sys.modules['_cycles'] = None\n"
-               "for name in sys.argv[1:]:\n    print(name)\n    importlib.import_module('icymoon.' + name)")
-    ended = subprocess.run([sys.executable, "-c", program, *modules], capture_output=True, text=True, timeout=240,
-                           check=False)
+    modules = [
+        name_of(path)
+        for path in SOURCES
+        if in_a_pure_room(path) and path.stem != "__main__" and (there or "networks" not in path.parts)
+    ]
+    program = (
+        "import importlib, sys\n"
+        "sys.modules['bpy'] = sys.modules['mathutils'] = sys.modules['_cycles'] = None\n"
+        "for name in sys.argv[1:]:\n    print(name)\n    importlib.import_module('icymoon.' + name)"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program, *modules], capture_output=True, text=True, timeout=240, check=False
+    )
     assert ended.returncode == 0, f"icymoon.{ended.stdout.split()[-1]}: {ended.stderr}"
 
 
 WITHOUT_THE_EVALUATOR = (
-    "import sys\n"
-    "sys.modules |= dict.fromkeys(('cv2', 'torch', 'OpenEXR', 'Imath', 'jinja2', 'matplotlib', 'rich'))\n")
+    "import sys\nsys.modules |= dict.fromkeys(('cv2', 'torch', 'OpenEXR', 'Imath', 'jinja2', 'matplotlib', 'rich'))\n"
+)
 
 
 def test_imports_go_without_the_evaluators_packages():
@@ -198,17 +269,21 @@ def test_imports_go_without_the_evaluators_packages():
     assert ended.returncode == 0, ended.stderr
 
 
-@pytest.mark.parametrize(("arguments", "status", "printed"), [
-    (["plan", "datasets/guiss_smoke", "--dry-run"], 0, "pair"),
-    (["batch", "--help"], 0, "usage"),
-    (["trade", "--help"], 0, "usage"),
-    (["validate", "--only", "other_codes"], 1, "lacks")])
+@pytest.mark.parametrize(
+    ("arguments", "status", "printed"),
+    [
+        (["plan", "datasets/guiss_smoke", "--dry-run"], 0, "pair"),
+        (["batch", "--help"], 0, "usage"),
+        (["trade", "--help"], 0, "usage"),
+        (["validate", "--only", "other_codes"], 1, "lacks"),
+    ],
+)
 def test_the_command_line_starts_without_the_evaluators_packages(arguments, status, printed):
     """The window renders data sets by it, in Blender's own Python."""
-    program = WITHOUT_THE_EVALUATOR + ("from icymoon.commands.cli import main\n"
-                                       "sys.exit(main(sys.argv[1:]))")
-    ended = subprocess.run([sys.executable, "-c", program, *arguments], capture_output=True, text=True, timeout=240,
-                           check=False)
+    program = WITHOUT_THE_EVALUATOR + ("from icymoon.commands.cli import main\nsys.exit(main(sys.argv[1:]))")
+    ended = subprocess.run(
+        [sys.executable, "-c", program, *arguments], capture_output=True, text=True, timeout=240, check=False
+    )
     assert ended.returncode == status, ended.stderr
     assert printed in ended.stdout + ended.stderr
     assert "Traceback" not in ended.stderr
@@ -228,11 +303,37 @@ def test_only_compat_asks_for_blenders_version(path):
 
 #: What differs between Windows, macOS and Linux, whether one sees it or not: a handle that is open for reading cannot
 #: be flushed on Windows, what is open cannot be renamed or removed, os.kill ends what it is to look at.
-OF_SYSTEMS = {"sys.platform", "os.name", "os.uname", "os.kill", "os.killpg", "os.getuid", "os.getppid", "os.fork",
-              "os.fsync", "os.sync", "os.replace", "os.rename", "os.remove", "os.unlink", "os.symlink", "os.link",
-              "os.sched_getaffinity", "os.cpu_count", "os.setsid", "os.startfile", "shutil.rmtree", "shutil.move",
-              "socket.gethostname", "platform.system", "subprocess.run", "subprocess.call", "subprocess.check_call",
-              "subprocess.check_output", "shlex.split"}
+OF_SYSTEMS = {
+    "sys.platform",
+    "os.name",
+    "os.uname",
+    "os.kill",
+    "os.killpg",
+    "os.getuid",
+    "os.getppid",
+    "os.fork",
+    "os.fsync",
+    "os.sync",
+    "os.replace",
+    "os.rename",
+    "os.remove",
+    "os.unlink",
+    "os.symlink",
+    "os.link",
+    "os.sched_getaffinity",
+    "os.cpu_count",
+    "os.setsid",
+    "os.startfile",
+    "shutil.rmtree",
+    "shutil.move",
+    "socket.gethostname",
+    "platform.system",
+    "subprocess.run",
+    "subprocess.call",
+    "subprocess.check_call",
+    "subprocess.check_output",
+    "shlex.split",
+}
 #: Embree is called by ctypes, in the same way on all systems.
 CALLS_A_LIBRARY = ROOT / "rays" / "embree.py"
 MODULES_OF_SYSTEMS = {"signal", "fcntl", "msvcrt", "resource", "ctypes", "winreg", "pwd", "_thread", "multiprocessing"}
@@ -246,10 +347,15 @@ def asks_the_system(tree: ast.AST) -> list[str]:
             found.append(f"{text} in line {node.lineno}")
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "subprocess.Popen":
             found.append(f"subprocess.Popen in line {node.lineno}")
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and not ast.unparse(
-                node.func.value).endswith(".objects") and (  # a collection of Blender's, which unlinks objects
+        if (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Attribute)
+            and not ast.unparse(node.func.value).endswith(".objects")
+            and (  # a collection of Blender's, which unlinks objects
                 node.func.attr in ("rename", "unlink", "symlink_to", "hardlink_to")
-                or (node.func.attr == "replace" and len(node.args) == 1)):  # of a path; a text's has two
+                or (node.func.attr == "replace" and len(node.args) == 1)
+            )
+        ):  # of a path; a text's has two
             found.append(f"{node.func.attr} in line {node.lineno}")
     return found
 
@@ -263,8 +369,18 @@ def test_only_system_knows_what_differs_between_systems(path):
     assert not asks_the_system(tree_of(path))
 
 
-@pytest.mark.parametrize("code", ["os.fsync(f)", "x = sys.platform", "subprocess.Popen(['a'])", "path.unlink()",
-                                  "Path('a').replace('b')", "os.kill(1, 0)", "shutil.rmtree(a, ignore_errors=True)"])
+@pytest.mark.parametrize(
+    "code",
+    [
+        "os.fsync(f)",
+        "x = sys.platform",
+        "subprocess.Popen(['a'])",
+        "path.unlink()",
+        "Path('a').replace('b')",
+        "os.kill(1, 0)",
+        "shutil.rmtree(a, ignore_errors=True)",
+    ],
+)
 def test_what_asks_the_system_is_found(code):
     assert asks_the_system(ast.parse(code))
 
@@ -280,17 +396,25 @@ def texts_without_encoding(tree: ast.AST) -> list[str]:
         if not isinstance(node, ast.Call) or any(word.arg == "encoding" for word in node.keywords):
             continue
         name = node.func.attr if isinstance(node.func, ast.Attribute) else ast.unparse(node.func)
-        modes = [a.value for a in [*node.args, *(w.value for w in node.keywords if w.arg == "mode")]
-                 if isinstance(a, ast.Constant) and isinstance(a.value, str)]
+        modes = [
+            a.value
+            for a in [*node.args, *(w.value for w in node.keywords if w.arg == "mode")]
+            if isinstance(a, ast.Constant) and isinstance(a.value, str)
+        ]
         binary = any(set(mode) <= set("rwxab+t") and "b" in mode for mode in modes)
-        text = any(word.arg in ("text", "universal_newlines") and ast.unparse(word.value) == "True"
-                   for word in node.keywords)
+        text = any(
+            word.arg in ("text", "universal_newlines") and ast.unparse(word.value) == "True" for word in node.keywords
+        )
         if name in ("read_text", "write_text") and len(node.args) < (1 if name == "read_text" else 2):
             found.append(f"{name} in line {node.lineno}")
         # A member of an archive is always bytes.
         in_zip = any(word.arg == "force_zip64" for word in node.keywords) or ast.unparse(node.func) == "archive.open"
-        if (name in ("open", "fdopen", "NamedTemporaryFile") and not binary and not in_zip
-                and ast.unparse(node.func) not in ("os.open", "webbrowser.open")) or text:
+        if (
+            name in ("open", "fdopen", "NamedTemporaryFile")
+            and not binary
+            and not in_zip
+            and ast.unparse(node.func) not in ("os.open", "webbrowser.open")
+        ) or text:
             found.append(f"{name} in line {node.lineno}")
     return found
 
@@ -301,17 +425,32 @@ def test_every_text_states_its_encoding(path):
     assert not texts_without_encoding(tree_of(path))
 
 
-@pytest.mark.parametrize(("code", "found"), [
-    ("path.read_text()", True), ("path.read_text(encoding='utf-8')", False), ("path.write_text(text)", True),
-    ("open('a')", True), ("path.open('rb')", False), ("os.fdopen(3, 'w')", True), ("path.open(mode='w')", True),
-    ("archive.open('a', 'w', force_zip64=True)", False), ("write_text(path, text)", False),
-    ("run(['a'], text=True)", True)])
+@pytest.mark.parametrize(
+    ("code", "found"),
+    [
+        ("path.read_text()", True),
+        ("path.read_text(encoding='utf-8')", False),
+        ("path.write_text(text)", True),
+        ("open('a')", True),
+        ("path.open('rb')", False),
+        ("os.fdopen(3, 'w')", True),
+        ("path.open(mode='w')", True),
+        ("archive.open('a', 'w', force_zip64=True)", False),
+        ("write_text(path, text)", False),
+        ("run(['a'], text=True)", True),
+    ],
+)
 def test_texts_without_encoding_are_found(code, found):
     assert bool(texts_without_encoding(ast.parse(code))) == found
 
 
-DRAWN = [path for path in SOURCES if path.relative_to(ROOT).parts[0] in ("physics", "nodes")
-         or path.is_relative_to(ROOT / "render" / "plans") or path == ROOT / "render" / "render_pair.py"]
+DRAWN = [
+    path
+    for path in SOURCES
+    if path.relative_to(ROOT).parts[0] in ("physics", "nodes")
+    or path.is_relative_to(ROOT / "render" / "plans")
+    or path == ROOT / "render" / "render_pair.py"
+]
 
 
 @pytest.mark.parametrize("path", DRAWN, ids=lambda p: p.relative_to(ROOT).as_posix())

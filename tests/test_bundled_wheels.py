@@ -57,8 +57,13 @@ def test_blenders_python_loads_the_wheels_before_what_is_installed(store):
 
 
 def check(environment):
-    done = subprocess.run([sys.executable, "-I", str(ROOT / "__main__.py"), "stereo", "check"], env=environment,
-                          capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-I", str(ROOT / "__main__.py"), "stereo", "check"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     return json.loads(done.stdout)
 
 

@@ -42,8 +42,29 @@ from pairs import Scene, camera, write_pair
 from stated_pairs import PAIRS, whole
 
 #: What takes the place of a value: other types, other signs, what is no number, what leads elsewhere, and too much.
-INSTEAD = (None, True, -1, 0, 2.5, 1e308, float("nan"), float("inf"), 10**30, "", "abc", "../../victim", "a/b",
-           "\ud800", "a\0b", [], {}, [[]], {"": None}, {"left.exr": 1}, {"../x": {"bytes": 1, "sha256": "0" * 64}})
+INSTEAD = (
+    None,
+    True,
+    -1,
+    0,
+    2.5,
+    1e308,
+    float("nan"),
+    float("inf"),
+    10**30,
+    "",
+    "abc",
+    "../../victim",
+    "a/b",
+    "\ud800",
+    "a\0b",
+    [],
+    {},
+    [[]],
+    {"": None},
+    {"left.exr": 1},
+    {"../x": {"bytes": 1, "sha256": "0" * 64}},
+)
 
 
 def places(data: object, path: tuple = ()) -> list[tuple]:
@@ -63,7 +84,7 @@ def mutated(text: str, chosen: random.Random) -> str | bytes:
         elif kind == 1:
             del raw[at:]
         elif kind == 2:
-            del raw[at:at + chosen.randrange(1, 40)]
+            del raw[at : at + chosen.randrange(1, 40)]
         else:
             raw[at:at] = chosen.choice((b"\0", b"\xff\xfe", b"[" * 5000, b"9" * 5000, b'"', b"}"))
         return bytes(raw)
@@ -118,10 +139,16 @@ def test_a_pair_names_its_files_and_no_others(tmp_path):
     good = json.loads(path.read_text())
     (tmp_path / "x").write_bytes(b"1")
     other = {"bytes": 1, "sha256": "0" * 64}
-    for wrong in ({}, [], {"left.exr": good["files"]["left.exr"]}, good["files"] | {"../x": other},
-                  good["files"] | {str(tmp_path / "x"): other}, good["files"] | {"..": other},
-                  good["files"] | {"left.exr": {"bytes": "1", "sha256": "0" * 64}},
-                  good["files"] | {"left.exr": {"bytes": good["files"]["left.exr"]["bytes"], "sha256": "abc"}}):
+    for wrong in (
+        {},
+        [],
+        {"left.exr": good["files"]["left.exr"]},
+        good["files"] | {"../x": other},
+        good["files"] | {str(tmp_path / "x"): other},
+        good["files"] | {"..": other},
+        good["files"] | {"left.exr": {"bytes": "1", "sha256": "0" * 64}},
+        good["files"] | {"left.exr": {"bytes": good["files"]["left.exr"]["bytes"], "sha256": "abc"}},
+    ):
         path.write_text(json.dumps(good | {"files": wrong}))
         assert not is_complete(folder)
         with pytest.raises(IcyMoonError, match=r"pair\.json.*files.*render the pair again"):
@@ -136,8 +163,13 @@ def test_a_damaged_plan_is_read_or_told_in_a_sentence(tmp_path):
     lines = path.read_text().splitlines()
     for _ in range(150):
         number = chosen.randrange(len(lines))
-        write(path, b"\n".join(each if isinstance(each, bytes) else each.encode("utf-8", "surrogatepass") for each in (
-            mutated(line, chosen) if k == number else line for k, line in enumerate(lines))))
+        write(
+            path,
+            b"\n".join(
+                each if isinstance(each, bytes) else each.encode("utf-8", "surrogatepass")
+                for each in (mutated(line, chosen) if k == number else line for k, line in enumerate(lines))
+            ),
+        )
         if sentence_or_success(lambda: datasets.read_frozen_plan(tmp_path)):
             assert all(len(pair.id) == 12 for pair in datasets.read_frozen_plan(tmp_path).pairs)
 
@@ -167,39 +199,70 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
     machine.remember_speed(speed)
     claims = Claims(tmp_path)
     claims.take(PAIRS[0].id)
-    claim, = (tmp_path / CLAIMS_FOLDER).iterdir()
+    (claim,) = (tmp_path / CLAIMS_FOLDER).iterdir()
     running = tmp_path / "run.json"
     running.write_text(json.dumps({"pid": 2**22 + 1, "started": 1.0, "title": "Rendering", "dataset": "/x"}))
     (tmp_path / "run.log").touch()
     facts = tmp_path / "pairs" / "p" / "facts.json"
     facts.parent.mkdir(parents=True)
-    facts.write_text(json.dumps({
-        "pair": "p", "key": "k", "images": {"left": "pairs/p/left.png"}, "settings": {}, "rendered": {}, "width_px": 3,
-        "self_check": {"ok": True, "problems": []}, "height_px": 2, "true": 1.0, "visible": None, "exposure_s": 1.0}))
+    facts.write_text(
+        json.dumps(
+            {
+                "pair": "p",
+                "key": "k",
+                "images": {"left": "pairs/p/left.png"},
+                "settings": {},
+                "rendered": {},
+                "width_px": 3,
+                "self_check": {"ok": True, "problems": []},
+                "height_px": 2,
+                "true": 1.0,
+                "visible": None,
+                "exposure_s": 1.0,
+            }
+        )
+    )
     rows = tmp_path / "rows.jsonl"
-    row = {"pair": "p", "method": "bm", "key": "k", **dict.fromkeys(results.NUMBERS), "status": "ok", "error": "",
-           "common": {}, "images": {}, "options": {}, "facts": {}, "counts": {}, "strata": {}, "histograms": {},
-           "sparsification": {}, "error_curve": []}
+    row = {
+        "pair": "p",
+        "method": "bm",
+        "key": "k",
+        **dict.fromkeys(results.NUMBERS),
+        "status": "ok",
+        "error": "",
+        "common": {},
+        "images": {},
+        "options": {},
+        "facts": {},
+        "counts": {},
+        "strata": {},
+        "histograms": {},
+        "sparsification": {},
+        "error_curve": [],
+    }
     rows.write_text(json.dumps(row) + "\n")
     assert RowLog(rows, results.ROW).find("p", "bm", "k") == row
     assert results.find_facts(tmp_path, "p") is not None
     assert machine.recall_speed("CPU") == speed
     file = machine._speed_file()
-    for path, act in ((file, lambda: machine.recall_speed("CPU")),
-                      (claim, lambda: Claims(tmp_path).find_claimed_elsewhere()),
-                      (claim, lambda: Claims(tmp_path).describe_holder(PAIRS[0].id)),
-                      (claim, lambda: claims.is_lost(PAIRS[0].id)),
-                      (running, lambda: Detached.attach(tmp_path / "run")),
-                      (facts, lambda: results.find_facts(tmp_path, "p")),
-                      (rows, lambda: RowLog(rows, results.ROW).find("p", "bm", "k"))):
+    for path, act in (
+        (file, lambda: machine.recall_speed("CPU")),
+        (claim, lambda: Claims(tmp_path).find_claimed_elsewhere()),
+        (claim, lambda: Claims(tmp_path).describe_holder(PAIRS[0].id)),
+        (claim, lambda: claims.is_lost(PAIRS[0].id)),
+        (running, lambda: Detached.attach(tmp_path / "run")),
+        (facts, lambda: results.find_facts(tmp_path, "p")),
+        (rows, lambda: RowLog(rows, results.ROW).find("p", "bm", "k")),
+    ):
         good, chosen = path.read_text(), random.Random(8)
         for _ in range(60):
             content = mutated(good.rstrip("\n"), chosen)
             write(path, content + b"\n" if isinstance(content, bytes) else content + "\n")
             act()
         path.write_text(good)
-    file.write_text(json.dumps({machine._key("CPU", "5.0.1",
-                                             system.count_processors()): asdict(speed) | {"factor": "abc"}}))
+    file.write_text(
+        json.dumps({machine._key("CPU", "5.0.1", system.count_processors()): asdict(speed) | {"factor": "abc"}})
+    )
     assert machine.recall_speed("CPU") is None
     claims.close()
 
@@ -237,8 +300,9 @@ def test_a_bad_pair_stops_no_other_and_is_counted(broken_set, tmp_path):
     assert write_manifest(broken_set, {})["set_aside"].keys() == {bad}
     assert estimate.estimate(PAIRS, broken_set).there == len(PAIRS)
     said = []
-    runner = Runner(broken_set, PAIRS, WorkerOptions(1, 1, "no Blender"),
-                    lambda kind, **facts: said.append((kind, facts)))
+    runner = Runner(
+        broken_set, PAIRS, WorkerOptions(1, 1, "no Blender"), lambda kind, **facts: said.append((kind, facts))
+    )
     assert runner.run().keys() == {bad}
     assert [facts["pair"] for kind, facts in said if kind == "error"] == [bad]
 
@@ -247,6 +311,7 @@ def test_a_bad_pair_stops_no_other_and_is_counted(broken_set, tmp_path):
 @pytest.mark.parametrize("error", [KeyError("x"), ValueError("x"), ZeroDivisionError(), MemoryError(), OSError(5, "x")])
 def test_an_exception_of_any_kind_costs_one_pair_only(broken_set, tmp_path, monkeypatch, error):
     """What nobody has thought of, while a pair is developed or written."""
+
     def broken(pair, *arguments, **options):
         if pair.folder.name == PAIRS[1].id:
             raise error
@@ -327,20 +392,31 @@ def test_a_pair_on_a_share_that_is_away_for_a_moment_is_there(tmp_path, monkeypa
     assert not fails
 
 
-@pytest.mark.parametrize(("shape", "good", "bad"), [
-    (file_shapes.TEXT, ["", "é"], [1, None, "\ud800", b"x"]), (file_shapes.FLAG, [True], [0, 1, None]),
-    (file_shapes.NUMBER, [0, -1.5, 1e300], [True, "1", float("nan"), float("inf"), 10**400, None]),
-    (file_shapes.POSITIVE, [1e-300, 3], [0, -1, True]), (file_shapes.COUNT, [0, 7], [-1, 1.0, True, 2**70]),
-    (file_shapes.FILE_NAME, ["left.exr", "a b"], ["", ".", "..", "a/b", "a\\b", "C:", "a\nb", "x ", "nul", 7]),
-    (file_shapes.SHA256, ["0" * 64], ["0" * 63, "G" * 64, "A" * 64, 0]),
-    (file_shapes.Maybe(file_shapes.FLAG), [True], [None]),
-    (file_shapes.Maybe(file_shapes.FLAG, null=True), [None, False], [1]),
-    (file_shapes.Each(file_shapes.FLAG), [[], [True]], [{}, [1], None]),
-    (file_shapes.Each(file_shapes.FLAG, file_shapes.FILE_NAME, ("a",)), [{"a": True}],
-     [{}, {"a": 1}, {"a": True, "../b": True}, []]),
-    ({"a": file_shapes.FLAG, "b": file_shapes.Maybe(file_shapes.TEXT)}, [{"a": True}, {"a": False, "b": "", "c": 1}],
-     [{}, {"a": True, "b": 1}, [], None]),
-])
+@pytest.mark.parametrize(
+    ("shape", "good", "bad"),
+    [
+        (file_shapes.TEXT, ["", "é"], [1, None, "\ud800", b"x"]),
+        (file_shapes.FLAG, [True], [0, 1, None]),
+        (file_shapes.NUMBER, [0, -1.5, 1e300], [True, "1", float("nan"), float("inf"), 10**400, None]),
+        (file_shapes.POSITIVE, [1e-300, 3], [0, -1, True]),
+        (file_shapes.COUNT, [0, 7], [-1, 1.0, True, 2**70]),
+        (file_shapes.FILE_NAME, ["left.exr", "a b"], ["", ".", "..", "a/b", "a\\b", "C:", "a\nb", "x ", "nul", 7]),
+        (file_shapes.SHA256, ["0" * 64], ["0" * 63, "G" * 64, "A" * 64, 0]),
+        (file_shapes.Maybe(file_shapes.FLAG), [True], [None]),
+        (file_shapes.Maybe(file_shapes.FLAG, null=True), [None, False], [1]),
+        (file_shapes.Each(file_shapes.FLAG), [[], [True]], [{}, [1], None]),
+        (
+            file_shapes.Each(file_shapes.FLAG, file_shapes.FILE_NAME, ("a",)),
+            [{"a": True}],
+            [{}, {"a": 1}, {"a": True, "../b": True}, []],
+        ),
+        (
+            {"a": file_shapes.FLAG, "b": file_shapes.Maybe(file_shapes.TEXT)},
+            [{"a": True}, {"a": False, "b": "", "c": 1}],
+            [{}, {"a": True, "b": 1}, [], None],
+        ),
+    ],
+)
 def test_shapes(shape, good, bad):
     assert [value for value in good if file_shapes.find_fault(value, shape)] == []
     assert [value for value in bad if not file_shapes.find_fault(value, shape)] == []
@@ -350,8 +426,7 @@ def test_a_fault_names_the_file_the_key_what_is_expected_and_the_fix():
     shape = {"files": file_shapes.Each({"bytes": file_shapes.COUNT}, file_shapes.FILE_NAME)}
     with pytest.raises(IcyMoonError) as caught:
         file_shapes.check_record({"files": {"left.exr": {"bytes": "x"}}}, shape, "a/pair.json", "fix it")
-    assert str(caught.value) == ("a/pair.json: files.left.exr.bytes is 'x', not a whole number of 0 or more; "
-                                 "fix it.")
+    assert str(caught.value) == ("a/pair.json: files.left.exr.bytes is 'x', not a whole number of 0 or more; fix it.")
 
 
 def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path, monkeypatch):
@@ -363,9 +438,14 @@ def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path,
     assert not mine.exists()
     owner = {"pid": os.getpid(), "place": system.process_scope(), "computer": system.computer_name()}
     dead = owner | {"pid": 2**22 + 7}  # more than Linux ever gives
-    cases = {"living": (owner, True), "dead": (dead, False), "rebooted": (dead | {"place": "boot pid:[1]"}, False),
-             "elsewhere": (dead | {"computer": "x", "place": "y z"}, True), "odd": ({"pid": "x"}, True),
-             "none": (None, True)}
+    cases = {
+        "living": (owner, True),
+        "dead": (dead, False),
+        "rebooted": (dead | {"place": "boot pid:[1]"}, False),
+        "elsewhere": (dead | {"computer": "x", "place": "y z"}, True),
+        "odd": ({"pid": "x"}, True),
+        "none": (None, True),
+    }
     for name, (said, _) in cases.items():
         folder = tmp_path / f"icymoon-{name}"
         folder.mkdir()
@@ -379,7 +459,8 @@ def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path,
     with scratch.scratch_folder():
         there = {path.name for path in tmp_path.iterdir()}
         assert {name for name, (_, kept) in cases.items() if kept} == {
-            name.removeprefix("icymoon-") for name in there if name.removeprefix("icymoon-") in cases}
+            name.removeprefix("icymoon-") for name in there if name.removeprefix("icymoon-") in cases
+        }
     assert (victim / "content").exists()
     assert (tmp_path / "icymoon-link").is_symlink()
 
@@ -388,7 +469,9 @@ def test_numbers_of_a_table_are_those_of_its_lines(tmp_path):
     for text in ("a,b,c\n1,x,2\n\n 3 ,, 4e1 \n", "\ufeffa,b,c\r\n1,\xe9,2\r\n\r\n3,,40\r\n", "a,b,c\r1,,2\r\r3,,40"):
         (tmp_path / "a.csv").write_bytes(text.encode())
         assert file_shapes.read_number_lines(tmp_path / "a.csv", ("c", "a"), "rocks.file") == [
-            (2, [2.0, 1.0]), (4, [40.0, 3.0])]
+            (2, [2.0, 1.0]),
+            (4, [40.0, 3.0]),
+        ]
 
 
 @pytest.mark.parametrize("line", ["1", "", ",", "x,1", "1,x", "1_0,1", "'1',1", "1,\x1b[31m", "0x1,1", "1,-"])
@@ -398,13 +481,26 @@ def test_a_line_without_numbers_is_none(tmp_path, line):
     assert found == [(2, [1.0, 2.0]), *([(3, None)] if line else [])]
 
 
-@pytest.mark.parametrize("content", [
-    b"", b"\n", b"a", b"b,c\n1,2", b"a;b\n1;2", b"\0" * 10**6, b"," * 10**6,
-    b"a,b\n" + b"1" * 70_000,
-    pytest.param(b"a,b\n" + b"1,1\n" * 1_300_000, marks=pytest.mark.heavy), b"a" * 10**6, b"\x80,a,b\n", b"A,B\n1,2",
-    b'"a","b"\n1,2',
-    b"a,b" + b"x" * 70_000 + b"\n"],
-    ids=range(14))
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"\n",
+        b"a",
+        b"b,c\n1,2",
+        b"a;b\n1;2",
+        b"\0" * 10**6,
+        b"," * 10**6,
+        b"a,b\n" + b"1" * 70_000,
+        pytest.param(b"a,b\n" + b"1,1\n" * 1_300_000, marks=pytest.mark.heavy),
+        b"a" * 10**6,
+        b"\x80,a,b\n",
+        b"A,B\n1,2",
+        b'"a","b"\n1,2',
+        b"a,b" + b"x" * 70_000 + b"\n",
+    ],
+    ids=range(14),
+)
 @pytest.mark.timeout(20)
 def test_a_table_that_is_none_is_a_sentence(tmp_path, content):
     (tmp_path / "a.csv").write_bytes(content)
@@ -420,21 +516,40 @@ def test_a_table_that_is_no_file_is_not_waited_for(tmp_path):
             file_shapes.read_number_lines(path, ("a",), "rocks.file")
 
 
-@pytest.mark.parametrize(("value", "shown"), [
-    (True, "true"), (None, "null"), (3, "3"), (2.5, "2.5"), (10**5000, "a whole number of 5001 digits"), ("a", "'a'"),
-    ("x" * 100, "'" + "x" * 59 + "…"), ({"a": 1}, "a table"), ([1, "a", False], "[1, 'a', false]"),
-    ([[1]], "a list of 1"), (list(range(9)), "a list of 9"), (datetime.date(1979, 5, 27), "1979-05-27"),
-    (datetime.time(7, 32), "07:32:00"),
-    (datetime.datetime(1979, 5, 27, 7, 32, tzinfo=datetime.UTC), "1979-05-27T07:32:00+00:00")], ids=range(14))
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (True, "true"),
+        (None, "null"),
+        (3, "3"),
+        (2.5, "2.5"),
+        (10**5000, "a whole number of 5001 digits"),
+        ("a", "'a'"),
+        ("x" * 100, "'" + "x" * 59 + "…"),
+        ({"a": 1}, "a table"),
+        ([1, "a", False], "[1, 'a', false]"),
+        ([[1]], "a list of 1"),
+        (list(range(9)), "a list of 9"),
+        (datetime.date(1979, 5, 27), "1979-05-27"),
+        (datetime.time(7, 32), "07:32:00"),
+        (datetime.datetime(1979, 5, 27, 7, 32, tzinfo=datetime.UTC), "1979-05-27T07:32:00+00:00"),
+    ],
+    ids=range(14),
+)
 def test_a_value_is_quoted_plainly(value, shown):
     assert quote(value) == shown
 
 
-@pytest.mark.parametrize(("data", "text"), [
-    (b"a,b\n1,2\n1,\0002\n", "has a byte 0 in line 3"), (b"a,\0b\n1,2\n", "has a byte 0 in line 1"),
-    (b"a,c\n1,2\n1,\xff\n" * 10, "has no column b, but the first line 'a,c'."),
-    (b"a," + b"," * 60000 + b"\n", "has no column b, but the first line"),
-    (b"a,b,c\n1,2,\0\n", "has a byte 0 in line 2")])
+@pytest.mark.parametrize(
+    ("data", "text"),
+    [
+        (b"a,b\n1,2\n1,\0002\n", "has a byte 0 in line 3"),
+        (b"a,\0b\n1,2\n", "has a byte 0 in line 1"),
+        (b"a,c\n1,2\n1,\xff\n" * 10, "has no column b, but the first line 'a,c'."),
+        (b"a," + b"," * 60000 + b"\n", "has no column b, but the first line"),
+        (b"a,b,c\n1,2,\0\n", "has a byte 0 in line 2"),
+    ],
+)
 def test_a_fault_of_a_table_is_named_with_its_line(tmp_path, data, text):
     (tmp_path / "a.csv").write_bytes(data)
     with pytest.raises(IcyMoonError) as caught:

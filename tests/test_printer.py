@@ -31,11 +31,12 @@ def test_what_steers_a_terminal_is_shown():
     assert escape_cell(f"={HOSTILE}") == f"'={SHOWN}"
 
 
-@pytest.mark.parametrize("number", [*range(0x100), 0x61c, 0x200e, 0x200f, *range(0x2028, 0x202f),
-                                    *range(0x2066, 0x206a), 0xd800, 0xdfff])
+@pytest.mark.parametrize(
+    "number", [*range(0x100), 0x61C, 0x200E, 0x200F, *range(0x2028, 0x202F), *range(0x2066, 0x206A), 0xD800, 0xDFFF]
+)
 def test_each_control_character_becomes_visible(number):
     shown = printer.show_controls(chr(number))
-    assert shown == chr(number) if 0x20 <= number < 0x7f or 0xa0 <= number < 0x100 else shown.startswith("\\")
+    assert shown == chr(number) if 0x20 <= number < 0x7F or 0xA0 <= number < 0x100 else shown.startswith("\\")
     shown.encode()
 
 
@@ -74,9 +75,12 @@ def print_everything() -> None:
     printer.print_table((HOSTILE, "b"), [(HOSTILE, ("1 é", "bold"))], HOSTILE, narrowest=200)
     with show_progress(HOSTILE) as show:
         show({"type": "progress", "fraction": 0.5, "message": HOSTILE})
-        for message in ({"type": "warning", "message": HOSTILE},
-                        {"type": "pair", "folder": HOSTILE, "seconds": 1.0, "rendered": True},
-                        {"type": "error", "pair": HOSTILE, "message": HOSTILE}, {"type": "done"}):
+        for message in (
+            {"type": "warning", "message": HOSTILE},
+            {"type": "pair", "folder": HOSTILE, "seconds": 1.0, "rendered": True},
+            {"type": "error", "pair": HOSTILE, "message": HOSTILE},
+            {"type": "done"},
+        ):
             show(message)
     with show_counted_progress(HOSTILE) as count:
         count({"type": "progress", "done": 1, "total": 2, "message": HOSTILE})
@@ -86,9 +90,14 @@ def print_everything() -> None:
     printer.flush()
 
 
-STREAMS = {"absent": lambda: None, "closed": closed, "ascii": lambda: Stream(encoding="ascii"),
-           "number closed": lambda: Stream(OSError(errno.EBADF, "Bad file descriptor")),
-           "ascii terminal": lambda: Stream(encoding="ascii", terminal=True), "terminal": lambda: Stream(terminal=True)}
+STREAMS = {
+    "absent": lambda: None,
+    "closed": closed,
+    "ascii": lambda: Stream(encoding="ascii"),
+    "number closed": lambda: Stream(OSError(errno.EBADF, "Bad file descriptor")),
+    "ascii terminal": lambda: Stream(encoding="ascii", terminal=True),
+    "terminal": lambda: Stream(terminal=True),
+}
 
 
 @pytest.mark.parametrize("kind", STREAMS)
@@ -166,8 +175,14 @@ _ASCII = {"LC_ALL": "C", "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
 def run_in_shell(words: list[str], lacks: str, folder: Any) -> subprocess.CompletedProcess[bytes]:
     """Run icymoon by a shell, without a stream."""
     command = f"{shlex.join([sys.executable, '-m', *words])} {LACKS[lacks]}"
-    return subprocess.run(["/bin/sh", "-c", command], capture_output=True, cwd=folder, timeout=120, check=False,
-                          env=os.environ | (_ASCII if lacks == "ascii" else {}))
+    return subprocess.run(
+        ["/bin/sh", "-c", command],
+        capture_output=True,
+        cwd=folder,
+        timeout=120,
+        check=False,
+        env=os.environ | (_ASCII if lacks == "ascii" else {}),
+    )
 
 
 @pytest.mark.parametrize("lacks", LACKS)
@@ -186,12 +201,18 @@ def test_a_process_without_a_stream_ends_as_it_should(module, lacks, tmp_path):
 
 
 def test_what_is_opened_next_does_not_become_the_output(tmp_path):
-    program = ("import os, sys\nfrom icymoon.support.printer import open_streams\nopen_streams()\n"
-               f"stream = open({str(tmp_path / 'file')!r}, 'w')\nassert stream.fileno() > 2\n"
-               "print('a'); print('b', file=sys.stderr); os.write(1, b'c'); os.write(2, b'd')\n"
-               "assert os.read(0, 1) == b'' and sys.stdin.read() == ''\nstream.write('mine')\n")
-    done = subprocess.run(["/bin/sh", "-c", f"{shlex.join([sys.executable, '-c', program])} <&- >&- 2>&-"],
-                          capture_output=True, timeout=60, check=False)
+    program = (
+        "import os, sys\nfrom icymoon.support.printer import open_streams\nopen_streams()\n"
+        f"stream = open({str(tmp_path / 'file')!r}, 'w')\nassert stream.fileno() > 2\n"
+        "print('a'); print('b', file=sys.stderr); os.write(1, b'c'); os.write(2, b'd')\n"
+        "assert os.read(0, 1) == b'' and sys.stdin.read() == ''\nstream.write('mine')\n"
+    )
+    done = subprocess.run(
+        ["/bin/sh", "-c", f"{shlex.join([sys.executable, '-c', program])} <&- >&- 2>&-"],
+        capture_output=True,
+        timeout=60,
+        check=False,
+    )
     assert done.returncode == 0
     assert (tmp_path / "file").read_text() == "mine"
 
@@ -211,8 +232,14 @@ ALLOWED = {
     "stereo/images/exr.py": "sys.stderr.flush: before its stream is exchanged",
 }
 _PRINTERS = {"print", "pprint", "print_exc", "print_exception", "Console", "ArgumentParser"}
-_QUALIFIED = ("sys.stdout.write", "sys.stdout.flush", "sys.stderr.write", "sys.stderr.flush", "warnings.warn",
-              *(f"logging.{level}" for level in ("debug", "info", "warning", "error", "critical", "exception")))
+_QUALIFIED = (
+    "sys.stdout.write",
+    "sys.stdout.flush",
+    "sys.stderr.write",
+    "sys.stderr.flush",
+    "warnings.warn",
+    *(f"logging.{level}" for level in ("debug", "info", "warning", "error", "critical", "exception")),
+)
 
 
 def prints(tree: ast.AST) -> set[str]:
@@ -226,11 +253,22 @@ def prints(tree: ast.AST) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize(("code", "found"), [
-    ("print(a)", {"print"}), ("console.print(a)", {"console.print"}), ("sys.stdout.write(a)", {"sys.stdout.write"}),
-    ("rich.console.Console()", {"rich.console.Console"}), ("argparse.ArgumentParser()", {"argparse.ArgumentParser"}),
-    ("traceback.print_exc()", {"traceback.print_exc"}), ("sys.exit('a')", {"sys.exit"}), ("sys.exit(main())", set()),
-    ("fingerprint(a)", set()), ("say(a)", set()), ("logging.warning(a)", {"logging.warning"})])
+@pytest.mark.parametrize(
+    ("code", "found"),
+    [
+        ("print(a)", {"print"}),
+        ("console.print(a)", {"console.print"}),
+        ("sys.stdout.write(a)", {"sys.stdout.write"}),
+        ("rich.console.Console()", {"rich.console.Console"}),
+        ("argparse.ArgumentParser()", {"argparse.ArgumentParser"}),
+        ("traceback.print_exc()", {"traceback.print_exc"}),
+        ("sys.exit('a')", {"sys.exit"}),
+        ("sys.exit(main())", set()),
+        ("fingerprint(a)", set()),
+        ("say(a)", set()),
+        ("logging.warning(a)", {"logging.warning"}),
+    ],
+)
 def test_a_print_is_found(code, found):
     assert prints(ast.parse(code)) == found
 

@@ -22,8 +22,10 @@ def run(*command):
 
 @pytest.mark.parametrize("verb", ["--version", "render", "stereo", "probe"])
 def test_a_python_that_is_too_old_is_told(verb):
-    code = (f"import runpy, sys; sys.version_info = (3, 10, 0, 'final', 0); sys.version = '3.10.0 (main)'; "
-            f"sys.argv = [{MAIN!r}, {verb!r}]; runpy.run_path({MAIN!r}, run_name='__main__')")
+    code = (
+        f"import runpy, sys; sys.version_info = (3, 10, 0, 'final', 0); sys.version = '3.10.0 (main)'; "
+        f"sys.argv = [{MAIN!r}, {verb!r}]; runpy.run_path({MAIN!r}, run_name='__main__')"
+    )
     done = run("-c", code)
     assert done.returncode == 1
     assert done.stderr == "icymoon: needs Python 3.11 or later, this is 3.10.0; run it with a later one.\n"
@@ -35,11 +37,15 @@ def test_a_python_without_what_icymoon_needs_is_told():
     assert re.fullmatch(r"icymoon: .* lacks (numpy|rich); run make, .* -m pip install \.\n", done.stderr)
 
 
-@pytest.mark.parametrize(("version", "said"), [
-    ((3, 11), 'pip install "icymoon[blender]".'),
-    ((3, 12), "is Python 3.12, for which there is no Blender as a module"),
-    ((3, 13), 'pip install "icymoon[blender]".'),
-    ((3, 14), "is Python 3.14, for which there is no Blender as a module")])
+@pytest.mark.parametrize(
+    ("version", "said"),
+    [
+        ((3, 11), 'pip install "icymoon[blender]".'),
+        ((3, 12), "is Python 3.12, for which there is no Blender as a module"),
+        ((3, 13), 'pip install "icymoon[blender]".'),
+        ((3, 14), "is Python 3.14, for which there is no Blender as a module"),
+    ],
+)
 def test_a_python_for_which_there_is_no_blender_is_not_told_to_install_one(version, said, monkeypatch):
     monkeypatch.setattr(sys, "version_info", (*version, 0, "final", 0))
     assert said in program.no_blender()
@@ -50,10 +56,14 @@ def test_the_pythons_with_a_blender_are_those_of_the_package_and_of_make():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     blender = " ".join(project["optional-dependencies"]["blender"])
     assert {tuple(map(int, found.split("."))) for found in re.findall(r"python_version == '([\d.]+)'", blender)} == set(
-        program._WITH_BLENDER)
+        program._WITH_BLENDER
+    )
     for python in ("3.10", "3.11", "3.12", "3.13", "3.14"):
-        asked = [str(need.specifier) for need in map(Requirement, project["optional-dependencies"]["blender"])
-                 if need.marker is not None and need.marker.evaluate({"python_version": python})]
+        asked = [
+            str(need.specifier)
+            for need in map(Requirement, project["optional-dependencies"]["blender"])
+            if need.marker is not None and need.marker.evaluate({"python_version": python})
+        ]
         assert len(asked) == 1, python
         # A local version, after the +, is one that nobody can publish.
         assert (asked == ["==0+needs.python.3.11.or.3.13"]) == (python not in ("3.11", "3.13"))

@@ -15,8 +15,24 @@ from extension_zip import ROOT, shipped
 SOURCES = sorted(ROOT / name for name in shipped() - set(store_zip.LEFT_OUT) if name.endswith(".py"))
 IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 #: Modules that get something from the network, or install something.
-REFUSED = {"pip", "ensurepip", "venv", "setuptools", "uv", "urllib.request", "http", "requests", "httpx", "aiohttp",
-           "ftplib", "smtplib", "xmlrpc", "websockets", "socketserver", "marshal"}
+REFUSED = {
+    "pip",
+    "ensurepip",
+    "venv",
+    "setuptools",
+    "uv",
+    "urllib.request",
+    "http",
+    "requests",
+    "httpx",
+    "aiohttp",
+    "ftplib",
+    "smtplib",
+    "xmlrpc",
+    "websockets",
+    "socketserver",
+    "marshal",
+}
 
 
 def wheel(folder, name, licence="LICENSE"):
@@ -53,7 +69,8 @@ def test_the_manifest_is_of_one_python_and_one_platform(built):
     assert "2007 Pallets" in facts["copyright"]
     assert facts["permissions"] == {"files": plain["permissions"]["files"]}
     assert {key: facts[key] for key in plain if key not in ("blender_version_min", "permissions", "build")} == {
-        key: plain[key] for key in plain if key not in ("blender_version_min", "permissions", "build")}
+        key: plain[key] for key in plain if key not in ("blender_version_min", "permissions", "build")
+    }
 
 
 def test_what_is_shown_of_the_extension_keeps_the_limits(built):
@@ -83,9 +100,13 @@ def test_a_wheel_without_the_text_of_its_licence_is_refused(tmp_path, monkeypatc
         store_zip.build(store_zip.Store("3.13", "linux-x64"), tmp_path / "store.zip")
 
 
-@pytest.mark.parametrize(("change", "said"), [
-    (("operators/install_evaluator.py", ""), "install_evaluator.py installs packages"),
-    (("wheels/other-1-py3-none-any.whl", None), "lists other wheels than there are")])
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("operators/install_evaluator.py", ""), "install_evaluator.py installs packages"),
+        (("wheels/other-1-py3-none-any.whl", None), "lists other wheels than there are"),
+    ],
+)
 def test_faults_are_found(built, tmp_path, change, said):
     name, text = change
     with zipfile.ZipFile(built, "a") as archive:
@@ -113,15 +134,19 @@ def test_nothing_is_fetched_or_installed_and_no_thread_knows_blender(path):
     assert not called & {"eval", "exec", "compile", "__import__"}
     # A computer's own name is no use of the network.
     assert {name for name in called if name.startswith("socket.")} <= (
-        {"socket.gethostname"} if "socket" in names else called)
+        {"socket.gethostname"} if "socket" in names else called
+    )
     if called & {"threading.Thread", "Thread", "ThreadPoolExecutor"}:
         assert "bpy" not in names
 
 
 def test_the_preferences_are_named_after_the_package():
     tree = ast.parse((ROOT / "operators" / "preferences.py").read_text(encoding="utf-8"))
-    (preferences,) = [node for node in tree.body if isinstance(node, ast.ClassDef) and any(
-        ast.unparse(base).endswith("AddonPreferences") for base in node.bases)]
+    (preferences,) = [
+        node
+        for node in tree.body
+        if isinstance(node, ast.ClassDef) and any(ast.unparse(base).endswith("AddonPreferences") for base in node.bases)
+    ]
     assert any(ast.unparse(node) == "bl_idname = __package__" for node in preferences.body)
 
 

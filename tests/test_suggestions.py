@@ -6,9 +6,14 @@ import pytest
 from icymoon.support.suggestions import nearest
 
 
-@pytest.mark.parametrize(("word", "known", "said"), [
-    ("hurzt", ("hurst", "size_m"), "did you mean 'hurst'?"), ("xyz", ("hurst", "size_m"), "known are hurst, size_m."),
-    ("xyz", (), "known are none.")])
+@pytest.mark.parametrize(
+    ("word", "known", "said"),
+    [
+        ("hurzt", ("hurst", "size_m"), "did you mean 'hurst'?"),
+        ("xyz", ("hurst", "size_m"), "known are hurst, size_m."),
+        ("xyz", (), "known are none."),
+    ],
+)
 def test_the_likeliest_word_is_named_or_all(word, known, said):
     assert nearest(word, known) == said
 

@@ -20,9 +20,11 @@ from icymoon.support import files, system
 @pytest.fixture
 def strict(monkeypatch):
     """Windows' rule: what is flushed is open for writing, and is no folder."""
+
     def fsync(handle: int) -> None:
         if fcntl.fcntl(handle, fcntl.F_GETFL) & os.O_ACCMODE == os.O_RDONLY:
             raise OSError(errno.EBADF, "Bad file descriptor")
+
     monkeypatch.setattr(system, "PLATFORM", "win32")
     monkeypatch.setattr(os, "fsync", fsync)
 
@@ -48,6 +50,7 @@ def test_a_folder_is_flushed_where_it_can_be(monkeypatch, tmp_path):
 def test_a_network_drive_that_flushes_no_folder_is_no_failure(monkeypatch, tmp_path, errno_):
     def fsync(handle: int) -> None:
         raise OSError(errno_, "")
+
     monkeypatch.setattr(os, "fsync", fsync)
     system.flush(tmp_path)
     (tmp_path / "a").touch()
@@ -63,6 +66,7 @@ def test_macos_flushes_through_the_disks_own_cache_where_it_can(monkeypatch, tmp
         asked.append(command)
         if fails:
             raise OSError(errno.ENOTSUP, "")
+
     monkeypatch.setattr(system, "PLATFORM", "darwin")
     monkeypatch.setattr(fcntl, "F_FULLFSYNC", 51, raising=False)
     monkeypatch.setattr(fcntl, "fcntl", call)
@@ -72,9 +76,16 @@ def test_macos_flushes_through_the_disks_own_cache_where_it_can(monkeypatch, tmp
     assert bool(done) == fails
 
 
-@pytest.mark.parametrize(("platform", "variables", "folder"), [
-    ("linux", {}, ".cache"), ("linux", {"XDG_CACHE_HOME": "/x"}, "/x"), ("darwin", {}, "Library/Caches"),
-    ("win32", {}, "AppData/Local"), ("win32", {"LOCALAPPDATA": "/local"}, "/local")])
+@pytest.mark.parametrize(
+    ("platform", "variables", "folder"),
+    [
+        ("linux", {}, ".cache"),
+        ("linux", {"XDG_CACHE_HOME": "/x"}, "/x"),
+        ("darwin", {}, "Library/Caches"),
+        ("win32", {}, "AppData/Local"),
+        ("win32", {"LOCALAPPDATA": "/local"}, "/local"),
+    ],
+)
 def test_each_system_has_its_cache_folder(monkeypatch, platform, variables, folder):
     for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
         monkeypatch.delenv(name, raising=False)
@@ -90,18 +101,38 @@ def test_an_environment_has_its_python_where_the_system_puts_it(monkeypatch):
     assert system.venv_python(Path("e")) == Path("e/Scripts/python.exe")
 
 
-@pytest.mark.parametrize(("name", "is_one"), [
-    ("python", True), ("/usr/bin/python3.11", True), ("Python.exe", True), ("py.exe", True), ("py", True),
-    ("pythonw.exe", True), ("blender", False), ("blender.exe", False), ("pypy-blender", False), ("", False)])
+@pytest.mark.parametrize(
+    ("name", "is_one"),
+    [
+        ("python", True),
+        ("/usr/bin/python3.11", True),
+        ("Python.exe", True),
+        ("py.exe", True),
+        ("py", True),
+        ("pythonw.exe", True),
+        ("blender", False),
+        ("blender.exe", False),
+        ("pypy-blender", False),
+        ("", False),
+    ],
+)
 def test_a_python_is_known_by_its_name(name, is_one):
     assert system.is_python(name) == is_one
 
 
-@pytest.mark.parametrize(("platform", "text", "words"), [
-    ("linux", r"run.py '{left} a' b\ c", ["run.py", "{left} a", "b c"]),
-    ("win32", r'"C:\Program Files\m\run.exe" --l={left} "a b"', [r"C:\Program Files\m\run.exe", "--l={left}", "a b"]),
-    ("win32", r'C:\m\run.exe --name="a b" # x', [r"C:\m\run.exe", "--name=a b", "#", "x"]),
-    ("win32", r"\\server\share\run.exe {out}", [r"\\server\share\run.exe", "{out}"])])
+@pytest.mark.parametrize(
+    ("platform", "text", "words"),
+    [
+        ("linux", r"run.py '{left} a' b\ c", ["run.py", "{left} a", "b c"]),
+        (
+            "win32",
+            r'"C:\Program Files\m\run.exe" --l={left} "a b"',
+            [r"C:\Program Files\m\run.exe", "--l={left}", "a b"],
+        ),
+        ("win32", r'C:\m\run.exe --name="a b" # x', [r"C:\m\run.exe", "--name=a b", "#", "x"]),
+        ("win32", r"\\server\share\run.exe {out}", [r"\\server\share\run.exe", "{out}"]),
+    ],
+)
 def test_a_command_is_split_as_one_would_type_it(monkeypatch, platform, text, words):
     monkeypatch.setattr(system, "PLATFORM", platform)
     assert system.split_command(text) == words
@@ -128,7 +159,9 @@ def test_an_error_that_passes_by_itself_is_waited_for_and_others_are_not(monkeyp
             if len(waits) < times:
                 raise OSError(number, "x")
             return "done"
+
         return act
+
     assert system.retry(failing(5, errno.EIO)) == "done"
     assert 4.0 < sum(waits) < 20.0
     waits.clear()
@@ -146,42 +179,62 @@ def test_an_error_that_passes_by_itself_is_waited_for_and_others_are_not(monkeyp
 def test_nobody_obeys_who_did_not_start_it(monkeypatch):
     """A pipe that ends is a wish only of who has said so."""
     monkeypatch.delenv("ICYMOON_STOP", raising=False)
-    code = ("import sys; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon.support import system\nimport time\n"
-            "system.obey_starter()\ntime.sleep(0.5)\nprint('there')")
+    code = (
+        "import sys; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon.support import system\nimport time\n"
+        "system.obey_starter()\ntime.sleep(0.5)\nprint('there')"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=False, input="")
     assert done.stdout == "there\n"
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_wish_to_stop_is_heard_also_where_a_shell_has_it_ignored(name):
-    code = ("import signal, sys; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon.support import system\n"
-            "import os, time\n"
-            "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-            "system.set_stop_handler(lambda *_: (print('heard'), sys.exit(7)))\n"
-            f"os.kill(os.getpid(), signal.{name})\ntime.sleep(9)")
+    code = (
+        "import signal, sys; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon.support import system\n"
+        "import os, time\n"
+        "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+        "system.set_stop_handler(lambda *_: (print('heard'), sys.exit(7)))\n"
+        f"os.kill(os.getpid(), signal.{name})\ntime.sleep(9)"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=False)
     assert (done.returncode, done.stdout) == (7, "heard\n")
 
 
 def test_ctrl_c_ends_a_worker_at_once_and_is_an_exception_elsewhere():
     for name, status in (("end", -signal.SIGINT), ("raise", 3)):
-        code = ("import os, signal, sys, time; sys.path[:0] = " + repr(sys.path) + "\n"
-                "from icymoon.support import system\n"
-                f"system.{name}_at_interrupt()\n"
-                "try:\n    os.kill(os.getpid(), signal.SIGINT); time.sleep(9)\n"
-                "except KeyboardInterrupt:\n    sys.exit(3)")
+        code = (
+            "import os, signal, sys, time; sys.path[:0] = " + repr(sys.path) + "\n"
+            "from icymoon.support import system\n"
+            f"system.{name}_at_interrupt()\n"
+            "try:\n    os.kill(os.getpid(), signal.SIGINT); time.sleep(9)\n"
+            "except KeyboardInterrupt:\n    sys.exit(3)"
+        )
         assert subprocess.run([sys.executable, "-c", code], check=False).returncode == status
 
 
-@pytest.mark.parametrize(("platform", "error", "said"), [
-    ("linux", "libXi.so.6: cannot open shared object file: No such file or directory",
-     r"This system lacks libXi\.so\.6, .* libxi6 .* \(Debian and Ubuntu\), or sudo dnf .* libXi .* \(Fedora\)\."),
-    ("linux", "libGL.so.1: cannot open shared object file: No such file", r"lacks libGL\.so\.1, .* libgl1 "),
-    ("darwin", "dlopen(/a/bpy/__init__.so, 2): Library not loaded: @loader_path/lib/libtbb.dylib",
-     r"@loader_path/lib/libtbb\.dylib; macOS brings .* update macOS"),
-    ("win32", "DLL load failed while importing bpy: The specified module could not be found.", r"Visual C\+\+ Redist"),
-    ("linux", "cannot import name 'nothing' from 'bpy'", r"\A\Z"),
-    ("linux", "/a/bpy/__init__.so: undefined symbol: xyz", r"\A\Z")])
+@pytest.mark.parametrize(
+    ("platform", "error", "said"),
+    [
+        (
+            "linux",
+            "libXi.so.6: cannot open shared object file: No such file or directory",
+            r"This system lacks libXi\.so\.6, .* libxi6 .* \(Debian and Ubuntu\), or sudo dnf .* libXi .* \(Fedora\)\.",
+        ),
+        ("linux", "libGL.so.1: cannot open shared object file: No such file", r"lacks libGL\.so\.1, .* libgl1 "),
+        (
+            "darwin",
+            "dlopen(/a/bpy/__init__.so, 2): Library not loaded: @loader_path/lib/libtbb.dylib",
+            r"@loader_path/lib/libtbb\.dylib; macOS brings .* update macOS",
+        ),
+        (
+            "win32",
+            "DLL load failed while importing bpy: The specified module could not be found.",
+            r"Visual C\+\+ Redist",
+        ),
+        ("linux", "cannot import name 'nothing' from 'bpy'", r"\A\Z"),
+        ("linux", "/a/bpy/__init__.so: undefined symbol: xyz", r"\A\Z"),
+    ],
+)
 def test_a_library_that_blender_lacks_is_named_with_its_package(monkeypatch, platform, error, said):
     monkeypatch.setattr(system, "PLATFORM", platform)
     assert re.search(said, system.explain_missing_library(error))
@@ -195,8 +248,24 @@ def test_every_library_that_blender_asks_of_the_desktop_is_in_the_packages():
     listed = subprocess.run(["ldd", str(module)], capture_output=True, text=True, check=True).stdout
     needed = {match[1] for match in re.finditer(r"^\s*lib(\w+?)\.so\S* => (?!.*bpy)", listed, re.MULTILINE)}
     # What each of those brings along, and what every Linux with a Python has.
-    needed -= {"xcb", "Xau", "Xdmcp", "uuid", "bsd", "md", "GLdispatch", "GLX",
-               "c", "m", "dl", "pthread", "util", "rt", "gcc_s", "crypt"}
+    needed -= {
+        "xcb",
+        "Xau",
+        "Xdmcp",
+        "uuid",
+        "bsd",
+        "md",
+        "GLdispatch",
+        "GLX",
+        "c",
+        "m",
+        "dl",
+        "pthread",
+        "util",
+        "rt",
+        "gcc_s",
+        "crypt",
+    }
     assert {"Xi", "SM", "GL"} <= needed
     words = {where: command.lower() for where, command in system.BLENDER_NEEDS.items()}
     for name in needed:
@@ -208,8 +277,13 @@ def test_every_library_that_blender_asks_of_the_desktop_is_in_the_packages():
 def test_a_worker_without_a_library_ends_with_one_sentence(tmp_path):
     """A module bpy that cannot be loaded stands in for Blender's on a bare machine."""
     (tmp_path / "bpy.py").write_text("raise ImportError('libSM.so.6: cannot open shared object file: No such file')\n")
-    done = subprocess.run([sys.executable, str(system.__file__.replace("support/system.py", "__main__.py")), "probe"],
-                          capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": str(tmp_path)})
+    done = subprocess.run(
+        [sys.executable, str(system.__file__.replace("support/system.py", "__main__.py")), "probe"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+    )
     message = json.loads(done.stdout.splitlines()[-1])
     assert done.returncode == 1
     assert message["type"] == "error"

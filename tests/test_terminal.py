@@ -17,11 +17,21 @@ def until(found: Callable[[], bool]) -> None:
     raise AssertionError
 
 
-@pytest.mark.parametrize(("show", "message", "line"), [
-    (terminal.show_progress, {"type": "progress", "fraction": 0.4, "message": "Pair [b]1[/b] of 2"},
-     "Pair [b]1[/b] of 2: 40 %"),
-    (terminal.show_counted_progress, {"type": "progress", "done": 3, "total": 8, "message": "sgbm"},
-     "Matching: 3 of 8")])
+@pytest.mark.parametrize(
+    ("show", "message", "line"),
+    [
+        (
+            terminal.show_progress,
+            {"type": "progress", "fraction": 0.4, "message": "Pair [b]1[/b] of 2"},
+            "Pair [b]1[/b] of 2: 40 %",
+        ),
+        (
+            terminal.show_counted_progress,
+            {"type": "progress", "done": 3, "total": 8, "message": "sgbm"},
+            "Matching: 3 of 8",
+        ),
+    ],
+)
 def test_a_line_comes_without_a_message(monkeypatch, capsys, show, message, line):
     monkeypatch.setattr(terminal, "_LINE_S", 0.01)
     printed = ""

@@ -25,24 +25,38 @@ NOT_SHIPPED = ("tests", "benchmarks", "docs", "out", "dist", "build")
 def wheel(tmp_path_factory) -> Path:
     """The wheel, built from a copy, since the builder leaves a folder behind that the next wheel would take up."""
     folder = tmp_path_factory.mktemp("wheel")
-    shutil.copytree(ROOT, folder / "source", ignore=shutil.ignore_patterns(
-        ".*", "__pycache__", "*.egg-info", *NOT_SHIPPED))
+    shutil.copytree(
+        ROOT, folder / "source", ignore=shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", *NOT_SHIPPED)
+    )
     pip("wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder), str(folder / "source"))
     return next(folder.glob("*.whl"))
 
 
 def pip(*arguments: str) -> None:
-    done = subprocess.run([sys.executable, "-m", "pip", "--disable-pip-version-check", *arguments], check=False,
-                          capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "pip", "--disable-pip-version-check", *arguments],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
 
 
 def test_it_holds_every_file_of_the_extension_and_no_test(wheel):
     held = {name.removeprefix("icymoon/") for name in zipfile.ZipFile(wheel).namelist() if ".dist-info" not in name}
-    ours = {path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*") if path.suffix in (
-        ".py", ".osl", ".toml", ".json", ".csv", ".j2", ".js", ".css", ".lock", ".jpg")}
-    ours = {name for name in ours if name.split("/")[0] not in NOT_SHIPPED and not name.startswith(".")
-            and "__pycache__" not in name and ".egg-info" not in name}
+    ours = {
+        path.relative_to(ROOT).as_posix()
+        for path in ROOT.rglob("*")
+        if path.suffix in (".py", ".osl", ".toml", ".json", ".csv", ".j2", ".js", ".css", ".lock", ".jpg")
+    }
+    ours = {
+        name
+        for name in ours
+        if name.split("/")[0] not in NOT_SHIPPED
+        and not name.startswith(".")
+        and "__pycache__" not in name
+        and ".egg-info" not in name
+    }
     assert held == ours - {"pyproject.toml"}
     assert version() in wheel.name
 
@@ -57,8 +71,9 @@ def asked_for(requirements: list[str], extra: str) -> set[str]:
             continue
         if each.name not in found:
             found.add(each.name)
-            waiting += [Requirement(text) for text in importlib.metadata.requires(each.name) or []
-                        if "extra ==" not in text]
+            waiting += [
+                Requirement(text) for text in importlib.metadata.requires(each.name) or [] if "extra ==" not in text
+            ]
     return found
 
 
@@ -86,8 +101,9 @@ def test_it_evaluates_in_a_bare_python(wheel, tmp_path):
     environment = {**os.environ, "PYTHONPATH": str(tmp_path / "packages")}
 
     def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([str(python), "-m", *arguments], cwd=tmp_path, env=environment, capture_output=True,
-                              text=True, check=False)
+        return subprocess.run(
+            [str(python), "-m", *arguments], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        )
 
     pairs.write_pair(tmp_path / "set" / "pairs" / "a")
     done = run("icymoon.stereo", "evaluate", "set", "--methods", "bm", "--out", "report")

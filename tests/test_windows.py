@@ -66,8 +66,14 @@ def files_in(folder: Path) -> list[str]:
 
 def icymoon(*words: object) -> subprocess.CompletedProcess:
     """A command in a process of its own, which lives under the layer too."""
-    return subprocess.run([sys.executable, MAIN, *map(str, words)], capture_output=True, encoding="utf-8", check=False,
-                          stdin=subprocess.DEVNULL, timeout=300)
+    return subprocess.run(
+        [sys.executable, MAIN, *map(str, words)],
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+        stdin=subprocess.DEVNULL,
+        timeout=300,
+    )
 
 
 # Files
@@ -107,8 +113,16 @@ def test_a_file_that_stays_open_is_named_and_keeps_its_content(drive, monkeypatc
     assert files_in(drive) == ["report.csv"]
 
 
-@pytest.mark.parametrize(("name", "why"), [("CON", "of a device"), ("nul.toml", "of a device"), ("a:b.toml", "':'"),
-                                           ("a?.toml", r"'\?'"), ("a.", "full stop")])
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("CON", "of a device"),
+        ("nul.toml", "of a device"),
+        ("a:b.toml", "':'"),
+        ("a?.toml", r"'\?'"),
+        ("a.", "full stop"),
+    ],
+)
 def test_a_name_that_windows_takes_for_something_else_is_said_before_anything_is_written(drive, name, why):
     with pytest.raises(IcyMoonError, match=why):
         files.write_text(drive / name / "settings.toml", "x")
@@ -155,11 +169,17 @@ def test_that_nobody_listens_any_more_is_told_from_a_wrong_name(drive):
 # Measuring
 
 
-@pytest.mark.parametrize("words", [
-    ("truth",), ("develop", "--set", "sensor.gain=2"),
-    ("export", "--format", "kitti"), ("export", "--format", "middlebury"),
-    *(pytest.param(("export", "--format", kind), marks=pytest.mark.slow) for kind in ("png8", "coco", "raw"))],
-    ids=lambda words: "-".join(words[:3:2]))
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("truth",),
+        ("develop", "--set", "sensor.gain=2"),
+        ("export", "--format", "kitti"),
+        ("export", "--format", "middlebury"),
+        *(pytest.param(("export", "--format", kind), marks=pytest.mark.slow) for kind in ("png8", "coco", "raw")),
+    ],
+    ids=lambda words: "-".join(words[:3:2]),
+)
 def test_pairs_are_measured_and_exported(pair_set, drive, words):
     out = drive / "out"
     done = icymoon("stereo", words[0], pair_set, *words[1:], "--out", out)
@@ -195,14 +215,16 @@ def test_what_is_said_is_utf8_also_into_a_pipe(drive):
 # Processes
 
 
-TALKS = ("import sys; sys.path[:0] = {path!r}\n"
-         "from icymoon.support import system\n"
-         "from icymoon.render.workers.process import emit\n"
-         "import time\n"
-         "system.obey_starter({at_once})\n"
-         "emit('progress', fraction=0)\n"
-         "try:\n    time.sleep(600)\n"
-         "except KeyboardInterrupt:\n    emit('said', what='stopped')\n")
+TALKS = (
+    "import sys; sys.path[:0] = {path!r}\n"
+    "from icymoon.support import system\n"
+    "from icymoon.render.workers.process import emit\n"
+    "import time\n"
+    "system.obey_starter({at_once})\n"
+    "emit('progress', fraction=0)\n"
+    "try:\n    time.sleep(600)\n"
+    "except KeyboardInterrupt:\n    emit('said', what='stopped')\n"
+)
 
 
 def talks(at_once: bool = False) -> list[str]:
@@ -229,7 +251,7 @@ def test_a_process_hears_that_it_is_to_stop(drive, at_once):
 
 
 def test_a_process_that_does_not_listen_is_ended(drive):
-    process = Process([sys.executable, "-c", "print('{\"type\": \"deaf\"}', flush=True); import time; time.sleep(600)"])
+    process = Process([sys.executable, "-c", 'print(\'{"type": "deaf"}\', flush=True); import time; time.sleep(600)'])
     first_word(process)
     process.cancel()
     heard(process)
@@ -237,8 +259,10 @@ def test_a_process_that_does_not_listen_is_ended(drive):
 
 
 def test_a_process_ends_with_the_one_that_started_it(drive):
-    starter = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon.render.workers.process import Process\n"
-               f"process = Process({talks()!r})\nprint(process.pid, flush=True)\nimport os, time; time.sleep(600)")
+    starter = (
+        f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon.render.workers.process import Process\n"
+        f"process = Process({talks()!r})\nprint(process.pid, flush=True)\nimport os, time; time.sleep(600)"
+    )
     parent = subprocess.Popen([sys.executable, "-c", starter], stdout=subprocess.PIPE)
     child = int(parent.stdout.readline())
     time.sleep(1.0)
@@ -247,8 +271,12 @@ def test_a_process_ends_with_the_one_that_started_it(drive):
 
 
 def lives(pid: int) -> bool:
-    done = subprocess.run([sys.executable, "-I", "-c", "import sys; print(open(f'/proc/{sys.argv[1]}/stat').read())",
-                           str(pid)], capture_output=True, encoding="utf-8", check=False)
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", "import sys; print(open(f'/proc/{sys.argv[1]}/stat').read())", str(pid)],
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+    )
     return done.returncode == 0 and done.stdout.rsplit(")", 1)[1].split()[0] != "Z"
 
 
@@ -267,9 +295,11 @@ def test_no_process_shows_a_window_or_hears_our_ctrl_c(layer, drive):
 
 def test_a_program_of_ones_own_is_ended_with_all_that_it_has_started(layer, drive):
     """Which taskkill does there: the system's, not one that lies in the current folder."""
-    code = ("import subprocess, sys, time\n"
-            "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
-            "print(child.pid, flush=True); time.sleep(600)")
+    code = (
+        "import subprocess, sys, time\n"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
+        "print(child.pid, flush=True); time.sleep(600)"
+    )
     process = system.start([sys.executable, "-c", code], stdout=subprocess.PIPE)
     child = int(process.stdout.readline())
     system.kill_all(process)
@@ -292,9 +322,11 @@ def test_no_python_of_the_current_folder_is_started(layer, drive, monkeypatch):
 def test_who_is_stopped_while_a_program_runs_ends_it_and_tidies_up(drive, gone):
     """As an installation does: pip goes on for minutes, and half an environment would be taken for a whole one."""
     child = "import os, time; open(" + repr(str(drive / "pid")) + ", 'w').write(str(os.getpid())); time.sleep(600)"
-    code = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon.support import system\n"
-            f"system.obey_starter()\ntry:\n    system.run([sys.executable, '-c', {child!r}])\n"
-            f"finally:\n    open({str(drive / 'tidy')!r}, 'w').close()")
+    code = (
+        f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon.support import system\n"
+        f"system.obey_starter()\ntry:\n    system.run([sys.executable, '-c', {child!r}])\n"
+        f"finally:\n    open({str(drive / 'tidy')!r}, 'w').close()"
+    )
     process = Process([sys.executable, "-c", code])
     wait_until(lambda: (drive / "pid").exists() and bool((drive / "pid").read_text(encoding="utf-8")))
     if gone:
@@ -308,8 +340,10 @@ def test_who_is_stopped_while_a_program_runs_ends_it_and_tidies_up(drive, gone):
 
 
 def test_a_call_ends_with_who_called(drive):
-    code = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon.support import system\n"
-            f"system.call_ours({[*talks()[:2], 'import os; print(os.getpid(), flush=True)' + chr(10) + talks()[2]]!r})")
+    code = (
+        f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon.support import system\n"
+        f"system.call_ours({[*talks()[:2], 'import os; print(os.getpid(), flush=True)' + chr(10) + talks()[2]]!r})"
+    )
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
     child = int(parent.stdout.readline())
     wait_until(lambda: b"progress" in parent.stdout.readline())
@@ -366,8 +400,12 @@ def blender(drive):
 
 
 def render(dataset: Path, blender: Path, said: list, **options) -> dict[str, str]:
-    return Runner(dataset, PAIRS, WorkerOptions(2, 1, str(blender), **options),
-                  lambda kind, **facts: said.append({"type": kind, **facts})).run()
+    return Runner(
+        dataset,
+        PAIRS,
+        WorkerOptions(2, 1, str(blender), **options),
+        lambda kind, **facts: said.append({"type": kind, **facts}),
+    ).run()
 
 
 def test_a_data_set_is_rendered_whatever_workers_do_and_verified(drive, blender, monkeypatch):
@@ -412,10 +450,12 @@ def test_a_batch_that_is_stopped_leaves_nothing_but_pairs_and_the_next_one_goes_
 
 
 def test_the_claim_of_a_process_that_was_ended_is_given_to_the_next_at_once(drive):
-    program = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom pathlib import Path\n"
-               f"from icymoon.render.workers.claims import Claims\n"
-               f"Claims(Path({str(drive / 'set')!r})).take({PAIRS[0].id!r})\n"
-               "print(flush=True); import time; time.sleep(600)")
+    program = (
+        f"import sys; sys.path[:0] = {sys.path!r}\nfrom pathlib import Path\n"
+        f"from icymoon.render.workers.claims import Claims\n"
+        f"Claims(Path({str(drive / 'set')!r})).take({PAIRS[0].id!r})\n"
+        "print(flush=True); import time; time.sleep(600)"
+    )
     process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE)
     process.stdout.readline()
     mine = Claims(drive / "set")
@@ -435,8 +475,13 @@ def unfinished(dataset: Path, content: bytes) -> Path:
     part.mkdir(parents=True)
     for eye in ("left", "right"):
         (part / f"{eye}.exr").write_bytes(content)
-    files.write_json(part / "pair.json", {"id": PAIRS[0].id, "files": {
-        f"{eye}.exr": {"bytes": len(content), "sha256": "0" * 64} for eye in ("left", "right")}})
+    files.write_json(
+        part / "pair.json",
+        {
+            "id": PAIRS[0].id,
+            "files": {f"{eye}.exr": {"bytes": len(content), "sha256": "0" * 64} for eye in ("left", "right")},
+        },
+    )
     return part
 
 

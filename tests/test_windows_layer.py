@@ -62,8 +62,11 @@ def test_what_is_open_is_not_renamed_replaced_or_removed(drive, who):
     old, new = drive / "old", drive / "new"
     old.write_bytes(b"old")
     if who == "another":
-        process = subprocess.Popen([sys.executable, "-c", f"f = open({str(old)!r}); print(flush=True); input()"],
-                                   stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        process = subprocess.Popen(
+            [sys.executable, "-c", f"f = open({str(old)!r}); print(flush=True); input()"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
         process.stdout.readline()
     else:
         stream = old.open("rb")
@@ -185,8 +188,12 @@ def test_a_script_is_no_program(drive):
 
 
 def test_a_process_lives_under_the_layer_too(drive):
-    said = subprocess.run([sys.executable, "-c", f"import os; os.open({str(drive)!r}, os.O_RDONLY)"], text=True,
-                          capture_output=True, check=False).stderr
+    said = subprocess.run(
+        [sys.executable, "-c", f"import os; os.open({str(drive)!r}, os.O_RDONLY)"],
+        text=True,
+        capture_output=True,
+        check=False,
+    ).stderr
     assert "PermissionError" in said
 
 
@@ -201,16 +208,20 @@ def test_folders_are_removed_without_handles_on_them(drive):
 
 
 def test_taskkill_ends_what_a_process_has_started(layer, drive):
-    program = ("import subprocess, sys, time\n"
-               "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
-               "print(child.pid, flush=True); time.sleep(600)")
+    program = (
+        "import subprocess, sys, time\n"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
+        "print(child.pid, flush=True); time.sleep(600)"
+    )
     process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE)
     child = int(process.stdout.readline())
     subprocess.run(["taskkill", "/T", "/F", "/PID", str(process.pid)], check=True)
     process.wait(60)
     layer.remove()
-    wait_until(lambda: not Path(f"/proc/{child}").exists()
-               or Path(f"/proc/{child}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z")
+    wait_until(
+        lambda: not Path(f"/proc/{child}").exists()
+        or Path(f"/proc/{child}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
+    )
 
 
 def test_it_comes_off_again(layer):

@@ -9,8 +9,15 @@ if TYPE_CHECKING:
     from .comparison import Comparison
 
 #: Their names and their modules here, in the order of the page. The command line needs the names alone.
-MODULES = {"albedos": "moon_albedos", "colours": "colours", "codes": "other_codes", "disc": "whole_disc",
-           "snow": "snow_law", "mitsuba": "second_renderer", "polar": "polar_sandbox"}
+MODULES = {
+    "albedos": "moon_albedos",
+    "colours": "colours",
+    "codes": "other_codes",
+    "disc": "whole_disc",
+    "snow": "snow_law",
+    "mitsuba": "second_renderer",
+    "polar": "polar_sandbox",
+}
 
 
 def load_comparisons() -> tuple[Comparison, ...]:

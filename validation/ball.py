@@ -30,16 +30,19 @@ def ball_mesh(rings: int = _RINGS) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n, 3) and triangles (m, 3) of a sphere of radius 1, outward, with ``2 * rings`` meridians."""
     latitude = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)[1:-1, None]
     longitude = np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)[None]
-    x, y, z = np.broadcast_arrays(np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude),
-                                  np.sin(latitude))
+    x, y, z = np.broadcast_arrays(
+        np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)
+    )
     vertices = np.concatenate([[[0, 0, -1]], np.stack([x, y, z], axis=-1).reshape(-1, 3), [[0, 0, 1]]])
     around, count = np.arange(2 * rings), 2 * rings
     after = (around + 1) % count
     faces = [np.stack([0 * around, 1 + after, 1 + around], axis=1)]
     for ring in range(rings - 2):
         low, high = 1 + ring * count, 1 + (ring + 1) * count
-        faces += [np.stack([low + around, low + after, high + after], axis=1),
-                  np.stack([low + around, high + after, high + around], axis=1)]
+        faces += [
+            np.stack([low + around, low + after, high + after], axis=1),
+            np.stack([low + around, high + after, high + around], axis=1),
+        ]
     top = 1 + (rings - 2) * count
     faces.append(np.stack([0 * around + len(vertices) - 1, top + around, top + after], axis=1))
     return vertices, np.concatenate(faces)
@@ -66,8 +69,14 @@ class BallImage:
         return float(self.radiance_factor.sum() * self.pixel_area)
 
 
-def render_ball(bench: Bench, surface: Sequence[Settings], phases_deg: Sequence[float], distance: float,
-                pixels: int = 160, samples: int = 16) -> list[list[BallImage]]:
+def render_ball(
+    bench: Bench,
+    surface: Sequence[Settings],
+    phases_deg: Sequence[float],
+    distance: float,
+    pixels: int = 160,
+    samples: int = 16,
+) -> list[list[BallImage]]:
     """Images of a ball for each description of a surface, in the order of the phase angles (0 to 176 degrees).
 
     ``distance`` is the distance of the camera in radii. As it is finite, the phase angle changes across the disc by up
@@ -86,16 +95,34 @@ def _describe(surface: Settings, mesh: Path, phase_deg: float, distance: float, 
     height, phase = math.radians(_HEIGHT_DEG), math.radians(phase_deg)
     focal_mm = min(5000.0, 20.0 * distance / _WIDTH_M)  # a sensor of 20 mm, or the longest lens
     cosine = (math.cos(phase) - math.sin(height) ** 2) / math.cos(height) ** 2
-    return merged(defaults(), surface, check({
-        "source": {"kind": "MESH", "file": str(mesh), "centre": False, "up_axis": "Z"},
-        "rig": {"y_m": -distance * math.cos(height), "height_m": distance * math.sin(height),
-                "pitch_deg": _HEIGHT_DEG, "heading_deg": 0.0, "focal_length_mm": focal_mm,
-                "sensor_width_mm": _WIDTH_M / distance * focal_mm, "width_px": pixels, "height_px": pixels,
-                "baseline_m": 0.001},
-        "light": {"sun_elevation_deg": _HEIGHT_DEG,
-                  "sun_azimuth_deg": 180.0 - math.degrees(math.acos(min(max(cosine, -1.0), 1.0))),
-                  "sun_angular_diameter_deg": 0.0, "planet": False},
-        "quality": {"samples": samples, "denoiser": "NONE"}}, "a ball"))
+    return merged(
+        defaults(),
+        surface,
+        check(
+            {
+                "source": {"kind": "MESH", "file": str(mesh), "centre": False, "up_axis": "Z"},
+                "rig": {
+                    "y_m": -distance * math.cos(height),
+                    "height_m": distance * math.sin(height),
+                    "pitch_deg": _HEIGHT_DEG,
+                    "heading_deg": 0.0,
+                    "focal_length_mm": focal_mm,
+                    "sensor_width_mm": _WIDTH_M / distance * focal_mm,
+                    "width_px": pixels,
+                    "height_px": pixels,
+                    "baseline_m": 0.001,
+                },
+                "light": {
+                    "sun_elevation_deg": _HEIGHT_DEG,
+                    "sun_azimuth_deg": 180.0 - math.degrees(math.acos(min(max(cosine, -1.0), 1.0))),
+                    "sun_angular_diameter_deg": 0.0,
+                    "planet": False,
+                },
+                "quality": {"samples": samples, "denoiser": "NONE"},
+            },
+            "a ball",
+        ),
+    )
 
 
 def _read_ball(pair: Pair, phase: float, distance: float) -> BallImage:
@@ -111,7 +138,7 @@ def _read_ball(pair: Pair, phase: float, distance: float) -> BallImage:
     ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
     along = -(ray @ pose[:3, 3])
     nearest = pose[:3, 3] + along[..., None] * ray
-    inside = 1.0 - (nearest ** 2).sum(-1)
+    inside = 1.0 - (nearest**2).sum(-1)
     normal = nearest - np.sqrt(np.where(inside > 0, inside, np.nan))[..., None] * ray
     sun, eye = np.array(light["direction_to_world"]), -ray
     sun = sun / np.linalg.norm(sun)

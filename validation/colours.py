@@ -15,8 +15,10 @@ _COLOURS_NM = (400.0, 460.0, 620.0, 700.0)
 #: Largest error of the closed form for snow that counts as agreement, and of ratios of Enceladus.
 _SNOW, _ENCELADUS = 0.005, 0.03
 _COARSE = "Likely cause: for grains of millimetres the closed form for snow leaves out the smooth surface of firn"
-_SULPHUR = ("Likely cause: the ratios of the plains are assumed, and sulphur stains plains of the trailing side too "
-            "(Carlson et al. 1999, Science 286, 97)")
+_SULPHUR = (
+    "Likely cause: the ratios of the plains are assumed, and sulphur stains plains of the trailing side too "
+    "(Carlson et al. 1999, Science 286, 97)"
+)
 
 
 def _snow_rows() -> list[Row]:
@@ -24,19 +26,32 @@ def _snow_rows() -> list[Row]:
     for radius, albedos in published.SNOW.items():
         for wavelength in _COLOURS_NM:
             ours = float(snow_reflectance(wavelength, radius))
-            rows.append(Row(f"clean snow, grains of {radius * 1e6:g} µm: albedo at {wavelength:g} nm", ours,
-                            albedos[published.WAVELENGTH_NM.index(wavelength)], _SNOW, published.SNOW_SOURCE,
-                            why=_COARSE))
+            rows.append(
+                Row(
+                    f"clean snow, grains of {radius * 1e6:g} µm: albedo at {wavelength:g} nm",
+                    ours,
+                    albedos[published.WAVELENGTH_NM.index(wavelength)],
+                    _SNOW,
+                    published.SNOW_SOURCE,
+                    why=_COARSE,
+                )
+            )
     return rows
 
 
 def _enceladus_rows() -> list[Row]:
     plains = MATERIALS["ENCELADUS_PLAINS"].reflectance(np.array(published.WAVELENGTH_NM))
     ours, theirs = (spectrum / spectrum[published.GREEN] for spectrum in (plains, published.ENCELADUS))
-    return [Row(f"`ENCELADUS_PLAINS`, {wavelength:g} over 550 nm",
-                float(ours[published.WAVELENGTH_NM.index(wavelength)]),
-                float(theirs[published.WAVELENGTH_NM.index(wavelength)]), _ENCELADUS, published.ENCELADUS_SOURCE)
-            for wavelength in _COLOURS_NM]
+    return [
+        Row(
+            f"`ENCELADUS_PLAINS`, {wavelength:g} over 550 nm",
+            float(ours[published.WAVELENGTH_NM.index(wavelength)]),
+            float(theirs[published.WAVELENGTH_NM.index(wavelength)]),
+            _ENCELADUS,
+            published.ENCELADUS_SOURCE,
+        )
+        for wavelength in _COLOURS_NM
+    ]
 
 
 def dark_share() -> float:
@@ -50,9 +65,16 @@ def _europa_rows() -> list[Row]:
     for wavelength in _COLOURS_NM:
         plains, dark = (float(MATERIALS[name].reflectance(wavelength)) for name in ("EUROPA_PLAINS", "EUROPA_DARK"))
         theirs, error = published.europa_over_green(wavelength)
-        rows.append(Row(f"`EUROPA_PLAINS` with {100 * share:.0f} % `EUROPA_DARK`, {wavelength:g} over 550 nm",
-                        ((1 - share) * plains + share * dark) / _TRAILING_GREEN, theirs, error,
-                        published.EUROPA_SOURCE, why=_SULPHUR))
+        rows.append(
+            Row(
+                f"`EUROPA_PLAINS` with {100 * share:.0f} % `EUROPA_DARK`, {wavelength:g} over 550 nm",
+                ((1 - share) * plains + share * dark) / _TRAILING_GREEN,
+                theirs,
+                error,
+                published.EUROPA_SOURCE,
+                why=_SULPHUR,
+            )
+        )
     return rows
 
 
@@ -61,8 +83,11 @@ def _compare(bench: Bench) -> list[Row]:
 
 
 COMPARISON = Comparison(
-    "colours", "Colours",
+    "colours",
+    "Colours",
     "Reflectances of materials at 400, 460, 620 and 700 nm, beside spectra that others published and that no material "
     "was made from. The spectra were read from the tables of the program TrueColorTools. Europa's trailing hemisphere "
     "is compared with plains that have as much dark matter as makes their reflectance 0.62 at 550 nm. For salts, "
-    "sulphur and tholin no spectrum was found: their numbers are assumed.", _compare)
+    "sulphur and tholin no spectrum was found: their numbers are assumed.",
+    _compare,
+)

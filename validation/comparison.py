@@ -68,9 +68,17 @@ class Row:
     def to_json(self) -> dict[str, Any]:
         """The row as plain values, null for numbers that are not finite."""
         ours, theirs = (value if math.isfinite(value) else None for value in (self.ours, self.theirs))
-        return {"quantity": self.quantity, "ours": ours, "theirs": theirs, "allowed": self.allowed,
-                "unit": self.unit, "fitted": self.fitted, "verdict": self.verdict, "source": self.source,
-                "why": self.why}
+        return {
+            "quantity": self.quantity,
+            "ours": ours,
+            "theirs": theirs,
+            "allowed": self.allowed,
+            "unit": self.unit,
+            "fitted": self.fitted,
+            "verdict": self.verdict,
+            "source": self.source,
+            "why": self.why,
+        }
 
 
 Say = Callable[[dict[str, Any]], None]
@@ -150,8 +158,14 @@ class Result:
 
     def to_json(self) -> dict[str, Any]:
         """The result as plain values."""
-        return {"name": self.comparison.name, "title": self.comparison.title, "passes": self.passes,
-                "seconds": round(self.seconds, 1), "error": self.error, "rows": [row.to_json() for row in self.rows]}
+        return {
+            "name": self.comparison.name,
+            "title": self.comparison.title,
+            "passes": self.passes,
+            "seconds": round(self.seconds, 1),
+            "error": self.error,
+            "rows": [row.to_json() for row in self.rows],
+        }
 
 
 def run_comparison(comparison: Comparison, bench: Bench) -> Result:
@@ -189,8 +203,10 @@ def load_own_comparison(path: Path) -> Comparison:
     if not isinstance(found, Comparison):
         raise IcyMoonError(f"{path} has no comparison; {fix}.")
     if found.needs not in ("", "polar"):
-        raise IcyMoonError(f"{path}: no option gives the folder of needs={found.needs!r}; say 'polar', or leave it out "
-                           "and let the file find its data.")
+        raise IcyMoonError(
+            f"{path}: no option gives the folder of needs={found.needs!r}; say 'polar', or leave it out "
+            "and let the file find its data."
+        )
     return replace(found, compare=partial(_compare_by_file, path, found.compare))
 
 
@@ -201,14 +217,18 @@ def _compare_by_file(path: Path, compare: Callable[[Bench], list[Row]], bench: B
     except IcyMoonError:
         raise
     except Exception as error:
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__)
-                 if Path(frame.filename) == path.absolute()]
+        lines = [
+            frame.lineno
+            for frame in traceback.extract_tb(error.__traceback__)
+            if Path(frame.filename) == path.absolute()
+        ]
         at = f", line {lines[-1]}" if lines else ""
         raise IcyMoonError(f"{path}{at}: the comparison fails ({type(error).__name__}: {error}); fix it.") from error
     if not isinstance(rows, list | tuple) or not all(isinstance(row, Row) for row in rows):
         raise IcyMoonError(f"{path}: the comparison returns {type(rows).__name__} and not a list of Row; return one.")
     for row in rows:
         if not all(isinstance(number, Real) for number in (row.ours, row.theirs, row.allowed)):
-            raise IcyMoonError(f"{path}: ours, theirs and allowed of the row {row.quantity!r} are not all numbers; "
-                               "give numbers.")
+            raise IcyMoonError(
+                f"{path}: ours, theirs and allowed of the row {row.quantity!r} are not all numbers; give numbers."
+            )
     return list(rows)

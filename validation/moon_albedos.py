@@ -16,31 +16,43 @@ from .published_spectra import europa_over_green
 
 _VERBISCER = "Verbiscer et al. 2007, Science 315, 815, as Wikipedia quotes it"
 _FILACCHIONE = "Filacchione et al. 2022, arXiv 2111.15541, abstract, 0.55 µm"
-_BOLOMETRIC = ("Likely causes: it is bolometric and the preset is for 0.55 µm, and the preset's phase function is that "
-               "of Enceladus, which is a guess")
-_BURATTI = ("Buratti et al. 2022, Planetary Science Journal 3, 200, as the program TrueColorTools quotes it")
-_NARROW = ("Likely cause: two measurements disagree by more than their errors; the preset meets the one that was made "
-           "at the smallest phase angles")
+_BOLOMETRIC = (
+    "Likely causes: it is bolometric and the preset is for 0.55 µm, and the preset's phase function is that "
+    "of Enceladus, which is a guess"
+)
+_BURATTI = "Buratti et al. 2022, Planetary Science Journal 3, 200, as the program TrueColorTools quotes it"
+_NARROW = (
+    "Likely cause: two measurements disagree by more than their errors; the preset meets the one that was made "
+    "at the smallest phase angles"
+)
 _EARLIER = "Likely cause: two publications disagree by more than their errors; the preset meets the later one"
-_SPIKE = ("Likely cause: a measurement that has only part of the narrow surge below 1° of phase, which Thompson and "
-          "Lockwood 1992 (J. Geophys. Res. 97, abstract) call very strong. The preset is 0.75 with the surge and, see "
-          "below, 0.62 without; by the colour, also below, another measurement is 0.79 at 0.55 µm. Zero point and "
-          "radius are no cause: V(1,0) = -1.41, as planetarium programs quote it, gives 0.68 with a Sun of V = -26.74 "
-          "and a radius of 1560.8 km. The preset has 0.67 at a phase of 0.2°, 0.64 at 0.45° and 0.62 at 1°, so the "
-          "tables' 0.64 and 0.67 are what it shows near the smallest phases seen from Earth (Thompson and Lockwood: "
-          "less than 0.5°). Open, as the publication behind the table was not found: by which phases and formula its "
-          "magnitude was extrapolated to 0°")
+_SPIKE = (
+    "Likely cause: a measurement that has only part of the narrow surge below 1° of phase, which Thompson and "
+    "Lockwood 1992 (J. Geophys. Res. 97, abstract) call very strong. The preset is 0.75 with the surge and, see "
+    "below, 0.62 without; by the colour, also below, another measurement is 0.79 at 0.55 µm. Zero point and "
+    "radius are no cause: V(1,0) = -1.41, as planetarium programs quote it, gives 0.68 with a Sun of V = -26.74 "
+    "and a radius of 1560.8 km. The preset has 0.67 at a phase of 0.2°, 0.64 at 0.45° and 0.62 at 1°, so the "
+    "tables' 0.64 and 0.67 are what it shows near the smallest phases seen from Earth (Thompson and Lockwood: "
+    "less than 0.5°). Open, as the publication behind the table was not found: by which phases and formula its "
+    "magnitude was extrapolated to 0°"
+)
 _FACTS = "an early edition of NASA's Moon Fact Sheet, as archives of it print it"
-_MOON_CURVE = ("Allen 1976 in Krisciunas and Schaefer 1991, PASP 103, 1033; ROLO's curve (Kieffer and Stone 2005) is "
-               "within 0.08 mag of it, by the web page amper.ped.muni.cz/light/luminance/moon_cal")
+_MOON_CURVE = (
+    "Allen 1976 in Krisciunas and Schaefer 1991, PASP 103, 1033; ROLO's curve (Kieffer and Stone 2005) is "
+    "within 0.08 mag of it, by the web page amper.ped.muni.cz/light/luminance/moon_cal"
+)
 #: The same with a share of back-scattering, and an albedo of grains with which the geometric albedo stays.
 SHARPER = {"c": 0.6, "w": 0.2521}
-_SMOOTH = (f"Cause: the phase function is typical and was not fitted to the curve. With c = {SHARPER['c']:g} and w = "
-           f"{SHARPER['w']:g}, which keep the geometric albedo, all are within 0.04 mag")
+_SMOOTH = (
+    f"Cause: the phase function is typical and was not fitted to the curve. With c = {SHARPER['c']:g} and w = "
+    f"{SHARPER['w']:g}, which keep the geometric albedo, all are within 0.04 mag"
+)
 #: Share of Europa's area that is chaos, where it was mapped.
 _CHAOS = 0.3
-_WITHOUT_SURGE = ("Cause, by the row of the phase integral without the surge: the albedo that it is made with leaves "
-                  "the narrow surge out")
+_WITHOUT_SURGE = (
+    "Cause, by the row of the phase integral without the surge: the albedo that it is made with leaves "
+    "the narrow surge out"
+)
 
 
 @dataclass(frozen=True)
@@ -61,28 +73,44 @@ MEASURED = (
     Measured("enceladus_global", "geometric", 1.375, 0.008, _VERBISCER, fitted=True),
     Measured("enceladus_global", "Bond", 0.81, 0.04, "Howett et al. 2010, Icarus 206, 573", fitted=True),
     Measured("enceladus_global", "equigonal", 0.89, 0.03, _FILACCHIONE, fitted=True),
-    Measured("enceladus_global", "geometric", 1.41, 0.04, "Verbiscer et al. 2005 at 0.555 µm, quoted; its error is a "
-             "guess"),
+    Measured(
+        "enceladus_global", "geometric", 1.41, 0.04, "Verbiscer et al. 2005 at 0.555 µm, quoted; its error is a guess"
+    ),
     Measured("enceladus_global", "geometric", 1.24, 0.01, _BURATTI, why=_NARROW),
     Measured("enceladus_south_polar", "equigonal", 0.89, 0.03, f"{_FILACCHIONE}: the whole moon", fitted=True),
     Measured("enceladus_south_polar", "Bond", 0.81, 0.04, "Howett et al. 2010: the whole moon"),
     Measured("enceladus_south_polar", "geometric", 1.375, 0.03, f"{_VERBISCER}: the whole moon; the error is a guess"),
     Measured("mimas", "equigonal", 0.63, 0.02, _FILACCHIONE, fitted=True),
     Measured("mimas", "geometric", 0.962, 0.004, _VERBISCER, fitted=True),
-    Measured("mimas", "Bond", 0.41, 0.07, "Howett et al. 2020, arXiv 2003.08451, abstract: most of the moon",
-             why=_BOLOMETRIC),
+    Measured(
+        "mimas", "Bond", 0.41, 0.07, "Howett et al. 2020, arXiv 2003.08451, abstract: most of the moon", why=_BOLOMETRIC
+    ),
     Measured("mimas", "Bond", 0.45, 0.08, "the same: the anomalous region", why=_BOLOMETRIC),
     Measured("mimas", "Bond", 0.595, 0.105, "Howett et al. 2011, as the same abstract quotes it: 0.49 to 0.70"),
     Measured("tethys", "equigonal", 0.74, 0.03, _FILACCHIONE, fitted=True),
     Measured("tethys", "geometric", 1.229, 0.005, f"{_VERBISCER} and others do; its error was not read", fitted=True),
     Measured("tethys", "geometric", 0.93, 0.02, _BURATTI, why=_NARROW),
-    Measured("tethys", "equigonal", 0.797, 0.03, "Filacchione et al. 2018, Geophys. Res. Lett. 45, 6400, 0.55 µm, as "
-             "TrueColorTools quotes it; the error is that of 2022", why=_EARLIER),
+    Measured(
+        "tethys",
+        "equigonal",
+        0.797,
+        0.03,
+        "Filacchione et al. 2018, Geophys. Res. Lett. 45, 6400, 0.55 µm, as "
+        "TrueColorTools quotes it; the error is that of 2022",
+        why=_EARLIER,
+    ),
     Measured("dione", "equigonal", 0.65, 0.03, _FILACCHIONE, fitted=True),
     Measured("dione", "geometric", 0.998, 0.004, _VERBISCER, fitted=True),
     Measured("dione", "geometric", 0.75, 0.02, _BURATTI, why=_NARROW),
-    Measured("dione", "equigonal", 0.620, 0.03, "Filacchione et al. 2018, Geophys. Res. Lett. 45, 2184, 0.55 µm, as "
-             "TrueColorTools quotes it; the error is that of 2022", why=_EARLIER),
+    Measured(
+        "dione",
+        "equigonal",
+        0.620,
+        0.03,
+        "Filacchione et al. 2018, Geophys. Res. Lett. 45, 2184, 0.55 µm, as "
+        "TrueColorTools quotes it; the error is that of 2022",
+        why=_EARLIER,
+    ),
     Measured("dione", "Bond", 0.63, 0.15, "Howett et al. 2010, as Howett and Royer 2021, arXiv 2102.02130, quote it"),
     Measured("dione", "Bond", 0.44, 0.13, "Howett et al. 2014, as the same quote it", why=_BOLOMETRIC),
     Measured("rhea", "equigonal", 0.60, 0.05, _FILACCHIONE, fitted=True),
@@ -92,19 +120,28 @@ MEASURED = (
     Measured("rhea", "Bond", 0.59, 0.11, "Howett et al. 2014, Icarus, abstract: leading hemisphere"),
     Measured("rhea", "Bond", 0.56, 0.13, "the same: trailing hemisphere"),
     Measured("europa_global", "Bond", 0.65, 0.03, "Grundy et al. 2007 and Buratti, quoted: 0.62 to 0.68"),
-    Measured("europa_global", "geometric", 0.67, 0.03, "V band, of JPL's table of satellites as Wikipedia quotes it",
-             why=_SPIKE),
-    Measured("europa_global", "phase integral", 0.97, 0.06, "Bond over geometric albedo, both as above",
-             why=_WITHOUT_SURGE),
+    Measured(
+        "europa_global",
+        "geometric",
+        0.67,
+        0.03,
+        "V band, of JPL's table of satellites as Wikipedia quotes it",
+        why=_SPIKE,
+    ),
+    Measured(
+        "europa_global", "phase integral", 0.97, 0.06, "Bond over geometric albedo, both as above", why=_WITHOUT_SURGE
+    ),
     Measured("europa_bright_plains", "Bond", 0.68, 0.003, "upper end of 0.62 to 0.68, as above", fitted=True),
     Measured("lunar_like", "geometric", 0.12, 0.003, _FACTS, fitted=True),
     Measured("lunar_like", "Bond", 0.067, 0.01, f"{_FACTS}; its error is a guess"),
 )
 
 _QUANTITIES: dict[str, Callable[[photometry.Law], float]] = {
-    "geometric": photometry.geometric_albedo, "Bond": photometry.bond_albedo,
+    "geometric": photometry.geometric_albedo,
+    "Bond": photometry.bond_albedo,
     "equigonal": photometry.equigonal_albedo,
-    "phase integral": lambda law: photometry.bond_albedo(law) / photometry.geometric_albedo(law)}
+    "phase integral": lambda law: photometry.bond_albedo(law) / photometry.geometric_albedo(law),
+}
 
 
 def preset_law(preset: str) -> photometry.Law:
@@ -118,8 +155,9 @@ def preset_law(preset: str) -> photometry.Law:
 def _measured_row(each: Measured) -> Row:
     ours = _QUANTITIES[each.quantity](preset_law(f"surfaces/hapke_{each.preset}"))
     name = each.quantity if " " in each.quantity else f"{each.quantity} albedo"
-    return Row(f"`hapke_{each.preset}`, {name}", ours, each.value, each.error, each.source, fitted=each.fitted,
-               why=each.why)
+    return Row(
+        f"`hapke_{each.preset}`, {name}", ours, each.value, each.error, each.source, fitted=each.fitted, why=each.why
+    )
 
 
 def _magnitudes_per_degree(law: photometry.Law, near_deg: float, far_deg: float) -> float:
@@ -147,39 +185,94 @@ def albedo_without_surge(law: photometry.Law) -> float:
 
 def _europa_rows() -> list[Row]:
     """Rows of published numbers of Europa other than albedos at the presets' 0.55 µm."""
-    whole, plains, dark = (preset_law(f"surfaces/hapke_europa_{name}")
-                           for name in ("global", "bright_plains", "dark_lineae"))
+    whole, plains, dark = (
+        preset_law(f"surfaces/hapke_europa_{name}") for name in ("global", "bright_plains", "dark_lineae")
+    )
     colour, error = europa_over_green(470.0)
     extrapolated = albedo_without_surge(whole)
     return [
-        Row("`hapke_europa_global`, geometric albedo, in a line from phases of 1.5° to 12°", extrapolated, 0.67, 0.03,
-            "V band, as above", why="Likely cause: the measured albedo has part of the surge; it is between this and "
-            "the one with all of it"),
-        Row("`hapke_europa_global`, geometric albedo, in a line from phases of 1.5° to 12°", extrapolated, 0.64, 0.03,
-            "Hamilton's Views of the Solar System, another table; the error is that of the one above"),
-        Row("`hapke_europa_global`, phase integral with this albedo", photometry.bond_albedo(whole) / extrapolated,
-            0.97, 0.06, "as above"),
-        Row(f"`hapke_europa_global`, geometric albedo at 0.47 µm, by the colour {colour:.3f} of the trailing side",
-            photometry.geometric_albedo(whole) * colour, 0.67, 0.05, "doi 10.48577/jpl.6IR6VA, abstract: 0.72 "
-            f"leading, 0.62 trailing; colour: see Colours, ± {error:.3f}"),
-        Row("`hapke_europa_global`, phase coefficient from 1.5° to 7°", _magnitudes_per_degree(whole, 1.5, 7.0), 0.01,
-            0.005, "Buratti et al. 2002, DPS 34, 41.06, abstract: as in the visible; one digit", unit="mag/°"),
-        Row("`hapke_europa_global`, phase coefficient from 0.38° to 0.6°", _magnitudes_per_degree(whole, 0.38, 0.6),
-            0.25, 0.03, "the same, 0.9 µm; the error is a guess", unit="mag/°",
+        Row(
+            "`hapke_europa_global`, geometric albedo, in a line from phases of 1.5° to 12°",
+            extrapolated,
+            0.67,
+            0.03,
+            "V band, as above",
+            why="Likely cause: the measured albedo has part of the surge; it is between this and "
+            "the one with all of it",
+        ),
+        Row(
+            "`hapke_europa_global`, geometric albedo, in a line from phases of 1.5° to 12°",
+            extrapolated,
+            0.64,
+            0.03,
+            "Hamilton's Views of the Solar System, another table; the error is that of the one above",
+        ),
+        Row(
+            "`hapke_europa_global`, phase integral with this albedo",
+            photometry.bond_albedo(whole) / extrapolated,
+            0.97,
+            0.06,
+            "as above",
+        ),
+        Row(
+            f"`hapke_europa_global`, geometric albedo at 0.47 µm, by the colour {colour:.3f} of the trailing side",
+            photometry.geometric_albedo(whole) * colour,
+            0.67,
+            0.05,
+            f"doi 10.48577/jpl.6IR6VA, abstract: 0.72 leading, 0.62 trailing; colour: see Colours, ± {error:.3f}",
+        ),
+        Row(
+            "`hapke_europa_global`, phase coefficient from 1.5° to 7°",
+            _magnitudes_per_degree(whole, 1.5, 7.0),
+            0.01,
+            0.005,
+            "Buratti et al. 2002, DPS 34, 41.06, abstract: as in the visible; one digit",
+            unit="mag/°",
+        ),
+        Row(
+            "`hapke_europa_global`, phase coefficient from 0.38° to 0.6°",
+            _magnitudes_per_degree(whole, 0.38, 0.6),
+            0.25,
+            0.03,
+            "the same, 0.9 µm; the error is a guess",
+            unit="mag/°",
             why="Likely causes: the surge in the infrared is another one, and the published fit has too weak a surge, "
-                "see the next row"),
-        Row("`hapke_europa_bright_plains`, opposition effect over that of `hapke_europa_global`",
-            opposition_effect(plains) / opposition_effect(whole), 1.5, 0.1, "Helfenstein et al. 1998, Icarus 135, 41, "
-            "abstract: about 1.5 times what was known before; the error is a guess", fitted=True),
-        Row("`hapke_europa_dark_lineae`, I/F at emission and phase 5°", reflectance_at_five(dark), 0.17, 0.005,
-            "the same, 0.56 µm", fitted=True),
-        Row("`hapke_europa_dark_lineae`, opposition effect over that of `hapke_europa_bright_plains`",
-            opposition_effect(dark) / opposition_effect(plains), 3.0, 1.0, "the same: up to four times, of the darkest "
-            "spots, by shadow hiding; taken as 2 to 4"),
+            "see the next row",
+        ),
+        Row(
+            "`hapke_europa_bright_plains`, opposition effect over that of `hapke_europa_global`",
+            opposition_effect(plains) / opposition_effect(whole),
+            1.5,
+            0.1,
+            "Helfenstein et al. 1998, Icarus 135, 41, "
+            "abstract: about 1.5 times what was known before; the error is a guess",
+            fitted=True,
+        ),
+        Row(
+            "`hapke_europa_dark_lineae`, I/F at emission and phase 5°",
+            reflectance_at_five(dark),
+            0.17,
+            0.005,
+            "the same, 0.56 µm",
+            fitted=True,
+        ),
+        Row(
+            "`hapke_europa_dark_lineae`, opposition effect over that of `hapke_europa_bright_plains`",
+            opposition_effect(dark) / opposition_effect(plains),
+            3.0,
+            1.0,
+            "the same: up to four times, of the darkest spots, by shadow hiding; taken as 2 to 4",
+        ),
         *_mixed_rows("ridges", 0.25, plains, dark, ""),
-        *_mixed_rows("bands", 0.5, plains, dark, "Likely cause: chaos, whose darkness was not measured, is brighter "
-                    "than ground with half dark material; with bands on up to 22 % of the disc it has the measured "
-                    "0.62 or more"),
+        *_mixed_rows(
+            "bands",
+            0.5,
+            plains,
+            dark,
+            "Likely cause: chaos, whose darkness was not measured, is brighter "
+            "than ground with half dark material; with bands on up to 22 % of the disc it has the measured "
+            "0.62 or more",
+        ),
     ]
 
 
@@ -189,15 +282,33 @@ def _mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometr
     mixed = (1 - share) * reflectance_at_five(plains) + share * reflectance_at_five(dark)
     disc = (1 - _CHAOS) * photometry.bond_albedo(plains) + _CHAOS * photometry.bond_albedo(law)
     return [
-        Row(f"{preset}, I/F at emission and phase 5°", reflectance_at_five(law), mixed, 0.003, f"no measurement: "
+        Row(
+            f"{preset}, I/F at emission and phase 5°",
+            reflectance_at_five(law),
+            mixed,
+            0.003,
+            f"no measurement: "
             f"`_bright_plains` with {share:.0%} of `_dark_lineae`, as Clark et al. 1998 (Icarus 135, 95, abstract) "
-            "mix them; the share is chosen", fitted=True),
-        Row(f"{preset}, opposition effect over that of `hapke_europa_bright_plains`",
-            opposition_effect(law) / opposition_effect(plains), 2.5, 1.5, "Helfenstein et al. 1998, as above: between "
-            "those of bright icy terrains, 1, and of the darkest spots, up to 4"),
-        Row(f"{preset} on {_CHAOS:.0%} of a disc of `hapke_europa_bright_plains`: Bond albedo", disc, 0.65, 0.03,
+            "mix them; the share is chosen",
+            fitted=True,
+        ),
+        Row(
+            f"{preset}, opposition effect over that of `hapke_europa_bright_plains`",
+            opposition_effect(law) / opposition_effect(plains),
+            2.5,
+            1.5,
+            "Helfenstein et al. 1998, as above: between "
+            "those of bright icy terrains, 1, and of the darkest spots, up to 4",
+        ),
+        Row(
+            f"{preset} on {_CHAOS:.0%} of a disc of `hapke_europa_bright_plains`: Bond albedo",
+            disc,
+            0.65,
+            0.03,
             "of the whole moon, as above; share: that of chaos, nearly 30 % of the area that Riley et al. 2000 "
-            f"mapped (J. Geophys. Res. 105, 22599, abstract); that chaos is as dark as {name} is a guess", why=why),
+            f"mapped (J. Geophys. Res. 105, 22599, abstract); that chaos is as dark as {name} is a guess",
+            why=why,
+        ),
     ]
 
 
@@ -207,9 +318,18 @@ def _lunar_rows() -> list[Row]:
     phases = np.array([30.0, 60.0, 90.0, 120.0])
     ours = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))
     theirs = 0.026 * phases + 4e-9 * phases**4
-    return [Row(f"`hapke_lunar_like`, magnitude at a phase of {phase:.0f}° less that at 30°", here - ours[0],
-                there - theirs[0], 0.08, _MOON_CURVE, unit="mag", why=_SMOOTH)
-            for phase, here, there in zip(phases[1:], ours[1:], theirs[1:], strict=True)]
+    return [
+        Row(
+            f"`hapke_lunar_like`, magnitude at a phase of {phase:.0f}° less that at 30°",
+            here - ours[0],
+            there - theirs[0],
+            0.08,
+            _MOON_CURVE,
+            unit="mag",
+            why=_SMOOTH,
+        )
+        for phase, here, there in zip(phases[1:], ours[1:], theirs[1:], strict=True)
+    ]
 
 
 def _compare(bench: Bench) -> list[Row]:
@@ -217,7 +337,8 @@ def _compare(bench: Bench) -> list[Row]:
 
 
 COMPARISON = Comparison(
-    "albedos", "Albedos of whole moons",
+    "albedos",
+    "Albedos of whole moons",
     "Albedos that follow from the presets with Hapke's law, by integration. The geometric albedo is the brightness of "
     "a full disc over that of a white, facing one; the Bond albedo is the share of all sunlight that is returned; the "
     "equigonal albedo is I/F at i = e = g/2, extrapolated to g = 0 without the surge. `python "
@@ -227,4 +348,6 @@ COMPARISON = Comparison(
     "twenty regions, whose numbers were not read. Their rows have the nearest that is "
     "published. `surfaces/hapke_europa_global` is the published fit to the whole disc and not good for its parts: "
     "Galileo saw limbs brighter and the middle of the disc darker than this fit at 0.42 and 0.56 µm and a phase of "
-    "2.1° (Clark et al. 1997, DPS 29, abstract, which has no numbers).", _compare)
+    "2.1° (Clark et al. 1997, DPS 29, abstract, which has no numbers).",
+    _compare,
+)

@@ -10,15 +10,32 @@ from .comparison import Bench, Comparison, Row
 
 _ISIS = "USGS ISIS 3, isis/src/base/objs/Hapke/Hapke.truth, printed with six digits"
 _ERADIATE = "eradiate-mitsuba, src/eradiate_plugins/tests/bsdfs/test_hapke.py, single precision"
-_LOBE: dict[str, Any] = {"w": 0.52, "b": 0.213, "c": 1.0, "b_s0": 1.0, "h_s": 1.0, "theta_bar": math.radians(30.0),
-                         "h_function": "1981"}
+_LOBE: dict[str, Any] = {
+    "w": 0.52,
+    "b": 0.213,
+    "c": 1.0,
+    "b_s0": 1.0,
+    "h_s": 1.0,
+    "theta_bar": math.radians(30.0),
+    "h_function": "1981",
+}
 _DEFAULTS: dict[str, Any] = {"w": 0.5, "h_function": "1981"}
 _LEVEL: dict[str, Any] = _LOBE | {"b": 0.0}
-_DUST: dict[str, Any] = {"w": 0.526, "theta_bar": math.radians(13.3), "b": 0.187, "c": 2 * 0.6365 - 1, "h_s": 0.083,
-                         "b_s0": 1.0}
+_DUST: dict[str, Any] = {
+    "w": 0.526,
+    "theta_bar": math.radians(13.3),
+    "b": 0.187,
+    "c": 2 * 0.6365 - 1,
+    "h_s": 0.083,
+    "b_s0": 1.0,
+}
 #: Azimuth of ISIS' point with phase, incidence and emission of 60, 45 and 30 degrees.
-_AZIMUTH = math.degrees(math.acos((0.5 - math.cos(math.radians(45)) * math.cos(math.radians(30)))
-                                  / (math.sin(math.radians(45)) * math.sin(math.radians(30)))))
+_AZIMUTH = math.degrees(
+    math.acos(
+        (0.5 - math.cos(math.radians(45)) * math.cos(math.radians(30)))
+        / (math.sin(math.radians(45)) * math.sin(math.radians(30)))
+    )
+)
 
 #: (parameters, name of the set, incidence, emission, azimuth in degrees, whether over cos i, value, source).
 _POINTS = (
@@ -39,15 +56,29 @@ _DIGITS = 5e-6
 def _compare(bench: Bench) -> list[Row]:
     rows = []
     for parameters, name, i, e, azimuth, over_cosine, value, source in _POINTS:
-        r = float(bidirectional_reflectance(math.radians(i), math.radians(e), math.radians(azimuth),
-                                            HapkeParameters(**parameters)))
+        r = float(
+            bidirectional_reflectance(
+                math.radians(i), math.radians(e), math.radians(azimuth), HapkeParameters(**parameters)
+            )
+        )
         ours = math.pi * r / (math.cos(math.radians(i)) if over_cosine else 1.0)
-        rows.append(Row(f"{name}: {'reflectance factor' if over_cosine else 'I/F'} at i {i:g}°, e {e:g}°, azimuth "
-                        f"{azimuth:.4g}°", ours, value, _DIGITS * max(1.0, value), source))
+        rows.append(
+            Row(
+                f"{name}: {'reflectance factor' if over_cosine else 'I/F'} at i {i:g}°, e {e:g}°, azimuth "
+                f"{azimuth:.4g}°",
+                ours,
+                value,
+                _DIGITS * max(1.0, value),
+                source,
+            )
+        )
     return rows
 
 
 COMPARISON = Comparison(
-    "codes", "Hapke's formula in other programs",
+    "codes",
+    "Hapke's formula in other programs",
     "Values that the tests of other programs state. The table that Icy Moon's own tests use has 50 digits and many "
-    "hundred rows.", _compare)
+    "hundred rows.",
+    _compare,
+)

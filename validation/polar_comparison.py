@@ -64,8 +64,20 @@ def compare(bench: Bench) -> list[Row]:
     rows = [_of_terrain(bench, terrain) for terrain in terrains]
     if len(terrains) == 1:
         return rows[0]
-    return [Row(f"terrain {terrain.name}: {row.quantity}", row.ours, row.theirs, row.allowed, row.source, row.unit,
-                row.fitted, row.why) for terrain, found in zip(terrains, rows, strict=True) for row in found]
+    return [
+        Row(
+            f"terrain {terrain.name}: {row.quantity}",
+            row.ours,
+            row.theirs,
+            row.allowed,
+            row.source,
+            row.unit,
+            row.fitted,
+            row.why,
+        )
+        for terrain, found in zip(terrains, rows, strict=True)
+        for row in found
+    ]
 
 
 def _of_terrain(bench: Bench, terrain: Terrain) -> list[Row]:
@@ -74,12 +86,18 @@ def _of_terrain(bench: Bench, terrain: Terrain) -> list[Row]:
     lamps, sand = fit_lamps(terrain, camera, sand)
     masks, frames = _render(bench, terrain, camera, sand, lamps)
     _write_pictures(bench.folder / f"terrain{terrain.name}", terrain, masks)
-    return [*_of_camera(camera), *_of_lamps(lamps), *_of_masks(terrain, masks, measure_hand(terrain, camera, sand)),
-            *_of_tips(terrain, camera, sand, lamps), *_of_disparity(terrain, camera, sand, frames)]
+    return [
+        *_of_camera(camera),
+        *_of_lamps(lamps),
+        *_of_masks(terrain, masks, measure_hand(terrain, camera, sand)),
+        *_of_tips(terrain, camera, sand, lamps),
+        *_of_disparity(terrain, camera, sand, frames),
+    ]
 
 
-def _render(bench: Bench, terrain: Terrain, camera: Calibration, sand: Sand,
-            lamps: dict[int, np.ndarray]) -> tuple[dict[tuple[View, int], Masks], dict[str, Frame]]:
+def _render(
+    bench: Bench, terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, np.ndarray]
+) -> tuple[dict[tuple[View, int], Masks], dict[str, Frame]]:
     """Masks of every photograph: for each position and azimuth a pair with the rocks and one without them."""
     columns = _QUICK_COLUMNS if bench.quick else _COLUMNS
     frames = {position: find_frame(terrain, camera, sand, position, columns) for position in terrain.positions}
@@ -95,38 +113,78 @@ def _render(bench: Bench, terrain: Terrain, camera: Calibration, sand: Sand,
     for view, azimuth in terrain.photographs:
         frame = frames[view.position]
         ours = read_masks(pairs[view.position, azimuth, True], pairs[view.position, azimuth, False], view.eye)
-        rock, shadow, ground = (fill_polygons(frame.shape, [
-            frame.rectify(camera, view.eye, each) for each in terrain.polygons(view, azimuth, kind)], finer=5)
-            for kind in (ROCK, SHADOW, GROUND))
+        rock, shadow, ground = (
+            fill_polygons(
+                frame.shape,
+                [frame.rectify(camera, view.eye, each) for each in terrain.polygons(view, azimuth, kind)],
+                finer=5,
+            )
+            for kind in (ROCK, SHADOW, GROUND)
+        )
         sandbox = ground | rock | shadow | (not ground.any())  # around it are walls, which are not built
         found[view, azimuth] = Masks(rock, shadow & ~rock, ours[0] & sandbox, ours[1] & sandbox, ours[2])
     return found, frames
 
 
 def _of_camera(camera: Calibration) -> list[Row]:
-    return [Row("camera: median distance of outlines from rocks", camera.median_px, 0.0, _OUTLINE_PX, _SOURCE, "px",
-                fitted=True),
-            Row("camera: baseline", camera.baseline_m, SURVEYED_BASELINE_M, _BASELINE_M, _SURVEY, "m")]
+    return [
+        Row(
+            "camera: median distance of outlines from rocks",
+            camera.median_px,
+            0.0,
+            _OUTLINE_PX,
+            _SOURCE,
+            "px",
+            fitted=True,
+        ),
+        Row("camera: baseline", camera.baseline_m, SURVEYED_BASELINE_M, _BASELINE_M, _SURVEY, "m"),
+    ]
 
 
 def _of_lamps(lamps: dict[int, np.ndarray]) -> list[Row]:
-    return [Row(f"lamp at {azimuth}°: distance from the survey",
-                float(np.linalg.norm((lamp - SURVEYED_LAMPS[azimuth])[:2])), 0.0, _LAMP_M, _SURVEY, "m",
-                why="Likely cause: the survey is nominal, and sand that is higher or lower than assumed moves all "
-                    "shadows of an azimuth") for azimuth, lamp in lamps.items()]
+    return [
+        Row(
+            f"lamp at {azimuth}°: distance from the survey",
+            float(np.linalg.norm((lamp - SURVEYED_LAMPS[azimuth])[:2])),
+            0.0,
+            _LAMP_M,
+            _SURVEY,
+            "m",
+            why="Likely cause: the survey is nominal, and sand that is higher or lower than assumed moves all "
+            "shadows of an azimuth",
+        )
+        for azimuth, lamp in lamps.items()
+    ]
 
 
 def _of_masks(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Hand) -> list[Row]:
     rows = []
     for position in terrain.positions:
-        rows += _overlap_rows("rocks", position, masks, lambda each: overlap(each.our_rock, each.rock), _ROCKS, (
-            "Likely causes: scans that stand a few millimetres off, sand that is no plane at a rock, and outlines by "
-            f"hand; {_of_hand(hand.rocks[position])}"))
+        rows += _overlap_rows(
+            "rocks",
+            position,
+            masks,
+            lambda each: overlap(each.our_rock, each.rock),
+            _ROCKS,
+            (
+                "Likely causes: scans that stand a few millimetres off, sand that is no plane at a rock, and "
+                "outlines by "
+                f"hand; {_of_hand(hand.rocks[position])}"
+            ),
+        )
     for position in terrain.positions:
-        rows += _overlap_rows("shadows", position, masks, lambda each: overlap(each.our_shadow, each.shadow), _SHADOWS,
-                              ("Likely causes: the scan of the sand is not public, and outlines by hand; those of the "
-                               "left eye, seen with the right one by way of the fitted sand, agree with those of the "
-                               f"right one to {hand.shadows[position]:.2f}"))
+        rows += _overlap_rows(
+            "shadows",
+            position,
+            masks,
+            lambda each: overlap(each.our_shadow, each.shadow),
+            _SHADOWS,
+            (
+                "Likely causes: the scan of the sand is not public, and outlines by hand; those of the "
+                "left eye, seen with the right one by way of the fitted sand, agree with those of the "
+                f"right one to {hand.shadows[position]:.2f}"
+            ),
+        )
     return rows
 
 
@@ -136,11 +194,26 @@ def _of_hand(agreement: float) -> str:
     return f"those under one lamp agree with those that were drawn anew under another to {agreement:.2f}"
 
 
-def _overlap_rows(name: str, position: str, masks: dict[tuple[View, int], Masks], agreement: Callable[[Masks], float],
-                  goal: float, why: str) -> list[Row]:
-    return [Row(f"{name}, position {position}, {_WHO[eye]} eye: intersection over union", float(np.mean(
-        [agreement(each) for (view, _), each in masks.items() if view == View(position, eye)])), 1.0, 1 - goal,
-        _SOURCE, fitted=eye == "L", why=why) for eye in EYES]
+def _overlap_rows(
+    name: str,
+    position: str,
+    masks: dict[tuple[View, int], Masks],
+    agreement: Callable[[Masks], float],
+    goal: float,
+    why: str,
+) -> list[Row]:
+    return [
+        Row(
+            f"{name}, position {position}, {_WHO[eye]} eye: intersection over union",
+            float(np.mean([agreement(each) for (view, _), each in masks.items() if view == View(position, eye)])),
+            1.0,
+            1 - goal,
+            _SOURCE,
+            fitted=eye == "L",
+            why=why,
+        )
+        for eye in EYES
+    ]
 
 
 def _of_tips(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, np.ndarray]) -> list[Row]:
@@ -149,14 +222,22 @@ def _of_tips(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int,
     errors = [1.0 / reach - 1.0 for (view, _, _), reach in reaches.items() if view.eye == "R"]
     if not errors:
         return []
-    again = [f"by more than {apart:.1%} between {what}" for apart, what in zip(
-        _tips_again(reaches), ("the eyes of a position", "positions, by way of the fitted sand"), strict=True)
-        if np.isfinite(apart)]
+    again = [
+        f"by more than {apart:.1%} between {what}"
+        for apart, what in zip(
+            _tips_again(reaches), ("the eyes of a position", "positions, by way of the fitted sand"), strict=True
+        )
+        if np.isfinite(apart)
+    ]
     quantity = f"tips of {len(errors)} shadows, right eyes: median"
-    why = ("Likely cause: the height of the sand at the tips is not measured, and a centimetre of it moves a tip by "
-           "about five" + (f". Half of the outlined tips differ {', and '.join(again)}" if again else ""))
-    return [Row(f"{quantity} error of the length", float(np.median(errors)), 0.0, _TIP, _SOURCE, why=why),
-            Row(f"{quantity} size of the error", float(np.median(np.abs(errors))), 0.0, _TIP, _SOURCE, why=why)]
+    why = (
+        "Likely cause: the height of the sand at the tips is not measured, and a centimetre of it moves a tip by "
+        "about five" + (f". Half of the outlined tips differ {', and '.join(again)}" if again else "")
+    )
+    return [
+        Row(f"{quantity} error of the length", float(np.median(errors)), 0.0, _TIP, _SOURCE, why=why),
+        Row(f"{quantity} size of the error", float(np.median(np.abs(errors))), 0.0, _TIP, _SOURCE, why=why),
+    ]
 
 
 _Reaches = dict[tuple[View, int, int], float]
@@ -191,8 +272,11 @@ def _tips_again(reaches: _Reaches) -> tuple[float, float]:
     for (view, azimuth, k), reach in reaches.items():
         shadows.setdefault((azimuth, k), {}).setdefault(view.position, []).append(reach)
     eyes = [abs(both[0] / both[1] - 1) for seen in shadows.values() for both in seen.values() if len(both) == len(EYES)]
-    positions = [abs(float(np.mean(one) / np.mean(other)) - 1) for seen in shadows.values()
-                 for one, other in combinations(seen.values(), 2)]
+    positions = [
+        abs(float(np.mean(one) / np.mean(other)) - 1)
+        for seen in shadows.values()
+        for one, other in combinations(seen.values(), 2)
+    ]
     return _median(eyes), _median(positions)
 
 
@@ -224,12 +308,18 @@ def _of_disparity(terrain: Terrain, camera: Calibration, sand: Sand, frames: dic
     rows = []
     for position, frame in frames.items():
         apart = []
-        own = {eye: [assign_outlines(terrain, camera, sand, View(position, eye), azimuth)
-                     for azimuth in terrain.azimuths] for eye in EYES}
+        own = {
+            eye: [assign_outlines(terrain, camera, sand, View(position, eye), azimuth) for azimuth in terrain.azimuths]
+            for eye in EYES
+        }
         for k, rock in enumerate(terrain.rocks):
             points, faces = sand.visible(k, rock)
-            middles = {eye: [_middle_column(frame.rectify(camera, eye, found[k][0])) for found in own[eye]
-                             if len(found[k]) == 1] for eye in EYES}
+            middles = {
+                eye: [
+                    _middle_column(frame.rectify(camera, eye, found[k][0])) for found in own[eye] if len(found[k]) == 1
+                ]
+                for eye in EYES
+            }
             if not len(faces) or not all(middles.values()):
                 continue
             used = points[np.unique(faces)]
@@ -237,8 +327,16 @@ def _of_disparity(terrain: Terrain, camera: Calibration, sand: Sand, frames: dic
             ours = _middle_column(frame.project(used, "L")) - _middle_column(frame.project(used, "R"))
             apart.append(float(ours - theirs))
         if apart:
-            rows.append(Row(f"disparity of {len(apart)} rocks, position {position}: median size of the difference",
-                            float(np.median(np.abs(apart))), 0.0, _DISPARITY_PX, _SOURCE, "px"))
+            rows.append(
+                Row(
+                    f"disparity of {len(apart)} rocks, position {position}: median size of the difference",
+                    float(np.median(np.abs(apart))),
+                    0.0,
+                    _DISPARITY_PX,
+                    _SOURCE,
+                    "px",
+                )
+            )
     return rows
 
 
@@ -255,6 +353,7 @@ def _write_pictures(folder: Path, terrain: Terrain, masks: dict[tuple[View, int]
                 continue
             white = max(float(np.quantile(each.light, 0.98)), 1e-12)
             grey = np.repeat((np.clip(each.light / white, 0, 1) ** 0.5 * 255).astype(np.uint8)[..., None], 3, axis=2)
-            rows.append(np.hstack([_COLOURS[each.rock + 2 * each.shadow],
-                                   _COLOURS[each.our_rock + 2 * each.our_shadow], grey]))
+            rows.append(
+                np.hstack([_COLOURS[each.rock + 2 * each.shadow], _COLOURS[each.our_rock + 2 * each.our_shadow], grey])
+            )
         write_png(folder / f"twins_{view.position}_{view.eye}.png", np.vstack(rows))

@@ -12,7 +12,8 @@ def _compare(bench: Bench) -> list[Row]:
 
 
 COMPARISON = Comparison(
-    "polar", "A real scene",
+    "polar",
+    "A real scene",
     "Rocks on sand under one lamp in a dark room, which NASA Ames photographed with a stereo camera (POLAR). POLAR-Sim "
     "(Chen et al., arXiv 2309.12397, github.com/uwsbel/POLAR-Sim, CC0 1.0) scanned the rocks and outlined rocks and "
     "shadows by hand. The scene is built again from scans and survey, and rendered with a lamp near the ground and "
@@ -50,7 +51,10 @@ COMPARISON = Comparison(
     "copies are not compared. The data are not shipped: FOLDER has `rocks/terrainTT_rockN.obj` and "
     "`labels/TT_P_off_AZ_E.txt` for each terrain TT, camera position P, azimuth AZ and eye E. Pictures of labels, "
     "masks and renders side by side are written beside the tables.",
-    _compare, quick=False, needs="polar",
+    _compare,
+    quick=False,
+    needs="polar",
     figure="![Labels, our masks and our renders of four lamps](../images/polar_twins.jpg) "
     "Position A, right eye, lamps at 30, 180, 270 and 350°: POLAR-Sim's outlines of rocks and shadows, ours, and our "
-    "render (`polar/terrain04/twins_A_R.png`).")
+    "render (`polar/terrain04/twins_A_R.png`).",
+)

@@ -14,25 +14,29 @@ GREEN = WAVELENGTH_NM.index(550.0)
 
 #: Europa's trailing hemisphere: albedo from Spencer 1999 in Madden and Kaltenegger 2018, arXiv 1807.11442; and
 #: reflectance, relative to about 700 nm, from the archive of planetary spectra of the USGS.
-EUROPA_TRAILING = np.array([[0.4506, 0.5094, 0.5278, 0.6110, 0.6307, 0.6394],
-                            [0.4674, 0.6731, 0.7026, 0.8459, 0.9425, 1.0066]])
-EUROPA_SOURCE = ("Spencer 1999 in Madden and Kaltenegger 2018, arXiv 1807.11442, and the USGS' archive of planetary "
-                 "spectra; the mean and half the difference of both")
+EUROPA_TRAILING = np.array(
+    [[0.4506, 0.5094, 0.5278, 0.6110, 0.6307, 0.6394], [0.4674, 0.6731, 0.7026, 0.8459, 0.9425, 1.0066]]
+)
+EUROPA_SOURCE = (
+    "Spencer 1999 in Madden and Kaltenegger 2018, arXiv 1807.11442, and the USGS' archive of planetary "
+    "spectra; the mean and half the difference of both"
+)
 
 #: Enceladus by Cassini's VIMS, in Madden and Kaltenegger 2018: means over 20 nm.
 ENCELADUS = np.array([0.8788, 0.8996, 0.9028, 0.9070, 0.8868, 0.8725])
 ENCELADUS_SOURCE = "Cassini's VIMS in Madden and Kaltenegger 2018, arXiv 1807.11442; the error is a guess"
 
 #: Clean snow of grains of this radius in metres, by the model of Khuller et al. 2021, J. Geophys. Res. Planets 126.
-SNOW = {100e-6: (0.99829, 0.9962, 0.99546, 0.98555, 0.97383, 0.95442),
-        500e-6: (0.99619, 0.99152, 0.98984, 0.96802, 0.9424, 0.90242),
-        2500e-6: (0.98837, 0.97454, 0.96951, 0.90771, 0.84013, 0.74453)}
+SNOW = {
+    100e-6: (0.99829, 0.9962, 0.99546, 0.98555, 0.97383, 0.95442),
+    500e-6: (0.99619, 0.99152, 0.98984, 0.96802, 0.9424, 0.90242),
+    2500e-6: (0.98837, 0.97454, 0.96951, 0.90771, 0.84013, 0.74453),
+}
 SNOW_SOURCE = "Khuller et al. 2021, doi 10.1029/2021JE006910: another program, with the same absorption of ice"
 
 
 def europa_over_green(wavelength_nm: float) -> tuple[float, float]:
-    """Reflectance of Europa's trailing hemisphere over that at 550 nm: mean of both spectra, and half their difference.
-    """
+    """Europa's trailing hemisphere over its reflectance at 550 nm: mean and half the difference of both spectra."""
     column = WAVELENGTH_NM.index(wavelength_nm)
     one, other = EUROPA_TRAILING[:, column] / EUROPA_TRAILING[:, GREEN]
     return float((one + other) / 2), float(abs(one - other) / 2)

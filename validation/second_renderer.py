@@ -47,54 +47,103 @@ class Scene:
 _LAMBERT = {"model": "LAMBERT", "albedo": 0.8}
 _HAPKE, _SNOW = {"model": "HAPKE"}, {"model": "SNOW", "albedo": 0.95}
 _HORIZON = {"rig": {"pitch_deg": 12.0}, "light": {"sun_elevation_deg": 30.0, "sun_azimuth_deg": 250.0}}
-_TURNED_AWAY = ("Cause, by the next scene: Mitsuba draws Lambert's law black where a shading normal turns away from a "
-                "camera that sees the facet; Cycles does not. With a law that is not, 3.4 % become 0.3 % "
-                "(`benchmarks/shading_normals.py`)")
-_TURNED_FROM_SUN = ("Cause, by the scene with flat facets: on a facet that turns from the Sun, where the smooth normal "
-                    "does not, Cycles lets the sunlight in and Mitsuba does not")
+_TURNED_AWAY = (
+    "Cause, by the next scene: Mitsuba draws Lambert's law black where a shading normal turns away from a "
+    "camera that sees the facet; Cycles does not. With a law that is not, 3.4 % become 0.3 % "
+    "(`benchmarks/shading_normals.py`)"
+)
+_TURNED_FROM_SUN = (
+    "Cause, by the scene with flat facets: on a facet that turns from the Sun, where the smooth normal "
+    "does not, Cycles lets the sunlight in and Mitsuba does not"
+)
 _BEHIND = {"sun_elevation_deg": 40.0, "sun_azimuth_deg": 180.0}
 _LOW = {"light": {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 300.0}}
-_COARSE = ("Cause, by the next scene: shading normals. The renderers differ on facets that turn from the Sun or from "
-           "the camera where the smooth normal does not, and here facets are several pixels wide. With a law that is "
-           "not black there, and without the 16 % of the pixels that see facets turned from the Sun, an RMS of 5.1 % "
-           "becomes 0.8 % (`benchmarks/shading_normals.py`)")
-_DARK = ("Cause: noise of dark regions. Renders in Mitsuba with other seeds (`mitsuba_render.py SCENE SAMPLES SEED`) "
-         "differ as much")
+_COARSE = (
+    "Cause, by the next scene: shading normals. The renderers differ on facets that turn from the Sun or from "
+    "the camera where the smooth normal does not, and here facets are several pixels wide. With a law that is "
+    "not black there, and without the 16 % of the pixels that see facets turned from the Sun, an RMS of 5.1 % "
+    "becomes 0.8 % (`benchmarks/shading_normals.py`)"
+)
+_DARK = (
+    "Cause: noise of dark regions. Renders in Mitsuba with other seeds (`mitsuba_render.py SCENE SAMPLES SEED`) "
+    "differ as much"
+)
 _STEEP = {"rms_slope_deg": 25.0}
 _DEFAULT: Mapping[str, Mapping[str, Any]] = {
-    "surface": _LAMBERT, "terrain": {**_STEEP, "inner_scale_m": 0.02},
-    "mesh": {"edge_px": 8.0, "error_px": 1.0}, **_LOW}
+    "surface": _LAMBERT,
+    "terrain": {**_STEEP, "inner_scale_m": 0.02},
+    "mesh": {"edge_px": 8.0, "error_px": 1.0},
+    **_LOW,
+}
 #: How a law that is no Lambert's is made in Cycles, and the name of that in scenes.
 _BACKENDS = {"OSL": "OSL", "NODES": "nodes"}
 SCENES = (
     Scene("low Sun", {"surface": _LAMBERT, "light": {"sun_elevation_deg": 8.0, "sun_azimuth_deg": 230.0}}),
     Scene("grazing view to the horizon", {"surface": _LAMBERT, **_HORIZON}, samples=256, why=_TURNED_AWAY),
     Scene("the same with flat facets", {"surface": _LAMBERT, **_HORIZON}, samples=256, flat=True),
-    *(Scene(f"grazing view, {law} by {name}", {"surface": surface, "hapke": {"backend": backend}, **_HORIZON},
-            samples=256, why=_TURNED_FROM_SUN)
-      for law, surface in (("Hapke", _HAPKE), ("snow", _SNOW)) for backend, name in _BACKENDS.items()),
-    Scene("Saturn's light alone", {"surface": _LAMBERT, "light": {
-        "sun_elevation_deg": -20.0, "sun_azimuth_deg": 200.0, "planet": True, "planet_elevation_deg": 40.0,
-        "planet_azimuth_deg": 250.0, "planet_flattening": 0.098}}, samples=1024),
-    Scene("deep shadow, three bounces", {"surface": _LAMBERT, "terrain": _STEEP, **_LOW}, bounces=3, samples=1024,
-          why=_DARK),
+    *(
+        Scene(
+            f"grazing view, {law} by {name}",
+            {"surface": surface, "hapke": {"backend": backend}, **_HORIZON},
+            samples=256,
+            why=_TURNED_FROM_SUN,
+        )
+        for law, surface in (("Hapke", _HAPKE), ("snow", _SNOW))
+        for backend, name in _BACKENDS.items()
+    ),
+    Scene(
+        "Saturn's light alone",
+        {
+            "surface": _LAMBERT,
+            "light": {
+                "sun_elevation_deg": -20.0,
+                "sun_azimuth_deg": 200.0,
+                "planet": True,
+                "planet_elevation_deg": 40.0,
+                "planet_azimuth_deg": 250.0,
+                "planet_flattening": 0.098,
+            },
+        },
+        samples=1024,
+    ),
+    Scene(
+        "deep shadow, three bounces",
+        {"surface": _LAMBERT, "terrain": _STEEP, **_LOW},
+        bounces=3,
+        samples=1024,
+        why=_DARK,
+    ),
     Scene("deep shadow on the default mesh", _DEFAULT, bounces=3, samples=256, why=_COARSE),
     Scene("the default mesh with flat facets", _DEFAULT, bounces=3, samples=1024, why=_DARK, flat=True),
     Scene("opposition, Hapke", {"surface": _HAPKE, "hapke": {"backend": "OSL"}, "light": _BEHIND}),
     Scene("opposition, snow", {"surface": _SNOW, "hapke": {"backend": "OSL"}, "light": _BEHIND}),
-    Scene("rocks, three bounces", {"surface": _LAMBERT, "rocks": {"coverage": 0.15}, "light": {
-        "sun_elevation_deg": 35.0, "sun_azimuth_deg": 240.0}}, bounces=3, samples=256),
+    Scene(
+        "rocks, three bounces",
+        {
+            "surface": _LAMBERT,
+            "rocks": {"coverage": 0.15},
+            "light": {"sun_elevation_deg": 35.0, "sun_azimuth_deg": 240.0},
+        },
+        bounces=3,
+        samples=256,
+    ),
 )
 
 
 def describe_scene(scene: Scene) -> Settings:
     """The complete settings of a scene."""
-    common = {"surface": {"albedo_variation": 0.0, "grain_amplitude_m": 0.0},
-              "terrain": {"rms_slope_deg": 10.0, "size_m": 20.0, "inner_scale_m": 0.4},
-              "mesh": {"edge_px": 1.5, "error_px": 0.1},
-              "rig": {"width_px": _COLUMNS, "height_px": _ROWS, "pitch_deg": 50.0},
-              "quality": {"samples": scene.samples, "denoiser": "NONE", "noise_threshold": 0.0,
-                          "diffuse_bounces": scene.bounces}}
+    common = {
+        "surface": {"albedo_variation": 0.0, "grain_amplitude_m": 0.0},
+        "terrain": {"rms_slope_deg": 10.0, "size_m": 20.0, "inner_scale_m": 0.4},
+        "mesh": {"edge_px": 1.5, "error_px": 0.1},
+        "rig": {"width_px": _COLUMNS, "height_px": _ROWS, "pitch_deg": 50.0},
+        "quality": {
+            "samples": scene.samples,
+            "denoiser": "NONE",
+            "noise_threshold": 0.0,
+            "diffuse_bounces": scene.bounces,
+        },
+    }
     return merged(defaults(), check(common, "second renderer"), check(dict(scene.changes), scene.name))
 
 
@@ -106,13 +155,16 @@ def write_facets(mesh: Path, target: Path) -> None:
     vertices, triangles = read_triangles(mesh)
     corners = vertices[triangles].astype(np.float64)
     middle = corners.mean(axis=1, keepdims=True)
-    write_triangles(target, (middle + 1.001 * (corners - middle)).reshape(-1, 3),
-                    np.arange(triangles.size).reshape(-1, 3))
+    write_triangles(
+        target, (middle + 1.001 * (corners - middle)).reshape(-1, 3), np.arange(triangles.size).reshape(-1, 3)
+    )
 
 
 def _describe_facets(scene: Scene, mesh: Path) -> Settings:
-    return merged(describe_scene(scene), check({"source": {
-        "kind": "MESH", "file": str(mesh.absolute()), "centre": False, "up_axis": "Z"}}, scene.name))
+    return merged(
+        describe_scene(scene),
+        check({"source": {"kind": "MESH", "file": str(mesh.absolute()), "centre": False, "up_axis": "Z"}}, scene.name),
+    )
 
 
 def _render_in_mitsuba(folder: Path, samples: int) -> tuple[np.ndarray, np.ndarray]:
@@ -127,8 +179,10 @@ def _render_in_mitsuba(folder: Path, samples: int) -> tuple[np.ndarray, np.ndarr
     done = run([sys.executable, str(script), str(scene), str(samples)], clean_environment(), timeout_s=_LIMIT_S)
     if done.returncode:
         lines = [line for line in (done.stderr + done.stdout).splitlines() if "rror" in line]
-        raise IcyMoonError(f"Mitsuba fails ({lines[-1].strip() if lines else f'status {done.returncode}'}); it needs "
-                           "an LLVM library that its version knows, see DRJIT_LIBLLVM_PATH in its manual.")
+        raise IcyMoonError(
+            f"Mitsuba fails ({lines[-1].strip() if lines else f'status {done.returncode}'}); it needs "
+            "an LLVM library that its version knows, see DRJIT_LIBLLVM_PATH in its manual."
+        )
     radiance, depth = (np.load(folder / f"scene_left_{name}.npy") for name in ("radiance", "depth"))
     return np.asarray(radiance[..., 0], np.float64), depth
 
@@ -149,8 +203,7 @@ def edge_shift_px(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def draw_twins(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
-    """A picture (H, 3 W, 3), uint8: both images, and ours over theirs: grey where equal, red where 10 % more.
-    """
+    """A picture (H, 3 W, 3), uint8: both images, and ours over theirs: grey where equal, red where 10 % more."""
     white = max(float(np.quantile(theirs, 0.99)), 1e-30)
     shown = [np.repeat(np.clip(image / white, 0, 1)[..., None] ** (1 / 2.2), 3, axis=-1) for image in (ours, theirs)]
     apart = np.clip((ours - theirs) / np.maximum(theirs, _FLOOR * theirs.mean()) / 0.1, -1, 1)[..., None]
@@ -163,8 +216,11 @@ def _difference(ours: np.ndarray, theirs: np.ndarray) -> tuple[float, float, str
     here, there = region_means(ours), region_means(theirs)
     difference = (here - there) / np.maximum(there, _FLOOR * there.mean())
     worst = np.unravel_index(np.argmax(np.abs(difference)), difference.shape)
-    return (float(np.sqrt(np.mean(difference ** 2))), float(difference[worst]),
-            f"largest difference of 64 regions, row {worst[0] + 1}, column {worst[1] + 1}")
+    return (
+        float(np.sqrt(np.mean(difference**2))),
+        float(difference[worst]),
+        f"largest difference of 64 regions, row {worst[0] + 1}, column {worst[1] + 1}",
+    )
 
 
 def _rows(scene: Scene, ours: np.ndarray, seen: np.ndarray, theirs: np.ndarray, depth: np.ndarray) -> list[Row]:
@@ -175,15 +231,30 @@ def _rows(scene: Scene, ours: np.ndarray, seen: np.ndarray, theirs: np.ndarray, 
     dark = 0.25 * float(np.median(theirs[theirs > 0]))
     allowed = _BOUNCED if scene.bounces else _DIRECT
     source = f"Mitsuba 3, {scene.samples} samples, the exported scene"
-    found = [Row(f"{scene.name}: mean radiance over Mitsuba's", float(ours.sum() / theirs.sum()), 1.0, allowed, source,
-                 why=scene.why),
-             Row(f"{scene.name}: RMS of 64 regions", rms, 0.0, allowed, source, why=scene.why),
-             Row(f"{scene.name}: {where}", largest, 0.0, allowed, source, why=scene.why),
-             Row(f"{scene.name}: depth, relative, 99 % of the pixels", float(np.quantile(apart, 0.99)), 0.0, _DEPTH,
-                 source)]
+    found = [
+        Row(
+            f"{scene.name}: mean radiance over Mitsuba's",
+            float(ours.sum() / theirs.sum()),
+            1.0,
+            allowed,
+            source,
+            why=scene.why,
+        ),
+        Row(f"{scene.name}: RMS of 64 regions", rms, 0.0, allowed, source, why=scene.why),
+        Row(f"{scene.name}: {where}", largest, 0.0, allowed, source, why=scene.why),
+        Row(f"{scene.name}: depth, relative, 99 % of the pixels", float(np.quantile(apart, 0.99)), 0.0, _DEPTH, source),
+    ]
     if not scene.bounces and "planet" not in scene.changes.get("light", {}):
-        found.append(Row(f"{scene.name}: shadow edges", edge_shift_px(ours < dark, theirs < dark), 0.0, _EDGE_PX,
-                         source, unit="px"))
+        found.append(
+            Row(
+                f"{scene.name}: shadow edges",
+                edge_shift_px(ours < dark, theirs < dark),
+                0.0,
+                _EDGE_PX,
+                source,
+                unit="px",
+            )
+        )
     return found
 
 
@@ -234,7 +305,8 @@ def _compare(bench: Bench) -> list[Row]:
 
 
 COMPARISON = Comparison(
-    "mitsuba", "A second renderer",
+    "mitsuba",
+    "A second renderer",
     "Scenes rendered in Cycles and, from the export `--format mitsuba`, in Mitsuba 3 (`pip install "
     "'icymoon[validate]'`): the same meshes, camera, Sun's disc and planet, other code for everything else. Radiance "
     "is compared in 64 regions of the left image; regions darker than 2 % of the mean are compared with that. Pictures "
@@ -243,4 +315,6 @@ COMPARISON = Comparison(
     "their size, but for the scenes on the default mesh, whose ground also has the default's smallest feature and is "
     "steeper than the default's. Scenes with flat facets have the ground of the scene before, with vertices of its own "
     "for each triangle: they show what the shading normals of smooth ground do.",
-    _compare, quick=False)
+    _compare,
+    quick=False,
+)

@@ -48,36 +48,66 @@ def _rows(name: str, error: np.ndarray, middles: np.ndarray, allowed: float, why
     worst = int(np.argmax(np.abs(error)))
     i, e, azimuth = np.degrees(middles[:, worst])
     where = f"near i {i:.0f}°, e {e:.0f}°, azimuth {azimuth:.0f}°"
-    return [Row(f"{name}: RMS difference", float(np.sqrt(np.mean(error ** 2))), 0.0, allowed, _SOURCE, why=why),
-            Row(f"{name}: mean difference", float(np.mean(error)), 0.0, allowed, _SOURCE, why=why),
-            Row(f"{name}: largest difference, {where}", float(error[worst]), 0.0, 3 * allowed, _SOURCE, why=why)]
+    return [
+        Row(f"{name}: RMS difference", float(np.sqrt(np.mean(error**2))), 0.0, allowed, _SOURCE, why=why),
+        Row(f"{name}: mean difference", float(np.mean(error)), 0.0, allowed, _SOURCE, why=why),
+        Row(f"{name}: largest difference, {where}", float(error[worst]), 0.0, 3 * allowed, _SOURCE, why=why),
+    ]
 
 
 def _surface(model: str, albedo: float, **changes: Any) -> Settings:
-    return merged(defaults(), check({"surface": {"model": model, "albedo": albedo, "albedo_variation": 0.0,
-                                                 "grain_amplitude_m": 0.0, **changes}}, "snow"))
+    return merged(
+        defaults(),
+        check(
+            {
+                "surface": {
+                    "model": model,
+                    "albedo": albedo,
+                    "albedo_variation": 0.0,
+                    "grain_amplitude_m": 0.0,
+                    **changes,
+                }
+            },
+            "snow",
+        ),
+    )
 
 
 def lambert_errors() -> tuple[np.ndarray, np.ndarray]:
     """Relative differences of a white Lambert surface on a grid of 5 degrees, and the angles."""
-    i, e, azimuth = (axis.ravel() for axis in np.radians(np.meshgrid(
-        np.arange(0.0, 71.0, 5.0), np.arange(0.0, 61.0, 5.0), np.arange(20.0, 161.0, 10.0), indexing="ij")))
+    i, e, azimuth = (
+        axis.ravel()
+        for axis in np.radians(
+            np.meshgrid(
+                np.arange(0.0, 71.0, 5.0), np.arange(0.0, 61.0, 5.0), np.arange(20.0, 161.0, 10.0), indexing="ij"
+            )
+        )
+    )
     return 1 / snow.reflectance_factor(i, e, azimuth, 1.0) - 1, np.stack([i, e, azimuth])
 
 
 def _compare(bench: Bench) -> list[Row]:
     fresh = load_preset("surfaces/fresh_snow")
     law = _surface("SNOW", 0.9)
-    surfaces = {f"the law `SNOW` by {name} in Cycles": merged(law, check({"hapke": {"backend": backend}}, "snow"))
-                for backend, name in (("NODES", "nodes"), ("OSL", "OSL"))} | {
-        "`fresh_snow` without relief and patches": merged(defaults(), fresh, check(
-            {"surface": {"albedo_variation": 0.0, "grain_amplitude_m": 0.0, "glint_share": 0.0}}, "snow")),
-        "`fresh_snow` without patches": merged(defaults(), fresh, check(
-            {"surface": {"albedo_variation": 0.0, "glint_share": 0.0}}, "snow"))}
-    found = render_ball(bench, list(surfaces.values()), _QUICK if bench.quick else _PHASES, _DISTANCE, pixels=120,
-                        samples=32)
-    rows = _rows("Lambert's law, albedo 1, by the formula", *lambert_errors(), 0.05,
-                 why="Cause: the law has no phase function")
+    surfaces = {
+        f"the law `SNOW` by {name} in Cycles": merged(law, check({"hapke": {"backend": backend}}, "snow"))
+        for backend, name in (("NODES", "nodes"), ("OSL", "OSL"))
+    } | {
+        "`fresh_snow` without relief and patches": merged(
+            defaults(),
+            fresh,
+            check({"surface": {"albedo_variation": 0.0, "grain_amplitude_m": 0.0, "glint_share": 0.0}}, "snow"),
+        ),
+        "`fresh_snow` without patches": merged(
+            defaults(), fresh, check({"surface": {"albedo_variation": 0.0, "glint_share": 0.0}}, "snow")
+        ),
+    }
+    found = render_ball(
+        bench, list(surfaces.values()), _QUICK if bench.quick else _PHASES, _DISTANCE, pixels=120, samples=32
+    )
+    rows = _rows(
+        "Lambert's law, albedo 1, by the formula", *lambert_errors(), 0.05, why="Cause: the law has no phase function"
+    )
     for (name, settings), images in zip(surfaces.items(), found, strict=True):
         error, middles = _errors(images, float(settings.surface.albedo))
         rows += _rows(name, error, middles, 0.005 if settings.surface.model == "SNOW" else 0.05)
@@ -85,8 +115,11 @@ def _compare(bench: Bench) -> list[Row]:
 
 
 COMPARISON = Comparison(
-    "snow", "Snow on Earth",
+    "snow",
+    "Snow on Earth",
     "Reflectance factors of a ball, as means over cells of 10° of incidence, emission and azimuth, beside the snow law "
     "with the same albedo: incidence up to 70°, emission up to 60°, azimuth at least 20° from the plane of the Sun. "
     "Numbers are relative differences, with the noise of 32 samples. The ball has a radius of a metre. "
-    "`fresh_snow` is without its glints, which a ball of so few pixels does not resolve.", _compare)
+    "`fresh_snow` is without its glints, which a ball of so few pixels does not resolve.",
+    _compare,
+)

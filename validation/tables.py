@@ -24,8 +24,15 @@ def cells(row: Row) -> tuple[str, ...]:
     """What a table shows of a row."""
     unit = f" {row.unit}" if row.unit else ""
     source = f"{row.source}. {row.why}" if row.why and row.verdict != AGREES else row.source
-    return (row.quantity, shown_number(row.ours) + unit, shown_number(row.theirs) + unit,
-            f"± {shown_number(row.allowed)}", f"{row.difference:+.2g}", _verdict(row), source)
+    return (
+        row.quantity,
+        shown_number(row.ours) + unit,
+        shown_number(row.theirs) + unit,
+        f"± {shown_number(row.allowed)}",
+        f"{row.difference:+.2g}",
+        _verdict(row),
+        source,
+    )
 
 
 def summary(result: Result) -> str:
@@ -62,7 +69,7 @@ def replace_sections(page: str, results: Sequence[Result]) -> str:
         new = markdown_section(result)
         found = _find_section(page, result.comparison)
         if found:
-            page = page[:found[0]] + new + "\n" + page[found[1]:]
+            page = page[: found[0]] + new + "\n" + page[found[1] :]
         else:
             last = page.rfind("\n## ") + 1
             page = page[:last] + new + "\n" + page[last:] if last else page.rstrip("\n") + "\n\n" + new

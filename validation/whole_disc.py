@@ -36,7 +36,8 @@ def _mirror_point(image: BallImage) -> float:
     """
     half = image.phase / 2
     near = (np.hypot(image.incidence - half, image.emission - half) < np.radians(2.0)) & (
-        np.abs(np.pi - image.azimuth) < np.radians(10.0 + np.degrees(0.05 / max(np.sin(half), 0.05))))
+        np.abs(np.pi - image.azimuth) < np.radians(10.0 + np.degrees(0.05 / max(np.sin(half), 0.05)))
+    )
     return float(image.radiance_factor[near].mean())
 
 
@@ -58,12 +59,20 @@ def _rows(preset: str, backend: str, images: list[BallImage]) -> list[Row]:
     def relative(quantity: str, ours: float, theirs: float) -> Row:
         return Row(f"{name}: {quantity}", ours, theirs, _ALLOWED * theirs, _SOURCE)
 
-    return [relative(f"brightness at phase {np.degrees(phases[worst]):g}°, the worst of {len(phases)}",
-                     float(ratio[worst] * formula[worst]), float(formula[worst])),
-            relative("geometric albedo", float(ratio[0] * formula[0]), float(formula[0])),
-            relative("Bond albedo", bond, photometry.bond_albedo(law)),
-            relative("equigonal albedo", _equigonal([_mirror_point(image) for image in fitted], degrees),
-                     _equigonal(of_formula, degrees))]
+    return [
+        relative(
+            f"brightness at phase {np.degrees(phases[worst]):g}°, the worst of {len(phases)}",
+            float(ratio[worst] * formula[worst]),
+            float(formula[worst]),
+        ),
+        relative("geometric albedo", float(ratio[0] * formula[0]), float(formula[0])),
+        relative("Bond albedo", bond, photometry.bond_albedo(law)),
+        relative(
+            "equigonal albedo",
+            _equigonal([_mirror_point(image) for image in fitted], degrees),
+            _equigonal(of_formula, degrees),
+        ),
+    ]
 
 
 def describe_surface(preset: str, backend: str) -> Settings:
@@ -73,14 +82,18 @@ def describe_surface(preset: str, backend: str) -> Settings:
 
 def _compare(bench: Bench) -> list[Row]:
     cases = list(product(PRESETS[:1] if bench.quick else PRESETS, ("NODES", "OSL")))
-    images = render_ball(bench, [describe_surface(*case) for case in cases], _QUICK if bench.quick else _PHASES,
-                         _DISTANCE)
+    images = render_ball(
+        bench, [describe_surface(*case) for case in cases], _QUICK if bench.quick else _PHASES, _DISTANCE
+    )
     return [row for case, found in zip(cases, images, strict=True) for row in _rows(*case, found)]
 
 
 COMPARISON = Comparison(
-    "disc", "Whole discs in Cycles",
+    "disc",
+    "Whole discs in Cycles",
     "A ball with the surface of a preset, rendered over phase angles and summed over the image, beside the integral of "
     "the formula over a sphere. Between the phase angles, the Bond albedo takes the shape of the formula's curve. The "
     "equigonal albedos are fitted at the same phase angles. The camera is 10 000 radii away: the disc then spans "
-    "phase angles of 0.011°, which takes 0.3 % from the top of Enceladus' surge and is in the numbers.", _compare)
+    "phase angles of 0.011°, which takes 0.3 % from the top of Enceladus' surge and is in the numbers.",
+    _compare,
+)

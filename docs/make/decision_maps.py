@@ -29,8 +29,11 @@ def column(image: np.ndarray, title: str) -> np.ndarray:
     side = min(colour.shape[:2])
     left = (colour.shape[1] - side) // 2
     enlarges = side < SIDE_PX
-    square = cv2.resize(colour[:side, left:left + side], (SIDE_PX, SIDE_PX),
-                        interpolation=cv2.INTER_NEAREST if enlarges else cv2.INTER_AREA)
+    square = cv2.resize(
+        colour[:side, left : left + side],
+        (SIDE_PX, SIDE_PX),
+        interpolation=cv2.INTER_NEAREST if enlarges else cv2.INTER_AREA,
+    )
     strip = np.full((STRIP_PX, SIDE_PX, 3), 255, np.uint8)
     cv2.putText(strip, title, (0, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.52, (40, 40, 40), 1, cv2.LINE_AA)
     return np.vstack([strip, square])
@@ -46,14 +49,20 @@ def main(arguments: Sequence[str]) -> None:
     out, pair, target, *methods = arguments
     folders = [Path(out) / "pairs" / name for name in pair.split(",")]
     if len(folders) == 1:
-        columns, kind = [left_column(folders[0], "left image"),
-                         column(read_png(folders[0] / "truth_sites.png"), "truth")], "outcome"
+        columns, kind = (
+            [left_column(folders[0], "left image"), column(read_png(folders[0] / "truth_sites.png"), "truth")],
+            "outcome",
+        )
     else:
-        columns, kind = [left_column(folder, title) for folder, title in zip(folders, ("before", "after"),
-                                                                             strict=True)], "change"
-    columns += [column(read_png(folders[-1] / f"{method}_{kind}.png"),
-                       f"change by {title}" if kind == "change" else title)
-                for method in methods for title in [describe_method(method.replace("_", " "))]]
+        columns, kind = (
+            [left_column(folder, title) for folder, title in zip(folders, ("before", "after"), strict=True)],
+            "change",
+        )
+    columns += [
+        column(read_png(folders[-1] / f"{method}_{kind}.png"), f"change by {title}" if kind == "change" else title)
+        for method in methods
+        for title in [describe_method(method.replace("_", " "))]
+    ]
     gap = np.full((SIDE_PX + STRIP_PX, GAP_PX, 3), 255, np.uint8)
     parts = [part for each in columns for part in (each, gap)][:-1]
     Path(target).write_bytes(encoded(np.hstack(parts), ".jpg", 88))

@@ -36,16 +36,28 @@ from matplotlib.figure import Figure
 
 COLOURS = ("#1b6ca8", "#c2553a", "#2a9d5c", "#7a6fc2", "#d19a1d", "#3fa7d6", "#8c2f39", "#777777")
 STYLE: Any = {
-    "svg.hashsalt": "icymoon", "svg.fonttype": "path", "font.size": 9, "axes.grid": True, "grid.color": "#dddddd",
-    "axes.spines.top": False, "axes.spines.right": False, "axes.prop_cycle": cycler(color=COLOURS),
-    "lines.linewidth": 1.4, "axes.axisbelow": True, "legend.frameon": False, "figure.constrained_layout.use": True}
+    "svg.hashsalt": "icymoon",
+    "svg.fonttype": "path",
+    "font.size": 9,
+    "axes.grid": True,
+    "grid.color": "#dddddd",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.prop_cycle": cycler(color=COLOURS),
+    "lines.linewidth": 1.4,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "figure.constrained_layout.use": True,
+}
 
 
 def described(*presets: str, **topics: dict[str, Any]) -> Settings:
     """The defaults with presets and changes."""
-    return description.merged(description.defaults(),
-                              *(preset_files.load_preset(name) for name in presets),
-                              description.check(topics, "figure"))
+    return description.merged(
+        description.defaults(),
+        *(preset_files.load_preset(name) for name in presets),
+        description.check(topics, "figure"),
+    )
 
 
 def terrain_law(figure: Figure) -> None:
@@ -104,8 +116,11 @@ def hapke_phase(figure: Figure) -> None:
         assert law is not None
         for axes, last in ((near, 8.0), (far, 160.0)):
             phase = np.radians(last) * np.linspace(0, 1, 81) ** 2
-            axes.plot(np.degrees(phase), photometry.disc_brightness(law, phase),
-                      label=preset_files.preset_header(name)[0].removesuffix(" (Hapke)"))
+            axes.plot(
+                np.degrees(phase),
+                photometry.disc_brightness(law, phase),
+                label=preset_files.preset_header(name)[0].removesuffix(" (Hapke)"),
+            )
     near.set(xlabel="Phase angle, °", ylabel="Brightness over a white, facing disc", ylim=(0, None))
     far.set(xlabel="Phase angle, °", ylim=(0, None))
     far.legend(fontsize=7)
@@ -141,8 +156,13 @@ def hapke_roughness(figure: Figure) -> None:
         axes.plot(emission, math.pi * np.asarray(r), label=f"roughness {theta:g}°")
     lambert = albedos.law_of(described(surface={"model": "LAMBERT", "albedo": 0.7}).surface, described().hapke)
     assert lambert is not None
-    axes.plot(emission, math.pi * np.asarray(lambert(np.radians(60.0), np.radians(np.abs(emission)), 0.0 * emission)),
-              "--", color="#777777", label="Lambert, albedo 0.7")
+    axes.plot(
+        emission,
+        math.pi * np.asarray(lambert(np.radians(60.0), np.radians(np.abs(emission)), 0.0 * emission)),
+        "--",
+        color="#777777",
+        label="Lambert, albedo 0.7",
+    )
     axes.set(xlabel="Emission angle in the plane of the Sun, ° (Sun at +60)", ylabel="I/F", ylim=(0, None))
     axes.legend(fontsize=8)
 
@@ -156,8 +176,14 @@ def sun_at_distance(figure: Figure) -> None:
     for name, d in (("Earth", 1.0), ("Jupiter", 5.2038), ("Saturn", 9.583)):
         for axes, value, digits in ((left, sun_irradiance_wm2(d), 2), (right, sun_diameter_deg(d), 4)):
             axes.plot(d, value, "o", color=COLOURS[1])
-            axes.annotate(f"{name} {value:.{digits}f}", (d, value), (-6, -10) if d > 1 else (6, 0), fontsize=8,
-                          textcoords="offset points", ha="right" if d > 1 else "left")
+            axes.annotate(
+                f"{name} {value:.{digits}f}",
+                (d, value),
+                (-6, -10) if d > 1 else (6, 0),
+                fontsize=8,
+                textcoords="offset points",
+                ha="right" if d > 1 else "left",
+            )
     left.set(xlabel="Distance, au", ylabel="Irradiance, W/m²")
     right.set(xlabel="Distance, au", ylabel="Diameter, °")
 
@@ -203,8 +229,9 @@ def photon_transfer(figure: Figure) -> None:
         for j, electrons in enumerate(signal):
             light = np.full((128, 128), electrons)
             pattern = sensor.draw_pattern(1, "left", (128, 128), response)
-            drawn = sensor.electrons(light, 1.0, 1.0, response | {"dark_current_e_s": 0.0}, generator(1, "sensor", j),
-                                     pattern)
+            drawn = sensor.electrons(
+                light, 1.0, 1.0, response | {"dark_current_e_s": 0.0}, generator(1, "sensor", j), pattern
+            )
             measured.append(drawn.mean() / drawn.std())
         dsnu = float(response.dsnu_e)
         noise = np.sqrt(signal + read**2 + (prnu * signal) ** 2 + dsnu**2)
@@ -237,8 +264,12 @@ def depth_error(figure: Figure) -> None:
     depth = np.geomspace(0.5, 50, 100)
     for k, name in enumerate(preset_files.preset_names("rigs")):
         rig, title = described(name).rig, preset_files.preset_header(name)[0]
-        axes.loglog(depth, [100 * stereo_geometry.depth_error_m(z, rig, 0.25) for z in depth], "-" if k % 2 else "--",
-                    label=f"{title}, f·B {focal_px(rig) * rig.baseline_m:.0f} px·m")
+        axes.loglog(
+            depth,
+            [100 * stereo_geometry.depth_error_m(z, rig, 0.25) for z in depth],
+            "-" if k % 2 else "--",
+            label=f"{title}, f·B {focal_px(rig) * rig.baseline_m:.0f} px·m",
+        )
     axes.set(xlabel="Depth, m", ylabel="Depth error for 0.25 px, cm")
     axes.legend(fontsize=8)
 
@@ -256,14 +287,17 @@ def cautious_matcher(figure: Figure) -> None:
     rows = []
     for share in kept:
         chosen = np.full(truth.size, np.nan)
-        index = order[:round(share * truth.size)]
+        index = order[: round(share * truth.size)]
         chosen[index] = disparity[index]
         depth = focal_baseline / chosen
         measured = depth_metrics(depth, truth) | disparity_metrics(chosen, focal_baseline / truth)
         total = total_metrics(depth, truth, chosen, focal_baseline / truth, measured["dod"])
         rows.append((measured["bad_1"], total["bad_1"], measured["dod"], total["dod"]))
-    for column, (label, style, colour) in zip(np.array(rows).T, (
-            ("bad_1", "-", 0), ("total_bad_1", "--", 0), ("dod", "-", 1), ("total_dod", "--", 1)), strict=True):
+    for column, (label, style, colour) in zip(
+        np.array(rows).T,
+        (("bad_1", "-", 0), ("total_bad_1", "--", 0), ("dod", "-", 1), ("total_dod", "--", 1)),
+        strict=True,
+    ):
         axes.plot(100 * kept, 100 * column, style, color=COLOURS[colour], label=label)
     axes.set(xlabel="Coverage, %", ylabel="%", ylim=(0, None))
     axes.legend()
@@ -272,17 +306,31 @@ def cautious_matcher(figure: Figure) -> None:
 def trade_front(figure: Figure) -> None:
     """Extra disparity error over processor seconds, for the variants in ``trade.json`` beside this file."""
     report = json.loads((Path(__file__).parent / "trade.json").read_text(encoding="utf-8"))
-    kinds = {row["key"]: row["name"] if row["group"] == "scene" else row["name"].partition(", ")[2] or "not denoised"
-             for row in report["rows"]}
+    kinds = {
+        row["key"]: row["name"] if row["group"] == "scene" else row["name"].partition(", ")[2] or "not denoised"
+        for row in report["rows"]
+    }
     panels = figure.subplots(1, 2, sharey=True)
     for axes, method in zip(panels, ("sgbm", "bm"), strict=True):
         for kind, colour in zip(dict.fromkeys(kinds.values()), COLOURS, strict=False):
             rows = [row for row in report["rows"] if kinds[row["key"]] == kind]
-            axes.loglog([row["cpu_s"] for row in rows], [row["loss"][method]["epe_px"] for row in rows], "o", ms=4,
-                        color=colour, label=kind)
+            axes.loglog(
+                [row["cpu_s"] for row in rows],
+                [row["loss"][method]["epe_px"] for row in rows],
+                "o",
+                ms=4,
+                color=colour,
+                label=kind,
+            )
         best = [report["rows"][k] for k in pareto_front(report["rows"], "cpu_s", ("loss", method, "epe_px"))]
-        axes.loglog([row["cpu_s"] for row in best], [row["loss"][method]["epe_px"] for row in best], "-",
-                    color="#777777", lw=1, zorder=0)
+        axes.loglog(
+            [row["cpu_s"] for row in best],
+            [row["loss"][method]["epe_px"] for row in best],
+            "-",
+            color="#777777",
+            lw=1,
+            zorder=0,
+        )
         axes.set(xlabel="Processor seconds of a pair", title=method, ylim=(0.003, 3.0))
         axes.set_xticks((2, 5, 10, 20), ("2", "5", "10", "20"))
         axes.set_xticks((), minor=True)
@@ -290,9 +338,25 @@ def trade_front(figure: Figure) -> None:
     panels[0].legend(fontsize=8)
 
 
-FIGURES: dict[str, Callable[[Figure], None]] = {f.__name__: f for f in (
-    terrain_law, terrain_profiles, rock_sizes, hapke_phase, hapke_error, hapke_roughness, sun_at_distance, europa_day,
-    planet_phase, photon_transfer, exposure_response, depth_error, cautious_matcher, trade_front)}
+FIGURES: dict[str, Callable[[Figure], None]] = {
+    f.__name__: f
+    for f in (
+        terrain_law,
+        terrain_profiles,
+        rock_sizes,
+        hapke_phase,
+        hapke_error,
+        hapke_roughness,
+        sun_at_distance,
+        europa_day,
+        planet_phase,
+        photon_transfer,
+        exposure_response,
+        depth_error,
+        cautious_matcher,
+        trade_front,
+    )
+}
 
 
 #: A number with more digits than a screen shows. Those of a scale make small letters of large outlines, and stay.

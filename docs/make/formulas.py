@@ -1,6 +1,6 @@
 """The formulas of the manual as MathML, for the pages that the window shows, where no converter is.
 
-    python docs/make/formulas.py        writes docs/formulas.json anew
+python docs/make/formulas.py        writes docs/formulas.json anew
 """
 
 from __future__ import annotations
@@ -24,8 +24,13 @@ def of_manual() -> dict[str, str]:
     from icymoon.formats.markdown import formulas
 
     pages = sorted(DOCS.rglob("*.md"))
-    return dict(sorted({tex: mathml(tex, block) for page in pages
-                        for tex, block in formulas(page.read_text(encoding="utf-8"))}.items()))
+    return dict(
+        sorted(
+            {
+                tex: mathml(tex, block) for page in pages for tex, block in formulas(page.read_text(encoding="utf-8"))
+            }.items()
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """The files of the manual that are made from the code. They are kept in ``docs/``, so that its links work in a clone.
 
-    python docs/make/generated.py       writes all of them anew, as `make docs-pages` does
+python docs/make/generated.py       writes all of them anew, as `make docs-pages` does
 """
 
 from __future__ import annotations
@@ -15,8 +15,11 @@ DOCS = ROOT / "docs"
 
 def files() -> dict[str, bytes]:
     """Every generated file, by its path below ``docs/``."""
-    return ({path: text.encode() for path, text in reference.pages().items()} | notebooks.images()
-            | {f"figures/{name}.svg": figures.svg(name) for name in figures.FIGURES})
+    return (
+        {path: text.encode() for path, text in reference.pages().items()}
+        | notebooks.images()
+        | {f"figures/{name}.svg": figures.svg(name) for name in figures.FIGURES}
+    )
 
 
 def main() -> None:

@@ -67,41 +67,65 @@ def _outputs(code: str, count: int, scope: dict[str, Any], pyplot: Any, folder: 
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         exec(compile(tree, f"cell {count}", "exec"), scope)  # noqa: S102  our own pages
-        value = eval(compile(ast.Expression(last.value), f"cell {count}", "eval"), scope) if isinstance(
-            last, ast.Expr) else None
+        value = (
+            eval(compile(ast.Expression(last.value), f"cell {count}", "eval"), scope)
+            if isinstance(last, ast.Expr)
+            else None
+        )
     found: list[dict[str, Any]] = []
     if text := printed.getvalue().replace(f"{folder}{os.sep}", ""):
         found.append({"output_type": "stream", "name": "stdout", "text": text.splitlines(keepends=True)})
     for number in pyplot.get_fignums():
         stream = io.BytesIO()
-        pyplot.figure(number).savefig(stream, format="png", dpi=_DPI, bbox_inches="tight",
-                                      metadata={"Software": None})
-        found.append({"output_type": "display_data", "metadata": {}, "data": {
-            "image/png": base64.b64encode(stream.getvalue()).decode(), "text/plain": ["a figure"]}})
+        pyplot.figure(number).savefig(stream, format="png", dpi=_DPI, bbox_inches="tight", metadata={"Software": None})
+        found.append(
+            {
+                "output_type": "display_data",
+                "metadata": {},
+                "data": {"image/png": base64.b64encode(stream.getvalue()).decode(), "text/plain": ["a figure"]},
+            }
+        )
     if value is not None and not pyplot.get_fignums():
         shown = repr(value).replace(f"{folder}{os.sep}", "")
-        found.append({"output_type": "execute_result", "execution_count": count, "metadata": {},
-                      "data": {"text/plain": shown.splitlines(keepends=True)}})
+        found.append(
+            {
+                "output_type": "execute_result",
+                "execution_count": count,
+                "metadata": {},
+                "data": {"text/plain": shown.splitlines(keepends=True)},
+            }
+        )
     pyplot.close("all")
     return found
 
 
 def texts(notebook: dict[str, Any]) -> list[str]:
     """What the cells print and give, one text for each output that is no figure."""
-    return ["".join(output.get("text") or output["data"]["text/plain"]) for cell in notebook["cells"]
-            for output in cell.get("outputs", ()) if "image/png" not in output.get("data", {})]
+    return [
+        "".join(output.get("text") or output["data"]["text/plain"])
+        for cell in notebook["cells"]
+        for output in cell.get("outputs", ())
+        if "image/png" not in output.get("data", {})
+    ]
 
 
 def _figures(notebook: dict[str, Any]) -> list[str]:
     """The figures that cells show, as base64."""
-    return [output["data"]["image/png"] for cell in notebook["cells"] for output in cell.get("outputs", ())
-            if "image/png" in output.get("data", {})]
+    return [
+        output["data"]["image/png"]
+        for cell in notebook["cells"]
+        for output in cell.get("outputs", ())
+        if "image/png" in output.get("data", {})
+    ]
 
 
 def images() -> dict[str, bytes]:
     """The figures that the pages show, by path below ``docs/``."""
-    return {f"notebooks/{name}-{number}.png": base64.b64decode(image)
-            for name in names() for number, image in enumerate(_figures(read(name)), start=1)}
+    return {
+        f"notebooks/{name}-{number}.png": base64.b64decode(image)
+        for name in names()
+        for number, image in enumerate(_figures(read(name)), start=1)
+    }
 
 
 def pages() -> dict[str, str]:

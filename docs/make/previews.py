@@ -53,25 +53,39 @@ def look_at_planet(settings: Settings) -> Parts:
     light, rig = settings.light, settings.rig
     top = light.planet_elevation_deg + light.planet_angular_diameter_deg / 2 + _ABOVE_DEG
     height_mm = rig.sensor_width_mm * HEIGHT / WIDTH
-    return {"rig": {"heading_deg": light.planet_azimuth_deg, "pitch_deg": (_BELOW_DEG - top) / 2,
-                    "focal_length_mm": height_mm / 2 / math.tan(math.radians((top + _BELOW_DEG) / 2))},
-            "light": {"sun_azimuth_deg": light.planet_azimuth_deg + _SUN_TO_THE_RIGHT_DEG}}
+    return {
+        "rig": {
+            "heading_deg": light.planet_azimuth_deg,
+            "pitch_deg": (_BELOW_DEG - top) / 2,
+            "focal_length_mm": height_mm / 2 / math.tan(math.radians((top + _BELOW_DEG) / 2)),
+        },
+        "light": {"sun_azimuth_deg": light.planet_azimuth_deg + _SUN_TO_THE_RIGHT_DEG},
+    }
 
 
 def see_colour(settings: Settings) -> Parts:
     """A colour camera that is exposed for as many electrons of white ground as the monochrome one of the settings."""
     rates = [Channels(settings.light, settings.sensor | {"colour": colour}, 1e-5).rate for colour in ("MONO", "BAYER")]
-    return {"sensor": {"colour": "BAYER", "exposure_s": settings.sensor.exposure_s * rates[0] / rates[1],
-                       "psf_sigma_px": 0.6}}  # without, rocks of few pixels would have coloured edges
+    return {
+        "sensor": {
+            "colour": "BAYER",
+            "exposure_s": settings.sensor.exposure_s * rates[0] / rates[1],
+            "psf_sigma_px": 0.6,
+        }
+    }  # without, rocks of few pixels would have coloured edges
 
 
 def make(name: str, folder: Path) -> Path:
     """Render a preset such as scenes/europa_chaos into a folder and write its preview; returns the preview."""
     kind = name.split("/")[0]
     base, changes = SAMPLES_OF.get(kind, (name, {}))
-    described = description.merged(description.defaults(), preset_files.load_preset(base),
-                                   preset_files.load_preset(name), changes,
-                                   {"quality": {"samples": SAMPLES, "denoiser": "OIDN"}})
+    described = description.merged(
+        description.defaults(),
+        preset_files.load_preset(base),
+        preset_files.load_preset(name),
+        changes,
+        {"quality": {"samples": SAMPLES, "denoiser": "OIDN"}},
+    )
     if kind == "bodies":
         described = description.merged(described, look_at_planet(described))
     if kind == "surfaces":
@@ -81,8 +95,11 @@ def make(name: str, folder: Path) -> Path:
     render_settings(described, folder / name, sys.executable)
     (pair,) = (folder / name).glob("pairs/*/")
     shown = folder / "shown" / name
-    subprocess.run(python_command(sys.executable, "stereo", "develop", str(pair), "--out", str(shown)), check=True,
-                   stdout=subprocess.DEVNULL)
+    subprocess.run(
+        python_command(sys.executable, "stereo", "develop", str(pair), "--out", str(shown)),
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
     image = cv2.imread(str(next(shown.rglob("left.png"))), cv2.IMREAD_UNCHANGED)
     light = image / (2.0 ** json.loads(next(shown.rglob("images.json")).read_text())["image_bits"] - 1)
     image = np.rint(255 * (np.sqrt(light) if kind in SAME_EXPOSURE else light)).astype(np.uint8)

@@ -10,15 +10,32 @@ from typing import Any
 import icymoon
 
 #: The names of the package in the order of the page.
-ORDER = ("Scene", "RenderedPair", "RenderedEye", "open_pair", "open_pairs", "evaluate", "Evaluation", "Sweep",
-         "SweepPoint", "Worker", "InProcess", "export_ground", "preset_names", "torch", "IcyMoonError")
+ORDER = (
+    "Scene",
+    "RenderedPair",
+    "RenderedEye",
+    "open_pair",
+    "open_pairs",
+    "evaluate",
+    "Evaluation",
+    "Sweep",
+    "SweepPoint",
+    "Worker",
+    "InProcess",
+    "export_ground",
+    "preset_names",
+    "torch",
+    "IcyMoonError",
+)
 
 
 def page() -> str:
     """The page as Markdown."""
-    parts = ["# Python\n",
-             "What `import icymoon` offers. This page is generated from the code. How to use it: "
-             "[use Icy Moon from Python](../howto/python.md).\n"]
+    parts = [
+        "# Python\n",
+        "What `import icymoon` offers. This page is generated from the code. How to use it: "
+        "[use Icy Moon from Python](../howto/python.md).\n",
+    ]
     for name in ORDER:
         parts.append(_entry(name, getattr(icymoon, name)))
     return "\n".join(parts)

@@ -30,8 +30,16 @@ from notebooks import pages as _notebooks
 from python_api import page as _python
 
 #: The first step that must be repeated after a change of a setting, by its effect.
-EFFECTS = {"geometry": "build", "material": "render", "light": "render", "lander": "render", "camera": "render",
-           "sampling": "render", "response": "evaluate", "run": ""}
+EFFECTS = {
+    "geometry": "build",
+    "material": "render",
+    "light": "render",
+    "lander": "render",
+    "camera": "render",
+    "sampling": "render",
+    "response": "evaluate",
+    "run": "",
+}
 
 
 #: The first line of a generated page, which a browser does not show.
@@ -44,10 +52,17 @@ def pages() -> dict[str, str]:
 
 
 def _bodies() -> dict[str, str]:
-    return {"reference/settings.md": _settings(), "reference/presets.md": _presets(), "reference/cli.md": _cli(),
-            "reference/matchers.md": _matchers(), "reference/operators.md": _operators(),
-            "reference/errors.md": _errors(), "reference/python.md": _python(),
-            "reference/requires.md": _requires(), **_notebooks()}
+    return {
+        "reference/settings.md": _settings(),
+        "reference/presets.md": _presets(),
+        "reference/cli.md": _cli(),
+        "reference/matchers.md": _matchers(),
+        "reference/operators.md": _operators(),
+        "reference/errors.md": _errors(),
+        "reference/python.md": _python(),
+        "reference/requires.md": _requires(),
+        **_notebooks(),
+    }
 
 
 def _cell(text: str) -> str:
@@ -62,14 +77,17 @@ def _table(heads: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
 
 # ---- settings -------------------------------------------------------------------------------------------------------
 
+
 def _settings() -> str:
-    parts = ["# Settings\n",
-             "This page lists every setting. It is generated from `settings/topics/`, which also determine the "
-             "sidebar, the TOML files, `--set` and `pair.json`. A value outside the range is refused. Sliders end at "
-             "the range in brackets; type a number to go beyond. Unit 1 is a plain number. *Repeat from* is the first "
-             "step that must be repeated after a change: build the scene, render or evaluate. It is empty if none "
-             "must.\n",
-             "Topics: " + ", ".join(f"[{key}](#{key})" for key in OUR_TOPICS) + ".\n"]
+    parts = [
+        "# Settings\n",
+        "This page lists every setting. It is generated from `settings/topics/`, which also determine the "
+        "sidebar, the TOML files, `--set` and `pair.json`. A value outside the range is refused. Sliders end at "
+        "the range in brackets; type a number to go beyond. Unit 1 is a plain number. *Repeat from* is the first "
+        "step that must be repeated after a change: build the scene, render or evaluate. It is empty if none "
+        "must.\n",
+        "Topics: " + ", ".join(f"[{key}](#{key})" for key in OUR_TOPICS) + ".\n",
+    ]
     for topic in OUR_TOPICS.values():
         parts.append(f"## {topic.key}\n\n**{topic.label}.** {topic.description}.\n")
         owner = _owner(topic.key)
@@ -90,9 +108,20 @@ def _owner(topic: str) -> str:
 
 
 def _setting_table(prefix: str, listed: tuple[Setting, ...]) -> str:
-    return _table(("Setting", "Default", "Unit", "Range", "Meaning", "Repeat from"), [
-        (f'<span id="{prefix}.{s.key}"></span>`{s.key}`', _default(s), s.unit, _range(s), _meaning(s),
-         EFFECTS[s.effect]) for s in listed])
+    return _table(
+        ("Setting", "Default", "Unit", "Range", "Meaning", "Repeat from"),
+        [
+            (
+                f'<span id="{prefix}.{s.key}"></span>`{s.key}`',
+                _default(s),
+                s.unit,
+                _range(s),
+                _meaning(s),
+                EFFECTS[s.effect],
+            )
+            for s in listed
+        ],
+    )
 
 
 def _default(setting: Setting) -> str:
@@ -130,11 +159,14 @@ def _meaning(setting: Setting) -> str:
 
 # ---- presets --------------------------------------------------------------------------------------------------------
 
+
 def _presets() -> str:
-    parts = ["# Presets\n",
-             "These presets are shipped in `presets/`. Each is a TOML file, and every number in it has a source. A "
-             "preset of a scene includes others. `--preset` may be given several times; the later preset wins. "
-             "*Chosen* means that no measurement is known and that the value is a decision.\n"]
+    parts = [
+        "# Presets\n",
+        "These presets are shipped in `presets/`. Each is a TOML file, and every number in it has a source. A "
+        "preset of a scene includes others. `--preset` may be given several times; the later preset wins. "
+        "*Chosen* means that no measurement is known and that the value is a decision.\n",
+    ]
     kinds = sorted({name.split("/")[0] for name in preset_files.preset_names()}, key=[*preset_files.KINDS].index)
     for kind in kinds:
         parts.append(f"## {preset_files.KINDS[kind]}\n")
@@ -148,8 +180,11 @@ def _preset(name: str) -> str:
     text = f"### {name}\n\n**{header['title']}.** {header['description']}.\n"
     if included := header.get("include"):
         text += "\nIncludes " + ", ".join(f"[{one}](#{one.replace('/', '')})" for one in included) + ".\n"
-    rows = [(f"[{topic}.{key}](settings.md#{_owner(topic)}.{key})", _cell(_value(value)),
-             _cell(sources[f"{topic}.{key}"])) for topic, values in raw.items() for key, value in values.items()]
+    rows = [
+        (f"[{topic}.{key}](settings.md#{_owner(topic)}.{key})", _cell(_value(value)), _cell(sources[f"{topic}.{key}"]))
+        for topic, values in raw.items()
+        for key, value in values.items()
+    ]
     text += "\n" + _table(("Setting", "Value", "Source"), rows)
     return text + (_measured(measured) if measured else "")
 
@@ -157,14 +192,20 @@ def _preset(name: str) -> str:
 def _measured(measured: dict[str, Any]) -> str:
     """The cost of a quality and its distance from a converged render."""
     bake = f", and baking its light {measured['bake_cpu_s']:.1f} s" if measured["bake_cpu_s"] else ""
-    text = (f"\nMeasured on {measured['scene']} (`{measured['command']}`). A further pair takes "
-            f"{measured['cpu_s']:.1f} processor seconds{bake}. The mean radiance is off by "
-            f"{100 * measured['radiance_bias']:+.2f} %, a pixel by {100 * measured['radiance_rms']:.1f} % (root mean "
-            "square). Differences from the converged render:\n\n")
+    text = (
+        f"\nMeasured on {measured['scene']} (`{measured['command']}`). A further pair takes "
+        f"{measured['cpu_s']:.1f} processor seconds{bake}. The mean radiance is off by "
+        f"{100 * measured['radiance_bias']:+.2f} %, a pixel by {100 * measured['radiance_rms']:.1f} % (root mean "
+        "square). Differences from the converged render:\n\n"
+    )
     suns = {key.split("_")[1]: found for key, found in measured.items() if key.startswith("sun_")}
-    rows = [(f"{matcher}", *(f"{100 * found[f'{label}_{key}']:+.1f} %" for found in suns.values()
-                             for key in ("bad_1", "coverage")))
-            for label, matcher in (("bm", "StereoBM"), ("sgbm", "SGBM"), ("jplv", "JPLV"))]
+    rows = [
+        (
+            f"{matcher}",
+            *(f"{100 * found[f'{label}_{key}']:+.1f} %" for found in suns.values() for key in ("bad_1", "coverage")),
+        )
+        for label, matcher in (("bm", "StereoBM"), ("sgbm", "SGBM"), ("jplv", "JPLV"))
+    ]
     return text + _table(("Matcher", *(f"Sun {sun}°: {what}" for sun in suns for what in ("bad-1", "coverage"))), rows)
 
 
@@ -178,29 +219,41 @@ def _value(value: Any) -> str:
 
 # ---- errors ---------------------------------------------------------------------------------------------------------
 
+
 def _errors() -> str:
-    parts = ["# When something goes wrong\n",
-             "Every error is one sentence that reports what is wrong, where, and how to fix it. The window shows it "
-             "in the status bar and in the Info editor. A command prints it on standard error and ends with exit "
-             "status 1. Nothing half-written is left; run the same command again to go on. A traceback is a defect, "
-             "so please report it. This page lists the common errors. **Preferences ▸ Add-ons ▸ Icy Moon ▸ Check** "
-             "and `python -m icymoon doctor` show what is missing on your machine.\n"]
+    parts = [
+        "# When something goes wrong\n",
+        "Every error is one sentence that reports what is wrong, where, and how to fix it. The window shows it "
+        "in the status bar and in the Info editor. A command prints it on standard error and ends with exit "
+        "status 1. Nothing half-written is left; run the same command again to go on. A traceback is a defect, "
+        "so please report it. This page lists the common errors. **Preferences ▸ Add-ons ▸ Icy Moon ▸ Check** "
+        "and `python -m icymoon doctor` show what is missing on your machine.\n",
+    ]
     for title, mistakes in MISTAKES.items():
         parts.append(f"## {title}\n")
-        parts.append(_table(("Cause", "Error", "Fix"), [
-            (f"{_cell(m.wrong)}.", f"… {_cell(m.message)} …", f"… {_cell(m.fix)}") for m in mistakes]))
+        parts.append(
+            _table(
+                ("Cause", "Error", "Fix"),
+                [(f"{_cell(m.wrong)}.", f"… {_cell(m.message)} …", f"… {_cell(m.fix)}") for m in mistakes],
+            )
+        )
     return "\n".join(parts)
 
 
 # ---- command lines --------------------------------------------------------------------------------------------------
 
+
 def _cli() -> str:
-    text = ("# Command lines\n\nResults are printed on standard output, messages on standard error. The exit status is "
-            "0 for success, 1 after an error, which reports its fix, 2 for a wrong command line, and 130 when "
-            "stopped.\n")
+    text = (
+        "# Command lines\n\nResults are printed on standard output, messages on standard error. The exit status is "
+        "0 for success, 1 after an error, which reports its fix, 2 for a wrong command line, and 130 when "
+        "stopped.\n"
+    )
     # The parsers are what the programs themselves use.
-    for title, parser in (("python -m icymoon", cli.make_parser()),
-                          ("python -m icymoon.stereo", stereo_cli.make_parser())):
+    for title, parser in (
+        ("python -m icymoon", cli.make_parser()),
+        ("python -m icymoon.stereo", stereo_cli.make_parser()),
+    ):
         text += f"\n## {title}\n\n{parser.description}\n"
         for name, (meaning, verb) in _verbs(parser).items():
             text += f"\n### {title} {name}\n\n{_sentence(meaning)}\n\n{_options(verb)}"
@@ -232,8 +285,9 @@ def _options(parser: argparse.ArgumentParser) -> str:
         words = " ".join(part for part in ("/".join(action.option_strings), shape) if part)
         # A default that is a path of the machine that builds the manual is not shown; the help describes it.
         told = (action.help or "") % {"default": action.default}
-        rows.append((f"`{words}`", _cell(_sentence(told)) + (" Required." if action.required and
-                                                             action.option_strings else "")))
+        rows.append(
+            (f"`{words}`", _cell(_sentence(told)) + (" Required." if action.required and action.option_strings else ""))
+        )
     return _table(("Argument", "Meaning"), rows) if rows else "This command takes no arguments.\n"
 
 
@@ -243,21 +297,32 @@ def _sentence(text: str) -> str:
 
 # ---- matchers -------------------------------------------------------------------------------------------------------
 
+
 def _matchers() -> str:
-    parts = ["# Matchers\n",
-             "These are the names for `--methods`. Give options after a colon, as in `bm:window=21`, or with "
-             "`--option bm.window=21`.\n"]
+    parts = [
+        "# Matchers\n",
+        "These are the names for `--methods`. Give options after a colon, as in `bm:window=21`, or with "
+        "`--option bm.window=21`.\n",
+    ]
     for name in MATCHERS:
         module = importlib.import_module(f"icymoon.stereo.matchers.{name}")
         parts.append(f"## {name}\n\n{(module.__doc__ or '').strip().splitlines()[0]}\n")
-        parts.append(_table(("Option", "Default", "Values", "Meaning"), [
-            (f"`{o.key}`", _cell(str(o.default)) or "empty", _cell(o.range), _cell(o.doc)) for o in module.OPTIONS]))
+        parts.append(
+            _table(
+                ("Option", "Default", "Values", "Meaning"),
+                [
+                    (f"`{o.key}`", _cell(str(o.default)) or "empty", _cell(o.range), _cell(o.doc))
+                    for o in module.OPTIONS
+                ],
+            )
+        )
         for preset, chosen in module.PRESETS.items():
             parts.append(f"`preset={preset}`: " + ", ".join(f"{key} {value}" for key, value in chosen.items()) + ".\n")
     return "\n".join(parts)
 
 
 # ---- operators ------------------------------------------------------------------------------------------------------
+
 
 @dataclass(frozen=True)
 class Operator:
@@ -283,21 +348,30 @@ def _operators_of(path: Path) -> Iterator[Operator]:
     for node in classes.values():
         if "_OT_" not in node.name:
             continue
-        body = [statement for base in node.bases if isinstance(base, ast.Name) and base.id in classes
-                for statement in classes[base.id].body] + node.body
+        body = [
+            statement
+            for base in node.bases
+            if isinstance(base, ast.Name) and base.id in classes
+            for statement in classes[base.id].body
+        ] + node.body
         stated = _assigned(body, constants)
         properties: dict[str, tuple[str, str]] = {}
         if "__annotations__" in stated:  # made of settings
-            properties = {name: (TOPICS[topic][key].label, TOPICS[topic][key].description)
-                          for name, (topic, key) in ground_settings().items()}
+            properties = {
+                name: (TOPICS[topic][key].label, TOPICS[topic][key].description)
+                for name, (topic, key) in ground_settings().items()
+            }
         choices: dict[str, list[str]] = {name: [] for name in properties}
         if any(isinstance(base, ast.Name) and base.id == "_ValueFields" for base in node.bases):
             for name, words in _value_fields():
                 properties[name] = (words["name"], words.get("description") or "")
                 choices[name] = [choice for choice, *_ in words.get("items") or ()]
         for statement in body:
-            if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name) and isinstance(
-                    statement.annotation, ast.Call):
+            if (
+                isinstance(statement, ast.AnnAssign)
+                and isinstance(statement.target, ast.Name)
+                and isinstance(statement.annotation, ast.Call)
+            ):
                 words = _words(statement.annotation, constants)
                 if words.get("name"):  # what has none is hidden
                     properties[statement.target.id] = (words["name"], words.get("description") or "")
@@ -339,8 +413,11 @@ def _words(call: ast.Call, constants: dict[str, Any]) -> dict[str | None, Any]:
 
 def _assigned(body: Sequence[ast.stmt], constants: dict[str, Any] | None = None) -> dict[str, Any]:
     """The literal values that statements give to names, and those of constants."""
-    return {statement.targets[0].id: _literal(statement.value, constants or {}) for statement in body
-            if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name)}
+    return {
+        statement.targets[0].id: _literal(statement.value, constants or {})
+        for statement in body
+        if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name)
+    }
 
 
 def _literal(value: ast.expr, constants: dict[str, Any]) -> Any:
@@ -354,29 +431,50 @@ def _literal(value: ast.expr, constants: dict[str, Any]) -> Any:
 
 
 def _operators() -> str:
-    rows = [(f"`bpy.ops.{o.name}`", f"**{o.label}.** {_cell(o.description)}." + "".join(
-        f"<br>`{key}` {name}: {_cell(text)}" + (f" ({', '.join(o.choices[key])})." if o.choices[key] else ".")
-        for key, (name, text) in o.properties.items())) for o in operators()]
-    return ("# Operators\n\nAll operators are in Render ▸ Icy Moon or Add ▸ Mesh, so F3 finds them. Called from a "
-            "script, an operator returns when its work is done. In the window, long work runs in a separate process. "
-            "Settings are properties of `bpy.context.scene.icymoon`, for example "
-            "`bpy.context.scene.icymoon.rig.baseline_m = 0.3`.\n\n"
-            + _table(("Operator", "What it does"), rows))
+    rows = [
+        (
+            f"`bpy.ops.{o.name}`",
+            f"**{o.label}.** {_cell(o.description)}."
+            + "".join(
+                f"<br>`{key}` {name}: {_cell(text)}" + (f" ({', '.join(o.choices[key])})." if o.choices[key] else ".")
+                for key, (name, text) in o.properties.items()
+            ),
+        )
+        for o in operators()
+    ]
+    return (
+        "# Operators\n\nAll operators are in Render ▸ Icy Moon or Add ▸ Mesh, so F3 finds them. Called from a "
+        "script, an operator returns when its work is done. In the window, long work runs in a separate process. "
+        "Settings are properties of `bpy.context.scene.icymoon`, for example "
+        "`bpy.context.scene.icymoon.rig.baseline_m = 0.3`.\n\n" + _table(("Operator", "What it does"), rows)
+    )
 
 
 # ---- what a scene requires ------------------------------------------------------------------------------------------
 
+
 def _requires() -> str:
     found = json.loads((ROOT / "docs" / "make" / "requires.json").read_text(encoding="utf-8"))
-    rows = [(f"**{row['title']}**", row["needed"], f"{row['on_s']:g} s", f"{row['off_s']:g} s", f"{row['ratio']:.2f}",
-             f"{100 * row['radiance']:+.2f} %" if "radiance" in row else "", row["changes"])
-            for row in found["rows"].values()]
-    return ("# What a scene requires\n\n"
-            "Icy Moon switches each of these parts on only where a scene needs it. If the settings describe a part "
-            "that a pair leaves out, the sidebar shows the reason under Quality and Speed ▸ Not Rendered, and "
-            "`pair.json` contains it under `left_out`.\n\n"
-            + _table(("Part", "On with", "Cost on", "Cost off", "Ratio", "Mean radiance", "What it changes"), rows)
-            + f"\nThe table is made by `{found['command']}` in Blender {found['blender']}. Costs are processor seconds "
-              f"on one thread, for a scene and one pair of it ({found['pair']}), or for a Python that imports a "
-              f"package. Each is the least of {found['repeats']} in one run. *Mean radiance* compares the radiance "
-              "without the part to that with it, as a ratio less 1. It includes the noise of the samples.\n")
+    rows = [
+        (
+            f"**{row['title']}**",
+            row["needed"],
+            f"{row['on_s']:g} s",
+            f"{row['off_s']:g} s",
+            f"{row['ratio']:.2f}",
+            f"{100 * row['radiance']:+.2f} %" if "radiance" in row else "",
+            row["changes"],
+        )
+        for row in found["rows"].values()
+    ]
+    return (
+        "# What a scene requires\n\n"
+        "Icy Moon switches each of these parts on only where a scene needs it. If the settings describe a part "
+        "that a pair leaves out, the sidebar shows the reason under Quality and Speed ▸ Not Rendered, and "
+        "`pair.json` contains it under `left_out`.\n\n"
+        + _table(("Part", "On with", "Cost on", "Cost off", "Ratio", "Mean radiance", "What it changes"), rows)
+        + f"\nThe table is made by `{found['command']}` in Blender {found['blender']}. Costs are processor seconds "
+        f"on one thread, for a scene and one pair of it ({found['pair']}), or for a Python that imports a "
+        f"package. Each is the least of {found['repeats']} in one run. *Mean radiance* compares the radiance "
+        "without the part to that with it, as a ratio less 1. It includes the noise of the samples.\n"
+    )

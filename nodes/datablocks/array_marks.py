@@ -14,17 +14,36 @@ from ...support.labels import BAKED_ATTRIBUTES
 _BLOCK, _HALF = 4096, np.uint64(32)
 #: How attributes of each type are read: type of the array, name of the property, numbers for each element.
 _READ: dict[str, tuple[Any, str, int]] = {
-    "FLOAT": (np.float32, "value", 1), "INT": (np.int32, "value", 1), "BOOLEAN": (np.bool_, "value", 1),
-    "FLOAT_VECTOR": (np.float32, "vector", 3), "FLOAT2": (np.float32, "vector", 2),
-    "FLOAT_COLOR": (np.float32, "color", 4), "BYTE_COLOR": (np.float32, "color_srgb", 4),
-    "INT8": (np.int8, "value", 1), "INT16_2D": (np.int16, "value", 2), "INT32_2D": (np.int32, "value", 2),
-    "INT32_3D": (np.int32, "value", 3), "QUATERNION": (np.float32, "value", 4), "FLOAT4X4": (np.float32, "value", 16)}
+    "FLOAT": (np.float32, "value", 1),
+    "INT": (np.int32, "value", 1),
+    "BOOLEAN": (np.bool_, "value", 1),
+    "FLOAT_VECTOR": (np.float32, "vector", 3),
+    "FLOAT2": (np.float32, "vector", 2),
+    "FLOAT_COLOR": (np.float32, "color", 4),
+    "BYTE_COLOR": (np.float32, "color_srgb", 4),
+    "INT8": (np.int8, "value", 1),
+    "INT16_2D": (np.int16, "value", 2),
+    "INT32_2D": (np.int32, "value", 2),
+    "INT32_3D": (np.int32, "value", 3),
+    "QUATERNION": (np.float32, "value", 4),
+    "FLOAT4X4": (np.float32, "value", 16),
+}
 #: Prefix of the attributes by which errors are shown on the ground. They are removed before a render.
 PAINTED = "icymoon_depth_error"
 #: Attributes that are not marked: errors shown on the ground, baked light, which follows from all else, selection and
 #: hiding in Edit Mode, and the edges of corners, which follow from the vertices of edges and corners.
-_LEFT_OUT = (PAINTED, *BAKED_ATTRIBUTES.values(), ".select", ".hide", ".uv_select", ".pin", ".vs.", ".es.", ".pn.",
-             ".corner_edge")
+_LEFT_OUT = (
+    PAINTED,
+    *BAKED_ATTRIBUTES.values(),
+    ".select",
+    ".hide",
+    ".uv_select",
+    ".pin",
+    ".vs.",
+    ".es.",
+    ".pn.",
+    ".corner_edge",
+)
 _INDICES = (".corner_vert", ".edge_verts")
 
 
@@ -41,13 +60,13 @@ def mark(values: np.ndarray, indices: bool = False) -> str:
     bits of two words would cancel, so the upper halves of the words are summed too. ``indices`` never have that bit.
     """
     weights, raw = _weights(), np.ascontiguousarray(values).reshape(-1).view(np.uint8)
-    words = raw[:len(raw) // (8 * _BLOCK) * 8 * _BLOCK].view(np.uint64).reshape(-1, _BLOCK)
+    words = raw[: len(raw) // (8 * _BLOCK) * 8 * _BLOCK].view(np.uint64).reshape(-1, _BLOCK)
     found = hashlib.sha256(np.array([np.dot(block, weights[0]) for block in words]).tobytes())
     if not indices:
         upper = np.empty(_BLOCK, np.uint64)
         sums = [np.dot(np.right_shift(block, _HALF, out=upper), weights[1]) for block in words]
         found.update(np.array(sums).tobytes())
-    found.update(raw[words.nbytes:].tobytes())
+    found.update(raw[words.nbytes :].tobytes())
     return found.hexdigest()
 
 

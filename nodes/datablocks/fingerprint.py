@@ -56,8 +56,10 @@ def instanced_objects(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
 
 def _surfaces(item: bpy.types.Object) -> list[list[bpy.types.Material | None]]:
     """The materials of an object and of the objects that it instances, which count once if all have the same."""
-    own, others = ([list(each.data.materials) for each in items if isinstance(each.data, bpy.types.Mesh)]
-                   for items in ((item,), instanced_objects(item)))
+    own, others = (
+        [list(each.data.materials) for each in items if isinstance(each.data, bpy.types.Mesh)]
+        for items in ((item,), instanced_objects(item))
+    )
     return own + (others[:1] if all(slots == others[0] for slots in others) else others)
 
 
@@ -91,8 +93,13 @@ def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
     roles: dict[Any, str] = {item: f"the {role}" for role, item in ours.items()}
     surfaces = {role: _surfaces(item) for role, item in ours.items()}
     listed = {material for each in surfaces.values() for slots in each for material in slots if material is not None}
-    aimed = {material.node_tree for item in collection.all_objects for slots in _surfaces(item)
-             for material in slots if material is not None}
+    aimed = {
+        material.node_tree
+        for item in collection.all_objects
+        for slots in _surfaces(item)
+        for material in slots
+        if material is not None
+    }
     deep, flat = Walk(roles, aimed), Walk(roles | dict.fromkeys(listed, "listed"), aimed)
     found: dict[str, Any] = {}
     for role, item in ours.items():
@@ -103,12 +110,16 @@ def read_marks(collection: bpy.types.Collection, *wanted: str) -> Reading:
         if _among(f"{role} materials", wanted):
             found[f"{role} materials"] = [
                 [[material and deep.mark(material) for material in slots] for slots in surfaces[role]],
-                [slot.material and deep.mark(slot.material) for slot in item.material_slots if slot.link == "OBJECT"]]
+                [slot.material and deep.mark(slot.material) for slot in item.material_slots if slot.link == "OBJECT"],
+            ]
     if _among("added", wanted):
         others = sorted(hashed([item in shown, deep.mark(item)]) for item in added_objects(collection))
         found |= {"added": others} if others else {}
-    return Reading({part: hashed(content) for part, content in found.items()}, [*flat.refused, *deep.refused],
-                   flat.changes_with_time or deep.changes_with_time)
+    return Reading(
+        {part: hashed(content) for part, content in found.items()},
+        [*flat.refused, *deep.refused],
+        flat.changes_with_time or deep.changes_with_time,
+    )
 
 
 def parts(collection: bpy.types.Collection, *wanted: str) -> dict[str, str]:

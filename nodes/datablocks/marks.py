@@ -25,12 +25,21 @@ _OF_TIME = {"WAVE", "BUILD", "OCEAN", "MESH_CACHE", "MESH_SEQUENCE_CACHE"}
 _OF_CLIPS = {"CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_TRACK"}
 #: Inputs that ``sun_inputs.aim_surfaces`` sets for every render: prefixes of their identifiers, by name and kind of the
 #: node.
-_AIMED = {("Sun Direction", "ShaderNodeCombineXYZ"): ("X", "Y", "Z"), ("Surge Blur", "ShaderNodeMath"): ("Value",),
-          ("Hapke", "ShaderNodeScript"): ("Sun", "Planet")}
+_AIMED = {
+    ("Sun Direction", "ShaderNodeCombineXYZ"): ("X", "Y", "Z"),
+    ("Surge Blur", "ShaderNodeMath"): ("Value",),
+    ("Hapke", "ShaderNodeScript"): ("Sun", "Planet"),
+}
 _CACHED_NODES = ("GeometryNodeSimulationOutput", "GeometryNodeBake")
 #: Kinds of data-blocks that an object may refer to without an effect on its picture.
-_ELSEWHERE = (bpy.types.Scene, bpy.types.World, bpy.types.Screen, bpy.types.WindowManager, bpy.types.WorkSpace,
-              bpy.types.Library)
+_ELSEWHERE = (
+    bpy.types.Scene,
+    bpy.types.World,
+    bpy.types.Screen,
+    bpy.types.WindowManager,
+    bpy.types.WorkSpace,
+    bpy.types.Library,
+)
 
 
 class Walk:
@@ -122,8 +131,11 @@ class Walk:
     def _custom(self, block: Any) -> list[Any]:
         """Custom properties, which attribute and geometry nodes read, without groups, which other add-ons make."""
         values = [(key, block[key]) for key in sorted(set(compat.custom_properties(block)) - {"icymoon", "_RNA_UI"})]
-        return [(key, self.ordered(value)) for key, value in values
-                if isinstance(value, bpy.types.ID) or not hasattr(value, "keys")]
+        return [
+            (key, self.ordered(value))
+            for key, value in values
+            if isinstance(value, bpy.types.ID) or not hasattr(value, "keys")
+        ]
 
     def ordered(self, value: Any) -> Any:
         """As ``value``. For a collection also its items in the order of names, by which geometry nodes pick them."""
@@ -157,8 +169,11 @@ class Walk:
     def random(self, tree: Any) -> bool:
         """Whether a node tree uses the random number of an object, which Cycles computes from the object's name."""
         return tree is not None and any(
-            node.outputs["Random"].is_linked if node.bl_idname == "ShaderNodeObjectInfo" else
-            self.random(getattr(node, "node_tree", None)) for node in tree.nodes)
+            node.outputs["Random"].is_linked
+            if node.bl_idname == "ShaderNodeObjectInfo"
+            else self.random(getattr(node, "node_tree", None))
+            for node in tree.nodes
+        )
 
     # Content of data-blocks and structures that is not in their properties, by kind.
 
@@ -166,15 +181,20 @@ class Walk:
         """Name, shape key and weights of an object where they have an effect; refuses what cannot be marked."""
         for modifier in item.modifiers:
             if modifier.type in _SIMULATED and modifier.show_render:
-                self._refuse(item, f"has the modifier {modifier.name!r}, whose result is kept in a cache; apply it, "
-                                   "convert it to a mesh or curves, or switch it off for renders.")
+                self._refuse(
+                    item,
+                    f"has the modifier {modifier.name!r}, whose result is kept in a cache; apply it, "
+                    "convert it to a mesh or curves, or switch it off for renders.",
+                )
             self.changes_with_time |= modifier.type in _OF_TIME
         for constraint in item.constraints:
             if constraint.type in _OF_CLIPS:
                 self._refuse(item, f"follows a movie clip by the constraint {constraint.name!r}; apply it.")
         if item.rigid_body:
-            self._refuse(item, "is a rigid body, and simulations are not rendered; apply its transform and remove the "
-                               "rigid body.")
+            self._refuse(
+                item,
+                "is a rigid body, and simulations are not rendered; apply its transform and remove the rigid body.",
+            )
         if item.type in ("GREASEPENCIL", "GPENCIL"):
             self._refuse(item, "is made of Grease Pencil strokes; convert it to curves or a mesh.")
         if item.mode == "SCULPT" and item.use_dynamic_topology_sculpting:
@@ -182,8 +202,11 @@ class Walk:
         slots = [slot.material for slot in item.material_slots if slot.material]
         counts = item.type == "META" or any(self.random(material.node_tree) for material in slots)
         key = [item.active_shape_key_index] if item.show_only_shape_key else []
-        weights = [[(g.group, g.weight) for g in vertex.groups] for vertex in item.data.vertices] if (
-            item.type == "MESH" and item.vertex_groups and item.modifiers) else []
+        weights = (
+            [[(g.group, g.weight) for g in vertex.groups] for vertex in item.data.vertices]
+            if (item.type == "MESH" and item.vertex_groups and item.modifiers)
+            else []
+        )
         return [item.name if counts else "", key, weights]
 
     def of_mesh(self, mesh: Any) -> list[Any]:
@@ -202,8 +225,9 @@ class Walk:
     def of_image(self, image: Any) -> list[Any]:
         """The content of an image's files, one for each tile."""
         if image.source in ("MOVIE", "SEQUENCE", "VIEWER"):
-            self._refuse(image, f"is a {image.source.lower()}, whose pictures have no marks of their own; use a single "
-                                "image.")
+            self._refuse(
+                image, f"is a {image.source.lower()}, whose pictures have no marks of their own; use a single image."
+            )
             return []
         if image.is_dirty:
             self._refuse(image, "was painted on and not saved; save or pack it.")
@@ -211,8 +235,11 @@ class Walk:
             return [(each.view, each.tile_number, self.packed(each.packed_file)) for each in image.packed_files]
         if image.source == "GENERATED":
             return []
-        return [self._file(image, _of_tile(image.filepath, tile.number)) for tile in image.tiles] if (
-            image.source == "TILED") else [self._file(image, image.filepath or f"//{image.name}")]
+        return (
+            [self._file(image, _of_tile(image.filepath, tile.number)) for tile in image.tiles]
+            if (image.source == "TILED")
+            else [self._file(image, image.filepath or f"//{image.name}")]
+        )
 
     def of_tree(self, tree: Any) -> list[Any]:
         """Nodes by name, since the builders find their own by name, with the values of their sockets; and links."""
@@ -221,36 +248,60 @@ class Walk:
             if node.bl_idname == "NodeFrame":
                 continue
             if node.bl_idname in _CACHED_NODES or node.bl_idname.startswith("GeometryNodeImport"):
-                self._refuse(tree, f"has the node {node.name!r}, whose result is stored outside the scene; apply the "
-                                   "modifier or remove the node.")
+                self._refuse(
+                    tree,
+                    f"has the node {node.name!r}, whose result is stored outside the scene; apply the "
+                    "modifier or remove the node.",
+                )
             self.changes_with_time |= node.bl_idname == "GeometryNodeInputSceneTime"
             nodes.append([node.bl_idname, self._struct(node), self._sockets(node, tree in self._aimed)])
-        links = [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier, k.is_muted,
-                  getattr(k, "multi_input_sort_id", 0)) for k in tree.links]
+        links = [
+            (
+                k.from_node.name,
+                k.from_socket.identifier,
+                k.to_node.name,
+                k.to_socket.identifier,
+                k.is_muted,
+                getattr(k, "multi_input_sort_id", 0),
+            )
+            for k in tree.links
+        ]
         return [nodes, sorted(links)]
 
     def _sockets(self, node: Any, aimed: bool) -> list[Any]:
-        return [(socket.identifier, socket.bl_idname, self.ordered(getattr(socket, "default_value", None)))
-                for side in (node.inputs, node.outputs) for socket in side
-                if not (aimed and not socket.is_output and is_aimed(node, socket.identifier))]
+        return [
+            (socket.identifier, socket.bl_idname, self.ordered(getattr(socket, "default_value", None)))
+            for side in (node.inputs, node.outputs)
+            for socket in side
+            if not (aimed and not socket.is_output and is_aimed(node, socket.identifier))
+        ]
 
     def of_collection(self, collection: Any) -> list[Any]:
         """The objects and children of a collection, independent of their order."""
-        items = [(self.mark(item), each.light_linking.link_state)
-                 for item, each in zip(collection.objects, collection.collection_objects, strict=True)]
-        children = [(self.mark(item), each.light_linking.link_state)
-                    for item, each in zip(collection.children, collection.collection_children, strict=True)]
+        items = [
+            (self.mark(item), each.light_linking.link_state)
+            for item, each in zip(collection.objects, collection.collection_objects, strict=True)
+        ]
+        children = [
+            (self.mark(item), each.light_linking.link_state)
+            for item, each in zip(collection.children, collection.collection_children, strict=True)
+        ]
         return [sorted(items), sorted(children)]
 
     def of_driver(self, driver: Any) -> list[Any]:
         """Refuses drivers that a render does not evaluate as the window does."""
         self.changes_with_time = True
         if driver.type == "SCRIPTED" and not driver.is_simple_expression:
-            self._refuse(driver.id_data, f"has the driver {driver.expression!r}, which runs Python, but renders do not "
-                                         "run Python from a file; use a simple expression.")
+            self._refuse(
+                driver.id_data,
+                f"has the driver {driver.expression!r}, which runs Python, but renders do not "
+                "run Python from a file; use a simple expression.",
+            )
         if any(variable.type == "CONTEXT_PROP" for variable in driver.variables):
-            self._refuse(driver.id_data, "has a driver that reads the active scene, which is another one in a render; "
-                                         "let it read an object.")
+            self._refuse(
+                driver.id_data,
+                "has a driver that reads the active scene, which is another one in a render; let it read an object.",
+            )
         return []
 
     def of_target(self, target: Any) -> list[Any]:
@@ -268,9 +319,15 @@ class Walk:
         items = modifier.node_group.interface.items_tree if modifier.node_group else ()
         given = {key: modifier[key] for key in compat.custom_properties(modifier)}
         return [
-            (item.identifier, self.ordered(given.get(item.identifier, getattr(item, "default_value", None))),
-             bool(given.get(f"{item.identifier}_use_attribute", False)),
-             given.get(f"{item.identifier}_attribute_name", "")) for item in items if item.item_type == "SOCKET"]
+            (
+                item.identifier,
+                self.ordered(given.get(item.identifier, getattr(item, "default_value", None))),
+                bool(given.get(f"{item.identifier}_use_attribute", False)),
+                given.get(f"{item.identifier}_attribute_name", ""),
+            )
+            for item in items
+            if item.item_type == "SOCKET"
+        ]
 
     def of_shape(self, key: Any) -> list[Any]:
         """Positions of the points of a shape key."""
@@ -285,15 +342,20 @@ class Walk:
 
 
 _BLOCKS: tuple[tuple[Any, Callable[[Walk, Any], list[Any]]], ...] = (
-    (bpy.types.Object, Walk.of_object), (bpy.types.Mesh, Walk.of_mesh), (bpy.types.Image, Walk.of_image),
-    (bpy.types.NodeTree, Walk.of_tree), (bpy.types.Collection, Walk.of_collection),
+    (bpy.types.Object, Walk.of_object),
+    (bpy.types.Mesh, Walk.of_mesh),
+    (bpy.types.Image, Walk.of_image),
+    (bpy.types.NodeTree, Walk.of_tree),
+    (bpy.types.Collection, Walk.of_collection),
     (bpy.types.Text, lambda walk, text: [text.as_string()]),
     (bpy.types.Curves, lambda walk, curves: [attributes(curves), [item.first_point_index for item in curves.curves]]),
     (bpy.types.PointCloud, lambda walk, points: attributes(points)),
 )
 _STRUCTS: tuple[tuple[Any, Callable[[Walk, Any], list[Any]]], ...] = (
-    (bpy.types.Driver, Walk.of_driver), (bpy.types.DriverTarget, Walk.of_target),
-    (bpy.types.AnimData, Walk.of_animation), (bpy.types.ShapeKey, Walk.of_shape),
+    (bpy.types.Driver, Walk.of_driver),
+    (bpy.types.DriverTarget, Walk.of_target),
+    (bpy.types.AnimData, Walk.of_animation),
+    (bpy.types.ShapeKey, Walk.of_shape),
     (bpy.types.NodesModifier, Walk.of_nodes),
     (bpy.types.PoseBone, lambda walk, bone: walk._custom(bone)),
 )
@@ -316,7 +378,8 @@ def _named(block: Any) -> str:
 
 def _of_tile(path: str, number: int) -> str:
     return path.replace("<UDIM>", str(number)).replace(
-        "<UVTILE>", f"u{(number - 1001) % 10 + 1}_v{(number - 1001) // 10 + 1}")
+        "<UVTILE>", f"u{(number - 1001) % 10 + 1}_v{(number - 1001) // 10 + 1}"
+    )
 
 
 @lru_cache(maxsize=4096)

@@ -71,8 +71,10 @@ class DugGround(MeshedGround):
         mesh = super().build_mesh(name)
         layers = self.series.at(self.state).layers
         around = np.zeros(len(self.positions) - layers.ground.size, np.float32)
-        for key, values in ((DEPTH, self.series.before_m - layers.ground),
-                            (SPOIL, np.clip(layers.spoil / _COVERS_M, 0.0, 1.0))):
+        for key, values in (
+            (DEPTH, self.series.before_m - layers.ground),
+            (SPOIL, np.clip(layers.spoil / _COVERS_M, 0.0, 1.0)),
+        ):
             attribute = mesh.attributes.new(key, "FLOAT", "POINT")
             attribute.data.foreach_set("value", np.concatenate([around, values.ravel().astype(np.float32)]))
         return mesh
@@ -123,8 +125,17 @@ def _prepare(make: Callable[[Settings], Terrain], settings: Settings) -> _Prepar
         before = np.asarray(made.surface.heights(x, y, 2 * site.grid.cell_m), np.float64)
         joined = join(made, site.grid, before)
         level = float(made.surface.heights(np.array([settings.rig.x_m]), np.array([settings.rig.y_m]), 0.0)[0])
-        _last = _Prepared(key, joined, Series(site, settings.excavation, int(settings.dataset.seed), before,
-                                              level if settings.excavation.path == JOINTS else None))
+        _last = _Prepared(
+            key,
+            joined,
+            Series(
+                site,
+                settings.excavation,
+                int(settings.dataset.seed),
+                before,
+                level if settings.excavation.path == JOINTS else None,
+            ),
+        )
     return _last
 
 
@@ -133,9 +144,8 @@ def _dig(prepared: _Prepared, state: int) -> DugGround:
     ground, series = prepared.ground, prepared.series
     top = series.at(state).layers.top
     positions = ground.positions.copy()
-    positions[-top.size:, 2] = top.ravel()
-    moved = np.concatenate([np.zeros(len(positions) - top.size, bool),
-                            np.abs(top - series.before_m).ravel() > _DUG_M])
+    positions[-top.size :, 2] = top.ravel()
+    moved = np.concatenate([np.zeros(len(positions) - top.size, bool), np.abs(top - series.before_m).ravel() > _DUG_M])
     flat = moved[ground.faces].any(axis=1)
     fine = flat if ground.fine is None else flat | ground.fine
     return DugGround(ground.surface, positions, ground.faces, ground.sharp, ground.spacing_m, fine, series, state)
@@ -148,15 +158,23 @@ def join(ground: MeshedGround, grid: Grid, heights_m: np.ndarray) -> MeshedGroun
     between the rims of the hole and the patch. It adds no vertex, so there is no crack. Raises IcyMoonError if there is
     no ground all round the patch.
     """
-    faces = ground.faces if ground.faces.shape[1] == 3 else np.concatenate(
-        [ground.faces[:, [0, 1, 2]], ground.faces[:, [0, 2, 3]]])
-    fine = None if ground.fine is None else (
-        ground.fine if ground.faces.shape[1] == 3 else np.concatenate([ground.fine, ground.fine]))
+    faces = (
+        ground.faces
+        if ground.faces.shape[1] == 3
+        else np.concatenate([ground.faces[:, [0, 1, 2]], ground.faces[:, [0, 2, 3]]])
+    )
+    fine = (
+        None
+        if ground.fine is None
+        else (ground.fine if ground.faces.shape[1] == 3 else np.concatenate([ground.fine, ground.fine]))
+    )
     holes = (cut_hole(ground.positions, faces, grid.bounds_m, free * grid.cell_m) for free in _FREE)
     hole = next((found for found in holes if found is not None), None)
     if hole is None:
-        raise IcyMoonError("Trench and heap do not lie on one piece of ground; move excavation.start_x_m and "
-                           "excavation.start_y_m, or set mesh.walls to FLUTED.")
+        raise IcyMoonError(
+            "Trench and heap do not lie on one piece of ground; move excavation.start_x_m and "
+            "excavation.start_y_m, or set mesh.walls to FLUTED."
+        )
     kept, loop = hole
     used = np.zeros(len(ground.positions), bool)
     used[faces[kept]] = True
@@ -172,33 +190,41 @@ def join(ground: MeshedGround, grid: Grid, heights_m: np.ndarray) -> MeshedGroun
     added = np.concatenate([ends[gap], squares[:, [0, 1, 2]], squares[:, [0, 2, 3]]])
     sharp = ground.sharp[used[ground.sharp].all(axis=1)] if len(ground.sharp) else ground.sharp
     return replace(
-        ground, positions=np.concatenate([ground.positions[used].astype(np.float64), patch]),
+        ground,
+        positions=np.concatenate([ground.positions[used].astype(np.float64), patch]),
         faces=np.concatenate([number[faces[kept]], added]).astype(np.int32),
         sharp=np.sort(number[sharp], axis=1) if len(sharp) else sharp,
-        spacing_m=None if ground.spacing_m is None else np.concatenate(
-            [ground.spacing_m[used], np.full(len(patch), grid.cell_m)]),
-        fine=None if fine is None else np.concatenate([fine[kept], np.ones(len(added), bool)]))
+        spacing_m=None
+        if ground.spacing_m is None
+        else np.concatenate([ground.spacing_m[used], np.full(len(patch), grid.cell_m)]),
+        fine=None if fine is None else np.concatenate([fine[kept], np.ones(len(added), bool)]),
+    )
 
 
 def _fill_gap(outer_m: np.ndarray, inner_m: np.ndarray) -> np.ndarray:
     """Triangles (m, 3), counter-clockwise, between an outer loop (n, 2) and an inner one (k, 2), by the number of their
     corners in both, the outer first."""
     points = np.concatenate([outer_m, inner_m]) - inner_m.mean(axis=0)
-    edges = [(first + k, first + (k + 1) % count) for first, count in ((0, len(outer_m)), (len(outer_m), len(inner_m)))
-             for k in range(count)]
+    edges = [
+        (first + k, first + (k + 1) % count)
+        for first, count in ((0, len(outer_m)), (len(outer_m), len(inner_m)))
+        for k in range(count)
+    ]
     found, _, triangles, of, *_ = geometry.delaunay_2d_cdt(points.tolist(), edges, [], 0, 1e-9)
     if len(found) != len(points):
-        raise IcyMoonError("Ground that overhangs runs across the rim of trench and heap, where no patch fits; set "
-                           "mesh.walls to FLUTED, or move excavation.start_x_m and excavation.start_y_m.")
+        raise IcyMoonError(
+            "Ground that overhangs runs across the rim of trench and heap, where no patch fits; set "
+            "mesh.walls to FLUTED, or move excavation.start_x_m and excavation.start_y_m."
+        )
     original = np.array([each[0] for each in of])
     made = original[np.array(list(triangles), np.int64)]
     a, b, c = (points[made[:, k]] for k in range(3))
     ahead = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     made[ahead < 0] = made[ahead < 0][:, ::-1]
     middle = (a + b + c) / 3.0
-    low, high = points[len(outer_m):].min(axis=0), points[len(outer_m):].max(axis=0)
+    low, high = points[len(outer_m) :].min(axis=0), points[len(outer_m) :].max(axis=0)
     in_patch = ((middle > low) & (middle < high)).all(axis=1)
-    return _without_loose(made[inside_loop(middle, points[:len(outer_m)]) & ~in_patch], np.sort(edges, axis=1))
+    return _without_loose(made[inside_loop(middle, points[: len(outer_m)]) & ~in_patch], np.sort(edges, axis=1))
 
 
 def _without_loose(faces: np.ndarray, rims: np.ndarray) -> np.ndarray:

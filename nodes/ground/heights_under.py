@@ -45,8 +45,9 @@ def probe_heights(ground: bpy.types.Object) -> Iterator[HeightAt]:
         bpy.data.meshes.remove(mesh)
 
 
-def _drop_points(scene: bpy.types.Scene, points: bpy.types.Object, x_m: np.ndarray, y_m: np.ndarray,
-                 start_m: float) -> np.ndarray:
+def _drop_points(
+    scene: bpy.types.Scene, points: bpy.types.Object, x_m: np.ndarray, y_m: np.ndarray, start_m: float
+) -> np.ndarray:
     """Heights (n,) in metres where points that drop from ``start_m`` hit the ground; NaN if they hit none."""
     if len(x_m) == 0:
         return np.zeros(0)

@@ -57,8 +57,9 @@ class Heights:
     stored: np.dtype[Any] = field(default_factory=lambda: np.dtype(int))
 
 
-def read_heights(path: Path, site: Site | None = None, missing: float | None = None,
-                 body_radius_m: float = _EARTH_M) -> Heights:
+def read_heights(
+    path: Path, site: Site | None = None, missing: float | None = None, body_radius_m: float = _EARTH_M
+) -> Heights:
     """Read a height map; of a large GeoTIFF only the part that the ``site`` needs.
 
     ``missing`` is a value that means no height, in addition to the values that the file declares missing.
@@ -68,8 +69,13 @@ def read_heights(path: Path, site: Site | None = None, missing: float | None = N
     suffix = path.suffix.lower()
     if suffix not in (*SUFFIXES, *gdal_lines.SUFFIXES):
         raise IcyMoonError(f"{path}: is not a height map that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
-    start = read(path, lambda foreign: foreign.part(0, min(foreign.size, _START)), "a height map", "check source.file",
-                 geotiff.MOST_BYTES)
+    start = read(
+        path,
+        lambda foreign: foreign.part(0, min(foreign.size, _START)),
+        "a height map",
+        "check source.file",
+        geotiff.MOST_BYTES,
+    )
     if suffix in gdal_lines.SUFFIXES:
         raise IcyMoonError(f"{path}: {gdal_lines.advise(path, start, body_radius_m)}")
     if suffix in (".tif", ".tiff"):
@@ -89,16 +95,26 @@ def _read_tiff(path: Path, start: bytes, site: Site | None, missing: float | Non
     if start[:4] not in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
         raise IcyMoonError(f"{path}: is not a TIFF file, despite its name.")
     tiff = geotiff.read(path, site, missing)
-    return Heights(tiff.heights_m, tiff.pixel_m, tiff.corner_m, tiff.unplaced, tiff.report, tiff.warnings,
-                   tiff.file_shape, tiff.place)
+    return Heights(
+        tiff.heights_m,
+        tiff.pixel_m,
+        tiff.corner_m,
+        tiff.unplaced,
+        tiff.report,
+        tiff.warnings,
+        tiff.file_shape,
+        tiff.place,
+    )
 
 
 def _read_npy(path: Path, start: bytes) -> Heights:
     def parse(foreign: ForeignBytes) -> np.ndarray:
         values = parse_npy(foreign, "iuf")
         if values.ndim != 2:
-            raise RefusedError(f"contains {values.dtype} values of shape {values.shape}; "
-                               "save one number per pixel as an array (rows, columns), north first.")
+            raise RefusedError(
+                f"contains {values.dtype} values of shape {values.shape}; "
+                "save one number per pixel as an array (rows, columns), north first."
+            )
         return values
 
     fix = "save the numbers by numpy.save as an array (rows, columns), north first"
@@ -117,9 +133,12 @@ def _read_png(path: Path, start: bytes) -> Heights:
         check_pixels(foreign, head.width * head.height, _MOST_PIXELS, _SMALLER)
         return head.bits
 
-    highest = 2**read(path, parse, "a whole PNG file", "copy it again") - 1
-    return Heights(np.rint(_load_pixels(path).astype(np.float64) * highest), unplaced=files_beside.why_unplaced(path),
-                   warnings=(*files_beside.doubt_world_file(path), *files_beside.doubt_notes(path)))
+    highest = 2 ** read(path, parse, "a whole PNG file", "copy it again") - 1
+    return Heights(
+        np.rint(_load_pixels(path).astype(np.float64) * highest),
+        unplaced=files_beside.why_unplaced(path),
+        warnings=(*files_beside.doubt_world_file(path), *files_beside.doubt_notes(path)),
+    )
 
 
 def _read_exr(path: Path, start: bytes) -> Heights:
@@ -131,8 +150,10 @@ def _read_exr(path: Path, start: bytes) -> Heights:
         names = list(parts[0].channels) if len(parts) == 1 else ["(several parts)"]
         if not {"Y", "R"} & set(names):
             more = ", ..." if len(names) > _MOST_NAMED else ""
-            raise RefusedError(f"has the channels {', '.join(map(_shown, names[:_MOST_NAMED]))}{more}; "
-                               "save the heights as one channel called Y.")
+            raise RefusedError(
+                f"has the channels {', '.join(map(_shown, names[:_MOST_NAMED]))}{more}; "
+                "save the heights as one channel called Y."
+            )
         rows, columns = parts[0].shape
         check_pixels(foreign, rows * columns * -(-len(names) // 4), _MOST_PIXELS, _SMALLER)
 

@@ -31,8 +31,12 @@ _MEMORY_FACTOR, _MEMORY_BESIDE = 4, 2**31
 
 def _data_blocks() -> set[Any]:
     """All data-blocks of the open file."""
-    return {block for prop in bpy.data.bl_rna.properties if prop.type == "COLLECTION"
-            for block in getattr(bpy.data, prop.identifier)}
+    return {
+        block
+        for prop in bpy.data.bl_rna.properties
+        if prop.type == "COLLECTION"
+        for block in getattr(bpy.data, prop.identifier)
+    }
 
 
 @contextlib.contextmanager
@@ -42,8 +46,14 @@ def open_scratch_scene() -> Iterator[bpy.types.Scene]:
     scene = bpy.data.scenes.new("Icy Moon Import")
     layer = scene.view_layers[0]
     try:
-        with bpy.context.temp_override(scene=scene, view_layer=layer, collection=scene.collection,
-                                       layer_collection=layer.layer_collection, active_object=None, object=None):
+        with bpy.context.temp_override(
+            scene=scene,
+            view_layer=layer,
+            collection=scene.collection,
+            layer_collection=layer.layer_collection,
+            active_object=None,
+            object=None,
+        ):
             yield scene
     finally:
         bpy.data.batch_remove(_data_blocks() - before)
@@ -62,8 +72,10 @@ def _enable_importer(kind: str, path: Path) -> Iterator[Any]:
         found = compat.find_mesh_importer(kind)
     try:
         if found is None:
-            raise IcyMoonError(f"{path}: this Blender {bpy.app.version_string} cannot read {kind}; "
-                               "use an official build or export the mesh as PLY.")
+            raise IcyMoonError(
+                f"{path}: this Blender {bpy.app.version_string} cannot read {kind}; "
+                "use an official build or export the mesh as PLY."
+            )
         yield found
     finally:
         if enabled:
@@ -82,15 +94,19 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     check_mesh(path, kind)
     memory = int(estimate_cost(path).memory_mib * 2**20)
     # A window has no limit: the user's other work in it needs memory too.
-    limit = (bound_memory_and_time(_MEMORY_FACTOR * memory + _MEMORY_BESIDE) if bpy.app.background else
-             contextlib.nullcontext())
+    limit = (
+        bound_memory_and_time(_MEMORY_FACTOR * memory + _MEMORY_BESIDE)
+        if bpy.app.background
+        else contextlib.nullcontext()
+    )
     with _enable_importer(kind, path) as (operator, options), open_scratch_scene(), limit:
         try:
             operator("EXEC_DEFAULT", filepath=str(path), **options)
         except RuntimeError as error:
             printer.say("")  # the importer's report has no end of line, and a message follows
-            raise IcyMoonError(f"{path}: Blender cannot read it as {kind} ({_last_line(error)}); "
-                               "export it again.") from None
+            raise IcyMoonError(
+                f"{path}: Blender cannot read it as {kind} ({_last_line(error)}); export it again."
+            ) from None
         positions, faces, uv = _read_geometry(path)
     if kind == "PLY":
         positions, uv = _read_as_written(path, positions, faces, uv)
@@ -100,8 +116,9 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     return positions, faces, uv
 
 
-def _read_as_written(path: Path, positions: np.ndarray, faces: np.ndarray,
-                     uv: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
+def _read_as_written(
+    path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray | None]:
     """Vertices and UV coordinates of a PLY file in full precision, if their number agrees with Blender's import."""
     try:
         written = ply.read_vertices(path)
@@ -153,8 +170,10 @@ def _read_geometry(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | Non
         offset += len(mesh.vertices)
         count += len(triangles)
         if count > _MOST_TRIANGLES:  # a small file may show one mesh many times
-            raise IcyMoonError(f"{path}: has more than {_MOST_TRIANGLES} triangles with all its copies; leave some "
-                               "out, or make it coarser.")
+            raise IcyMoonError(
+                f"{path}: has more than {_MOST_TRIANGLES} triangles with all its copies; leave some "
+                "out, or make it coarser."
+            )
     uv = None
     if any(each is not None for _, each in uvs):
         uv = np.concatenate([np.full((n, 3, 2), np.nan, np.float32) if each is None else each for n, each in uvs])

@@ -28,17 +28,21 @@ SHAPE, ROTATION, SCALE = "shape", "rotation", "scale"
 def label_instances(material: bpy.types.Material) -> None:
     """Make a material write the label of its instance into the value pass ``INSTANCE_AOV``."""
     tree = Tree(material.node_tree, keep=True)
-    label = tree.node("ShaderNodeAttribute", "Instance", attribute_type="INSTANCER",
-                      attribute_name=INSTANCE_ATTRIBUTE)
+    label = tree.node("ShaderNodeAttribute", "Instance", attribute_type="INSTANCER", attribute_name=INSTANCE_ATTRIBUTE)
     # The Vector output is exact; Factor is the mean of three equal numbers, which rounding changes above 2^23.
     exact = tree.node("ShaderNodeSeparateXYZ", "Exact", {"Vector": label.outputs["Vector"]})
-    tree.node("ShaderNodeOutputAOV", "Instance Label", {"Color": (0.0, 0.0, 0.0, 1.0), "Value": exact.outputs["X"]},
-              aov_name=INSTANCE_AOV)
+    tree.node(
+        "ShaderNodeOutputAOV",
+        "Instance Label",
+        {"Color": (0.0, 0.0, 0.0, 1.0), "Value": exact.outputs["X"]},
+        aov_name=INSTANCE_AOV,
+    )
     tree.arrange()
 
 
-def build_shapes(name: str, shapes: Sequence[Sequence[Shape]], used: np.ndarray,
-                 material: bpy.types.Material) -> list[bpy.types.Object]:
+def build_shapes(
+    name: str, shapes: Sequence[Sequence[Shape]], used: np.ndarray, material: bpy.types.Material
+) -> list[bpy.types.Object]:
     """An object for each of the ``shapes[level][shape]`` whose number is in ``used``.
 
     The number is level times the number of shapes, plus shape. Objects are in the order of numbers, and so of names.
@@ -46,8 +50,9 @@ def build_shapes(name: str, shapes: Sequence[Sequence[Shape]], used: np.ndarray,
     objects = []
     for number in used.tolist():
         level, shape = divmod(number, len(shapes[0]))
-        mesh = build_mesh_from_arrays(f"{name} Shape {number:03d}", shapes[level][shape].vertices,
-                                      shapes[level][shape].triangles)
+        mesh = build_mesh_from_arrays(
+            f"{name} Shape {number:03d}", shapes[level][shape].vertices, shapes[level][shape].triangles
+        )
         plane = shapes[level][shape].plane
         if plane.all():  # broken ice: its steps have sharp edges, and it is smooth between them
             mesh.shade_smooth()
@@ -70,18 +75,31 @@ def _add_named_attribute(tree: Tree, label: str, attribute: str, data_type: str)
 def _build_group(name: str, shapes: bpy.types.Collection) -> bpy.types.NodeTree:
     """The node group that puts a shape on each point, rotated and scaled by the attributes of the point."""
     group = bpy.data.node_groups.new(name, "GeometryNodeTree")
-    _, result = (group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry").identifier
-                 for direction in ("INPUT", "OUTPUT"))
+    _, result = (
+        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry").identifier
+        for direction in ("INPUT", "OUTPUT")
+    )
     tree = Tree(group)
     points = tree.node("NodeGroupInput", "Points")
-    library = tree.node("GeometryNodeCollectionInfo", "Shapes",
-                        {"Collection": shapes, "Separate Children": True, "Reset Children": True},
-                        transform_space="ORIGINAL")
-    instances = tree.node("GeometryNodeInstanceOnPoints", "Blocks", {
-        "Points": points.outputs[0], "Selection": True, "Instance": library.outputs[0], "Pick Instance": True,
-        "Instance Index": _add_named_attribute(tree, "Shape", SHAPE, "INT"),
-        "Rotation": _add_named_attribute(tree, "Rotation", ROTATION, "FLOAT_VECTOR"),
-        "Scale": _add_named_attribute(tree, "Scale", SCALE, "FLOAT_VECTOR")})
+    library = tree.node(
+        "GeometryNodeCollectionInfo",
+        "Shapes",
+        {"Collection": shapes, "Separate Children": True, "Reset Children": True},
+        transform_space="ORIGINAL",
+    )
+    instances = tree.node(
+        "GeometryNodeInstanceOnPoints",
+        "Blocks",
+        {
+            "Points": points.outputs[0],
+            "Selection": True,
+            "Instance": library.outputs[0],
+            "Pick Instance": True,
+            "Instance Index": _add_named_attribute(tree, "Shape", SHAPE, "INT"),
+            "Rotation": _add_named_attribute(tree, "Rotation", ROTATION, "FLOAT_VECTOR"),
+            "Scale": _add_named_attribute(tree, "Scale", SCALE, "FLOAT_VECTOR"),
+        },
+    )
     tree.node("NodeGroupOutput", "Geometry", {result: instances.outputs[0]}, leave=("__extend__",))
     tree.arrange()
     return group
@@ -94,8 +112,9 @@ def _set_attribute(mesh: bpy.types.Mesh, name: str, data_type: str, values: np.n
     attribute.data.foreach_set(key, np.ascontiguousarray(values, kind).ravel())
 
 
-def build_rocks(name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], material: bpy.types.Material,
-                tag: str) -> bpy.types.Object:
+def build_rocks(
+    name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], material: bpy.types.Material, tag: str
+) -> bpy.types.Object:
     """The object whose points are the rocks. ``parts_of`` returns the other data-blocks that it needs.
 
     Labels of rocks follow their sizes, the largest first. Everything except the object itself gets the custom property
@@ -125,6 +144,11 @@ def build_rocks(name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], mate
 def parts_of(item: bpy.types.Object, tag: str) -> list[Any]:
     """Node groups, collections and shape objects that an object of rocks uses; empty for other objects."""
     groups = [m.node_group for m in item.modifiers if m.type == "NODES" and m.node_group and tag in m.node_group]
-    libraries = [socket.default_value for group in groups for node in group.nodes for socket in node.inputs
-                 if socket.type == "COLLECTION" and socket.default_value]
+    libraries = [
+        socket.default_value
+        for group in groups
+        for node in group.nodes
+        for socket in node.inputs
+        if socket.type == "COLLECTION" and socket.default_value
+    ]
     return [*groups, *libraries, *(shape for library in libraries for shape in library.objects if tag in shape)]

@@ -181,16 +181,25 @@ def roughness_table(heights: np.ndarray | None, terrain: TerrainSettings) -> lis
         inside = shortest <= distance <= longest and asked > 0
         there = waves.min() <= 1 / distance <= waves.max() and density.min() > 0
         psd = np.exp(np.interp(-np.log(distance), np.log(waves), np.log(density))) if there else 0.0
-        rows.append((f"{distance:.3g} m", f"{deviation * 1e3:.3g} mm", f"{asked * 1e3:.3g} mm" if inside else "",
-                     f"{deviation / asked:.2f}" if inside else "", f"{psd:.2e} m4" if there else ""))
+        rows.append(
+            (
+                f"{distance:.3g} m",
+                f"{deviation * 1e3:.3g} mm",
+                f"{asked * 1e3:.3g} mm" if inside else "",
+                f"{deviation / asked:.2f}" if inside else "",
+                f"{psd:.2e} m4" if there else "",
+            )
+        )
     if not math.isnan(found.hurst):
-        rows.append(("Hurst exponent", f"{found.hurst:.2f}", f"{terrain.hurst:.2f}",
-                     f"{found.hurst / terrain.hurst:.2f}", ""))
+        rows.append(
+            ("Hurst exponent", f"{found.hurst:.2f}", f"{terrain.hurst:.2f}", f"{found.hurst / terrain.hurst:.2f}", "")
+        )
     return rows
 
 
-def build_mesh_from_arrays(name: str, positions: np.ndarray, faces: np.ndarray,
-                           sharp: np.ndarray | None = None, uv: np.ndarray | None = None) -> bpy.types.Mesh:
+def build_mesh_from_arrays(
+    name: str, positions: np.ndarray, faces: np.ndarray, sharp: np.ndarray | None = None, uv: np.ndarray | None = None
+) -> bpy.types.Mesh:
     """A mesh from float32 positions (n, 3) and int32 faces (m, corners per face), smooth-shaded but along ``sharp``
     edges (k, 2), with the UV coordinates (m, corners per face, 2) of the corners if there are any."""
     mesh = bpy.data.meshes.new(name)

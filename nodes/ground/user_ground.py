@@ -47,8 +47,14 @@ _UNLIKELY_EDGE = 3.0
 #: Maximum number of triangles into which a mesh is divided for added roughness.
 _MOST_TRIANGLES = 8_000_000
 #: Rows of the matrix that rotates file coordinates to z up: each the axis of the file and its sign.
-_TURNS = {"X": ((1, 1), (2, 1), (0, 1)), "Y": ((0, 1), (2, -1), (1, 1)), "Z": ((0, 1), (1, 1), (2, 1)),
-          "-X": ((2, 1), (1, 1), (0, -1)), "-Y": ((0, 1), (2, 1), (1, -1)), "-Z": ((0, 1), (1, -1), (2, -1))}
+_TURNS = {
+    "X": ((1, 1), (2, 1), (0, 1)),
+    "Y": ((0, 1), (2, -1), (1, 1)),
+    "Z": ((0, 1), (1, 1), (2, 1)),
+    "-X": ((2, 1), (1, 1), (0, -1)),
+    "-Y": ((0, 1), (2, 1), (1, -1)),
+    "-Z": ((0, 1), (1, -1), (2, -1)),
+}
 
 
 #: Suffixes of the files that can be a ground.
@@ -134,8 +140,9 @@ def load_ground(settings: Settings, make_procedural: Callable[[Settings], Surfac
             return _load_mesh(path, settings)
         return _load_height_map(path, settings, make_procedural)
     except MemoryError:
-        raise IcyMoonError(f"{path}: is too large for the memory of this machine; cut out the part that you need, "
-                           "or make it coarser.") from None
+        raise IcyMoonError(
+            f"{path}: is too large for the memory of this machine; cut out the part that you need, or make it coarser."
+        ) from None
 
 
 def _metres(values: Any) -> str:
@@ -154,17 +161,21 @@ def _check_size(path: Path, extents_m: np.ndarray, fix: str, fix_height: str, to
     if to_horizon and widest > most:
         fix = f"cut off what is far from the site, or {fix}"
     if not _SMALLEST_M <= widest <= most:
-        raise IcyMoonError(f"{path}: is {widest:.3g} m wide, which is no landing site ({_SMALLEST_M:g} to {most:g} "
-                           f"m); {fix}")
+        raise IcyMoonError(
+            f"{path}: is {widest:.3g} m wide, which is no landing site ({_SMALLEST_M:g} to {most:g} m); {fix}"
+        )
     if not relief <= _LARGEST_M:
-        raise IcyMoonError(f"{path}: has a relief of {relief:.3g} m, which is no landing site ({_LARGEST_M:g} m at "
-                           f"most); {fix_height}")
+        raise IcyMoonError(
+            f"{path}: has a relief of {relief:.3g} m, which is no landing site ({_LARGEST_M:g} m at most); {fix_height}"
+        )
     warnings = []
     if not (_UNLIKELY_M[0] <= widest <= _UNLIKELY_M[1] or (to_horizon and widest > _UNLIKELY_M[1])):
         warnings.append(f"{path.name} is {widest:.3g} m wide; if its unit is not what you meant, {fix}")
     if relief > _UNLIKELY_RELIEF * widest:
-        warnings.append(f"{path.name} has a relief of {relief:.3g} m on {widest:.3g} m; if its unit is not what you "
-                        f"meant, {fix_height}")
+        warnings.append(
+            f"{path.name} has a relief of {relief:.3g} m on {widest:.3g} m; if its unit is not what you "
+            f"meant, {fix_height}"
+        )
     return warnings
 
 
@@ -173,8 +184,10 @@ def _check_against_camera(path: Path, positions: np.ndarray, faces: np.ndarray, 
     widest, edge = float(np.ptp(positions[:, :2], axis=0).max()), subdivide.edge_length_m(positions, faces)
     if widest >= height_m and _is_fine(edge, height_m):
         return []
-    return [f"{path.name} is {widest:.3g} m wide with triangles of {edge:.3g} m, and the camera is {height_m:.3g} m "
-            f"above it; if its unit is not what you meant, {fix}"]
+    return [
+        f"{path.name} is {widest:.3g} m wide with triangles of {edge:.3g} m, and the camera is {height_m:.3g} m "
+        f"above it; if its unit is not what you meant, {fix}"
+    ]
 
 
 def turned_up(positions: np.ndarray, kind: str, up_axis: str) -> tuple[np.ndarray, str]:
@@ -193,12 +206,15 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     kind = mesh_file.detect_kind(path)
     positions, faces, uv = read_mesh(path)
     if not np.isfinite(positions).all(axis=1).any():
-        raise IcyMoonError(f"{path}: none of its {len(positions)} vertices has finite coordinates; export the mesh "
-                           "again.")
+        raise IcyMoonError(
+            f"{path}: none of its {len(positions)} vertices has finite coordinates; export the mesh again."
+        )
     warnings = _coarse_coordinates(path, positions)
     if kind == "USD" and not compat.applies_usd_unit():
-        warnings.append(f"This Blender ignores the unit that {path.name} states and uses metres; set source.scale if "
-                        "it is another unit.")
+        warnings.append(
+            f"This Blender ignores the unit that {path.name} states and uses metres; set source.scale if "
+            "it is another unit."
+        )
     positions, axis = turned_up(positions * source.scale, kind, source.up_axis)
     before = check.examine(positions, faces)
     fine = _is_fine(subdivide.edge_length_m(positions, faces), float(settings.rig.height_m))
@@ -206,8 +222,10 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     if before.area_m2 <= 0.0 or before.degenerate_faces == before.triangles:
         raise IcyMoonError(f"{path}: none of its {before.triangles} faces has an area; export the mesh again.")
     if before.non_finite_vertices and not source.repair:
-        raise IcyMoonError(f"{path}: has {count_of(before.non_finite_vertices, 'vertex', 'vertices')} without finite "
-                           "coordinates; set source.repair or fix the mesh.")
+        raise IcyMoonError(
+            f"{path}: has {count_of(before.non_finite_vertices, 'vertex', 'vertices')} without finite "
+            "coordinates; set source.repair or fix the mesh."
+        )
     report = [f"{kind}, {axis} up, {source.scale:g} m per unit", *before.lines()]
     if source.repair:
         positions, faces, uv = check.repair(positions, faces, uv)
@@ -219,8 +237,9 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
         unlikely = _check_against_camera(path, positions, faces, float(settings.rig.height_m), _SET_SCALE)
     warnings += unlikely
     if after.up != "Z":
-        warnings.append(f"Most faces of {path.name} point along {after.up}, so another axis may point up; set "
-                        "source.up_axis.")
+        warnings.append(
+            f"Most faces of {path.name} point along {after.up}, so another axis may point up; set source.up_axis."
+        )
     shift = _shift(positions, source)
     positions = positions + shift
     report.append(f"Moved by {_metres(shift)} m")
@@ -230,7 +249,7 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
         report += found
         if uses_uv(settings.textures):
             warnings += [f"{path.name}: {sentence}." for sentence in found[1:]]
-    if (kinds := ", ".join(mesh_images.find_images(path).by_kind)):
+    if kinds := ", ".join(mesh_images.find_images(path).by_kind):
         report.append(f"Contains images ({kinds}), which textures.set = MESH shows")
     if source.detail:
         positions, faces, uv, sentence = _with_roughness(positions, faces, uv, settings)
@@ -239,8 +258,9 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     return UserGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), uv, place)
 
 
-def _with_roughness(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None,
-                    settings: Settings) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, str]:
+def _with_roughness(
+    positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None, settings: Settings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, str]:
     """The mesh, divided to the vertex spacing of ``terrain`` and displaced along its normals, and a sentence on it."""
     edge = subdivide.edge_length_m(positions, faces)
     wanted = shortest_wavelength_m(settings.terrain) / 2
@@ -249,11 +269,24 @@ def _with_roughness(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | N
         positions, faces = subdivide.halve_edges(positions, faces)
         uv = None if uv is None else texture_coordinates.halve_coordinates(uv)
     finest = edge / 2**cuts
-    roughened = displace(positions, subdivide.vertex_normals(positions, faces), settings,
-                         int(settings.dataset.seed), 2 * edge, 2 * finest)
+    roughened = displace(
+        positions,
+        subdivide.vertex_normals(positions, faces),
+        settings,
+        int(settings.dataset.seed),
+        2 * edge,
+        2 * finest,
+    )
     limit = f", not {wanted:.3g} m, to keep to {_MOST_TRIANGLES} triangles" if finest > 1.01 * wanted else ""
-    return roughened, faces, uv, (f"Roughness of {2 * finest:.3g} to {2 * edge:.3g} m added on {len(faces)} "
-                                  f"triangles, edges of {finest:.3g} m{limit}")
+    return (
+        roughened,
+        faces,
+        uv,
+        (
+            f"Roughness of {2 * finest:.3g} to {2 * edge:.3g} m added on {len(faces)} "
+            f"triangles, edges of {finest:.3g} m{limit}"
+        ),
+    )
 
 
 def _coarse_coordinates(path: Path, positions: np.ndarray) -> list[str]:
@@ -265,8 +298,10 @@ def _coarse_coordinates(path: Path, positions: np.ndarray) -> list[str]:
     spacing = float(np.ptp(positions, axis=0).max()) / math.sqrt(len(positions))
     if step < 1e-3 * spacing:
         return []
-    return [f"The coordinates of {path.name} are so large that they are rounded to {step:.2g} units, but vertices are "
-            f"{spacing:.2g} apart; subtract an offset before the export, or write a PLY in double precision."]
+    return [
+        f"The coordinates of {path.name} are so large that they are rounded to {step:.2g} units, but vertices are "
+        f"{spacing:.2g} apart; subtract an offset before the export, or write a PLY in double precision."
+    ]
 
 
 def _shift(positions: np.ndarray, source: SourceSettings) -> np.ndarray:
@@ -308,16 +343,23 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
         moved = (-read.place.origin[0], -read.place.origin[1], -zero_m)
         place = read.place.to_json() | {"height_zero_m": zero_m}
     else:
-        surface, moved = height_map.place_map(heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source.centre),
-                                              origin_m=origin_m, size_m=size_m)
+        surface, moved = height_map.place_map(
+            heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source.centre), origin_m=origin_m, size_m=size_m
+        )
         place = _place_in_file(moved)
     west, east, south, north = surface.bounds_m
     extents = np.array([max(east - west, 0.0), max(north - south, 0.0), float(np.ptp(heights))])
     if east <= west or north <= south:
-        raise IcyMoonError(f"{path}: has no height within terrain.size_m = {terrain.size_m:g} m of the origin; set "
-                           "source.centre, source.origin_x_m or source.origin_y_m.")
-    warnings += _check_size(path, extents, "set source.metres_per_pixel.",
-                            "set source.height_scale_m, or mark the heights that are missing.")
+        raise IcyMoonError(
+            f"{path}: has no height within terrain.size_m = {terrain.size_m:g} m of the origin; set "
+            "source.centre, source.origin_x_m or source.origin_y_m."
+        )
+    warnings += _check_size(
+        path,
+        extents,
+        "set source.metres_per_pixel.",
+        "set source.height_scale_m, or mark the heights that are missing.",
+    )
     if source.detail:
         surface = height_map.add_roughness(surface, make_procedural(settings))
     spacing = shortest_wavelength_m(terrain) / 2
@@ -325,10 +367,12 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     positions, faces = height_map.grid_mesh(surface.heights(x[None, :], y[:, None], 2 * spacing), x, y)
     whole = (columns - 1) * pixel[0], (rows - 1) * pixel[1]
     part = f", of which {heights.shape[1]} x {heights.shape[0]} were read" * (heights.shape != (rows, columns))
-    report = (f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, "
-              f"{_metres([*whole, extents[2]])} m{part}", *read.report,
-              f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(moved)} m",
-              "Procedural roughness below the pixel size" if source.detail else "Nothing finer than the pixel size")
+    report = (
+        f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_metres([*whole, extents[2]])} m{part}",
+        *read.report,
+        f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(moved)} m",
+        "Procedural roughness below the pixel size" if source.detail else "Nothing finer than the pixel size",
+    )
     return UserGround(positions, faces, surface, report, tuple(warnings), map_place=place)
 
 

@@ -33,10 +33,16 @@ class Contact:
     def advice(self) -> list[str]:
         """Sentences on links other than the scoop in the ground, a scoop deeper than itself, and overlaps."""
         deep = {link: -height for link, height in self.clearances_m.items() if height < 0 and link != "scoop"}
-        said = [f"The arm's {link.replace('_', ' ')} is {show_rounded(depth)} m inside the ground; raise "
-                "arm.shoulder_deg or change other joints." for link, depth in deep.items()]
-        return said + [f"The arm's {one.replace('_', ' ')} is in the {other.replace('_', ' ')}; change the joints of "
-                       "the topic arm." for one, other in self.collisions]
+        said = [
+            f"The arm's {link.replace('_', ' ')} is {show_rounded(depth)} m inside the ground; raise "
+            "arm.shoulder_deg or change other joints."
+            for link, depth in deep.items()
+        ]
+        return said + [
+            f"The arm's {one.replace('_', ' ')} is in the {other.replace('_', ' ')}; change the joints of "
+            "the topic arm."
+            for one, other in self.collisions
+        ]
 
 
 def find_contact(settings: Settings, site_m: float, terrain: bpy.types.Object) -> Contact:
@@ -44,8 +50,9 @@ def find_contact(settings: Settings, site_m: float, terrain: bpy.types.Object) -
     arm, joints = arm_of(settings, site_m), joint_values(settings)
     ends = np.array([end for line in lines_of(arm, joints) for end in (line.start, line.end)])
     heights = _heights_near(terrain, ends.min(axis=0)[:2] - _MARGIN_M, ends.max(axis=0)[:2] + _MARGIN_M)
-    return Contact(ground_clearances_m(arm, joints, heights),
-                   find_self_collisions(arm, joints, body_capsules(settings)))
+    return Contact(
+        ground_clearances_m(arm, joints, heights), find_self_collisions(arm, joints, body_capsules(settings))
+    )
 
 
 def _heights_near(terrain: bpy.types.Object, low: np.ndarray, high: np.ndarray) -> Heights:

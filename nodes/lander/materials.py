@@ -63,12 +63,24 @@ def _build(name: str, finish: _Finish, frost_share: float) -> bpy.types.Material
     shader = _add_finish(tree, name.title(), finish, _add_creases(tree, finish, place))
     if frost_share > 0.0:
         frost = _add_finish(tree, "Frost", _FROST, None)
-        shader = tree.node("ShaderNodeMixShader", "Frosted", {
-            "Fac": _add_frost(tree, geometry, place, frost_share), "Shader": shader, "Shader_001": frost}).outputs[0]
-    tree.node("ShaderNodeOutputMaterial", "Surface", {"Surface": shader},
-              leave=("Volume", "Displacement", "Thickness"), target="ALL")
-    tree.node("ShaderNodeOutputAOV", "Geometric Normal", {"Color": geometry.outputs["True Normal"], "Value": 0.0},
-              aov_name=NORMAL_AOV)
+        shader = tree.node(
+            "ShaderNodeMixShader",
+            "Frosted",
+            {"Fac": _add_frost(tree, geometry, place, frost_share), "Shader": shader, "Shader_001": frost},
+        ).outputs[0]
+    tree.node(
+        "ShaderNodeOutputMaterial",
+        "Surface",
+        {"Surface": shader},
+        leave=("Volume", "Displacement", "Thickness"),
+        target="ALL",
+    )
+    tree.node(
+        "ShaderNodeOutputAOV",
+        "Geometric Normal",
+        {"Color": geometry.outputs["True Normal"], "Value": 0.0},
+        aov_name=NORMAL_AOV,
+    )
     tree.arrange()
     return material
 
@@ -77,11 +89,30 @@ def _add_creases(tree: Tree, finish: _Finish, place: Any) -> Any:
     """Socket of the normal of creased foil or brushed metal; None for a smooth finish."""
     if finish.creases_m == 0.0:
         return None
-    cells = tree.node("ShaderNodeTexVoronoi", "Facets", {
-        "Vector": place, "Scale": 1.0 / finish.facet_m, "Detail": 1.5, "Roughness": 0.6, "Lacunarity": 2.3,
-        "Randomness": 1.0}, voronoi_dimensions="3D", feature="F1", distance="EUCLIDEAN", normalize=False).outputs[0]
-    return tree.node("ShaderNodeBump", "Creases", {"Strength": 1.0, "Distance": finish.creases_m, "Height": cells},
-                     if_present={"Filter Width": 0.1}, leave=("Normal",), invert=False).outputs[0]
+    cells = tree.node(
+        "ShaderNodeTexVoronoi",
+        "Facets",
+        {
+            "Vector": place,
+            "Scale": 1.0 / finish.facet_m,
+            "Detail": 1.5,
+            "Roughness": 0.6,
+            "Lacunarity": 2.3,
+            "Randomness": 1.0,
+        },
+        voronoi_dimensions="3D",
+        feature="F1",
+        distance="EUCLIDEAN",
+        normalize=False,
+    ).outputs[0]
+    return tree.node(
+        "ShaderNodeBump",
+        "Creases",
+        {"Strength": 1.0, "Distance": finish.creases_m, "Height": cells},
+        if_present={"Filter Width": 0.1},
+        leave=("Normal",),
+        invert=False,
+    ).outputs[0]
 
 
 def _add_frost(tree: Tree, geometry: Any, place: Any, share: float) -> Any:
@@ -96,16 +127,44 @@ def _add_frost(tree: Tree, geometry: Any, place: Any, share: float) -> Any:
 
 def _add_finish(tree: Tree, label: str, finish: _Finish, normal: Any) -> Any:
     """Shader socket of a finish."""
-    return tree.node("ShaderNodeBsdfPrincipled", label, {
-        "Base Color": (*finish.colour, 1.0), "Metallic": finish.metal, "Roughness": finish.roughness,
-        "IOR": 1.5, "Alpha": 1.0, **({} if normal is None else {"Normal": normal}),
-        "Subsurface Weight": 0.0, "Subsurface Radius": (1.0, 1.0, 1.0), "Subsurface Scale": 0.0,
-        "Subsurface Anisotropy": 0.0, "Specular IOR Level": 0.5, "Specular Tint": _WHITE,
-        "Anisotropic": 0.0, "Anisotropic Rotation": 0.0, "Transmission Weight": 0.0,
-        "Coat Weight": 0.0, "Coat Roughness": 0.0, "Coat IOR": 1.5, "Coat Tint": _WHITE,
-        "Sheen Weight": 0.0, "Sheen Roughness": 0.5, "Sheen Tint": _WHITE,
-        "Emission Color": _WHITE, "Emission Strength": 0.0,
-    }, if_present={"Weight": 0.0, "Diffuse Roughness": 0.0, "Thin Film Thickness": 0.0, "Thin Film IOR": 1.33,
-                   "Subsurface IOR": 1.4, "Thin Wall": False},
-        leave=["Coat Normal", "Tangent", *(["Normal"] if normal is None else [])], distribution="MULTI_GGX",
-        subsurface_method="RANDOM_WALK").outputs[0]
+    return tree.node(
+        "ShaderNodeBsdfPrincipled",
+        label,
+        {
+            "Base Color": (*finish.colour, 1.0),
+            "Metallic": finish.metal,
+            "Roughness": finish.roughness,
+            "IOR": 1.5,
+            "Alpha": 1.0,
+            **({} if normal is None else {"Normal": normal}),
+            "Subsurface Weight": 0.0,
+            "Subsurface Radius": (1.0, 1.0, 1.0),
+            "Subsurface Scale": 0.0,
+            "Subsurface Anisotropy": 0.0,
+            "Specular IOR Level": 0.5,
+            "Specular Tint": _WHITE,
+            "Anisotropic": 0.0,
+            "Anisotropic Rotation": 0.0,
+            "Transmission Weight": 0.0,
+            "Coat Weight": 0.0,
+            "Coat Roughness": 0.0,
+            "Coat IOR": 1.5,
+            "Coat Tint": _WHITE,
+            "Sheen Weight": 0.0,
+            "Sheen Roughness": 0.5,
+            "Sheen Tint": _WHITE,
+            "Emission Color": _WHITE,
+            "Emission Strength": 0.0,
+        },
+        if_present={
+            "Weight": 0.0,
+            "Diffuse Roughness": 0.0,
+            "Thin Film Thickness": 0.0,
+            "Thin Film IOR": 1.33,
+            "Subsurface IOR": 1.4,
+            "Thin Wall": False,
+        },
+        leave=["Coat Normal", "Tangent", *(["Normal"] if normal is None else [])],
+        distribution="MULTI_GGX",
+        subsurface_method="RANDOM_WALK",
+    ).outputs[0]

@@ -78,8 +78,11 @@ def link_poses(settings: Settings, site_m: float) -> dict[str, np.ndarray]:
     arm, rig = arm_of(settings, site_m), settings.rig
     head = pose(camera_axes(rig.heading_deg, rig.pitch_deg), (rig.x_m, rig.y_m, site_m + rig.height_m))
     still = lander_pose(settings, site_m)
-    return {**dict.fromkeys((BODY, MAST, *LEGS), still),
-            **dict(zip(arm.links, forward(arm, joint_values(settings)), strict=True)), HEAD: head}
+    return {
+        **dict.fromkeys((BODY, MAST, *LEGS), still),
+        **dict(zip(arm.links, forward(arm, joint_values(settings)), strict=True)),
+        HEAD: head,
+    }
 
 
 def place_lander(objects: dict[str, bpy.types.Object], settings: Settings, site_m: float) -> None:

@@ -38,15 +38,22 @@ def build_planet(name: str, planet: Planet, colour: np.ndarray, dip_deg: float) 
     """The part of the planet above a horizon ``dip_deg`` under the horizontal, in true proportion."""
     shown = disc_mesh(planet)
     faces = [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()]
-    return _build_far_mesh(name, DISTANCE_M * shown.vertices, faces, {},
-                           build_planet_material(name, planet, colour, DISTANCE_M), dip_deg)
+    return _build_far_mesh(
+        name, DISTANCE_M * shown.vertices, faces, {}, build_planet_material(name, planet, colour, DISTANCE_M), dip_deg
+    )
 
 
 def build_rings(name: str, rings: RingMesh, colour: np.ndarray, dip_deg: float) -> bpy.types.Object:
     """The part of the rings above a horizon ``dip_deg`` under the horizontal."""
     attributes = {RADIANCE: rings.radiance, TRANSMISSION: rings.transmission}
-    return _build_far_mesh(name, DISTANCE_M * rings.vertices, rings.faces.tolist(), attributes,
-                           _build_shining_material(name, colour, attributes), dip_deg)
+    return _build_far_mesh(
+        name,
+        DISTANCE_M * rings.vertices,
+        rings.faces.tolist(),
+        attributes,
+        _build_shining_material(name, colour, attributes),
+        dip_deg,
+    )
 
 
 def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
@@ -71,12 +78,19 @@ def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
     triangles = np.stack([0 * corner, 1 + corner, 1 + (corner + 1) % 6], axis=1)
     faces = (7 * np.arange(n)[:, None, None] + triangles).reshape(-1, 3)
     attributes = {RADIANCE: radiance, TRANSMISSION: np.ones(7 * n)}
-    return _build_far_mesh(name, STARS_M * vertices, faces.tolist(), attributes,
-                           _build_shining_material(name, np.ones(3), attributes), 0.0)
+    return _build_far_mesh(
+        name, STARS_M * vertices, faces.tolist(), attributes, _build_shining_material(name, np.ones(3), attributes), 0.0
+    )
 
 
-def _build_far_mesh(name: str, vertices: np.ndarray, faces: list[Any], attributes: Mapping[str, np.ndarray],
-                    material: bpy.types.Material, dip_deg: float) -> bpy.types.Object:
+def _build_far_mesh(
+    name: str,
+    vertices: np.ndarray,
+    faces: list[Any],
+    attributes: Mapping[str, np.ndarray],
+    material: bpy.types.Material,
+    dip_deg: float,
+) -> bpy.types.Object:
     """A mesh with attributes of its vertices that only the camera sees, cut at the horizon."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(vertices.tolist(), [], faces)
@@ -104,8 +118,13 @@ def _cut_below_horizon(mesh: bpy.types.Mesh, slope: float) -> None:
     edited.from_mesh(mesh)
     for vertex in edited.verts:
         vertex.co.z += slope * vertex.co.xy.length
-    bmesh.ops.bisect_plane(edited, geom=[*edited.verts, *edited.edges, *edited.faces], plane_co=(0.0, 0.0, 0.0),
-                           plane_no=(0.0, 0.0, 1.0), clear_inner=True)
+    bmesh.ops.bisect_plane(
+        edited,
+        geom=[*edited.verts, *edited.edges, *edited.faces],
+        plane_co=(0.0, 0.0, 0.0),
+        plane_no=(0.0, 0.0, 1.0),
+        clear_inner=True,
+    )
     for vertex in edited.verts:
         vertex.co.z -= slope * vertex.co.xy.length
     edited.to_mesh(mesh)
@@ -127,10 +146,19 @@ def _build_shining_material(name: str, colour: np.ndarray, attributes: Mapping[s
         light = {"Color": attribute("Radiance", RADIANCE, "Color"), "Strength": 1.0}
     surface = tree.node("ShaderNodeEmission", "Shine", light, if_present={"Weight": 0.0}).outputs[0]
     if TRANSMISSION in attributes:
-        behind = tree.node("ShaderNodeBsdfTransparent", "Behind", {
-            "Color": attribute("Transmission", TRANSMISSION, "Fac")}, if_present={"Weight": 0.0}).outputs[0]
+        behind = tree.node(
+            "ShaderNodeBsdfTransparent",
+            "Behind",
+            {"Color": attribute("Transmission", TRANSMISSION, "Fac")},
+            if_present={"Weight": 0.0},
+        ).outputs[0]
         surface = tree.node("ShaderNodeAddShader", "Both", {"Shader": surface, "Shader_001": behind}).outputs[0]
-    tree.node("ShaderNodeOutputMaterial", "Surface", {"Surface": surface},
-              leave=("Volume", "Displacement", "Thickness"), target="ALL")
+    tree.node(
+        "ShaderNodeOutputMaterial",
+        "Surface",
+        {"Surface": surface},
+        leave=("Volume", "Displacement", "Thickness"),
+        target="ALL",
+    )
     tree.arrange()
     return material

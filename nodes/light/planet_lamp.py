@@ -22,8 +22,12 @@ from ..datablocks.stored_json import read_stored
 from ..tree.builder import Tree
 
 SHAPE = "icymoon_shape"  # property of the lamp: inputs of ``hapke.osl`` on the planet, without its radiance
-_INPUTS = {"PlanetLit": NUMBER, "PlanetRadius": NUMBER, "PlanetStretch": NUMBER, **dict.fromkeys(
-    ("PlanetAcross", "PlanetDirection", "PlanetObserver", "PlanetPole", "PlanetSun"), Each(NUMBER))}
+_INPUTS = {
+    "PlanetLit": NUMBER,
+    "PlanetRadius": NUMBER,
+    "PlanetStretch": NUMBER,
+    **dict.fromkeys(("PlanetAcross", "PlanetDirection", "PlanetObserver", "PlanetPole", "PlanetSun"), Each(NUMBER)),
+}
 MEAN = "icymoon_mean"  # property of the lamp: the mean direction of its light
 
 
@@ -37,22 +41,32 @@ def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.typ
     lamp.color = tuple(map(float, colour))
     compat.disable_light_factors(lamp)
     lamp.angle = math.radians(planet.angular_diameter_deg)
-    lamp.energy = (ellipsoid(planet).full_radiance * unshaded_share(planet) * math.pi
-                   * math.sin(lamp.angle / 2) ** 2)
+    lamp.energy = ellipsoid(planet).full_radiance * unshaded_share(planet) * math.pi * math.sin(lamp.angle / 2) ** 2
     tree = Tree(compat.ensure_light_nodes(lamp))
-    light = tree.node("ShaderNodeEmission", "Planet", {
-        "Color": (1.0, 1.0, 1.0, 1.0), "Strength": _add_sunlit(tree, planet)}, if_present={"Weight": 0.0})
+    light = tree.node(
+        "ShaderNodeEmission",
+        "Planet",
+        {"Color": (1.0, 1.0, 1.0, 1.0), "Strength": _add_sunlit(tree, planet)},
+        if_present={"Weight": 0.0},
+    )
     tree.node("ShaderNodeOutputLight", "Light", {"Surface": light.outputs[0]}, target="ALL")
     tree.arrange()
     item = bpy.data.objects.new(name, lamp)
     item.rotation_euler = Vector(planet.direction).to_track_quat("Z", "Y").to_euler()
     item.location = planet.direction * 10.0  # only moves the symbol in the viewport
     across, lit = lit_chords(planet)
-    item[SHAPE] = json.dumps({
-        "PlanetAcross": across.tolist(), "PlanetLit": lit,
-        "PlanetDirection": planet.direction.tolist(), "PlanetRadius": lamp.angle / 2,
-        "PlanetObserver": ellipsoid(planet).observer.tolist(), "PlanetPole": planet.pole.tolist(),
-        "PlanetStretch": 1 / (1 - planet.flattening) - 1, "PlanetSun": planet.sun.tolist()})
+    item[SHAPE] = json.dumps(
+        {
+            "PlanetAcross": across.tolist(),
+            "PlanetLit": lit,
+            "PlanetDirection": planet.direction.tolist(),
+            "PlanetRadius": lamp.angle / 2,
+            "PlanetObserver": ellipsoid(planet).observer.tolist(),
+            "PlanetPole": planet.pole.tolist(),
+            "PlanetStretch": 1 / (1 - planet.flattening) - 1,
+            "PlanetSun": planet.sun.tolist(),
+        }
+    )
     item[MEAN] = mean_direction(planet).tolist()
     return item
 
@@ -60,9 +74,17 @@ def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.typ
 def planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
     """Inputs of ``hapke.osl`` for the planet's lamp; without a lamp, they are dark."""
     if shine is None or shine.hide_render:
-        return {"PlanetRadiance": (0.0, 0.0, 0.0, 1.0), "PlanetDirection": (0.0, 0.0, 1.0), "PlanetRadius": 0.0,
-                "PlanetObserver": (0.0, 0.0, -2.0), "PlanetPole": (0.0, 0.0, 1.0), "PlanetStretch": 0.0,
-                "PlanetSun": (0.0, 0.0, 1.0), "PlanetAcross": (1.0, 0.0, 0.0), "PlanetLit": 1.0}
+        return {
+            "PlanetRadiance": (0.0, 0.0, 0.0, 1.0),
+            "PlanetDirection": (0.0, 0.0, 1.0),
+            "PlanetRadius": 0.0,
+            "PlanetObserver": (0.0, 0.0, -2.0),
+            "PlanetPole": (0.0, 0.0, 1.0),
+            "PlanetStretch": 0.0,
+            "PlanetSun": (0.0, 0.0, 1.0),
+            "PlanetAcross": (1.0, 0.0, 0.0),
+            "PlanetLit": 1.0,
+        }
     full = shine.data.energy / (math.pi * math.sin(shine.data.angle / 2) ** 2)
     return {"PlanetRadiance": (*(full * band for band in shine.data.color), 1.0), **read_stored(shine, SHAPE, _INPUTS)}
 
@@ -100,7 +122,8 @@ def _add_sunlit(tree: Tree, planet: Planet) -> Any:
     point = vector("ADD", "Point", vector("SCALE", "Way", ray, time), observer)
     normal = vector("NORMALIZE", "Normal", stretched("Point", point))
     sunlit = tree.math("MAXIMUM", "Sunlit", dot("cos i", normal, tuple(planet.sun)), 0.0)
-    hit = tree.math("MULTIPLY", "Hit", tree.math("GREATER_THAN", "Meets", inside, 0.0),
-                    tree.math("LESS_THAN", "Ahead", b, 0.0))
+    hit = tree.math(
+        "MULTIPLY", "Hit", tree.math("GREATER_THAN", "Meets", inside, 0.0), tree.math("LESS_THAN", "Ahead", b, 0.0)
+    )
     up = tree.math("GREATER_THAN", "Above Horizon", dot("Height", view, (0.0, 0.0, 1.0)), 0.0)
     return tree.math("MULTIPLY", "Seen and Sunlit", tree.math("MULTIPLY", "Seen", hit, up), sunlit)

@@ -42,10 +42,16 @@ def build_planet_material(name: str, planet: Planet, colour: np.ndarray, distanc
         shade = globe.add_passed()
         light = _add_face(globe, face, np.array(face_scale(planet)) * colour)
     strength = tree.math("MULTIPLY", "Radiance", shade, ellipsoid(planet).full_radiance)
-    shine = tree.node("ShaderNodeEmission", "Shine", {"Color": light, "Strength": strength},
-                      if_present={"Weight": 0.0}).outputs[0]
-    tree.node("ShaderNodeOutputMaterial", "Surface", {"Surface": shine},
-              leave=("Volume", "Displacement", "Thickness"), target="ALL")
+    shine = tree.node(
+        "ShaderNodeEmission", "Shine", {"Color": light, "Strength": strength}, if_present={"Weight": 0.0}
+    ).outputs[0]
+    tree.node(
+        "ShaderNodeOutputMaterial",
+        "Surface",
+        {"Surface": shine},
+        leave=("Volume", "Displacement", "Thickness"),
+        target="ALL",
+    )
     tree.arrange()
     return material
 
@@ -58,14 +64,16 @@ class _Globe:
         shape = ellipsoid(planet)
         place = output(tree.node("ShaderNodeTexCoord", "From the Camera", from_instancer=False), "Object")
         self.toward = self.vector("NORMALIZE", "Toward the Camera", self.scaled("Back", place, -1.0))
-        centred = self.vector("SUBTRACT", "From the Centre", self.scaled("Distances", place, 1 / distance_m),
-                              tuple(planet.direction))
+        centred = self.vector(
+            "SUBTRACT", "From the Centre", self.scaled("Distances", place, 1 / distance_m), tuple(planet.direction)
+        )
         radii = self.scaled("Radii", centred, 1 / shape.radius)
         # The mesh is flat between its vertices, the globe is not.
         self.sphere = self.vector("NORMALIZE", "Sphere", self.along_pole("Stretched", radii, self._stretch))
         self.normal = self.vector("NORMALIZE", "Normal", self.along_pole("Upright", self.sphere, self._stretch))
-        self.incidence = tree.math("MAXIMUM", "Cosine of Incidence",
-                                   self.dot("To the Sun", self.normal, planet.sun), 0.0)
+        self.incidence = tree.math(
+            "MAXIMUM", "Cosine of Incidence", self.dot("To the Sun", self.normal, planet.sun), 0.0
+        )
 
     @property
     def _stretch(self) -> float:
@@ -78,19 +86,25 @@ class _Globe:
 
     def scaled(self, label: str, a: Any, factor: Any) -> Any:
         """A vector times a number."""
-        return output(self.tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Scale": factor},
-                                     operation="SCALE"), "Vector")
+        return output(
+            self.tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Scale": factor}, operation="SCALE"), "Vector"
+        )
 
     def dot(self, label: str, a: Any, b: Any) -> Any:
         """The dot product of a socket and another or a vector."""
         b = b if isinstance(b, bpy.types.NodeSocket) else tuple(map(float, b))
-        return output(self.tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Vector_001": b},
-                                     operation="DOT_PRODUCT"), "Value")
+        return output(
+            self.tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Vector_001": b}, operation="DOT_PRODUCT"),
+            "Value",
+        )
 
     def along_pole(self, label: str, a: Any, more: float) -> Any:
         """A vector whose part along the pole is longer by a factor 1 + ``more``."""
-        up = self.scaled(f"{label} Pole", tuple(map(float, self.planet.pole)),
-                         self.dot(f"{label} Height", a, self.planet.pole * more))
+        up = self.scaled(
+            f"{label} Pole",
+            tuple(map(float, self.planet.pole)),
+            self.dot(f"{label} Height", a, self.planet.pole * more),
+        )
         return self.vector("ADD", label, a, up)
 
     def add_passed(self) -> Any:
@@ -102,36 +116,47 @@ class _Globe:
         way = self.dot("Way to the Ring Plane", place, -self.planet.pole / rise)
         sunward = self.scaled("Sunward", tuple(map(float, self.planet.sun)), way)
         crossing = self.vector("ADD", "Crossing", place, sunward)
-        radius = output(tree.node("ShaderNodeVectorMath", "Radius of the Crossing", {"Vector": crossing},
-                                  operation="LENGTH"), "Value")
+        radius = output(
+            tree.node("ShaderNodeVectorMath", "Radius of the Crossing", {"Vector": crossing}, operation="LENGTH"),
+            "Value",
+        )
         ahead = tree.math("GREATER_THAN", "Toward the Sun", way, 0.0)
         passed: Any = 1.0
         for number, ring in enumerate(self.planet.rings):
             # Not a colour ramp: its table of 256 entries would move the edges.
             beyond = tree.math("GREATER_THAN", f"Beyond the Inner Edge {number}", radius, ring.inner)
             within = tree.math("LESS_THAN", f"Within the Outer Edge {number}", radius, ring.outer)
-            crossed = tree.math("MULTIPLY", f"Crossed {number}", ahead,
-                                tree.math("MULTIPLY", f"In Ring {number}", beyond, within))
+            crossed = tree.math(
+                "MULTIPLY", f"Crossed {number}", ahead, tree.math("MULTIPLY", f"In Ring {number}", beyond, within)
+            )
             lost = tree.math("MULTIPLY", f"Lost {number}", crossed, 1 - math.exp(-ring.optical_depth / abs(rise)))
-            passed = tree.math("MULTIPLY", f"Passed {number}", passed,
-                               tree.math("SUBTRACT", f"Left {number}", 1.0, lost))
+            passed = tree.math(
+                "MULTIPLY", f"Passed {number}", passed, tree.math("SUBTRACT", f"Left {number}", 1.0, lost)
+            )
         return passed
 
 
 def _add_face(globe: _Globe, face: Face, factors: np.ndarray) -> Any:
     """The colour of a place: B (μ₀ μ)^k / μ times factors of the bands."""
     tree = globe.tree
-    emission = tree.math("MAXIMUM", "Cosine of Emission", globe.dot("To the Camera", globe.normal, globe.toward),
-                         LEAST_COSINE)
+    emission = tree.math(
+        "MAXIMUM", "Cosine of Emission", globe.dot("To the Camera", globe.normal, globe.toward), LEAST_COSINE
+    )
     both = tree.math("MULTIPLY", "Both Cosines", globe.incidence, emission)
-    limb = tree.node("ShaderNodeCombineXYZ", "Limb Darkening", {
-        axis: tree.math("DIVIDE", f"Minnaert {band}", tree.math("POWER", f"Power {band}", both, exponent), emission)
-        for axis, band, exponent in zip("XYZ", "RGB", face.limb, strict=True)}).outputs[0]
+    limb = tree.node(
+        "ShaderNodeCombineXYZ",
+        "Limb Darkening",
+        {
+            axis: tree.math("DIVIDE", f"Minnaert {band}", tree.math("POWER", f"Power {band}", both, exponent), emission)
+            for axis, band, exponent in zip("XYZ", "RGB", face.limb, strict=True)
+        },
+    ).outputs[0]
     pattern = _add_bands(globe, face)
     if face.spot is not None:
         pattern = _add_spot(globe, face.spot, pattern)
-    return globe.vector("MULTIPLY", "Colour", globe.vector("MULTIPLY", "Shaded Pattern", pattern, limb),
-                        tuple(factors.tolist()))
+    return globe.vector(
+        "MULTIPLY", "Colour", globe.vector("MULTIPLY", "Shaded Pattern", pattern, limb), tuple(factors.tolist())
+    )
 
 
 def _add_bands(globe: _Globe, face: Face) -> Any:
@@ -140,15 +165,27 @@ def _add_bands(globe: _Globe, face: Face) -> Any:
     sine = globe.dot("Sine of Latitude", globe.normal, globe.planet.pole)
     if face.ripple_deg > 0:
         stretched = globe.along_pole("Ripple Place", globe.sphere, _RIPPLE_STRETCH - 1)
-        noise = tree.node("ShaderNodeTexNoise", "Ripples", {
-            "Vector": stretched, "Scale": 1 / _RIPPLE_LENGTH, "Detail": 2.0, "Roughness": 0.5, "Lacunarity": 2.0,
-            "Distortion": 0.0}, noise_dimensions="3D", noise_type="FBM", normalize=True).outputs[0]
+        noise = tree.node(
+            "ShaderNodeTexNoise",
+            "Ripples",
+            {
+                "Vector": stretched,
+                "Scale": 1 / _RIPPLE_LENGTH,
+                "Detail": 2.0,
+                "Roughness": 0.5,
+                "Lacunarity": 2.0,
+                "Distortion": 0.0,
+            },
+            noise_dimensions="3D",
+            noise_type="FBM",
+            normalize=True,
+        ).outputs[0]
         # Blender's noise is around 0.5, with a standard deviation of about 0.1.
-        wave = tree.math("MULTIPLY", "Ripple", tree.math("SUBTRACT", "Around 0", noise, 0.5),
-                         math.radians(face.ripple_deg) / 0.1)
+        wave = tree.math(
+            "MULTIPLY", "Ripple", tree.math("SUBTRACT", "Around 0", noise, 0.5), math.radians(face.ripple_deg) / 0.1
+        )
         sine = tree.math("ADD", "Rippled Latitude", sine, wave)
-    ramp = tree.node("ShaderNodeValToRGB", "Bands", {
-        "Fac": tree.math("MULTIPLY_ADD", "Pole to Pole", sine, 0.5, 0.5)})
+    ramp = tree.node("ShaderNodeValToRGB", "Bands", {"Fac": tree.math("MULTIPLY_ADD", "Pole to Pole", sine, 0.5, 0.5)})
     elements = ramp.color_ramp.elements  # at first two, at 0 and 1
     for height in face.sine[1:-1]:
         elements.new((height + 1) / 2)
@@ -161,18 +198,55 @@ def _add_bands(globe: _Globe, face: Face) -> Any:
 def _add_spot(globe: _Globe, spot: Spot, pattern: Any) -> Any:
     """A pattern with an oval in its collar."""
     tree, (middle, east, north) = globe.tree, spot_axes(globe.planet, spot)
-    away = output(tree.node("ShaderNodeVectorMath", "Radii from the Spot", {"Vector": tree.node(
-        "ShaderNodeCombineXYZ", "Place in the Spot", {
-            "X": globe.dot("East of the Spot", globe.normal, east / spot.half_length),
-            "Y": globe.dot("North of the Spot", globe.normal, north / spot.half_height), "Z": 0.0}).outputs[0]},
-        operation="LENGTH"), "Value")
+    away = output(
+        tree.node(
+            "ShaderNodeVectorMath",
+            "Radii from the Spot",
+            {
+                "Vector": tree.node(
+                    "ShaderNodeCombineXYZ",
+                    "Place in the Spot",
+                    {
+                        "X": globe.dot("East of the Spot", globe.normal, east / spot.half_length),
+                        "Y": globe.dot("North of the Spot", globe.normal, north / spot.half_height),
+                        "Z": 0.0,
+                    },
+                ).outputs[0]
+            },
+            operation="LENGTH",
+        ),
+        "Value",
+    )
     here = tree.math("GREATER_THAN", "On its Side", globe.dot("Toward the Spot", globe.normal, middle), 0.0)
     for label, edge, colour in zip(("Collar", "Spot"), SPOT_EDGES[::-1], (spot.collar, spot.reflectance), strict=True):
-        inside = tree.node("ShaderNodeMapRange", f"In the {label}", {
-            "Value": away, "From Min": edge + SPOT_SOFTNESS / 2, "From Max": edge - SPOT_SOFTNESS / 2,
-            "To Min": 0.0, "To Max": 1.0}, data_type="FLOAT", interpolation_type="LINEAR", clamp=True)
-        pattern = output(tree.node("ShaderNodeMix", label, {
-            "Factor_Float": tree.math("MULTIPLY", f"{label} Here", output(inside, "Result"), here),
-            "A_Color": pattern, "B_Color": (*colour, 1.0)}, data_type="RGBA", blend_type="MIX", clamp_factor=True,
-            clamp_result=False), "Result_Color")
+        inside = tree.node(
+            "ShaderNodeMapRange",
+            f"In the {label}",
+            {
+                "Value": away,
+                "From Min": edge + SPOT_SOFTNESS / 2,
+                "From Max": edge - SPOT_SOFTNESS / 2,
+                "To Min": 0.0,
+                "To Max": 1.0,
+            },
+            data_type="FLOAT",
+            interpolation_type="LINEAR",
+            clamp=True,
+        )
+        pattern = output(
+            tree.node(
+                "ShaderNodeMix",
+                label,
+                {
+                    "Factor_Float": tree.math("MULTIPLY", f"{label} Here", output(inside, "Result"), here),
+                    "A_Color": pattern,
+                    "B_Color": (*colour, 1.0),
+                },
+                data_type="RGBA",
+                blend_type="MIX",
+                clamp_factor=True,
+                clamp_result=False,
+            ),
+            "Result_Color",
+        )
     return pattern

@@ -57,20 +57,26 @@ def advice(sky: Sky, settings: Settings) -> list[str]:
     if sky.planet is not None and light.planet_rings and not sky.planet.rings:
         sentences.append("Only Saturn has bright rings; light.planet_rings has no effect for this planet.")
     if light.stars and light.irradiance_band == "CAMERA":
-        sentences.append("Stars include all wavelengths, but the Sun only those of the camera; set "
-                         "light.irradiance_band to BOLOMETRIC for stars of the right brightness.")
+        sentences.append(
+            "Stars include all wavelengths, but the Sun only those of the camera; set "
+            "light.irradiance_band to BOLOMETRIC for stars of the right brightness."
+        )
     if sum(sky.ground_irradiance_wm2) > 0 or (sky.sun_irradiance_wm2 > 0 and sky.sun_is_up and sky.eclipse < 1):
         return sentences
     if sky.sun_is_up and sky.eclipse >= 1:
         fix = "move one of them" if light.directions_from == "ANGLES" else "choose another light.date_utc"
         return [*sentences, f"The planet hides the Sun, so there is no light; {fix}."]
-    return [*sentences, "Neither Sun nor planet gives light; raise light.sun_elevation_deg or light.sun_irradiance_wm2."
-            if light.directions_from == "ANGLES" else
-            "Neither Sun nor planet gives light; choose another light.date_utc or site."]
+    return [
+        *sentences,
+        "Neither Sun nor planet gives light; raise light.sun_elevation_deg or light.sun_irradiance_wm2."
+        if light.directions_from == "ANGLES"
+        else "Neither Sun nor planet gives light; choose another light.date_utc or site.",
+    ]
 
 
-def change_lights(sun: bpy.types.Object, collection: bpy.types.Collection, settings: Settings,
-                  sky: Sky) -> list[bpy.types.Object]:
+def change_lights(
+    sun: bpy.types.Object, collection: bpy.types.Collection, settings: Settings, sky: Sky
+) -> list[bpy.types.Object]:
     """Change an existing Sun to the settings, and make the other lights again.
 
     The new lights are linked to ``collection``. Returns the old ones, which the caller must remove.

@@ -37,7 +37,7 @@ def place_sun(sun: bpy.types.Object, sky: Sky, colour: np.ndarray) -> None:
     lamp.color = tuple(map(float, colour))
     irradiance = sky.sun_irradiance_wm2 * (1.0 - sky.eclipse) if sky.sun_is_up else 0.0
     if sky.sun_distance_m:
-        lamp.energy = irradiance * 4.0 * math.pi * sky.sun_distance_m ** 2
+        lamp.energy = irradiance * 4.0 * math.pi * sky.sun_distance_m**2
         lamp.shadow_soft_size = sky.sun_distance_m * math.sin(math.radians(sky.sun_diameter_deg) / 2)
         lamp.use_soft_falloff = False
     else:
@@ -66,16 +66,22 @@ def read_scene_sun(sun: bpy.types.Object, facts: Mapping[str, Any], source: str)
     direction, distance = sun.matrix_world.to_3x3().col[2].normalized(), 0.0
     if sun.data.type != "SUN":  # light comes from its place, whichever way it is turned
         direction, distance = sun.location.normalized(), sun.location.length
-    return as_it_stands(described_by(facts, source), np.array(direction), irradiance_wm2(sun),
-                        math.degrees(angular_diameter(sun)), distance)
+    return as_it_stands(
+        described_by(facts, source),
+        np.array(direction),
+        irradiance_wm2(sun),
+        math.degrees(angular_diameter(sun)),
+        distance,
+    )
 
 
 def build_sky(name: str) -> bpy.types.World:
     """A black world: an airless moon has no light from its sky."""
     world = bpy.data.worlds.new(name)
     tree = Tree(compat.ensure_nodes(world))
-    black = tree.node("ShaderNodeBackground", "Space", {"Color": (0.0, 0.0, 0.0, 1.0), "Strength": 0.0},
-                      if_present={"Weight": 0.0})
+    black = tree.node(
+        "ShaderNodeBackground", "Space", {"Color": (0.0, 0.0, 0.0, 1.0), "Strength": 0.0}, if_present={"Weight": 0.0}
+    )
     tree.node("ShaderNodeOutputWorld", "Sky", {"Surface": black.outputs[0]}, leave=("Volume",), target="ALL")
     tree.arrange()
     return world

@@ -57,9 +57,12 @@ def add_fracture_share(tree: Tree, surface: SurfaceSettings, geometry: Any, four
 
 def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> _View:
     inward = _add_scaled(tree, "View", geometry.outputs["Incoming"], -1.0)
-    into = tree.node("ShaderNodeVectorMath", "View in the Ice", {
-        "Vector": inward, "Vector_001": geometry.outputs["Normal"], "Scale": 1.0 / surface.refractive_index},
-        operation="REFRACT").outputs[0]
+    into = tree.node(
+        "ShaderNodeVectorMath",
+        "View in the Ice",
+        {"Vector": inward, "Vector_001": geometry.outputs["Normal"], "Scale": 1.0 / surface.refractive_index},
+        operation="REFRACT",
+    ).outputs[0]
     place = _add_scaled(tree, "Place in Spacings", geometry.outputs["Position"], 1.0 / surface.fracture_spacing_m)
     place = _add_bent(tree, place, fourth)
     if not of_rocks:
@@ -68,9 +71,19 @@ def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float
     chance = tree.node("ShaderNodeObjectInfo", "Fractured Rock").outputs["Random"]
     drawn = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Rock", {"W": chance}, noise_dimensions="1D")
     angles = _add_scaled(tree, "Turn of a Rock", output(drawn, "Color"), 2.0 * math.pi)
-    turned = [Vector(tree, tree.node("ShaderNodeVectorRotate", label, {
-        "Vector": each, "Center": (0.0, 0.0, 0.0), "Rotation": angles}, rotation_type="EULER_XYZ",
-        invert=False).outputs[0]) for label, each in (("Place in a Rock", place), ("View in a Rock", into))]
+    turned = [
+        Vector(
+            tree,
+            tree.node(
+                "ShaderNodeVectorRotate",
+                label,
+                {"Vector": each, "Center": (0.0, 0.0, 0.0), "Rotation": angles},
+                rotation_type="EULER_XYZ",
+                invert=False,
+            ).outputs[0],
+        )
+        for label, each in (("Place in a Rock", place), ("View in a Rock", into))
+    ]
     return _View(turned[0], turned[1], Number(tree, chance) * 512.0 + fourth)
 
 
@@ -81,17 +94,35 @@ def _add_scaled(tree: Tree, label: str, vector: Any, by: float) -> Any:
 def _add_bent(tree: Tree, place: Any, fourth: float) -> Any:
     """Output socket of a place moved so that planes are bent. The view's way to them stays straight: they bend little
     over a spacing."""
-    field = tree.node("ShaderNodeTexNoise", "Bent Planes", {
-        "Vector": place, "W": fourth, "Scale": 1.0 / _BEND, "Detail": 1.0, "Roughness": 0.5, "Lacunarity": 2.0,
-        "Distortion": 0.0}, noise_dimensions="4D", noise_type="FBM", normalize=True).outputs["Color"]
-    return tree.node("ShaderNodeVectorMath", "Bent Place", {
-        "Vector": field, "Vector_001": (_BEND_BY,) * 3, "Vector_002": place}, operation="MULTIPLY_ADD").outputs[0]
+    field = tree.node(
+        "ShaderNodeTexNoise",
+        "Bent Planes",
+        {
+            "Vector": place,
+            "W": fourth,
+            "Scale": 1.0 / _BEND,
+            "Detail": 1.0,
+            "Roughness": 0.5,
+            "Lacunarity": 2.0,
+            "Distortion": 0.0,
+        },
+        noise_dimensions="4D",
+        noise_type="FBM",
+        normalize=True,
+    ).outputs["Color"]
+    return tree.node(
+        "ShaderNodeVectorMath",
+        "Bent Place",
+        {"Vector": field, "Vector_001": (_BEND_BY,) * 3, "Vector_002": place},
+        operation="MULTIPLY_ADD",
+    ).outputs[0]
 
 
 def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, normal: tuple[float, ...]) -> Number:
     """Share of the visible light that a veil on the next plane of a set gives."""
-    across = Vector(tree, tree.node("ShaderNodeCombineXYZ", f"Set {which + 1}", dict(
-        zip("XYZ", normal, strict=True))).outputs[0])
+    across = Vector(
+        tree, tree.node("ShaderNodeCombineXYZ", f"Set {which + 1}", dict(zip("XYZ", normal, strict=True))).outputs[0]
+    )
     slope = view.into.dot(across)
     forward = slope.exceeds(0.0) * 2.0 - 1.0
     cosine = (forward * slope).at_least(_GRAZING)
@@ -100,22 +131,28 @@ def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, nor
     behind = (forward * (along - cell - _add_offset(tree, cell, which))).exceeds(0.0)
     plane = cell + behind * forward
     distance = (plane + _add_offset(tree, plane, which) - along) * forward / cosine
-    hit = tree.node("ShaderNodeVectorMath", "Met", {
-        "Vector": view.into.socket, "Vector_001": _add_same(tree, distance), "Vector_002": view.place.socket},
-        operation="MULTIPLY_ADD").outputs[0]
+    hit = tree.node(
+        "ShaderNodeVectorMath",
+        "Met",
+        {"Vector": view.into.socket, "Vector_001": _add_same(tree, distance), "Vector_002": view.place.socket},
+        operation="MULTIPLY_ADD",
+    ).outputs[0]
     field = add_noise(tree, f"Patches of Set {which + 1}", hit, _PATCH, (plane * 7.31 + view.fourth).value, 3.0)
     limit, edge = threshold_for_share(surface.fracture_share), _EDGE * NOISE_DEVIATION
     is_open = Number(tree, add_share(tree, "Open", field, limit - edge, limit + edge, smooth=True))
-    gap = Number(tree, tree.curve("Reflected by a Gap", cosine.value, _COSINES,
-                                  gap_reflectance(_COSINES, surface.refractive_index)))
+    gap = Number(
+        tree,
+        tree.curve("Reflected by a Gap", cosine.value, _COSINES, gap_reflectance(_COSINES, surface.refractive_index)),
+    )
     seen = (distance * (-surface.fracture_spacing_m / sight_m(surface))).exp()
     return is_open * seen * gap.times_plus(1.0 - _HAZE, _HAZE)
 
 
 def _add_offset(tree: Tree, plane: Number, which: int) -> Number:
     """Where in its room a plane is, 0 to 1, by chance."""
-    chance = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Plane", {"W": (plane + 1013.0 * which).value},
-                       noise_dimensions="1D").outputs["Value"]
+    chance = tree.node(
+        "ShaderNodeTexWhiteNoise", "Chance of a Plane", {"W": (plane + 1013.0 * which).value}, noise_dimensions="1D"
+    ).outputs["Value"]
     return Number(tree, chance).times_plus(_ASTRAY, 0.5 - 0.5 * _ASTRAY)
 
 

@@ -26,8 +26,17 @@ _LESS_STEEP = 0.8
 _CELL_PX = 1.0
 
 
-def add_glints(tree: Tree, snow: Any, reflectance: Any, geometry: Any, normal: Any, share: float, size_m: float,
-               pixel_rad: float, seed: float) -> Any:
+def add_glints(
+    tree: Tree,
+    snow: Any,
+    reflectance: Any,
+    geometry: Any,
+    normal: Any,
+    share: float,
+    size_m: float,
+    pixel_rad: float,
+    seed: float,
+) -> Any:
     """Shader socket of ``snow`` with facets: camera rays meet facets on a share of it.
 
     ``reflectance`` is a number or a socket of a colour, ``normal`` a socket, ``size_m`` the size of a grain and
@@ -39,13 +48,26 @@ def add_glints(tree: Tree, snow: Any, reflectance: Any, geometry: Any, normal: A
     facet = _add_facet(tree, place, normal, level, per_grain * size_m, seed)
     alpha = (per_grain * _FACET).at_most(_SLOPES)
     colour = (*[float(reflectance)] * 3, 1.0) if isinstance(reflectance, (int, float)) else reflectance
-    glint = tree.node("ShaderNodeBsdfAnisotropic", "Facets", {
-        "Color": colour, "Roughness": alpha.sqrt().named("Roughness of a Facet").value, "Anisotropy": 0.0,
-        "Rotation": 0.0, "Normal": facet}, if_present={"Weight": 0.0}, leave=("Tangent",),
-        distribution="MULTI_GGX").outputs[0]
+    glint = tree.node(
+        "ShaderNodeBsdfAnisotropic",
+        "Facets",
+        {
+            "Color": colour,
+            "Roughness": alpha.sqrt().named("Roughness of a Facet").value,
+            "Anisotropy": 0.0,
+            "Rotation": 0.0,
+            "Normal": facet,
+        },
+        if_present={"Weight": 0.0},
+        leave=("Tangent",),
+        distribution="MULTI_GGX",
+    ).outputs[0]
     ray = Number(tree, tree.node("ShaderNodeLightPath", "Glints for Whom").outputs["Is Camera Ray"])
-    return tree.node("ShaderNodeMixShader", "Snow or Facet", {
-        "Fac": (ray * share).named("Share of Facets").value, "Shader": snow, "Shader_001": glint}).outputs[0]
+    return tree.node(
+        "ShaderNodeMixShader",
+        "Snow or Facet",
+        {"Fac": (ray * share).named("Share of Facets").value, "Shader": snow, "Shader_001": glint},
+    ).outputs[0]
 
 
 def _add_level(tree: Tree, geometry: Any, size_m: float, pixel_rad: float, seed: float) -> Number:
@@ -56,24 +78,38 @@ def _add_level(tree: Tree, geometry: Any, size_m: float, pixel_rad: float, seed:
     away = Number(tree, tree.node("ShaderNodeCameraData", "Camera").outputs["View Distance"])
     pixel = away * (0.5 * _CELL_PX * pixel_rad / size_m)
     octaves = pixel.at_least(1.0).log() * (1.0 / math.log(2.0))
-    chance = tree.node("ShaderNodeTexWhiteNoise", "Chance of an Octave",
-                       {"Vector": geometry.outputs["Position"], "W": seed}, noise_dimensions="4D").outputs["Value"]
+    chance = tree.node(
+        "ShaderNodeTexWhiteNoise",
+        "Chance of an Octave",
+        {"Vector": geometry.outputs["Position"], "W": seed},
+        noise_dimensions="4D",
+    ).outputs["Value"]
     return Number(tree, tree.math("FLOOR", "Octave", (octaves + Number(tree, chance)).value))
 
 
 def _add_facet(tree: Tree, place: Any, normal: Any, level: Number, cell_m: Number, seed: float) -> Any:
     """Output socket of the normal of the facet of the cell that a place is in."""
-    cells = tree.node("ShaderNodeVectorMath", "Place in Cells", {"Vector": place, "Scale": (1.0 / cell_m).value},
-                      operation="SCALE").outputs[0]
+    cells = tree.node(
+        "ShaderNodeVectorMath", "Place in Cells", {"Vector": place, "Scale": (1.0 / cell_m).value}, operation="SCALE"
+    ).outputs[0]
     cell = tree.node("ShaderNodeVectorMath", "Cell", {"Vector": cells}, operation="FLOOR").outputs[0]
-    chance = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Facet", {"Vector": cell, "W": (level + seed).value},
-                       noise_dimensions="4D")
+    chance = tree.node(
+        "ShaderNodeTexWhiteNoise",
+        "Chance of a Facet",
+        {"Vector": cell, "W": (level + seed).value},
+        noise_dimensions="4D",
+    )
     drawn = Number(tree, chance.outputs["Value"]) * _LESS_STEEP
     slope = (drawn / (1.0 - drawn)).sqrt() * _SLOPES
     # The direction of the slope: a random vector, less its part along the normal.
-    random = tree.node("ShaderNodeVectorMath", "About 0", {"Vector": output(chance, "Color"),
-                                                           "Vector_001": (0.5, 0.5, 0.5)}, operation="SUBTRACT")
+    random = tree.node(
+        "ShaderNodeVectorMath",
+        "About 0",
+        {"Vector": output(chance, "Color"), "Vector_001": (0.5, 0.5, 0.5)},
+        operation="SUBTRACT",
+    )
     across = Vector(tree, normal).cross(Vector(tree, random.outputs[0])).unit()
-    tilted = tree.node("ShaderNodeVectorMath", "Sloping", {"Vector": across.socket, "Scale": slope.value},
-                       operation="SCALE").outputs[0]
+    tilted = tree.node(
+        "ShaderNodeVectorMath", "Sloping", {"Vector": across.socket, "Scale": slope.value}, operation="SCALE"
+    ).outputs[0]
     return (Vector(tree, normal) + Vector(tree, tilted)).unit().socket

@@ -39,14 +39,25 @@ def advice(settings: Settings) -> list[str]:
     topics = surface_topics(settings)
     shown = [rendered_surface(settings, topic) for topic in topics]
     # The albedo of rocks that let light through is the albedo of their opaque part; bubbles have their own.
-    opaque = [surface | ({"transmission": 0.0} if topic == "rock_surface" and principled.lets_light_through(surface)
-                         else {}) for topic, surface in zip(topics, shown, strict=True)]
-    sentences = [principled.albedo_advice(surface) for surface in opaque
-                 if surface.model == "PRINCIPLED" and surface.bubble_share == 0.0]
+    opaque = [
+        surface | ({"transmission": 0.0} if topic == "rock_surface" and principled.lets_light_through(surface) else {})
+        for topic, surface in zip(topics, shown, strict=True)
+    ]
+    sentences = [
+        principled.albedo_advice(surface)
+        for surface in opaque
+        if surface.model == "PRINCIPLED" and surface.bubble_share == 0.0
+    ]
     textures = settings.textures
-    if (settings.hapke.theta_bar_range_deg != 0.0 and any(surface.model == "HAPKE" for surface in shown) and (
-            textures.set == "NONE" or (textures.set == "OWN" and not textures.roughness_file)
-            or (textures.set == "STAND_IN" and "roughness" not in texture_item(textures.stand_in).kinds))):
+    if (
+        settings.hapke.theta_bar_range_deg != 0.0
+        and any(surface.model == "HAPKE" for surface in shown)
+        and (
+            textures.set == "NONE"
+            or (textures.set == "OWN" and not textures.roughness_file)
+            or (textures.set == "STAND_IN" and "roughness" not in texture_item(textures.stand_in).kinds)
+        )
+    ):
         sentences.append("hapke.theta_bar_range_deg has no effect, because the textures have no roughness image.")
     return [*(sentence for sentence in sentences if sentence), *map(describe, items_of(settings))]
 
@@ -56,14 +67,20 @@ def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
     textures, kind = settings.textures, settings.source.kind
     if not uses_uv(textures) or (has_uv and is_mesh(settings)):
         return
-    which, fix = (("textures.set is MESH", "choose another textures.set") if textures.set == "MESH" else
-                   ("textures.mapping is UV", "set textures.mapping to OBJECT"))
+    which, fix = (
+        ("textures.set is MESH", "choose another textures.set")
+        if textures.set == "MESH"
+        else ("textures.mapping is UV", "set textures.mapping to OBJECT")
+    )
     if is_mesh(settings):
-        raise IcyMoonError(f"{file_of(settings)}: has no UV coordinates that show an image, but "
-                           f"{which}; export it with them, or {fix}.")
+        raise IcyMoonError(
+            f"{file_of(settings)}: has no UV coordinates that show an image, but "
+            f"{which}; export it with them, or {fix}."
+        )
     ground = "a height map" if kind == "HEIGHT_MAP" else "procedural ground"
-    raise IcyMoonError(f"{which}, but {ground} has no UV coordinates; {fix}, or choose a mesh that has them "
-                       "(source.kind).")
+    raise IcyMoonError(
+        f"{which}, but {ground} has no UV coordinates; {fix}, or choose a mesh that has them (source.kind)."
+    )
 
 
 def _image_files(settings: Settings) -> dict[str, Path | MeshImage]:
@@ -72,15 +89,23 @@ def _image_files(settings: Settings) -> dict[str, Path | MeshImage]:
     if settings.textures.set == "STAND_IN":
         return dict(find_texture_files(settings.textures.stand_in))
     if settings.textures.set != "MESH":
-        return {name.removeprefix("textures.").removesuffix("_file"): path
-                for name, path in used.items() if name.startswith("textures.")}
+        return {
+            name.removeprefix("textures.").removesuffix("_file"): path
+            for name, path in used.items()
+            if name.startswith("textures.")
+        }
     path = file_of(settings)
     found = mesh_images.choose_images(path)
     if not found:
-        reason = (f"Icy Moon finds images only in {', '.join(mesh_images.KINDS)} files"
-                  if path.suffix.lower() not in mesh_images.KINDS else "its materials name no image that exists")
-        raise IcyMoonError(f"{path}: has no images, because {reason}; set textures.set to OWN and name them, such as "
-                           "textures.albedo_file.")
+        reason = (
+            f"Icy Moon finds images only in {', '.join(mesh_images.KINDS)} files"
+            if path.suffix.lower() not in mesh_images.KINDS
+            else "its materials name no image that exists"
+        )
+        raise IcyMoonError(
+            f"{path}: has no images, because {reason}; set textures.set to OWN and name them, such as "
+            "textures.albedo_file."
+        )
     return dict(found)
 
 
@@ -110,9 +135,11 @@ def image_advice(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
     share = 1.0 - float(np.interp(1.0, reflected, np.linspace(0.0, 1.0, len(values)), right=1.0))
     if share < _TOO_BRIGHT:
         return []
-    return [f"{show_rounded(100 * share)} % of the albedo image reflect more light than they get, up to "
-            f"{show_rounded(reflected[-1])} times, because the albedo of the surface is the mean of the image; an "
-            f"albedo of at most {show_rounded(mean / values[-1])} would not, or an image with less contrast."]
+    return [
+        f"{show_rounded(100 * share)} % of the albedo image reflect more light than they get, up to "
+        f"{show_rounded(reflected[-1])} times, because the albedo of the surface is the mean of the image; an "
+        f"albedo of at most {show_rounded(mean / values[-1])} would not, or an image with less contrast."
+    ]
 
 
 def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
@@ -126,15 +153,32 @@ def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | 
         return textured
     if settings.rocks.own_surface:
         return None
-    return Textured(textured.settings, {kind: of for kind, of in textured.maps.items()
-                                        if kind not in ("normal", "height")}, "MEAN")
+    return Textured(
+        textured.settings, {kind: of for kind, of in textured.maps.items() if kind not in ("normal", "height")}, "MEAN"
+    )
 
 
-def _build_named_material(name: str, settings: Settings, topic: str, semantic: int,
-                          textured: Textured | None, by_fineness: bool = False,
-                          albedo_pass: bool = False, dug: bool = False) -> bpy.types.Material:
-    material = build_material(f"{NAME} {name}", rendered_surface(settings, topic), int(settings.dataset.seed), semantic,
-                              textured, settings, by_fineness, albedo_pass, dug)
+def _build_named_material(
+    name: str,
+    settings: Settings,
+    topic: str,
+    semantic: int,
+    textured: Textured | None,
+    by_fineness: bool = False,
+    albedo_pass: bool = False,
+    dug: bool = False,
+) -> bpy.types.Material:
+    material = build_material(
+        f"{NAME} {name}",
+        rendered_surface(settings, topic),
+        int(settings.dataset.seed),
+        semantic,
+        textured,
+        settings,
+        by_fineness,
+        albedo_pass,
+        dug,
+    )
     material[TAG] = "material"
     return material
 
@@ -142,15 +186,24 @@ def _build_named_material(name: str, settings: Settings, topic: str, semantic: i
 def build_ground_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> bpy.types.Material:
     """The material of the ground with this mesh, see ``build_material``. Raises IcyMoonError if a texture is not
     available."""
-    return _build_named_material("Surface", settings, "surface", TERRAIN, _load_textures(settings, mesh),
-                                 SPACING in mesh.attributes, albedo_pass, DEPTH in mesh.attributes)
+    return _build_named_material(
+        "Surface",
+        settings,
+        "surface",
+        TERRAIN,
+        _load_textures(settings, mesh),
+        SPACING in mesh.attributes,
+        albedo_pass,
+        DEPTH in mesh.attributes,
+    )
 
 
 def build_rock_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> bpy.types.Material:
     """The material of rocks on the ground with this mesh, see ``build_material``. Raises IcyMoonError if a texture is
     not available."""
     topic = "rock_surface" if settings.rocks.own_surface else "surface"
-    ice = _build_named_material("Rock Surface", settings, topic, ROCK, _load_rock_textures(settings, mesh),
-                                albedo_pass=albedo_pass)
+    ice = _build_named_material(
+        "Rock Surface", settings, topic, ROCK, _load_rock_textures(settings, mesh), albedo_pass=albedo_pass
+    )
     label_instances(ice)
     return ice

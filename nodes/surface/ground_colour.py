@@ -32,8 +32,9 @@ def ice_tint(surface: SurfaceSettings, albedo: float) -> tuple[float, float, flo
     than all light."""
     if surface.ice_colour == "GREY":
         return _WHITE
-    bands = (snow_bands(float(surface.snow_grain_m)) if surface.ice_colour == "SNOW"
-             else material_bands(surface.ice_colour))
+    bands = (
+        snow_bands(float(surface.snow_grain_m)) if surface.ice_colour == "SNOW" else material_bands(surface.ice_colour)
+    )
     red, green, blue = (min(3 * band / sum(bands), max(1.0, 1 / albedo)) for band in bands)
     return red, green, blue
 
@@ -41,8 +42,10 @@ def ice_tint(surface: SurfaceSettings, albedo: float) -> tuple[float, float, flo
 def salt_colour(surface: SurfaceSettings, albedo: float) -> tuple[float, float, float]:
     """The colour of ground that is covered by salt."""
     if surface.salt == "OWN":
-        red, green, blue = (tint * float(surface[f"salt_{band}"]) for tint, band in zip(
-            ice_tint(surface, albedo), ("red", "green", "blue"), strict=True))
+        red, green, blue = (
+            tint * float(surface[f"salt_{band}"])
+            for tint, band in zip(ice_tint(surface, albedo), ("red", "green", "blue"), strict=True)
+        )
         return red, green, blue
     return _over(material_bands(surface.salt), albedo)
 
@@ -53,8 +56,15 @@ def is_grey(surface: SurfaceSettings) -> bool:
     return bool(surface.ice_colour == "GREY" and surface.salt_share == 0.0 and not dirty)
 
 
-def add_ground_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, salt_at: float, elevated: bool,
-                      settings: Settings | None, ice: Any = None) -> Any:
+def add_ground_colour(
+    tree: Tree,
+    surface: SurfaceSettings,
+    geometry: Any,
+    salt_at: float,
+    elevated: bool,
+    settings: Settings | None,
+    ice: Any = None,
+) -> Any:
     """Output socket of the colour of the ground; None for grey, clean ice.
 
     ``salt_at`` selects the fields of salt and of patches of dirt, ``elevated`` is whether the mesh has the attribute
@@ -70,8 +80,9 @@ def add_ground_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, salt_
         stained = add_stained_share(tree, surface, geometry, salt_at)
         salt: Any = salt_colour(surface, albedo)
         if ice is not None and surface.salt == "OWN":  # a factor on the ice
-            salt = tree.node("ShaderNodeVectorMath", "Salt on Ice", {"Vector": ice, "Vector_001": salt},
-                             operation="MULTIPLY").outputs[0]
+            salt = tree.node(
+                "ShaderNodeVectorMath", "Salt on Ice", {"Vector": ice, "Vector_001": salt}, operation="MULTIPLY"
+            ).outputs[0]
         colour = _add_mix(tree, "Salt Colour", stained, tint, salt)
     clean: Any = 1.0
     if surface.dirt != "BLACK":
@@ -92,6 +103,15 @@ def _over(bands: tuple[float, float, float], albedo: float) -> tuple[float, floa
 def _add_mix(tree: Tree, label: str, share: Any, a: Any, b: Any) -> Any:
     """Output socket of a colour that is ``b`` in this share of the area, and else ``a``."""
     a, b = ((*colour, 1.0) if isinstance(colour, tuple) else colour for colour in (a, b))
-    return output(tree.node("ShaderNodeMix", label, {"Factor_Float": share, "A_Color": a, "B_Color": b},
-                            data_type="RGBA", blend_type="MIX", clamp_factor=True, clamp_result=False),
-                  "Result_Color")
+    return output(
+        tree.node(
+            "ShaderNodeMix",
+            label,
+            {"Factor_Float": share, "A_Color": a, "B_Color": b},
+            data_type="RGBA",
+            blend_type="MIX",
+            clamp_factor=True,
+            clamp_result=False,
+        ),
+        "Result_Color",
+    )

@@ -101,8 +101,14 @@ def _h_function(x: Number, q: Grains) -> Number:
     return 1.0 / (x * q.w).times_plus(-bracket, 1.0)
 
 
-def _rough(n: Vector, l: Vector, v: Vector, mu_n: Number, mu_f: Number,  # noqa: E741
-           tan_theta: Number) -> tuple[Number, Number, Number]:
+def _rough(
+    n: Vector,
+    l: Vector,  # noqa: E741
+    v: Vector,
+    mu_n: Number,
+    mu_f: Number,
+    tan_theta: Number,
+) -> tuple[Number, Number, Number]:
     """Both effective cosines without their common factor χ, and S mu_n mu_f / (µ0 χ)."""
     l_t, v_t = l.cross(n), v.cross(n)
     p, s = l_t.unit(), v_t.unit()

@@ -20,8 +20,14 @@ from ...support.scratch import scratch_folder
 from ..tree.builder import Tree
 
 SOURCE = Path(__file__).parent / "hapke.osl"
-_SOCKETS = {"float": "NodeSocketFloat", "int": "NodeSocketInt", "color": "NodeSocketColor",
-            "vector": "NodeSocketVector", "normal": "NodeSocketVector", "closure color": "NodeSocketShader"}
+_SOCKETS = {
+    "float": "NodeSocketFloat",
+    "int": "NodeSocketInt",
+    "color": "NodeSocketColor",
+    "vector": "NodeSocketVector",
+    "normal": "NodeSocketVector",
+    "closure color": "NodeSocketShader",
+}
 #: Where an instruction comes from, which 4.2 writes into its byte code.
 _FILE_NAME = re.compile(r' ?%filename\{"[^"\n]*"\}')
 _PARAMETER = re.compile(r"^(o?param)\t(closure color|\w+)\t(\w+)", re.MULTILINE)

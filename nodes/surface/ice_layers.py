@@ -61,25 +61,35 @@ def add_bubbly_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, fourt
     share = _add_bubble_share(tree, surface, geometry, fourth, of_rocks)
     mean = math.sqrt((1.0 - surface.bubble_share) / surface.bubble_share)
     exponent = ((1.0 - share) / share).sqrt() * (1.0 / mean)
-    parts = {key: tree.math("POWER", f"Bubbly Ice {key}", band, exponent.value)
-             for key, band in zip(_RGB, bands, strict=True)}
+    parts = {
+        key: tree.math("POWER", f"Bubbly Ice {key}", band, exponent.value)
+        for key, band in zip(_RGB, bands, strict=True)
+    }
     return tree.node("ShaderNodeCombineColor", "Bubbly Ice", parts, mode="RGB").outputs[0]
 
 
 def _add_bubble_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> Number:
     """The share of bubbles at a place."""
     place = geometry.outputs["Position"]
-    across = tree.node("ShaderNodeVectorMath", "Across the Bands", {
-        "Vector": place, "Vector_001": tuple(part / surface.bubble_band_m for part in _ACROSS)},
-        operation="DOT_PRODUCT").outputs["Value"]
+    across = tree.node(
+        "ShaderNodeVectorMath",
+        "Across the Bands",
+        {"Vector": place, "Vector_001": tuple(part / surface.bubble_band_m for part in _ACROSS)},
+        operation="DOT_PRODUCT",
+    ).outputs["Value"]
     bend = Number(tree, add_noise(tree, "Bend", place, _BEND * surface.bubble_band_m, fourth, 1.0))
     along = Number(tree, across) + bend * (2.0 * _BEND_BY) + math.fmod(fourth, 97.0)
     if of_rocks:  # each is a piece from elsewhere
         chance = tree.node("ShaderNodeObjectInfo", "Piece").outputs["Random"]
         along = along + Number(tree, chance) * 512.0
-    band = tree.node("ShaderNodeTexNoise", "Bands", {
-        "W": along.value, "Scale": 1.0, "Detail": 2.0, "Roughness": 0.6, "Lacunarity": 2.0, "Distortion": 0.0},
-        noise_dimensions="1D", noise_type="FBM", normalize=True).outputs[0]
+    band = tree.node(
+        "ShaderNodeTexNoise",
+        "Bands",
+        {"W": along.value, "Scale": 1.0, "Detail": 2.0, "Roughness": 0.6, "Lacunarity": 2.0, "Distortion": 0.0},
+        noise_dimensions="1D",
+        noise_type="FBM",
+        normalize=True,
+    ).outputs[0]
     step = ((Number(tree, band) - NOISE_MEAN) * (1.0 / (2.0 * NOISE_DEVIATION))).at_least(-1.0).at_most(1.0)
     return ((step * math.log(_BAND_CONTRAST)).exp() * surface.bubble_share).at_most(_MOST_BUBBLES)
 
@@ -91,25 +101,40 @@ def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Any) -> tuple[An
     lamp is found through a refracting surface. As much of it is reflected, to all sides, as of even light.
     """
     about = {} if normal is None else {"Normal": normal}
-    glass = tree.node("ShaderNodeBsdfGlass", "Clear Ice", {
-        "Color": WHITE, "Roughness": surface.roughness, "IOR": surface.refractive_index, **about},
+    glass = tree.node(
+        "ShaderNodeBsdfGlass",
+        "Clear Ice",
+        {"Color": WHITE, "Roughness": surface.roughness, "IOR": surface.refractive_index, **about},
         if_present={"Weight": 0.0, "Thin Film Thickness": 0.0, "Thin Film IOR": 1.33},
-        leave=() if about else ("Normal",), distribution="MULTI_GGX").outputs[0]
-    straight = tree.node("ShaderNodeBsdfTransparent", "Straight Through", {"Color": WHITE},
-                         if_present={"Weight": 0.0}).outputs[0]
-    back = tree.node("ShaderNodeBsdfDiffuse", "Reflected", {"Color": WHITE, "Roughness": 0.0},
-                     if_present={"Weight": 0.0}, leave=("Normal",)).outputs[0]
-    straight = add_over(tree, "Straight or Reflected", diffuse_fresnel_reflectance(surface.refractive_index), straight,
-                        back)
+        leave=() if about else ("Normal",),
+        distribution="MULTI_GGX",
+    ).outputs[0]
+    straight = tree.node(
+        "ShaderNodeBsdfTransparent", "Straight Through", {"Color": WHITE}, if_present={"Weight": 0.0}
+    ).outputs[0]
+    back = tree.node(
+        "ShaderNodeBsdfDiffuse",
+        "Reflected",
+        {"Color": WHITE, "Roughness": 0.0},
+        if_present={"Weight": 0.0},
+        leave=("Normal",),
+    ).outputs[0]
+    straight = add_over(
+        tree, "Straight or Reflected", diffuse_fresnel_reflectance(surface.refractive_index), straight, back
+    )
     path = tree.node("ShaderNodeLightPath", "Clear Ice for Whom").outputs
     lighting = Number(tree, path["Is Shadow Ray"]).at_least(Number(tree, path["Is Diffuse Ray"]))
-    shader = tree.node("ShaderNodeMixShader", "Refracted or Straight", {
-        "Fac": lighting.value, "Shader": glass, "Shader_001": straight}).outputs[0]
+    shader = tree.node(
+        "ShaderNodeMixShader", "Refracted or Straight", {"Fac": lighting.value, "Shader": glass, "Shader_001": straight}
+    ).outputs[0]
     absorption = clear_ice_absorption_1_m()
     most = max(absorption)
-    volume = tree.node("ShaderNodeVolumeAbsorption", "Absorption of Pure Ice", {
-        "Color": (*(1.0 - part / most for part in absorption), 1.0), "Density": most},
-        if_present={"Weight": 0.0}).outputs[0]
+    volume = tree.node(
+        "ShaderNodeVolumeAbsorption",
+        "Absorption of Pure Ice",
+        {"Color": (*(1.0 - part / most for part in absorption), 1.0), "Density": most},
+        if_present={"Weight": 0.0},
+    ).outputs[0]
     return shader, volume
 
 

@@ -59,10 +59,12 @@ def _add_reflectance(tree: Tree, surface: SurfaceSettings, grey: Any, colour: An
         return albedo * grey
     grey = albedo * grey if isinstance(grey, float) else tree.math("MULTIPLY", "Reflectance", grey, albedo)
     if colour is None:
-        return tree.node("ShaderNodeCombineColor", "Grey", {"Red": grey, "Green": grey, "Blue": grey},
-                         mode="RGB").outputs[0]
-    return tree.node("ShaderNodeVectorMath", "Coloured", {"Vector": colour, "Scale": grey},
-                     operation="SCALE").outputs[0]
+        return tree.node(
+            "ShaderNodeCombineColor", "Grey", {"Red": grey, "Green": grey, "Blue": grey}, mode="RGB"
+        ).outputs[0]
+    return tree.node("ShaderNodeVectorMath", "Coloured", {"Vector": colour, "Scale": grey}, operation="SCALE").outputs[
+        0
+    ]
 
 
 def add_bump(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> Any:
@@ -70,13 +72,24 @@ def add_bump(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> 
 
     The bumps are on the surface's own normal, or on ``normal``.
     """
-    return tree.node("ShaderNodeBump", "Relief", {"Strength": 1.0, "Distance": distance_m, "Height": height,
-                                                  **({} if normal is None else {"Normal": normal})},
-                     if_present={"Filter Width": 0.1}, leave=("Normal",), invert=False).outputs[0]
+    return tree.node(
+        "ShaderNodeBump",
+        "Relief",
+        {"Strength": 1.0, "Distance": distance_m, "Height": height, **({} if normal is None else {"Normal": normal})},
+        if_present={"Filter Width": 0.1},
+        leave=("Normal",),
+        invert=False,
+    ).outputs[0]
 
 
-def _add_fine_height(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float], pieces: Sampler | None,
-                     textured: Textured | None) -> Any:
+def _add_fine_height(
+    tree: Tree,
+    surface: SurfaceSettings,
+    where: Any,
+    place: Sequence[float],
+    pieces: Sampler | None,
+    textured: Textured | None,
+) -> Any:
     """Output socket of the height in metres of grain and height image, with a mean of 0; None if there is neither."""
     grain = None
     if surface.grain_amplitude_m > 0.0:
@@ -103,8 +116,9 @@ def _add_sum(tree: Tree, a: Any, b: Any) -> Any:
     return tree.math("ADD", "Fine Height", a, b)
 
 
-def _add_snow(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
-              relief: Mapping[str, Any]) -> Any:
+def _add_snow(
+    tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any], relief: Mapping[str, Any]
+) -> Any:
     """Shader socket of a Principled surface with the reflectance ``wanted``, a number or a socket.
 
     ``varied`` and ``relief`` contain sockets for some of its inputs.
@@ -114,25 +128,58 @@ def _add_snow(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, var
         base: Any = (*[principled.base_colour(surface, wanted)] * 3, 1.0)
     else:
         base = tree.curve(f"Base of {label}", wanted, *principled.inverse_curve(surface))
-    return tree.node("ShaderNodeBsdfPrincipled", label, {
-        "Base Color": base, "Metallic": 0.0, "Roughness": varied.get("roughness", surface.roughness),
-        "IOR": surface.refractive_index, "Alpha": 1.0, **relief,
-        "Subsurface Weight": surface.subsurface_weight if radius > 0.0 else 0.0,
-        "Subsurface Radius": (1.0, 1.0, 1.0), "Subsurface Scale": radius,
-        "Specular IOR Level": surface.specular, "Specular Tint": WHITE,
-        "Anisotropic": 0.0, "Anisotropic Rotation": 0.0,
-        "Transmission Weight": varied.get("transmission", surface.transmission),
-        "Coat Weight": 0.0, "Coat Roughness": 0.0, "Coat IOR": 1.5, "Coat Tint": WHITE,
-        "Sheen Weight": 0.0, "Sheen Roughness": 0.5, "Sheen Tint": WHITE,
-        "Emission Color": WHITE, "Emission Strength": 0.0,
-    }, if_present={"Weight": 0.0, "Diffuse Roughness": 0.0, "Subsurface Anisotropy": 0.0, "Thin Film Thickness": 0.0,
-                   "Thin Film IOR": 1.33, "Subsurface IOR": 1.4, "Thin Wall": False},
-        leave=["Coat Normal", "Tangent"] + ([] if relief else ["Normal"]), distribution="MULTI_GGX",
-        subsurface_method=surface.subsurface_method).outputs[0]
+    return tree.node(
+        "ShaderNodeBsdfPrincipled",
+        label,
+        {
+            "Base Color": base,
+            "Metallic": 0.0,
+            "Roughness": varied.get("roughness", surface.roughness),
+            "IOR": surface.refractive_index,
+            "Alpha": 1.0,
+            **relief,
+            "Subsurface Weight": surface.subsurface_weight if radius > 0.0 else 0.0,
+            "Subsurface Radius": (1.0, 1.0, 1.0),
+            "Subsurface Scale": radius,
+            "Specular IOR Level": surface.specular,
+            "Specular Tint": WHITE,
+            "Anisotropic": 0.0,
+            "Anisotropic Rotation": 0.0,
+            "Transmission Weight": varied.get("transmission", surface.transmission),
+            "Coat Weight": 0.0,
+            "Coat Roughness": 0.0,
+            "Coat IOR": 1.5,
+            "Coat Tint": WHITE,
+            "Sheen Weight": 0.0,
+            "Sheen Roughness": 0.5,
+            "Sheen Tint": WHITE,
+            "Emission Color": WHITE,
+            "Emission Strength": 0.0,
+        },
+        if_present={
+            "Weight": 0.0,
+            "Diffuse Roughness": 0.0,
+            "Subsurface Anisotropy": 0.0,
+            "Thin Film Thickness": 0.0,
+            "Thin Film IOR": 1.33,
+            "Subsurface IOR": 1.4,
+            "Thin Wall": False,
+        },
+        leave=["Coat Normal", "Tangent"] + ([] if relief else ["Normal"]),
+        distribution="MULTI_GGX",
+        subsurface_method=surface.subsurface_method,
+    ).outputs[0]
 
 
-def _add_principled(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
-                    relief: Mapping[str, Any], smooth: bool) -> Any:
+def _add_principled(
+    tree: Tree,
+    label: str,
+    surface: SurfaceSettings,
+    wanted: Any,
+    varied: Mapping[str, Any],
+    relief: Mapping[str, Any],
+    smooth: bool,
+) -> Any:
     """Shader socket of Principled ice. If ``smooth``, it has its relief for camera rays only."""
     seen = _add_snow(tree, label, surface, wanted, varied, relief)
     if not smooth or not relief:
@@ -188,8 +235,17 @@ class _Ice:
         if not glints or surface.glint_share == 0.0 or self.pixel_rad == 0.0:
             return shader
         normal = self.relief.get("Normal", self.geometry.outputs["Normal"])
-        return add_glints(self.tree, shader, self.wanted, self.geometry, normal, surface.glint_share,
-                          surface.glint_size_m, self.pixel_rad, self.at.glints)
+        return add_glints(
+            self.tree,
+            shader,
+            self.wanted,
+            self.geometry,
+            normal,
+            surface.glint_share,
+            surface.glint_size_m,
+            self.pixel_rad,
+            self.at.glints,
+        )
 
 
 def _add_layers(ice: _Ice, crusted: Any, of_rocks: bool) -> tuple[Any, Any]:
@@ -206,11 +262,15 @@ def _add_layers(ice: _Ice, crusted: Any, of_rocks: bool) -> tuple[Any, Any]:
     if has_fractures(ice.surface):
         veil = surface | {"roughness": 1.0, "specular": 0.0, "transmission": 0.0, "subsurface_weight": 0.0}
         veiled = add_fracture_share(tree, ice.surface, ice.geometry, ice.at.fractures, of_rocks)
-        shader = ice_layers.add_over(tree, "Fractures Within", veiled, shader,
-                                     replace(ice, wanted=VEIL_ALBEDO, varied={}).add("Veil", veil))
+        shader = ice_layers.add_over(
+            tree, "Fractures Within", veiled, shader, replace(ice, wanted=VEIL_ALBEDO, varied={}).add("Veil", veil)
+        )
     if crusted is not None:
-        crust = surface | {"roughness": surface.crust_roughness, "specular": _CRUST_SPECULAR,
-                           "grain_amplitude_m": surface.grain_amplitude_m * ice_layers.CRUST_GRAIN}
+        crust = surface | {
+            "roughness": surface.crust_roughness,
+            "specular": _CRUST_SPECULAR,
+            "grain_amplitude_m": surface.grain_amplitude_m * ice_layers.CRUST_GRAIN,
+        }
         shader = ice_layers.add_over(tree, "Crust on Snow", crusted, shader, ice.add("Crust", crust))
     if surface.frost_share > 0.0:
         frost = surface | {"roughness": 1.0, "specular": 0.0, "transmission": 0.0, "subsurface_weight": 0.0}
@@ -237,8 +297,14 @@ def _add_slopes(tree: Tree, hapke: HapkeSettings, image: Any, mean: float) -> re
     return reflectance_laws.Slopes(slope.named("θ̄").value, low, high)
 
 
-def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: Settings | None,
-             ground: reflectance_laws.Ground, smooth: bool, least: float) -> dict[str, Any]:
+def _add_law(
+    material: bpy.types.Material,
+    surface: SurfaceSettings,
+    settings: Settings | None,
+    ground: reflectance_laws.Ground,
+    smooth: bool,
+    least: float,
+) -> dict[str, Any]:
     """Shader sockets of a law other than Principled, by the renderer that they are for.
 
     ``least`` is the least factor on the albedo.
@@ -260,19 +326,30 @@ def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: S
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False
     if snow:
-        return {"CYCLES": reflectance_laws.add_snow_of_osl(ground, surface.albedo, sun, level),
-                "EEVEE": reflectance_laws.add_snow(ground, surface.albedo, sun)}
+        return {
+            "CYCLES": reflectance_laws.add_snow_of_osl(ground, surface.albedo, sun, level),
+            "EEVEE": reflectance_laws.add_snow(ground, surface.albedo, sun),
+        }
     if not use_osl:
         return {"ALL": reflectance_laws.add_hapke_of_nodes(ground, grains, sun)}
-    return {"CYCLES": reflectance_laws.add_hapke_of_osl(ground, grains, sun, level),
-            "EEVEE": reflectance_laws.add_hapke_of_nodes(ground, grains, sun)}
+    return {
+        "CYCLES": reflectance_laws.add_hapke_of_osl(ground, grains, sun, level),
+        "EEVEE": reflectance_laws.add_hapke_of_nodes(ground, grains, sun),
+    }
 
 
 class _Material:
     """A material in the making. Its steps are called in their order, each adds nodes for those after it."""
 
-    def __init__(self, name: str, surface: SurfaceSettings, seed: int, semantic: int, textured: Textured | None,
-                 settings: Settings | None) -> None:
+    def __init__(
+        self,
+        name: str,
+        surface: SurfaceSettings,
+        seed: int,
+        semantic: int,
+        textured: Textured | None,
+        settings: Settings | None,
+    ) -> None:
         self.material = bpy.data.materials.new(name)
         self.material.pass_index = semantic
         self.tree = Tree(compat.ensure_nodes(self.material))
@@ -282,8 +359,11 @@ class _Material:
         self._geometry = self.tree.node("ShaderNodeNewGeometry", "Geometry")
         self._surface = ice_layers.as_bubbly_ice(surface)
         self._maps = textured.maps if textured is not None else {}
-        self._pieces = (textured.make_sampler(self.tree, self._geometry, self._at.image)
-                        if textured is not None and self._maps else None)
+        self._pieces = (
+            textured.make_sampler(self.tree, self._geometry, self._at.image)
+            if textured is not None and self._maps
+            else None
+        )
         self._varied: dict[str, Any] = {}  # sockets of the law's inputs that vary over the ground, by their names
         self._relief: dict[str, Any] = {}  # the socket of the normal with relief, if there is relief
         self._displacement: dict[str, Any] = {}  # the socket of moved vertices, if vertices are moved
@@ -321,14 +401,22 @@ class _Material:
     def add_colour(self) -> None:
         """Colour the ice by its bubbles, grains, dirt and salts, and by the albedo image."""
         tree, surface = self.tree, self._surface
-        self._bubbly = (ice_layers.add_bubbly_colour(tree, surface, self._geometry, self._at.bands, self._of_rocks)
-                        if self._is_principled and surface.bubble_share > 0.0 else None)
-        self._colour = add_ground_colour(tree, surface, self._geometry, self._at.salt, self._of_terrain,
-                                         self._settings, self._bubbly)
+        self._bubbly = (
+            ice_layers.add_bubbly_colour(tree, surface, self._geometry, self._at.bands, self._of_rocks)
+            if self._is_principled and surface.bubble_share > 0.0
+            else None
+        )
+        self._colour = add_ground_colour(
+            tree, surface, self._geometry, self._at.salt, self._of_terrain, self._settings, self._bubbly
+        )
         if self._pieces is not None and "albedo" in self._maps:
             image = self._maps["albedo"]
-            of_mean = self._pieces.vector("SCALE", "Albedo over Mean", self._pieces.sample("albedo", image),
-                                          scale=1 / max(sum(image.mean) / 3, 1e-6))
+            of_mean = self._pieces.vector(
+                "SCALE",
+                "Albedo over Mean",
+                self._pieces.sample("albedo", image),
+                scale=1 / max(sum(image.mean) / 3, 1e-6),
+            )
             self._colour = _add_product(tree, "Stained Map", of_mean, self._colour)
 
     def add_relief(self, by_fineness: bool) -> None:
@@ -337,8 +425,11 @@ class _Material:
         moved, height = self._add_heights(by_fineness)
         if self._is_principled and self._surface.crust_share > 0.0:
             self._crusted = ice_layers.add_crust_share(tree, self._surface, self._geometry, self._at.crust)
-            height = _add_sum(tree, ice_layers.add_smoothed(tree, self._crusted, height),
-                              ice_layers.add_crust_height(tree, self._surface, self._crusted))
+            height = _add_sum(
+                tree,
+                ice_layers.add_smoothed(tree, self._crusted, height),
+                ice_layers.add_crust_height(tree, self._surface, self._crusted),
+            )
             moved = ice_layers.add_smoothed(tree, self._crusted, moved)
         if self._pieces is not None and "normal" in self._maps:
             self._relief["Normal"] = self._pieces.sample_normal(self._maps["normal"])
@@ -346,8 +437,13 @@ class _Material:
             self._relief["Normal"] = add_bump(tree, height, 1.0, self._relief.get("Normal"))
         self.material.displacement_method = "BUMP" if moved is None else "DISPLACEMENT"
         if moved is not None:
-            self._displacement["Displacement"] = tree.node("ShaderNodeDisplacement", "Moved", {
-                "Height": moved, "Midlevel": 0.0, "Scale": 1.0}, leave=("Normal",), space="OBJECT").outputs[0]
+            self._displacement["Displacement"] = tree.node(
+                "ShaderNodeDisplacement",
+                "Moved",
+                {"Height": moved, "Midlevel": 0.0, "Scale": 1.0},
+                leave=("Normal",),
+                space="OBJECT",
+            ).outputs[0]
 
     def _add_heights(self, by_fineness: bool) -> tuple[Any, Any]:
         """Sockets of the heights that move vertices and that bend normals, in metres; None for no such heights."""
@@ -362,25 +458,43 @@ class _Material:
         """Add the reflectance law and connect it to the outputs of the renderers."""
         shaders = {"ALL": self._add_layers()} if self._is_principled else self._add_law()
         volume = {} if self._volume is None else {"Volume": self._volume}
-        unused = ["Thickness", *(name for name in ("Displacement", "Volume")
-                                 if name not in self._displacement | volume)]
+        unused = [
+            "Thickness",
+            *(name for name in ("Displacement", "Volume") if name not in self._displacement | volume),
+        ]
         for target, shader in shaders.items():
-            self.tree.node("ShaderNodeOutputMaterial", "Surface in EEVEE" if target == "EEVEE" else "Surface",
-                           {"Surface": shader, **self._displacement, **volume}, leave=unused, target=target)
+            self.tree.node(
+                "ShaderNodeOutputMaterial",
+                "Surface in EEVEE" if target == "EEVEE" else "Surface",
+                {"Surface": shader, **self._displacement, **volume},
+                leave=unused,
+                target=target,
+            )
 
     def _add_layers(self) -> Any:
         settings = self._settings
         # The colour of bubbly ice is its reflectance itself.
         plain = self._surface if self._bubbly is None else self._surface | {"albedo": 1.0}
-        ice = _Ice(self.tree, self._surface, _add_reflectance(self.tree, plain, self._grey, self._colour),
-                   self._varied, self._relief, self._is_smooth, self._geometry,
-                   1.0 / focal_px(settings.rig) if settings is not None else 0.0, self._at)
+        ice = _Ice(
+            self.tree,
+            self._surface,
+            _add_reflectance(self.tree, plain, self._grey, self._colour),
+            self._varied,
+            self._relief,
+            self._is_smooth,
+            self._geometry,
+            1.0 / focal_px(settings.rig) if settings is not None else 0.0,
+            self._at,
+        )
         shader, self._volume = _add_layers(ice, self._crusted, self._of_rocks)
         return shader
 
     def _add_law(self) -> dict[str, Any]:
-        slopes = (_add_slopes(self.tree, self._settings.hapke, self._varied["roughness"], self._surface.roughness)
-                  if self._settings is not None and "roughness" in self._varied else None)
+        slopes = (
+            _add_slopes(self.tree, self._settings.hapke, self._varied["roughness"], self._surface.roughness)
+            if self._settings is not None and "roughness" in self._varied
+            else None
+        )
         ground = reflectance_laws.Ground(self.tree, self._relief.get("Normal"), self._grey, self._colour, slopes)
         return _add_law(self.material, self._surface, self._settings, ground, self._is_smooth, self._least)
 
@@ -392,23 +506,41 @@ class _Material:
     def add_passes(self, albedo_pass: bool) -> None:
         """Add the outputs of the passes: the geometric normal, and if asked the albedo, and baked light."""
         tree, surface, settings = self.tree, self._surface, self._settings
-        tree.node("ShaderNodeOutputAOV", "Geometric Normal",
-                  {"Color": self._geometry.outputs["True Normal"], "Value": 0.0}, aov_name=NORMAL_AOV)
+        tree.node(
+            "ShaderNodeOutputAOV",
+            "Geometric Normal",
+            {"Color": self._geometry.outputs["True Normal"], "Value": 0.0},
+            aov_name=NORMAL_AOV,
+        )
         if albedo_pass:
             by_grains = surface.model == "HAPKE"
             reflectance = _add_reflectance(
-                tree, surface | {"albedo": 1.0} if by_grains or self._bubbly is not None else surface,
-                1.0 if by_grains else self._grey, self._colour)
-            frosted = (ice_layers.add_frost_share(tree, surface, self._geometry, self._at.frost)
-                       if self._is_principled and surface.frost_share > 0.0 else None)
+                tree,
+                surface | {"albedo": 1.0} if by_grains or self._bubbly is not None else surface,
+                1.0 if by_grains else self._grey,
+                self._colour,
+            )
+            frosted = (
+                ice_layers.add_frost_share(tree, surface, self._geometry, self._at.frost)
+                if self._is_principled and surface.frost_share > 0.0
+                else None
+            )
             add_albedo_pass(tree, surface, settings, self._grey, reflectance, self._least, frosted)
         if settings is not None and settings.quality.indirect != "TRACED" and surface.model == "LAMBERT":
             add_baked_passes(tree, _add_reflectance(tree, surface, self._grey, self._colour), self._of_rocks)
 
 
-def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int,
-                   textured: Textured | None = None, settings: Settings | None = None,
-                   by_fineness: bool = False, albedo_pass: bool = False, dug: bool = False) -> bpy.types.Material:
+def build_material(
+    name: str,
+    surface: SurfaceSettings,
+    seed: int,
+    semantic: int,
+    textured: Textured | None = None,
+    settings: Settings | None = None,
+    by_fineness: bool = False,
+    albedo_pass: bool = False,
+    dug: bool = False,
+) -> bpy.types.Material:
     """A material from ``surface`` settings whose reflectance in a white furnace is its albedo.
 
     Laws that depend on the Sun need the ``settings`` of the whole scene. ``semantic`` is the label in the

@@ -54,14 +54,22 @@ def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage])
         return {}
     if textures.set == "OWN":
         if not files:
-            raise IcyMoonError("textures.set is OWN, but no image is named; name one, such as textures.albedo_file, or "
-                               "set textures.set to MESH for the images of the mesh.")
+            raise IcyMoonError(
+                "textures.set is OWN, but no image is named; name one, such as textures.albedo_file, or "
+                "set textures.set to MESH for the images of the mesh."
+            )
     elif textures.set not in ("MESH", "STAND_IN"):
         return {kind: _make_map(textures.set, kind) for kind in ("albedo", "roughness", "height")}
-    return {kind: _load_map(kind, file if isinstance(file, MeshImage) else MeshImage(file),
-                            f"textures.{kind}_file" if textures.set == "OWN" else f"the {kind} image of the "
-                            f"{'mesh' if textures.set == 'MESH' else 'stand-in'}")
-            for kind, file in files.items()}
+    return {
+        kind: _load_map(
+            kind,
+            file if isinstance(file, MeshImage) else MeshImage(file),
+            f"textures.{kind}_file"
+            if textures.set == "OWN"
+            else f"the {kind} image of the {'mesh' if textures.set == 'MESH' else 'stand-in'}",
+        )
+        for kind, file in files.items()
+    }
 
 
 def remove_unused_images() -> None:
@@ -86,8 +94,9 @@ def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, M
         mesh.calc_loop_triangles()
         corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
         mesh.loop_triangles.foreach_get("loops", corners)
-    points, weight = texture_coordinates.sample_surface(positions.reshape(-1, 3), vertices[corners].reshape(-1, 3),
-                                  uv.reshape(-1, 2)[corners].reshape(-1, 3, 2))
+    points, weight = texture_coordinates.sample_surface(
+        positions.reshape(-1, 3), vertices[corners].reshape(-1, 3), uv.reshape(-1, 2)[corners].reshape(-1, 3, 2)
+    )
     mark = hashlib.sha256(points.tobytes() + weight.tobytes()).hexdigest()
     for each in found.values():
         if each.image.get(_SHOWN) != mark:

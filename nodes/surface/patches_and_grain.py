@@ -36,7 +36,7 @@ GRAIN_FARTHEST = 32.0
 _GRAIN_SPAN = 0.88
 #: Normal of the mirror, z - (1, 1, 1) / 3^0.5, that maps level ground to a plane with equal parts of all three axes
 #: of the noise's lattice. In a plane along two axes, the lattice would be visible as a weave.
-_OFF_LATTICE = (-3 ** -0.5, -3 ** -0.5, 1.0 - 3 ** -0.5)
+_OFF_LATTICE = (-(3**-0.5), -(3**-0.5), 1.0 - 3**-0.5)
 #: Longest wavelength of patches of grain, in wavelengths of the grain.
 _PATCHES = 16.0
 _STEEP = 1.0 - math.cos(math.radians(45.0))
@@ -48,9 +48,22 @@ _MOST_ELEVATION = 3.0
 
 def add_noise(tree: Tree, label: str, where: Any, wavelength_m: float, fourth: float, octaves: float) -> Any:
     """Output socket of Blender's noise, around 0.5, with a longest wavelength. ``fourth`` selects the field."""
-    return tree.node("ShaderNodeTexNoise", label, {
-        "Vector": where, "W": fourth, "Scale": 1.0 / wavelength_m, "Detail": octaves, "Roughness": 0.5,
-        "Lacunarity": 2.0, "Distortion": 0.0}, noise_dimensions="4D", noise_type="FBM", normalize=True).outputs[0]
+    return tree.node(
+        "ShaderNodeTexNoise",
+        label,
+        {
+            "Vector": where,
+            "W": fourth,
+            "Scale": 1.0 / wavelength_m,
+            "Detail": octaves,
+            "Roughness": 0.5,
+            "Lacunarity": 2.0,
+            "Distortion": 0.0,
+        },
+        noise_dimensions="4D",
+        noise_type="FBM",
+        normalize=True,
+    ).outputs[0]
 
 
 def add_patchy(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float], height: Any) -> Any:
@@ -76,20 +89,36 @@ def add_grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float
     every hit, so the noise has three dimensions, which take half as long as four.
     """
     askew = _add_grain_place(tree, where, wavelength_m, place)
-    field = tree.node("ShaderNodeTexNoise", "Grain", {
-        "Vector": askew, "Scale": 1.0, "Detail": OCTAVES - 1.0, "Roughness": 0.5, "Lacunarity": 2.0,
-        "Distortion": 0.0}, noise_dimensions="3D", noise_type="FBM", normalize=True).outputs[0]
+    field = tree.node(
+        "ShaderNodeTexNoise",
+        "Grain",
+        {
+            "Vector": askew,
+            "Scale": 1.0,
+            "Detail": OCTAVES - 1.0,
+            "Roughness": 0.5,
+            "Lacunarity": 2.0,
+            "Distortion": 0.0,
+        },
+        noise_dimensions="3D",
+        noise_type="FBM",
+        normalize=True,
+    ).outputs[0]
     centred = tree.math("SUBTRACT", "Grain About 0", field, NOISE_MEAN)
     return tree.math("MULTIPLY", "Grain of Span 1", centred, _GRAIN_SPAN)
 
 
 def _add_grain_place(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float]) -> Any:
     """Output socket of the place in the noise, in wavelengths, askew to its lattice."""
-    shifted = tree.node("ShaderNodeVectorMath", "Grain Place", {
-        "Vector": where, "Vector_001": (1.0 / wavelength_m,) * 3, "Vector_002": place},
-        operation="MULTIPLY_ADD").outputs[0]
-    return tree.node("ShaderNodeVectorMath", "Off the Lattice", {"Vector": shifted, "Vector_001": _OFF_LATTICE},
-                     operation="REFLECT").outputs[0]
+    shifted = tree.node(
+        "ShaderNodeVectorMath",
+        "Grain Place",
+        {"Vector": where, "Vector_001": (1.0 / wavelength_m,) * 3, "Vector_002": place},
+        operation="MULTIPLY_ADD",
+    ).outputs[0]
+    return tree.node(
+        "ShaderNodeVectorMath", "Off the Lattice", {"Vector": shifted, "Vector_001": _OFF_LATTICE}, operation="REFLECT"
+    ).outputs[0]
 
 
 def add_grain_by_fineness(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float]) -> tuple[Any, Any]:
@@ -100,8 +129,12 @@ def add_grain_by_fineness(tree: Tree, surface: SurfaceSettings, where: Any, plac
     So each hit looks up the octaves that are bump there, and no others.
     """
     askew = _add_grain_place(tree, where, surface.grain_size_m, place)
-    spacing = Number(tree, output(tree.node("ShaderNodeAttribute", "Vertex Spacing", attribute_type="GEOMETRY",
-                                            attribute_name=SPACING), "Fac"))
+    spacing = Number(
+        tree,
+        output(
+            tree.node("ShaderNodeAttribute", "Vertex Spacing", attribute_type="GEOMETRY", attribute_name=SPACING), "Fac"
+        ),
+    )
     first = _partly_carried(surface, spacing)
     part_scale = Number(tree, 2.0).power(first).named("Scale of the Octave in Part")
     waves = spacing * part_scale * (1.0 / surface.grain_size_m)
@@ -120,21 +153,34 @@ def add_grain_by_fineness(tree: Tree, surface: SurfaceSettings, where: Any, plac
 def _partly_carried(surface: SurfaceSettings, spacing: Number) -> Number:
     """The longest octave, from 0, that vertices do not carry whole; the last one if they carry all."""
     whole = 1.0 - (spacing.at_least(1e-9) / (CARRIED * surface.grain_size_m)).log() * (1.0 / math.log(2.0))
-    return Number(spacing.tree, spacing.tree.math("FLOOR", "Octaves Carried", whole.value)).at_least(0.0).at_most(
-        OCTAVES - 1.0)
+    return (
+        Number(spacing.tree, spacing.tree.math("FLOOR", "Octaves Carried", whole.value))
+        .at_least(0.0)
+        .at_most(OCTAVES - 1.0)
+    )
 
 
 def _add_octaves(tree: Tree, label: str, where: Any, scale: Number | float, detail: Number | float) -> Number:
     """The sum of ``detail`` + 1 octaves of noise, the first with a span of about 2 and each other with half of that."""
-    given: dict[str, Any] = {key: each.value if isinstance(each, Number) else each
-                             for key, each in (("Scale", scale), ("Detail", detail))}
-    return Number(tree, tree.node("ShaderNodeTexNoise", label, {
-        "Vector": where, **given, "Roughness": 0.5, "Lacunarity": 2.0, "Distortion": 0.0},
-        noise_dimensions="3D", noise_type="FBM", normalize=False).outputs[0])
+    given: dict[str, Any] = {
+        key: each.value if isinstance(each, Number) else each for key, each in (("Scale", scale), ("Detail", detail))
+    }
+    return Number(
+        tree,
+        tree.node(
+            "ShaderNodeTexNoise",
+            label,
+            {"Vector": where, **given, "Roughness": 0.5, "Lacunarity": 2.0, "Distortion": 0.0},
+            noise_dimensions="3D",
+            noise_type="FBM",
+            normalize=False,
+        ).outputs[0],
+    )
 
 
-def mark_elevation(mesh: bpy.types.Mesh, surface: SurfaceSettings,
-                   drop_m: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None) -> None:
+def mark_elevation(
+    mesh: bpy.types.Mesh, surface: SurfaceSettings, drop_m: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
+) -> None:
     """Set the attribute ``ELEVATION`` of a mesh if ``surface`` settings need it; otherwise remove it.
 
     It is the height of vertices above the mean plane, in standard deviations. ``drop_m`` returns by how many metres
@@ -165,9 +211,14 @@ def _add_kept(tree: Tree, label: str, share: Any, dirt: float) -> Any:
 
 def add_share(tree: Tree, label: str, value: Any, clean: float, dirty: float, smooth: bool = False) -> Any:
     """Output socket: 0 where ``value`` is ``clean``, 1 where it is ``dirty``, limited to that range."""
-    return tree.node("ShaderNodeMapRange", label, {
-        "Value": value, "From Min": clean, "From Max": dirty, "To Min": 0.0, "To Max": 1.0},
-        data_type="FLOAT", interpolation_type="SMOOTHSTEP" if smooth else "LINEAR", clamp=True).outputs[0]
+    return tree.node(
+        "ShaderNodeMapRange",
+        label,
+        {"Value": value, "From Min": clean, "From Max": dirty, "To Min": 0.0, "To Max": 1.0},
+        data_type="FLOAT",
+        interpolation_type="SMOOTHSTEP" if smooth else "LINEAR",
+        clamp=True,
+    ).outputs[0]
 
 
 def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, elevated: bool) -> Any:
@@ -184,8 +235,9 @@ def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: 
     return _add_factors(tree, "Brightness", factors)
 
 
-def add_patch_noise(tree: Tree, surface: SurfaceSettings, label: str, where: Any, wavelength_m: float,
-                    fourth: float) -> Any:
+def add_patch_noise(
+    tree: Tree, surface: SurfaceSettings, label: str, where: Any, wavelength_m: float, fourth: float
+) -> Any:
     """Output socket of noise for patches, of mean ``NOISE_MEAN`` and deviation ``NOISE_DEVIATION``.
 
     A share ``patch_raggedness`` of its variance has ``_RAGGED`` of the wavelength and less: the edges of patches then
@@ -249,8 +301,9 @@ def add_faces(tree: Tree, surface: SurfaceSettings) -> tuple[Any, Any]:
     face = tree.node("ShaderNodeAttribute", "Face", attribute_type="GEOMETRY", attribute_name=FACE_ATTRIBUTE)
     rock = tree.node("ShaderNodeObjectInfo", "Rock").outputs["Random"]
     place = tree.node("ShaderNodeCombineXYZ", "Face of a Rock", {"X": output(face, "Fac"), "Y": 0.0, "Z": 0.0})
-    chance = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Face", {"Vector": place.outputs[0], "W": rock},
-                       noise_dimensions="4D")
+    chance = tree.node(
+        "ShaderNodeTexWhiteNoise", "Chance of a Face", {"Vector": place.outputs[0], "W": rock}, noise_dimensions="4D"
+    )
     parts = tree.node("ShaderNodeSeparateColor", "Chances", {"Color": output(chance, "Color")}, mode="RGB").outputs
     rough = (Number(tree, parts["Green"]) * 2.0 - 1.0) * surface.face_variation
     return _add_kept(tree, "Face", parts["Red"], surface.face_variation), rough.value

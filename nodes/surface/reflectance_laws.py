@@ -80,10 +80,13 @@ def choose_backend(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
     """
     asked, level = hapke.backend, hapke.accuracy
     why = ("" if compat.has_osl() else "this Blender was built without Open Shading Language") or (
-        "Open Shading Language traces only on the CPU" if device == "GPU" else "")
+        "Open Shading Language traces only on the CPU" if device == "GPU" else ""
+    )
     if asked == "OSL" and why:
-        raise IcyMoonError(f"hapke.backend is OSL, but {why}; set hapke.backend to AUTO"
-                           + (" or quality.device to CPU." if device == "GPU" else "."))
+        raise IcyMoonError(
+            f"hapke.backend is OSL, but {why}; set hapke.backend to AUTO"
+            + (" or quality.device to CPU." if device == "GPU" else ".")
+        )
     if asked == "OSL" or (asked == "AUTO" and not why):
         return True, level, ""
     if level != "FAST":
@@ -130,30 +133,45 @@ def _add_sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
     geometry = tree.node("ShaderNodeNewGeometry", "Sight")
     toward_sun = tree.node("ShaderNodeCombineXYZ", DIRECTION, dict(zip("XYZ", sun.direction, strict=True))).outputs[0]
     if sun.distance_m:
-        lamp = tree.node("ShaderNodeVectorMath", "Lamp", {"Vector": toward_sun, "Scale": sun.distance_m},
-                         operation="SCALE").outputs[0]
-        way = tree.node("ShaderNodeVectorMath", "Way to the Lamp", {
-            "Vector": lamp, "Vector_001": geometry.outputs["Position"]}, operation="SUBTRACT").outputs[0]
-        toward_sun = tree.node("ShaderNodeVectorMath", "Toward the Lamp", {"Vector": way},
-                               operation="NORMALIZE").outputs[0]
-    return (Vector(tree, geometry.outputs["Normal"] if ground.normal is None else ground.normal),
-            Vector(tree, toward_sun), Vector(tree, geometry.outputs["Incoming"]))
+        lamp = tree.node(
+            "ShaderNodeVectorMath", "Lamp", {"Vector": toward_sun, "Scale": sun.distance_m}, operation="SCALE"
+        ).outputs[0]
+        way = tree.node(
+            "ShaderNodeVectorMath",
+            "Way to the Lamp",
+            {"Vector": lamp, "Vector_001": geometry.outputs["Position"]},
+            operation="SUBTRACT",
+        ).outputs[0]
+        toward_sun = tree.node(
+            "ShaderNodeVectorMath", "Toward the Lamp", {"Vector": way}, operation="NORMALIZE"
+        ).outputs[0]
+    return (
+        Vector(tree, geometry.outputs["Normal"] if ground.normal is None else ground.normal),
+        Vector(tree, toward_sun),
+        Vector(tree, geometry.outputs["Incoming"]),
+    )
 
 
 def _add_reflectance(ground: Ground, label: str, weight: Number) -> Any:
     """A reflectance times the ground's colour: a colour, or its output socket."""
     value = weight.value
     if ground.colour is not None:
-        return ground.tree.node("ShaderNodeVectorMath", f"{label} Colour", {"Vector": ground.colour, "Scale": value},
-                                operation="SCALE").outputs[0]
+        return ground.tree.node(
+            "ShaderNodeVectorMath", f"{label} Colour", {"Vector": ground.colour, "Scale": value}, operation="SCALE"
+        ).outputs[0]
     return (*[float(value)] * 3, 1.0) if isinstance(value, (int, float)) else value
 
 
 def _add_closure(tree: Tree, label: str, colour: Any, normal: Any) -> Any:
     """Shader socket of Lambert's law with a normal; None is the mesh's own."""
     about = {} if normal is None else {"Normal": normal}
-    return tree.node("ShaderNodeBsdfDiffuse", label, {"Color": colour, "Roughness": 0.0, **about},
-                     if_present={"Weight": 0.0}, leave=("Normal",) if normal is None else ()).outputs[0]
+    return tree.node(
+        "ShaderNodeBsdfDiffuse",
+        label,
+        {"Color": colour, "Roughness": 0.0, **about},
+        if_present={"Weight": 0.0},
+        leave=("Normal",) if normal is None else (),
+    ).outputs[0]
 
 
 def _add_diffuse(ground: Ground, label: str, weight: Number) -> Any:
@@ -166,9 +184,15 @@ def _add_lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> 
 
     Cycles does not evaluate the nodes of the side that it does not need.
     """
-    return ground.tree.node("ShaderNodeMixShader", "Sunlit or Not", {
-        "Fac": mu0.exceeds(0.0).value, "Shader": _add_diffuse(ground, "Shaded", other),
-        "Shader_001": _add_diffuse(ground, "Sunlit", lit)}).outputs[0]
+    return ground.tree.node(
+        "ShaderNodeMixShader",
+        "Sunlit or Not",
+        {
+            "Fac": mu0.exceeds(0.0).value,
+            "Shader": _add_diffuse(ground, "Shaded", other),
+            "Shader_001": _add_diffuse(ground, "Sunlit", lit),
+        },
+    ).outputs[0]
 
 
 def add_seen_or_not(tree: Tree, seen: Any, other: Any) -> Any:
@@ -222,10 +246,21 @@ def add_snow(ground: Ground, albedo: float, sun: Sun) -> Any:
 def add_snow_of_osl(ground: Ground, albedo: float, sun: Sun, level: str) -> Any:
     """Shader socket of the same law in Open Shading Language."""
     w = (Number(ground.tree, ground.grey) * albedo).at_most(1.0).value
-    return _add_script(ground, sun, level, {
-        "W": w, "Snow": 1, "TanTheta": 0.0, "K": 1.0, "HFunction": 2002,
-        **dict.fromkeys(("B", "C", "BS0", "HS", "BC0", "HC"), 0.0),
-        **{f"Albedo{k}": (0.0, 0.0, 0.0) for k in range(4)}}, "Snow")
+    return _add_script(
+        ground,
+        sun,
+        level,
+        {
+            "W": w,
+            "Snow": 1,
+            "TanTheta": 0.0,
+            "K": 1.0,
+            "HFunction": 2002,
+            **dict.fromkeys(("B", "C", "BS0", "HS", "BC0", "HC"), 0.0),
+            **{f"Albedo{k}": (0.0, 0.0, 0.0) for k in range(4)},
+        },
+        "Snow",
+    )
 
 
 def _add_script(ground: Ground, sun: Sun, level: str, inputs: dict[str, Any], label: str) -> Any:
@@ -233,9 +268,18 @@ def _add_script(ground: Ground, sun: Sun, level: str, inputs: dict[str, Any], la
     normal = ground.normal
     if normal is None:
         normal = ground.tree.node("ShaderNodeNewGeometry", "Sight").outputs["Normal"]
-    node = add_script_node(ground.tree, SCRIPT, {
-        "Tint": (1.0, 1.0, 1.0, 1.0) if ground.colour is None else ground.colour, "Level": LEVELS.index(level),
-        "Normal": normal, **sun_inputs(sun), **planet_inputs(None), **inputs})
+    node = add_script_node(
+        ground.tree,
+        SCRIPT,
+        {
+            "Tint": (1.0, 1.0, 1.0, 1.0) if ground.colour is None else ground.colour,
+            "Level": LEVELS.index(level),
+            "Normal": normal,
+            **sun_inputs(sun),
+            **planet_inputs(None),
+            **inputs,
+        },
+    )
     node.label = label
     return node.outputs[0]
 
@@ -274,8 +318,17 @@ def _known(ground: Ground, q: model.HapkeParameters) -> hapke_nodes.Grains:
     w = (Number(ground.tree, ground.grey) * float(q.w)).at_most(1.0)
     theta_bar = Number(ground.tree, float(q.theta_bar) if ground.slopes is None else ground.slopes.value)
     return hapke_nodes.Grains(
-        w, theta_bar.tangent().named("tan θ̄"), q.b, q.c, q.b_s0, q.h_s, q.b_c0, q.h_c,
-        float(model.porosity_factor(q.filling_factor)), q.h_function)
+        w,
+        theta_bar.tangent().named("tan θ̄"),
+        q.b,
+        q.c,
+        q.b_s0,
+        q.h_s,
+        q.b_c0,
+        q.h_c,
+        float(model.porosity_factor(q.filling_factor)),
+        q.h_function,
+    )
 
 
 def add_hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Any:
@@ -306,6 +359,23 @@ def add_hapke_of_osl(ground: Ground, grains: Grains, sun: Sun, level: str) -> An
     tree, q = ground.tree, grains.parameters
     known = _known(ground, q)
     albedo = {f"Albedo{k}": _add_vector(tree, f"Albedo {k}", row) for k, row in enumerate(_white(ground, grains))}
-    return _add_script(ground, sun, level, {
-        "W": known.w.value, "B": q.b, "C": q.c, "BS0": q.b_s0, "HS": q.h_s, "BC0": q.b_c0, "HC": q.h_c,
-        "TanTheta": known.tan_theta.value, "K": known.k, "HFunction": int(q.h_function), "Snow": 0, **albedo}, SCRIPT)
+    return _add_script(
+        ground,
+        sun,
+        level,
+        {
+            "W": known.w.value,
+            "B": q.b,
+            "C": q.c,
+            "BS0": q.b_s0,
+            "HS": q.h_s,
+            "BC0": q.b_c0,
+            "HC": q.h_c,
+            "TanTheta": known.tan_theta.value,
+            "K": known.k,
+            "HFunction": int(q.h_function),
+            "Snow": 0,
+            **albedo,
+        },
+        SCRIPT,
+    )

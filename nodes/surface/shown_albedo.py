@@ -18,8 +18,15 @@ from ..tree.builder import Tree, output
 _STEPS = 17
 
 
-def add_albedo_pass(tree: Tree, surface: SurfaceSettings, settings: Settings | None, grey: Any, reflectance: Any,
-                    least: float, frosted: Any = None) -> None:
+def add_albedo_pass(
+    tree: Tree,
+    surface: SurfaceSettings,
+    settings: Settings | None,
+    grey: Any,
+    reflectance: Any,
+    least: float,
+    frosted: Any = None,
+) -> None:
     """Add the pass ``ALBEDO_AOV``: the albedo in even light, in the bands of ``physics.light.bands``.
 
     ``reflectance`` is albedo x grey x colour, a number or an output socket; for Hapke's law it is the colour alone, and
@@ -33,16 +40,26 @@ def add_albedo_pass(tree: Tree, surface: SurfaceSettings, settings: Settings | N
         found = _add_product(tree, found, (level,) * 3 if isinstance(level, float) else level)
     if frosted is not None:
         frost = (*[float(surface.frost_albedo)] * 3, 1.0)
-        found = output(tree.node("ShaderNodeMix", "Albedo with Frost", {
-            "Factor_Float": frosted, "A_Color": found, "B_Color": frost}, data_type="RGBA", blend_type="MIX",
-            clamp_factor=True, clamp_result=False), "Result_Color")
+        found = output(
+            tree.node(
+                "ShaderNodeMix",
+                "Albedo with Frost",
+                {"Factor_Float": frosted, "A_Color": found, "B_Color": frost},
+                data_type="RGBA",
+                blend_type="MIX",
+                clamp_factor=True,
+                clamp_result=False,
+            ),
+            "Result_Color",
+        )
     tree.node("ShaderNodeOutputAOV", "Albedo", {"Color": found, "Value": 0.0}, aov_name=ALBEDO_AOV)
 
 
 def _add_product(tree: Tree, colour: Any, level: Any) -> Any:
     vector = colour[:3] if isinstance(colour, tuple) else colour
-    return tree.node("ShaderNodeVectorMath", "Albedo by Band", {"Vector": vector, "Vector_001": level},
-                     operation="MULTIPLY").outputs[0]
+    return tree.node(
+        "ShaderNodeVectorMath", "Albedo by Band", {"Vector": vector, "Vector_001": level}, operation="MULTIPLY"
+    ).outputs[0]
 
 
 def hapke_curve(settings: Settings, least: float) -> tuple[np.ndarray, np.ndarray]:

@@ -42,8 +42,12 @@ class Sun:
     def from_settings(cls, light: LightSettings) -> Sun:
         """The Sun that ``light`` settings describe."""
         x, y, z = toward(light.sun_azimuth_deg, light.sun_elevation_deg)
-        return cls((x, y, z), (light.sun_irradiance_wm2,) * 3, math.radians(light.sun_angular_diameter_deg),
-                   light.sun_distance_m)
+        return cls(
+            (x, y, z),
+            (light.sun_irradiance_wm2,) * 3,
+            math.radians(light.sun_angular_diameter_deg),
+            light.sun_distance_m,
+        )
 
     @classmethod
     def from_lamp(cls, lamp: bpy.types.Object, world: Matrix) -> Sun:
@@ -76,8 +80,12 @@ class Sun:
 
 def sun_inputs(sun: Sun) -> dict[str, Any]:
     """Inputs of ``hapke.osl`` for the Sun."""
-    return {"SunDirection": sun.direction, "SunIrradiance": (*sun.irradiance_wm2, 1.0), "SunRadius": sun.radius,
-            "SunBlur": sun.blur}
+    return {
+        "SunDirection": sun.direction,
+        "SunIrradiance": (*sun.irradiance_wm2, 1.0),
+        "SunRadius": sun.radius,
+        "SunBlur": sun.blur,
+    }
 
 
 def _find_own_node(material: bpy.types.Material, name: str, kind: str) -> Any:
@@ -111,8 +119,9 @@ def aim_surfaces(materials: Iterable[bpy.types.Material], sun: Sun, shine: bpy.t
 
 def has_one_light_source(material: bpy.types.Material) -> bool:
     """Whether a material has its reflectance law for one source of light only."""
-    return any(_find_own_node(material, *node)
-               for node in ((DIRECTION, "ShaderNodeCombineXYZ"), (SCRIPT, "ShaderNodeScript")))
+    return any(
+        _find_own_node(material, *node) for node in ((DIRECTION, "ShaderNodeCombineXYZ"), (SCRIPT, "ShaderNodeScript"))
+    )
 
 
 def is_osl(material: bpy.types.Material) -> bool:
@@ -165,8 +174,12 @@ def exempt_from_lamp(name: str, lamp: bpy.types.Object, tracing: Iterable[bpy.ty
             entry.light_linking.link_state = "EXCLUDE"
 
 
-def prepare_for_cycles(scene: bpy.types.Scene, materials: Iterable[bpy.types.Material], lamp: bpy.types.Object,
-                       shine: bpy.types.Object | None) -> None:
+def prepare_for_cycles(
+    scene: bpy.types.Scene,
+    materials: Iterable[bpy.types.Material],
+    lamp: bpy.types.Object,
+    shine: bpy.types.Object | None,
+) -> None:
     """Prepare a scene for these materials, after its settings for Cycles are set and the lamp is in place.
 
     Raises IcyMoonError if the materials need Open Shading Language and the scene cannot use it.
@@ -177,8 +190,10 @@ def prepare_for_cycles(scene: bpy.types.Scene, materials: Iterable[bpy.types.Mat
     aim_surfaces(materials, Sun.from_lamp(lamp, lamp.evaluated_get(depsgraph).matrix_world), shine)
     if any(map(is_osl, materials)):
         if not compat.has_osl() or scene.cycles.device == "GPU":
-            raise IcyMoonError("The surface was built for Open Shading Language on the CPU; build the scene again in "
-                               "this Blender, or set quality.device to CPU.")
+            raise IcyMoonError(
+                "The surface was built for Open Shading Language on the CPU; build the scene again in "
+                "this Blender, or set quality.device to CPU."
+            )
         scene.cycles.shading_system = True
     if any(map(traces_sun, materials)):
         # These surfaces emit the light of the Sun themselves, one bounce earlier than a lamp would light them.

@@ -79,9 +79,17 @@ class Sampler:
 
     def _images(self, kind: str, of: Map) -> list[Any]:
         """Output sockets of the image's colour at each piece."""
-        return [self.tree.node("ShaderNodeTexImage", f"{kind.title()} {k}", {"Vector": place}, image=of.image,
-                               interpolation="Linear", extension=self._EXTENSION).outputs[0]
-                for k, (place, _, _) in enumerate(self.pieces)]
+        return [
+            self.tree.node(
+                "ShaderNodeTexImage",
+                f"{kind.title()} {k}",
+                {"Vector": place},
+                image=of.image,
+                interpolation="Linear",
+                extension=self._EXTENSION,
+            ).outputs[0]
+            for k, (place, _, _) in enumerate(self.pieces)
+        ]
 
     def _blended(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Any:
         """Output socket of mean + sum of share x (value - mean), but no albedo below 0.
@@ -93,8 +101,12 @@ class Sampler:
         total: Any = mean
         for k, (value, (_, share, _)) in enumerate(zip(values, self.pieces, strict=True)):
             apart = self.vector("SUBTRACT", f"{kind.title()} {k} Apart", value, mean)
-            total = self.vector("ADD", f"{kind.title()} Sum {k}", total,
-                                self.vector("SCALE", f"{kind.title()} {k} Part", apart, scale=share))
+            total = self.vector(
+                "ADD",
+                f"{kind.title()} Sum {k}",
+                total,
+                self.vector("SCALE", f"{kind.title()} {k} Part", apart, scale=share),
+            )
         return self.vector("MAXIMUM", "At Least Black", total, (0.0, 0.0, 0.0)) if kind == "albedo" else total
 
     def sample(self, kind: str, of: Map) -> Any:
@@ -125,10 +137,10 @@ class ByUV(Sampler):
 
     def sample_normal(self, of: Map) -> Any:
         # The node uses the normal before displacement. So its change of that normal is added to the true one.
-        mapped, level = (self.tree.node("ShaderNodeNormalMap", label, {"Strength": 1.0, "Color": colour},
-                                        **self._TANGENT).outputs[0]
-                         for label, colour in (("Normal Map", self._images("normal", of)[0]),
-                                               ("Level Map", (0.5, 0.5, 1.0, 1.0))))
+        mapped, level = (
+            self.tree.node("ShaderNodeNormalMap", label, {"Strength": 1.0, "Color": colour}, **self._TANGENT).outputs[0]
+            for label, colour in (("Normal Map", self._images("normal", of)[0]), ("Level Map", (0.5, 0.5, 1.0, 1.0)))
+        )
         tilt = self.vector("SUBTRACT", "Tilt", mapped, level)
         return self.vector("NORMALIZE", "Mapped Normal", self.vector("ADD", "Tilted", self.normal, tilt))
 
@@ -146,8 +158,17 @@ class Pieces(Sampler):
 
     def chosen(self, label: str, share: Any, a: Any, b: Any) -> Any:
         """Output socket of vector ``a`` where ``share`` is 0 and ``b`` where it is 1."""
-        return output(self.tree.node("ShaderNodeMix", label, {"Factor_Float": share, "A_Vector": a, "B_Vector": b},
-                                     data_type="VECTOR", factor_mode="UNIFORM", clamp_factor=True), "Result_Vector")
+        return output(
+            self.tree.node(
+                "ShaderNodeMix",
+                label,
+                {"Factor_Float": share, "A_Vector": a, "B_Vector": b},
+                data_type="VECTOR",
+                factor_mode="UNIFORM",
+                clamp_factor=True,
+            ),
+            "Result_Vector",
+        )
 
     def _place(self, geometry: Any, textures: TexturesSettings, offset: tuple[float, float]) -> None:
         """Set ``plane``, the position in image widths as seen from above, or from the side on walls."""
@@ -164,8 +185,11 @@ class Pieces(Sampler):
 
     def _hexagons(self, turned: bool) -> None:
         math_, k = self.tree.math, _HEXAGONS
-        skewed = self.combined("Skewed", self.vector("DOT_PRODUCT", "Skewed X", self.plane, (k, -k / _ROOT_3, 0.0)),
-                               self.vector("DOT_PRODUCT", "Skewed Y", self.plane, (0.0, 2 * k / _ROOT_3, 0.0)))
+        skewed = self.combined(
+            "Skewed",
+            self.vector("DOT_PRODUCT", "Skewed X", self.plane, (k, -k / _ROOT_3, 0.0)),
+            self.vector("DOT_PRODUCT", "Skewed Y", self.plane, (0.0, 2 * k / _ROOT_3, 0.0)),
+        )
         base = self.vector("FLOOR", "Rhombus", skewed)
         x, y, _ = self.separated("In Rhombus", self.vector("FRACTION", "Rest", skewed))
         rest = math_("SUBTRACT", "Below Diagonal", 1.0, math_("ADD", "Sum", x, y))
@@ -174,15 +198,21 @@ class Pieces(Sampler):
         corners = (
             ("A", self.combined("Corner A", upper, upper), math_("ABSOLUTE", "Weight A", rest)),
             ("B", (0.0, 1.0, 0.0), math_("ADD", "Weight B", y, beyond)),
-            ("C", (1.0, 0.0, 0.0), math_("ADD", "Weight C", x, beyond)))
+            ("C", (1.0, 0.0, 0.0), math_("ADD", "Weight C", x, beyond)),
+        )
         total = self.vector("LENGTH", "Root of Squares", self.combined("Weights", *(w for _, _, w in corners)))
         for name, step, weight in corners:
             corner = self.vector("ADD", f"Corner {name} At", base, step)
-            middle = self.combined(f"Middle {name}", *(
-                self.vector("DOT_PRODUCT", f"Middle {name} {axis}", corner, row)
-                for axis, row in (("X", (1 / k, 0.5 / k, 0.0)), ("Y", (0.0, _ROOT_3 / (2 * k), 0.0)))))
-            random = self.tree.node("ShaderNodeTexWhiteNoise", f"Random {name}", {"Vector": corner},
-                                    noise_dimensions="2D")
+            middle = self.combined(
+                f"Middle {name}",
+                *(
+                    self.vector("DOT_PRODUCT", f"Middle {name} {axis}", corner, row)
+                    for axis, row in (("X", (1 / k, 0.5 / k, 0.0)), ("Y", (0.0, _ROOT_3 / (2 * k), 0.0)))
+                ),
+            )
+            random = self.tree.node(
+                "ShaderNodeTexWhiteNoise", f"Random {name}", {"Vector": corner}, noise_dimensions="2D"
+            )
             angle: Any = 0.0
             place = self.plane
             if turned:
@@ -193,8 +223,13 @@ class Pieces(Sampler):
 
     def rotated(self, label: str, vector: Any, angle: Any, centre: Any = (0.0, 0.0, 0.0), back: bool = False) -> Any:
         """Output socket of a vector turned about the third axis."""
-        return self.tree.node("ShaderNodeVectorRotate", label, {"Vector": vector, "Center": centre, "Angle": angle},
-                              rotation_type="Z_AXIS", invert=back).outputs[0]
+        return self.tree.node(
+            "ShaderNodeVectorRotate",
+            label,
+            {"Vector": vector, "Center": centre, "Angle": angle},
+            rotation_type="Z_AXIS",
+            invert=back,
+        ).outputs[0]
 
     def sample_normal(self, of: Map) -> Any:
         """Output socket of the surface's normal tilted as a normal map states (x right, y up, z out; OpenGL)."""
@@ -203,14 +238,22 @@ class Pieces(Sampler):
             scaled = self.vector("SCALE", f"Normal {k} Doubled", colour, scale=2.0)
             x, y, z = self.separated(f"Normal {k} Axes", self.vector("SUBTRACT", f"Normal {k}", scaled, (1.0,) * 3))
             level = self.tree.math("MAXIMUM", f"Normal {k} Out", z, 0.05)
-            slope = self.combined(f"Slope {k}", self.tree.math("DIVIDE", f"Slope {k} X", x, level),
-                                  self.tree.math("DIVIDE", f"Slope {k} Y", y, level))
+            slope = self.combined(
+                f"Slope {k}",
+                self.tree.math("DIVIDE", f"Slope {k} X", x, level),
+                self.tree.math("DIVIDE", f"Slope {k} Y", y, level),
+            )
             angle = self.pieces[k][2]
-            slopes.append(slope if isinstance(angle, float) else self.rotated(f"Slope {k} Turned", slope, angle,
-                                                                              back=True))
+            slopes.append(
+                slope if isinstance(angle, float) else self.rotated(f"Slope {k} Turned", slope, angle, back=True)
+            )
         x, y, _ = self.separated("Slopes", self._blended("normal", slopes, (0.0, 0.0, 0.0)))
-        side = self.chosen("Side Slopes", self.faces_east, self.combined("South Slopes", x, 0.0, y),
-                           self.combined("East Slopes", 0.0, x, y))
+        side = self.chosen(
+            "Side Slopes",
+            self.faces_east,
+            self.combined("South Slopes", x, 0.0, y),
+            self.combined("East Slopes", 0.0, x, y),
+        )
         tilt = self.chosen("Tilt", self.is_wall, self.combined("Top Slopes", x, y), side)
         return self.vector("NORMALIZE", "Mapped Normal", self.vector("ADD", "Tilted", self.normal, tilt))
 

@@ -36,8 +36,16 @@ class Tree:
         if not keep:
             self.tree.nodes.clear()
 
-    def node(self, kind: str, label: str, inputs: Mapping[str, Any] | None = None, *,
-             leave: Iterable[str] = (), if_present: Mapping[str, Any] | None = None, **properties: Any) -> Any:
+    def node(
+        self,
+        kind: str,
+        label: str,
+        inputs: Mapping[str, Any] | None = None,
+        *,
+        leave: Iterable[str] = (),
+        if_present: Mapping[str, Any] | None = None,
+        **properties: Any,
+    ) -> Any:
         """Add a node and return it. Raises ValueError if an input is missing or unknown.
 
         ``inputs`` maps identifiers of sockets to values, or to output sockets that are linked to them. ``if_present``
@@ -101,14 +109,29 @@ class Tree:
 
 def _plain(struct: Any) -> dict[str, Any]:
     """The plain properties of a node, without properties of the node editor."""
-    return {p.identifier: getattr(struct, p.identifier) for p in struct.bl_rna.properties
-            if p.type in ("BOOLEAN", "INT", "FLOAT", "STRING", "ENUM") and not p.is_readonly
-            and not getattr(p, "is_array", False) and p.identifier not in _EDITOR}
+    return {
+        p.identifier: getattr(struct, p.identifier)
+        for p in struct.bl_rna.properties
+        if p.type in ("BOOLEAN", "INT", "FLOAT", "STRING", "ENUM")
+        and not p.is_readonly
+        and not getattr(p, "is_array", False)
+        and p.identifier not in _EDITOR
+    }
 
 
 #: Properties of a node that affect only the node editor.
-_EDITOR = {"select", "hide", "width", "height", "show_options", "show_preview", "show_texture",
-           "use_custom_color", "is_active_output", "warning_propagation"}
+_EDITOR = {
+    "select",
+    "hide",
+    "width",
+    "height",
+    "show_options",
+    "show_preview",
+    "show_texture",
+    "use_custom_color",
+    "is_active_output",
+    "warning_propagation",
+}
 
 
 def take_values(target: bpy.types.NodeTree, source: bpy.types.NodeTree) -> bool:
@@ -116,10 +139,12 @@ def take_values(target: bpy.types.NodeTree, source: bpy.types.NodeTree) -> bool:
 
     A tree that keeps its nodes also keeps its compiled shader, so that the view can follow a slider.
     """
+
     def structure(tree: bpy.types.NodeTree) -> list[Any]:
-        return [[(n.bl_idname, n.name, _plain(n), non_socket_values(n)) for n in tree.nodes],
-                [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier)
-                 for k in tree.links]]
+        return [
+            [(n.bl_idname, n.name, _plain(n), non_socket_values(n)) for n in tree.nodes],
+            [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier) for k in tree.links],
+        ]
 
     if structure(target) != structure(source) or any(getattr(n, "node_tree", None) for n in source.nodes):
         return False

@@ -12,8 +12,17 @@ import bpy
 import numpy as np
 
 #: Nodes that mean the same to shaders and to geometry.
-_SHARED = {"ShaderNodeMath", "ShaderNodeVectorMath", "ShaderNodeMapRange", "ShaderNodeClamp", "ShaderNodeTexNoise",
-           "ShaderNodeCombineXYZ", "ShaderNodeSeparateXYZ", "ShaderNodeMix", "ShaderNodeValue"}
+_SHARED = {
+    "ShaderNodeMath",
+    "ShaderNodeVectorMath",
+    "ShaderNodeMapRange",
+    "ShaderNodeClamp",
+    "ShaderNodeTexNoise",
+    "ShaderNodeCombineXYZ",
+    "ShaderNodeSeparateXYZ",
+    "ShaderNodeMix",
+    "ShaderNodeValue",
+}
 _OF_ANY_NODE = {prop.identifier for prop in bpy.types.Node.bl_rna.properties}
 _NAME = "Icy Moon Field"
 
@@ -62,8 +71,9 @@ class _Translation:
                 target.default_value = source.default_value
 
 
-def evaluate_field(socket: bpy.types.NodeSocket, points: np.ndarray, mesh: bpy.types.Mesh,
-                   some: np.ndarray) -> np.ndarray:
+def evaluate_field(
+    socket: bpy.types.NodeSocket, points: np.ndarray, mesh: bpy.types.Mesh, some: np.ndarray
+) -> np.ndarray:
     """Values (k,) float32 of a shader's output at ``points`` (k, 3) of the world, which are ``some`` vertices (k,) of
     ``mesh``.
 
@@ -103,8 +113,12 @@ def _add_output(group: bpy.types.NodeTree, value: bpy.types.NodeSocket) -> None:
         group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
     given, result = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
     place, moved = group.nodes.new("ShaderNodeCombineXYZ"), group.nodes.new("GeometryNodeSetPosition")
-    for source, target in ((value, place.inputs["X"]), (given.outputs[0], moved.inputs["Geometry"]),
-                           (place.outputs[0], moved.inputs["Position"]), (moved.outputs[0], result.inputs[0])):
+    for source, target in (
+        (value, place.inputs["X"]),
+        (given.outputs[0], moved.inputs["Geometry"]),
+        (place.outputs[0], moved.inputs["Position"]),
+        (moved.outputs[0], result.inputs[0]),
+    ):
         group.links.new(source, target)
 
 

@@ -40,8 +40,12 @@ class Number:
         if known is not None and None not in values:
             return Number(self.tree, known(*values))
         inputs = dict(zip(("Value", "Value_001", "Value_002"), (term.value for term in terms), strict=False))
-        return Number(self.tree, self.tree.node("ShaderNodeMath", operation.capitalize(), inputs, operation=operation,
-                                                use_clamp=False).outputs[0])
+        return Number(
+            self.tree,
+            self.tree.node(
+                "ShaderNodeMath", operation.capitalize(), inputs, operation=operation, use_clamp=False
+            ).outputs[0],
+        )
 
     def __add__(self, other: Number | float) -> Number:
         other = self._of(other)
@@ -85,8 +89,11 @@ class Number:
     def times_plus(self, factor: Number | float, term: Number | float) -> Number:
         """self * factor + term in one node."""
         factor, term = self._of(factor), self._of(term)
-        if term.known == 0.0 or any(part.known in (0.0, 1.0) for part in (self, factor)) or (
-                self.known is not None and factor.known is not None):
+        if (
+            term.known == 0.0
+            or any(part.known in (0.0, 1.0) for part in (self, factor))
+            or (self.known is not None and factor.known is not None)
+        ):
             return self * factor + term
         return self._node("MULTIPLY_ADD", factor, term)
 

@@ -114,15 +114,19 @@ class _Document:
             if steps > _MOST_STEPS:  # nodes may show each other without end
                 raise RefusedError(f"shows more than {_MOST_STEPS} nodes and parts of nodes; join its objects.")
             if node.find("instance_controller") is not None:
-                raise RefusedError("has a skin or a morph (instance_controller), which is not read; apply it and "
-                                   "export a plain mesh.")
+                raise RefusedError(
+                    "has a skin or a morph (instance_controller), which is not read; apply it and export a plain mesh."
+                )
             place = above @ self.pose_of(node)
             if not np.abs(place).max() <= _LARGEST:
                 raise ValueError("a node is at no place")
             for each in node.findall("instance_geometry"):
                 yield self._find("geometry", each.get("url")), place
-            inner = [self._find("node", each.get("url")) if each.tag == "instance_node" else each for each in node
-                     if each.tag in ("node", "instance_node")]
+            inner = [
+                self._find("node", each.get("url")) if each.tag == "instance_node" else each
+                for each in node
+                if each.tag in ("node", "instance_node")
+            ]
             left += [(each, place) for each in reversed(inner)]
 
     def _pose(self, node: ElementTree.Element) -> np.ndarray:
@@ -132,8 +136,10 @@ class _Document:
             if each.tag in _TRANSFORMS:
                 made = made @ self._transform(each)
             elif each.tag in ("lookat", "skew"):
-                raise RefusedError(f"has a node with <{each.tag}>, which is not read; apply the transforms of its "
-                                   "objects and export it again.")
+                raise RefusedError(
+                    f"has a node with <{each.tag}>, which is not read; apply the transforms of its "
+                    "objects and export it again."
+                )
         return made
 
     def _transform(self, item: ElementTree.Element) -> np.ndarray:
@@ -163,8 +169,9 @@ class _Document:
                 starts[source], count = count, count + len(places)
                 points.append(places)
         _check_counts(sum(len(corners) for _, corners in found), count, self.most)
-        return np.concatenate(points), np.concatenate([np.empty((0, 3), np.int64), *(corners + starts[source]
-                                                                                  for source, corners in found)])
+        return np.concatenate(points), np.concatenate(
+            [np.empty((0, 3), np.int64), *(corners + starts[source] for source, corners in found)]
+        )
 
     def _array(self, numbers: ElementTree.Element) -> np.ndarray:
         found = self._numbers(numbers.text, float, _count(numbers, "count"), "an array")
@@ -219,8 +226,7 @@ class _Document:
         return source, corners.reshape(-1, width)[:, vertex[0][1]][triangles]
 
     def _corners(self, item: ElementTree.Element, width: int) -> tuple[np.ndarray, np.ndarray]:
-        """How many corners each polygon, fan or strip has, and ``width`` numbers of each corner, one after the other.
-        """
+        """Number of corners of each polygon, fan or strip, and ``width`` numbers of each corner, in a row."""
         lists = [each.text for each in item.findall("p")]
         if item.tag in ("triangles", "polylist"):
             count = _count(item, "count")
@@ -236,8 +242,9 @@ class _Document:
                     raise ValueError("a <vcount> has a negative number")
                 if lengths.max(initial=0) > 3 * self.most:  # no sum of them is beyond what numbers can be
                     raise RefusedError(f"has more than {self.most} triangles; make it coarser.")
-            return lengths, self._numbers(" ".join(each or "" for each in lists), int, int(lengths.sum()) * width,
-                                          f"the faces of a <{item.tag}>")
+            return lengths, self._numbers(
+                " ".join(each or "" for each in lists), int, int(lengths.sum()) * width, f"the faces of a <{item.tag}>"
+            )
         numbers, ends = array("q"), [0]
         for each in lists:
             for part in _words(each):
@@ -254,7 +261,7 @@ class _Document:
         found, at = np.empty(count, np.int64 if kind is int else np.float64), 0
         for part in _words(text):
             if at + len(part) <= count:
-                found[at:at + len(part)] = _parsed(part, kind, where)
+                found[at : at + len(part)] = _parsed(part, kind, where)
             at += len(part)
         if at != count:
             raise ValueError(f"there are {at} numbers in {where}, not {count}")

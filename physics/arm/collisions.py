@@ -58,7 +58,7 @@ def find_self_collisions(arm: Arm, joints_rad: np.ndarray, others: tuple[Capsule
     names = (*arm.links, "lander")  # -1 is the last
     lines, found = lines_of(arm, joints_rad, others), []
     for k, one in enumerate(lines):
-        for other in lines[k + 1:]:
+        for other in lines[k + 1 :]:
             if not _joined(arm, one.link, other.link) and clearance_m(one, other) < 0:
                 found.append((names[one.link], names[other.link]))
     return list(dict.fromkeys(found))
@@ -66,8 +66,11 @@ def find_self_collisions(arm: Arm, joints_rad: np.ndarray, others: tuple[Capsule
 
 def _joined(arm: Arm, one: int, other: int) -> bool:
     """Whether two links are one, or share a joint, or are both still."""
-    return (one == other or (one >= 0 and arm.joints[one].parent == other)
-            or (other >= 0 and arm.joints[other].parent == one))
+    return (
+        one == other
+        or (one >= 0 and arm.joints[one].parent == other)
+        or (other >= 0 and arm.joints[other].parent == one)
+    )
 
 
 def ground_clearances_m(arm: Arm, joints_rad: np.ndarray, heights: Heights) -> dict[str, float]:

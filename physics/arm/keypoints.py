@@ -11,9 +11,14 @@ from ...settings.topics.scene import Settings
 from .lander_arm import keypoints_of
 
 
-def describe_keypoints(settings: Settings, pads_m: list[float], links: Mapping[str, np.ndarray],
-                       eyes: Mapping[str, np.ndarray], matrix: np.ndarray,
-                       depths: Mapping[str, np.ndarray]) -> list[dict[str, Any]]:
+def describe_keypoints(
+    settings: Settings,
+    pads_m: list[float],
+    links: Mapping[str, np.ndarray],
+    eyes: Mapping[str, np.ndarray],
+    matrix: np.ndarray,
+    depths: Mapping[str, np.ndarray],
+) -> list[dict[str, Any]]:
     """The keypoints as ``pair.json`` has them.
 
     ``links`` are the poses (4, 4) of the links in the world, ``eyes`` the camera-to-world matrices in OpenCV axes,

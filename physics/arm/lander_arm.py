@@ -30,8 +30,10 @@ def arm_of(settings: Settings, site_m: float = 0.0) -> Arm:
     if not is_own(settings):
         return parametric.arm_of(settings, site_m)
     arm = settings.arm
-    return arm_of_file(own_arm(settings), lander_pose(settings, site_m) @ pose(place=(
-        arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m)))
+    return arm_of_file(
+        own_arm(settings),
+        lander_pose(settings, site_m) @ pose(place=(arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m)),
+    )
 
 
 def joint_values(settings: Settings) -> np.ndarray:
@@ -46,14 +48,21 @@ def joint_facts(settings: Settings) -> dict[str, list[object]]:
     """Names of the joints that move, their real and commanded angles in degrees (metres of those that slide), and
     of another arm than ours the unit of each."""
     if not is_own(settings):
-        return {"joints": list(JOINTS), "joints_deg": np.degrees(real_rad(settings.arm)).tolist(),
-                "commanded_deg": np.degrees(commanded_rad(settings.arm)).tolist()}
+        return {
+            "joints": list(JOINTS),
+            "joints_deg": np.degrees(real_rad(settings.arm)).tolist(),
+            "commanded_deg": np.degrees(commanded_rad(settings.arm)).tolist(),
+        }
     own = own_arm(settings)
     slides = [own.slides(name) for name in own.names]
     angles = commanded(own, settings.lander.joints)
     shown = [float(value) if slid else float(np.degrees(value)) for value, slid in zip(angles, slides, strict=True)]
-    return {"joints": list(own.names), "joints_deg": list(shown), "commanded_deg": list(shown),
-            "units": ["m" if slid else "deg" for slid in slides]}
+    return {
+        "joints": list(own.names),
+        "joints_deg": list(shown),
+        "commanded_deg": list(shown),
+        "units": ["m" if slid else "deg" for slid in slides],
+    }
 
 
 def solids_of(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[str, Solid]:
@@ -61,8 +70,10 @@ def solids_of(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[
 
     ``pads_m`` are the heights of the ground under the left and the right pad over the level of the lander's frame.
     """
-    return {**still_solids(settings, pads_m),
-            **(own_arm(settings).solids if is_own(settings) else arm_solids(settings.arm))}
+    return {
+        **still_solids(settings, pads_m),
+        **(own_arm(settings).solids if is_own(settings) else arm_solids(settings.arm)),
+    }
 
 
 def keypoints_of(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> list[Keypoint]:
@@ -71,5 +82,11 @@ def keypoints_of(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> li
         return [*arm_keypoints(settings.arm), *still_keypoints(settings.lander, pads_m)]
     own = own_arm(settings)
     radii = {capsule.link: capsule.radius_m for capsule in own.capsules}
-    return [*((joint.name, joint.link, np.zeros(3), radii[k]) for k, joint in enumerate(own.joints)
-              if joint.name and k in radii), *still_keypoints(settings.lander, pads_m)]
+    return [
+        *(
+            (joint.name, joint.link, np.zeros(3), radii[k])
+            for k, joint in enumerate(own.joints)
+            if joint.name and k in radii
+        ),
+        *still_keypoints(settings.lander, pads_m),
+    ]

@@ -36,15 +36,25 @@ def still_solids(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> di
     and the legs. ``pads_m`` are the heights of the ground under the left and the right pad over that frame's level."""
     lander, top = settings.lander, settings.lander.deck_height_m
     mast = _mast(settings, top)
-    return {BODY: _body(settings), **({MAST: join(mast)} if mast else {}),
-            **{leg: join(_leg(lander, (x, y, ground - lander.pad_sink_m), _deck(lander)))
-               for leg, (x, y), ground in zip(LEGS, pad_centres(lander), pads_m, strict=True)}}
+    return {
+        BODY: _body(settings),
+        **({MAST: join(mast)} if mast else {}),
+        **{
+            leg: join(_leg(lander, (x, y, ground - lander.pad_sink_m), _deck(lander)))
+            for leg, (x, y), ground in zip(LEGS, pad_centres(lander), pads_m, strict=True)
+        },
+    }
 
 
 def arm_solids(arm: ArmSettings) -> dict[str, Solid]:
     """The solid of each link of the parametric arm by name, in its own frame."""
-    return {"turret": _turret(arm), "upper_arm": _segment(arm.upper_m, 0.042, 0.075, 1),
-            "forearm": _segment(arm.fore_m, 0.034, 0.062, -1), "hand": _hand(arm), "scoop": _scoop(arm)}
+    return {
+        "turret": _turret(arm),
+        "upper_arm": _segment(arm.upper_m, 0.042, 0.075, 1),
+        "forearm": _segment(arm.fore_m, 0.034, 0.062, -1),
+        "hand": _hand(arm),
+        "scoop": _scoop(arm),
+    }
 
 
 def pad_centres(lander: LanderSettings) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -55,28 +65,64 @@ def pad_centres(lander: LanderSettings) -> tuple[tuple[float, float], tuple[floa
 def _drum(material: str, radius: float, width: float, bevel: float = 0.012) -> Solid:
     """The motor of a pitch joint: a drum about y."""
     half = width / 2
-    return moved(lathe(material, [(-half, 0.0), (-half, radius - bevel), (bevel - half, radius), (half - bevel, radius),
-                                  (half, radius - bevel), (half, 0.0)]), _ABOUT_Y)
+    return moved(
+        lathe(
+            material,
+            [
+                (-half, 0.0),
+                (-half, radius - bevel),
+                (bevel - half, radius),
+                (half - bevel, radius),
+                (half, radius - bevel),
+                (half, 0.0),
+            ],
+        ),
+        _ABOUT_Y,
+    )
 
 
 def _joint(radius: float, width: float) -> list[Solid]:
     """A drum with black caps and a ring of bolts."""
-    caps = [moved(_drum(BLACK, radius * 0.72, 0.02, 0.004), pose(place=(0.0, side * (width / 2 + 0.008), 0.0)))
-            for side in (-1, 1)]
-    bolts = [rod(STEEL, (radius * 0.86 * math.cos(t), side * (width / 2 - 0.001), radius * 0.86 * math.sin(t)),
-                 (radius * 0.86 * math.cos(t), side * (width / 2 + 0.005), radius * 0.86 * math.sin(t)), 0.005, sides=8)
-             for side in (-1, 1) for t in np.arange(8) * math.pi / 4]
+    caps = [
+        moved(_drum(BLACK, radius * 0.72, 0.02, 0.004), pose(place=(0.0, side * (width / 2 + 0.008), 0.0)))
+        for side in (-1, 1)
+    ]
+    bolts = [
+        rod(
+            STEEL,
+            (radius * 0.86 * math.cos(t), side * (width / 2 - 0.001), radius * 0.86 * math.sin(t)),
+            (radius * 0.86 * math.cos(t), side * (width / 2 + 0.005), radius * 0.86 * math.sin(t)),
+            0.005,
+            sides=8,
+        )
+        for side in (-1, 1)
+        for t in np.arange(8) * math.pi / 4
+    ]
     return [_drum(METAL, radius, width), *caps, *bolts]
 
 
 def _turret(arm: ArmSettings) -> Solid:
     offset = max(arm.offset_m, 1e-3)
     below = min(0.22, arm.shoulder_z_m - 0.05)
-    drum = moved(lathe(METAL, [(-below, 0.0), (-below, 0.07), (-below + 0.01, 0.08), (-0.09, 0.08), (-0.075, 0.065),
-                               (-0.06, 0.065), (-0.05, 0.0)]), _ABOUT_Z)
+    drum = moved(
+        lathe(
+            METAL,
+            [
+                (-below, 0.0),
+                (-below, 0.07),
+                (-below + 0.01, 0.08),
+                (-0.09, 0.08),
+                (-0.075, 0.065),
+                (-0.06, 0.065),
+                (-0.05, 0.0),
+            ],
+        ),
+        _ABOUT_Z,
+    )
     band = moved(lathe(BLACK, [(-0.16, 0.0), (-0.16, 0.083), (-0.13, 0.083), (-0.13, 0.0)]), _ABOUT_Z)
-    cheeks = [box(METAL, (offset + 0.09, 0.014, 0.12), (offset / 2 + 0.005, side * 0.062, -0.005), 0.006)
-              for side in (-1, 1)]
+    cheeks = [
+        box(METAL, (offset + 0.09, 0.014, 0.12), (offset / 2 + 0.005, side * 0.062, -0.005), 0.006) for side in (-1, 1)
+    ]
     floor = box(METAL, (offset + 0.05, 0.13, 0.03), (offset / 2 - 0.01, 0.0, -0.06), 0.006)
     motors = [moved(_drum(BLACK, 0.045, 0.05), pose(place=(offset, side * 0.094, 0.0))) for side in (-1, 1)]
     return join([drum, band, *cheeks, floor, *motors])
@@ -86,30 +132,51 @@ def _segment(length: float, radius: float, joint: float, side: int) -> Solid:
     """Upper arm or forearm: a joint, a painted tube between metal fittings, a cable with clamps, and a fork."""
     width, inner = 1.45 * joint, joint * 1.05
     end = length - inner
-    parts = [*_joint(joint, width if side > 0 else width * 0.9),
-             rod(METAL, (joint * 0.6, 0, 0), (inner + 0.07, 0, 0), radius * 1.35, radius * 1.08, 0.08),
-             rod(TUBE, (inner + 0.06, 0, 0), (end - 0.06, 0, 0), radius, sides=48),
-             rod(METAL, (end - 0.07, 0, 0), (end - 0.005, 0, 0), radius * 1.08, radius * 1.35, 0.08)]
+    parts = [
+        *_joint(joint, width if side > 0 else width * 0.9),
+        rod(METAL, (joint * 0.6, 0, 0), (inner + 0.07, 0, 0), radius * 1.35, radius * 1.08, 0.08),
+        rod(TUBE, (inner + 0.06, 0, 0), (end - 0.06, 0, 0), radius, sides=48),
+        rod(METAL, (end - 0.07, 0, 0), (end - 0.005, 0, 0), radius * 1.08, radius * 1.35, 0.08),
+    ]
     fork = radius * 1.7
-    parts += [box(METAL, (inner + joint * 0.75, 0.012, joint * 1.25), (length - inner / 2 + joint * 0.1, s * fork, 0.0),
-                  0.006) for s in (-1, 1)]
+    parts += [
+        box(
+            METAL, (inner + joint * 0.75, 0.012, joint * 1.25), (length - inner / 2 + joint * 0.1, s * fork, 0.0), 0.006
+        )
+        for s in (-1, 1)
+    ]
     parts.append(box(METAL, (0.02, 2 * fork, joint * 1.25), (end - 0.004, 0, 0), 0.005))
     high = radius + 0.013
-    cable = [(inner - 0.02, 0.0, joint * 0.7), (inner + 0.07, 0.012 * side, high), (length * 0.5, 0.016 * side, high),
-             (end - 0.06, 0.012 * side, high), (length - 0.04, 0.02 * side, joint * 0.75)]
+    cable = [
+        (inner - 0.02, 0.0, joint * 0.7),
+        (inner + 0.07, 0.012 * side, high),
+        (length * 0.5, 0.016 * side, high),
+        (end - 0.06, 0.012 * side, high),
+        (length - 0.04, 0.02 * side, joint * 0.75),
+    ]
     parts += [rod(BLACK, a, b, 0.009, bevel=0.0, sides=12) for a, b in itertools.pairwise(cable)]
-    parts += [moved(lathe(WHITE, [(-0.012, 0.0), (-0.012, radius + 0.004), (0.012, radius + 0.004), (0.012, 0.0)]),
-                    pose(place=(x, 0.0, 0.0))) for x in np.linspace(inner + 0.12, end - 0.12, 3)]
-    parts += [box(STEEL, (0.022, 0.03, 0.02), (x, 0.014 * side, high - 0.003), 0.003)
-              for x in np.linspace(inner + 0.12, end - 0.12, 3)]
+    parts += [
+        moved(
+            lathe(WHITE, [(-0.012, 0.0), (-0.012, radius + 0.004), (0.012, radius + 0.004), (0.012, 0.0)]),
+            pose(place=(x, 0.0, 0.0)),
+        )
+        for x in np.linspace(inner + 0.12, end - 0.12, 3)
+    ]
+    parts += [
+        box(STEEL, (0.022, 0.03, 0.02), (x, 0.014 * side, high - 0.003), 0.003)
+        for x in np.linspace(inner + 0.12, end - 0.12, 3)
+    ]
     return join(parts)
 
 
 def _hand(arm: ArmSettings) -> Solid:
     length = arm.hand_m
-    parts = [*_joint(0.042, 0.075), box(METAL, (length * 0.6, 0.05, 0.052), (length * 0.42, 0.0, 0.0), 0.008),
-             rod(BLACK, (length * 0.55, 0, 0), (length * 0.94, 0, 0), 0.032), rod(STEEL, (length * 0.9, 0, 0),
-                                                                                (length, 0, 0), 0.02)]
+    parts = [
+        *_joint(0.042, 0.075),
+        box(METAL, (length * 0.6, 0.05, 0.052), (length * 0.42, 0.0, 0.0), 0.008),
+        rod(BLACK, (length * 0.55, 0, 0), (length * 0.94, 0, 0), 0.032),
+        rod(STEEL, (length * 0.9, 0, 0), (length, 0, 0), 0.02),
+    ]
     parts.append(box(WHITE, (length * 0.34, 0.03, 0.012), (length * 0.4, 0.0, 0.031), 0.003))
     return join(parts)
 
@@ -126,17 +193,26 @@ def _scoop(arm: ArmSettings) -> Solid:
     length, width, depth = arm.scoop_length_m, arm.scoop_width_m, arm.scoop_depth_m
     thick = 0.03 * min(length, width, depth) + 0.001
     heel = [(0.0, -depth), (0.0, -0.3 * depth), (0.12 * length, 0.0)]  # (x, z) of the rounded end
-    outline = [(0.0, -depth), (0.82 * length, -0.45 * depth), (0.88 * length, 0.0), (0.12 * length, 0.0),
-               (0.0, -0.3 * depth)]
+    outline = [
+        (0.0, -depth),
+        (0.82 * length, -0.45 * depth),
+        (0.88 * length, 0.0),
+        (0.12 * length, 0.0),
+        (0.0, -0.3 * depth),
+    ]
     sides = [_plate(outline, s * (width - thick) / 2, thick) for s in (-1, 1)]
     walls = [_wall((x0, z0), (x1, z1), width - 2 * thick, thick) for (x0, z0), (x1, z1) in itertools.pairwise(heel)]
     back = _wall((0.12 * length, 0.0), (0.9 * length, 0.0), width - 2 * thick, thick)
     blade = box(STEEL, (0.3 * length, width * 1.02, thick), (0.85 * length, 0.0, -thick / 2), thick * 0.4)
-    teeth = [box(STEEL, (0.05 * length, width * 0.1, thick * 1.6), (0.965 * length, y, -thick / 2), thick * 0.4)
-             for y in np.linspace(-0.42, 0.42, 5) * width]
-    mount = [rod(METAL, (-0.02, 0.0, 0.0), (0.01, 0.0, 0.0), 0.03),
-             box(METAL, (0.02, width * 0.7, 0.35 * depth), (0.002, 0.0, -0.3 * depth), 0.003),
-             box(METAL, (0.5 * length, 0.012, 0.012), (0.4 * length, 0.0, 0.006), 0.003)]
+    teeth = [
+        box(STEEL, (0.05 * length, width * 0.1, thick * 1.6), (0.965 * length, y, -thick / 2), thick * 0.4)
+        for y in np.linspace(-0.42, 0.42, 5) * width
+    ]
+    mount = [
+        rod(METAL, (-0.02, 0.0, 0.0), (0.01, 0.0, 0.0), 0.03),
+        box(METAL, (0.02, width * 0.7, 0.35 * depth), (0.002, 0.0, -0.3 * depth), 0.003),
+        box(METAL, (0.5 * length, 0.012, 0.012), (0.4 * length, 0.0, 0.006), 0.003),
+    ]
     return join([*sides, *walls, back, blade, *teeth, *mount])
 
 
@@ -158,12 +234,21 @@ def _deck(lander: LanderSettings) -> tuple[float, float, float, float]:
 def _body(settings: Settings) -> Solid:
     front, half, top, floor = _deck(settings.lander)
     corner = 0.3 * half
-    outline = [(front, -half + corner), (front, half - corner), (front - corner, half), (front - 1.1, half),
-               (front - 1.4, half - corner), (front - 1.4, corner - half), (front - 1.1, -half),
-               (front - corner, -half)]
+    outline = [
+        (front, -half + corner),
+        (front, half - corner),
+        (front - corner, half),
+        (front - 1.1, half),
+        (front - 1.4, half - corner),
+        (front - 1.4, corner - half),
+        (front - 1.1, -half),
+        (front - corner, -half),
+    ]
     under = top - _PLATE_M
-    parts = [prism(WHITE, outline, under, top, 0.008),
-             prism(FOIL, [(x * 0.93 - 0.01, y * 0.9) for x, y in outline], floor, under - 0.002, 0.0, 0.86)]
+    parts = [
+        prism(WHITE, outline, under, top, 0.008),
+        prism(FOIL, [(x * 0.93 - 0.01, y * 0.9) for x, y in outline], floor, under - 0.002, 0.0, 0.86),
+    ]
     parts += _deck_parts(front, half, corner, top)
     return join([*parts, *_boom(settings, front, top)])
 
@@ -172,17 +257,28 @@ def _deck_parts(front: float, half: float, corner: float, top: float) -> list[So
     """What stands on the deck: a rail, cables, boxes, a funnel for samples and a target for colours."""
     y = half - corner - 0.02
     rail = [rod(METAL, (front - 0.03, -y, top + 0.045), (front - 0.03, y, top + 0.045), 0.009, sides=16)]
-    rail += [rod(METAL, (front - 0.03, at, top - 0.005), (front - 0.03, at, top + 0.045), 0.007, sides=12)
-             for at in np.linspace(-y, y, 5)]
-    funnel = moved(lathe(METAL, [(0.0, 0.0), (0.0, 0.05), (0.05, 0.05), (0.1, 0.085), (0.104, 0.085), (0.06, 0.045),
-                                 (0.02, 0.0)]), pose(_ABOUT_Z[:3, :3], (front - 0.17, 0.32 * half, top)))
-    target = [box(BLACK, (0.12, 0.12, 0.012), (front - 0.13, -0.45 * half, top + 0.006), 0.003),
-              *(moved(lathe(name, [(0.0, 0.0), (0.0, 0.022), (0.016, 0.022), (0.016, 0.0)], 24), pose(
-                  _ABOUT_Z[:3, :3], (front - 0.13 + dx, -0.45 * half + dy, top)))
-                for name, dx, dy in ((WHITE, 0.03, 0.03), (FOIL, 0.03, -0.03), (METAL, -0.03, 0.03),
-                                     (TUBE, -0.03, -0.03)))]
-    boxes = [box(FOIL, (0.3, 0.34, 0.2), (front - 0.75, 0.5 * half, top + 0.1), 0.012),
-             box(BLACK, (0.22, 0.26, 0.12), (front - 0.7, -0.55 * half, top + 0.06), 0.008)]
+    rail += [
+        rod(METAL, (front - 0.03, at, top - 0.005), (front - 0.03, at, top + 0.045), 0.007, sides=12)
+        for at in np.linspace(-y, y, 5)
+    ]
+    funnel = moved(
+        lathe(METAL, [(0.0, 0.0), (0.0, 0.05), (0.05, 0.05), (0.1, 0.085), (0.104, 0.085), (0.06, 0.045), (0.02, 0.0)]),
+        pose(_ABOUT_Z[:3, :3], (front - 0.17, 0.32 * half, top)),
+    )
+    target = [
+        box(BLACK, (0.12, 0.12, 0.012), (front - 0.13, -0.45 * half, top + 0.006), 0.003),
+        *(
+            moved(
+                lathe(name, [(0.0, 0.0), (0.0, 0.022), (0.016, 0.022), (0.016, 0.0)], 24),
+                pose(_ABOUT_Z[:3, :3], (front - 0.13 + dx, -0.45 * half + dy, top)),
+            )
+            for name, dx, dy in ((WHITE, 0.03, 0.03), (FOIL, 0.03, -0.03), (METAL, -0.03, 0.03), (TUBE, -0.03, -0.03))
+        ),
+    ]
+    boxes = [
+        box(FOIL, (0.3, 0.34, 0.2), (front - 0.75, 0.5 * half, top + 0.1), 0.012),
+        box(BLACK, (0.22, 0.26, 0.12), (front - 0.7, -0.55 * half, top + 0.06), 0.008),
+    ]
     return [*rail, funnel, *target, *boxes]
 
 
@@ -192,16 +288,32 @@ def _boom(settings: Settings, front: float, top: float) -> list[Solid]:
     below = 0.0 if settings.lander.kind == "OWN" else min(0.22, arm.shoulder_z_m - 0.05)
     x, y, low = arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m - below
     back = min(front - 0.05, x - 0.1)
-    beams = [rod(METAL, (back, y + side * 0.14, top - 0.07), (x - 0.02, y + side * 0.05, low - 0.012), 0.024)
-             for side in (-1, 1)]
-    props = [rod(METAL, (back - 0.03, y + side * 0.12, max(top - 0.28, 0.1)), (x - 0.01, y + side * 0.045, low - 0.03),
-                 0.016) for side in (-1, 1)]
-    plate = moved(lathe(METAL, [(-0.03, 0.0), (-0.03, 0.085), (-0.024, 0.092), (0.0, 0.092), (0.0, 0.0)]),
-                  pose(_ABOUT_Z[:3, :3], (x, y, low)))
-    cable = [(back, y + 0.17, top + 0.012), (front + 0.02, y + 0.16, top + 0.004), (x - 0.12, y + 0.09, low + 0.03),
-             (x - 0.05, y + 0.06, low + 0.1)]
-    return [*beams, *props, plate, *(rod(BLACK, a, b, 0.011, bevel=0.0, sides=12)
-                                     for a, b in itertools.pairwise(cable))]
+    beams = [
+        rod(METAL, (back, y + side * 0.14, top - 0.07), (x - 0.02, y + side * 0.05, low - 0.012), 0.024)
+        for side in (-1, 1)
+    ]
+    props = [
+        rod(
+            METAL, (back - 0.03, y + side * 0.12, max(top - 0.28, 0.1)), (x - 0.01, y + side * 0.045, low - 0.03), 0.016
+        )
+        for side in (-1, 1)
+    ]
+    plate = moved(
+        lathe(METAL, [(-0.03, 0.0), (-0.03, 0.085), (-0.024, 0.092), (0.0, 0.092), (0.0, 0.0)]),
+        pose(_ABOUT_Z[:3, :3], (x, y, low)),
+    )
+    cable = [
+        (back, y + 0.17, top + 0.012),
+        (front + 0.02, y + 0.16, top + 0.004),
+        (x - 0.12, y + 0.09, low + 0.03),
+        (x - 0.05, y + 0.06, low + 0.1),
+    ]
+    return [
+        *beams,
+        *props,
+        plate,
+        *(rod(BLACK, a, b, 0.011, bevel=0.0, sides=12) for a, b in itertools.pairwise(cable)),
+    ]
 
 
 def _mast(settings: Settings, top: float) -> list[Solid]:
@@ -210,28 +322,44 @@ def _mast(settings: Settings, top: float) -> list[Solid]:
     if height < top + 0.1:
         return []
     back = -0.09
-    return [rod(METAL, (back, 0.0, top), (back, 0.0, top + 0.05), 0.075, 0.06),
-            rod(TUBE, (back, 0.0, top + 0.04), (back, 0.0, height), 0.035),
-            *(rod(METAL, (back, 0.0, z), (back, 0.0, z + 0.04), 0.04)
-              for z in np.linspace(top + 0.2, height - 0.05, 3))]
+    return [
+        rod(METAL, (back, 0.0, top), (back, 0.0, top + 0.05), 0.075, 0.06),
+        rod(TUBE, (back, 0.0, top + 0.04), (back, 0.0, height), 0.035),
+        *(rod(METAL, (back, 0.0, z), (back, 0.0, z + 0.04), 0.04) for z in np.linspace(top + 0.2, height - 0.05, 3)),
+    ]
 
 
-def _leg(lander: LanderSettings, foot: tuple[float, float, float],
-         deck: tuple[float, float, float, float]) -> list[Solid]:
+def _leg(
+    lander: LanderSettings, foot: tuple[float, float, float], deck: tuple[float, float, float, float]
+) -> list[Solid]:
     """A main leg with a shock absorber, two struts, and a round pad on a ball, with its sole at ``foot``."""
     (x, y, z), (front, half, top, floor), side = foot, deck, math.copysign(1.0, foot[1])
     r = lander.pad_diameter_m / 2
     ankle = np.array([x, y, z + 0.45 * r + 0.02])
     hip = np.array([front - 0.28, side * 0.93 * half, top - 0.09])
     knee = hip + 0.6 * (ankle - hip)
-    parts = [rod(FOIL, tuple(hip), tuple(knee), 0.036), rod(STEEL, tuple(knee), tuple(ankle), 0.024),
-             rod(BLACK, tuple(knee - 0.03 * (ankle - hip)), tuple(knee + 0.012 * (ankle - hip)), 0.042),
-             box(METAL, (0.12, 0.05, 0.14), tuple(hip), 0.01), ball(METAL, tuple(ankle), 0.04)]
+    parts = [
+        rod(FOIL, tuple(hip), tuple(knee), 0.036),
+        rod(STEEL, tuple(knee), tuple(ankle), 0.024),
+        rod(BLACK, tuple(knee - 0.03 * (ankle - hip)), tuple(knee + 0.012 * (ankle - hip)), 0.042),
+        box(METAL, (0.12, 0.05, 0.14), tuple(hip), 0.01),
+        ball(METAL, tuple(ankle), 0.04),
+    ]
     low = max(floor + 0.04, 0.12)
     for anchor in ((front - 0.05, side * 0.45 * half, low), (front - 0.75, side * 0.85 * half, low)):
         parts += [rod(METAL, anchor, tuple(hip + 0.82 * (ankle - hip)), 0.018), ball(METAL, anchor, 0.03)]
-    dish = [(0.0, 0.0), (0.0, 0.55 * r), (0.05 * r, 0.7 * r), (0.24 * r, r), (0.3 * r, r), (0.32 * r, 0.95 * r),
-            (0.24 * r, 0.75 * r), (0.3 * r, 0.28 * r), (0.42 * r, 0.2 * r), (0.42 * r, 0.0)]
+    dish = [
+        (0.0, 0.0),
+        (0.0, 0.55 * r),
+        (0.05 * r, 0.7 * r),
+        (0.24 * r, r),
+        (0.3 * r, r),
+        (0.32 * r, 0.95 * r),
+        (0.24 * r, 0.75 * r),
+        (0.3 * r, 0.28 * r),
+        (0.42 * r, 0.2 * r),
+        (0.42 * r, 0.0),
+    ]
     return [*parts, moved(lathe(METAL, dish, 56), pose(_ABOUT_Z[:3, :3], (x, y, z)))]
 
 
@@ -239,8 +367,10 @@ def head_solid(settings: Settings) -> Solid:
     """The housing of the cameras, in the axes of the left eye (x right, y down, z forward). It is behind both eyes."""
     baseline = settings.rig.baseline_m
     width = baseline + 0.14
-    parts = [box(WHITE, (width, 0.1, 0.13), (baseline / 2, 0.0, -0.105), 0.01),
-             box(METAL, (0.09, 0.1, 0.09), (baseline / 2, 0.09, -0.12), 0.008)]
+    parts = [
+        box(WHITE, (width, 0.1, 0.13), (baseline / 2, 0.0, -0.105), 0.01),
+        box(METAL, (0.09, 0.1, 0.09), (baseline / 2, 0.09, -0.12), 0.008),
+    ]
     parts += [rod(BLACK, (x, 0.0, -0.05), (x, 0.0, -0.02), 0.038) for x in (0.0, baseline)]
     return join(parts)
 
@@ -275,18 +405,24 @@ Keypoint = tuple[str, str, np.ndarray, float]
 def arm_keypoints(arm: ArmSettings) -> list[Keypoint]:
     """The points of the parametric arm."""
     w, d, length = arm.scoop_width_m / 2, arm.scoop_depth_m, arm.scoop_length_m
-    points = [("shoulder", "upper_arm", (0.0, 0.0, 0.0), 0.1), ("elbow", "forearm", (0.0, 0.0, 0.0), 0.09),
-              ("wrist", "hand", (0.0, 0.0, 0.0), 0.07), ("hand_end", "hand", (arm.hand_m, 0.0, 0.0), RADII_M["hand"]),
-              ("tip", "scoop", (length, 0.0, 0.0), 0.01),
-              *((f"tip_{side}", "scoop", (length, sign * w, 0.0), 0.01) for side, sign in (("left", 1), ("right", -1))),
-              *((f"heel_{side}", "scoop", (0.0, sign * w, -d), 0.01) for side, sign in (("left", 1), ("right", -1)))]
+    points = [
+        ("shoulder", "upper_arm", (0.0, 0.0, 0.0), 0.1),
+        ("elbow", "forearm", (0.0, 0.0, 0.0), 0.09),
+        ("wrist", "hand", (0.0, 0.0, 0.0), 0.07),
+        ("hand_end", "hand", (arm.hand_m, 0.0, 0.0), RADII_M["hand"]),
+        ("tip", "scoop", (length, 0.0, 0.0), 0.01),
+        *((f"tip_{side}", "scoop", (length, sign * w, 0.0), 0.01) for side, sign in (("left", 1), ("right", -1))),
+        *((f"heel_{side}", "scoop", (0.0, sign * w, -d), 0.01) for side, sign in (("left", 1), ("right", -1))),
+    ]
     return [(name, link, np.array(place), radius) for name, link, place, radius in points]
 
 
 def still_keypoints(lander: LanderSettings, pads_m: Sequence[float] = (0.0, 0.0)) -> list[Keypoint]:
     """The points of deck and pads; ``pads_m`` as in ``still_solids``."""
-    points = [(f"pad_{side}", leg, (x, y, z - lander.pad_sink_m + 0.42 * lander.pad_diameter_m / 2), 0.06)
-              for side, leg, (x, y), z in zip(("left", "right"), LEGS, pad_centres(lander), pads_m, strict=True)]
+    points = [
+        (f"pad_{side}", leg, (x, y, z - lander.pad_sink_m + 0.42 * lander.pad_diameter_m / 2), 0.06)
+        for side, leg, (x, y), z in zip(("left", "right"), LEGS, pad_centres(lander), pads_m, strict=True)
+    ]
     front, half, top = lander.deck_front_m, 0.7 * lander.deck_width_m / 2, lander.deck_height_m
     points += [(f"deck_{side}", BODY, (front, sign * half, top), 0.01) for side, sign in (("left", 1), ("right", -1))]
     return [(name, link, np.array(place), radius) for name, link, place, radius in points]

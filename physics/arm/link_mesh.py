@@ -15,9 +15,11 @@ from ..mesh import obj, stl
 from . import collada
 
 #: Reader, name and largest file in bytes of a format by its suffix; XML takes several times its bytes of memory.
-_FORMATS = {".stl": (stl.parse_triangles, "an STL mesh", 200_000_000),
-            ".obj": (obj.parse_triangles, "an OBJ mesh", 200_000_000),
-            ".dae": (collada.parse_triangles, "a Collada mesh", 40_000_000)}
+_FORMATS = {
+    ".stl": (stl.parse_triangles, "an STL mesh", 200_000_000),
+    ".obj": (obj.parse_triangles, "an OBJ mesh", 200_000_000),
+    ".dae": (collada.parse_triangles, "a Collada mesh", 40_000_000),
+}
 #: Most triangles of one file.
 MOST_TRIANGLES = 1_000_000
 
@@ -31,8 +33,13 @@ def read_link_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     if suffix not in _FORMATS:
         raise IcyMoonError(f"{path}: meshes of a URDF are read from STL, OBJ and Collada (.dae); convert this one.")
     parse, kind, most = _FORMATS[suffix]
-    return read(path, lambda foreign: _checked(*parse(foreign, MOST_TRIANGLES)), kind,
-                "export it again, or change the URDF", most=most)
+    return read(
+        path,
+        lambda foreign: _checked(*parse(foreign, MOST_TRIANGLES)),
+        kind,
+        "export it again, or change the URDF",
+        most=most,
+    )
 
 
 def _checked(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -23,7 +23,7 @@ class MeshFolders:
 
     def __init__(self, urdf: Path) -> None:
         self.own = urdf.resolve().parent
-        self._packages = [each for each in (self.own, *self.own.parents)[:_MOST_UP + 1] if _is_package(each)]
+        self._packages = [each for each in (self.own, *self.own.parents)[: _MOST_UP + 1] if _is_package(each)]
         self.package = self._packages[0] if self._packages else self.own
 
     def places_of(self, path: str) -> list[Place]:
@@ -37,8 +37,10 @@ class MeshFolders:
         beside = [each.parent / package for each in self._packages]
         # A name such as .. is not a package's, and a link could lead anywhere.
         named += [each for each in beside if each.resolve() == each and _is_package(each)]
-        return [*((each, each / path) for each in named), *((self.package, each) for each in (
-            self.package / path, self.package / package / path, self.own / path))]
+        return [
+            *((each, each / path) for each in named),
+            *((self.package, each) for each in (self.package / path, self.package / package / path, self.own / path)),
+        ]
 
 
 def _is_package(folder: Path) -> bool:
@@ -50,11 +52,13 @@ def _is_package(folder: Path) -> bool:
 
 def _name(folder: Path) -> str:
     """The name that a package states, empty if it states none that can be read."""
+
     def parse(foreign: ForeignBytes) -> ElementTree.Element:
         return parse_xml(foreign.text())
 
     try:
-        return (read(folder / _MANIFEST, parse, "a package.xml", "correct it", most=_MOST_BYTES).findtext("name")
-                or "").strip()
+        return (
+            read(folder / _MANIFEST, parse, "a package.xml", "correct it", most=_MOST_BYTES).findtext("name") or ""
+        ).strip()
     except IcyMoonError:
         return ""

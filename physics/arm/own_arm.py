@@ -85,11 +85,15 @@ def commanded(own: OwnArm, text: str) -> np.ndarray:
             value = math.nan
             name = match[1] or ""
         if name not in found:
-            raise IcyMoonError(f"lander.joints has {shorten(match[0])!r}, but the joints of the arm that move are "
-                               f"{shorten(', '.join(own.names)) or 'none'}; write name=value for each.")
+            raise IcyMoonError(
+                f"lander.joints has {shorten(match[0])!r}, but the joints of the arm that move are "
+                f"{shorten(', '.join(own.names)) or 'none'}; write name=value for each."
+            )
         if not math.isfinite(value):
-            raise IcyMoonError(f"lander.joints has {shorten(match[0])!r}; give a number, in degrees, or metres for a "
-                               "joint that slides.")
+            raise IcyMoonError(
+                f"lander.joints has {shorten(match[0])!r}; give a number, in degrees, or metres for a "
+                "joint that slides."
+            )
         found[name] = value if own.slides(name) else math.radians(value)
     return np.array([found[name] for name in own.names])
 
@@ -120,11 +124,30 @@ def _build(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, in
     names = _link_names(urdf)
     order = [urdf.root, *(joint.child for joint in urdf.joints)]
     still = Joint("", names[urdf.root], -1, pose(), np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
-    joints = (still, *(Joint(each.name, names[each.child], order.index(each.parent), each.origin, each.axis, each.low,
-                             each.high, each.kind in SLIDES) for each in urdf.joints))
+    joints = (
+        still,
+        *(
+            Joint(
+                each.name,
+                names[each.child],
+                order.index(each.parent),
+                each.origin,
+                each.axis,
+                each.low,
+                each.high,
+                each.kind in SLIDES,
+            )
+            for each in urdf.joints
+        ),
+    )
     free = [each.name for each in urdf.joints if each.kind not in FIXED and each.mimic is None]
-    follows = [(None, 1.0, 0.0), *((each.name if each.name in free else None, 1.0, 0.0) if each.mimic is None
-                                   else each.mimic for each in urdf.joints)]
+    follows = [
+        (None, 1.0, 0.0),
+        *(
+            (each.name if each.name in free else None, 1.0, 0.0) if each.mimic is None else each.mimic
+            for each in urdf.joints
+        ),
+    ]
     solids: dict[str, Solid] = {}
     meshes: Meshes = {}
     left = MOST_TRIANGLES
@@ -132,9 +155,15 @@ def _build(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, in
         if (solid := _solid(path, link, urdf.links[link], left, meshes)) is not None:
             solids[names[link]] = solid
             left -= len(solid.triangles)
-    return OwnArm(joints, np.array([free.index(name) if name else -1 for name, _, _ in follows]),
-                  np.array([factor for _, factor, _ in follows]), np.array([offset for *_, offset in follows]),
-                  tuple(free), solids, _capsules(joints, solids))
+    return OwnArm(
+        joints,
+        np.array([free.index(name) if name else -1 for name, _, _ in follows]),
+        np.array([factor for _, factor, _ in follows]),
+        np.array([offset for *_, offset in follows]),
+        tuple(free),
+        solids,
+        _capsules(joints, solids),
+    )
 
 
 def _link_names(urdf: Urdf) -> dict[str, str]:
@@ -162,12 +191,15 @@ def _solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int, meshes: 
         made.append(_of_shape(shape, meshes))
         most -= max(len(made[-1].triangles), len(made[-1].vertices) // 3)  # vertices without triangles take room too
         if most < 0:  # before the next one: a file may name one mesh many times
-            raise IcyMoonError(f"{path}: its shapes have more than {MOST_TRIANGLES} triangles; make them coarser or "
-                               "fewer.")
+            raise IcyMoonError(
+                f"{path}: its shapes have more than {MOST_TRIANGLES} triangles; make them coarser or fewer."
+            )
     whole = join(made)
     if (widest := float(np.abs(whole.vertices).max())) > _WIDEST_M:
-        raise IcyMoonError(f"{path}: link {link} reaches {widest:.3g} m; its mesh is likely in millimetres: give it "
-                           "scale=\"0.001 0.001 0.001\".")
+        raise IcyMoonError(
+            f"{path}: link {link} reaches {widest:.3g} m; its mesh is likely in millimetres: give it "
+            'scale="0.001 0.001 0.001".'
+        )
     return whole
 
 

@@ -32,8 +32,9 @@ def lander_pose(settings: Settings, site_m: float = 0.0) -> np.ndarray:
     view = math.radians(rig.heading_deg)
     ahead = view + math.radians(settings.lander.turn_deg)
     half = rig.baseline_m / 2
-    rotation = np.array([[math.sin(ahead), -math.cos(ahead), 0.0], [math.cos(ahead), math.sin(ahead), 0.0],
-                         [0.0, 0.0, 1.0]])
+    rotation = np.array(
+        [[math.sin(ahead), -math.cos(ahead), 0.0], [math.cos(ahead), math.sin(ahead), 0.0], [0.0, 0.0, 1.0]]
+    )
     return pose(rotation, (rig.x_m + half * math.cos(view), rig.y_m - half * math.sin(view), site_m))
 
 
@@ -51,22 +52,45 @@ def arm_of(settings: Settings, site_m: float = 0.0) -> Arm:
     offset, upper, fore, _ = lengths_of(arm)
     places = ((0.0, 0.0, 0.0), (offset, 0.0, 0.0), (upper, 0.0, 0.0), (fore, 0.0, 0.0), (arm.hand_m, 0.0, 0.0))
     axes = (_UP, _PITCH, _PITCH, _PITCH, _ALONG)
-    joints = tuple(Joint(name, link, k - 1, pose(place=place), axis, math.radians(arm[f"{name}_low_deg"]),
-                         math.radians(arm[f"{name}_high_deg"]))
-                   for k, ((name, link), place, axis) in enumerate(zip(JOINTS.items(), places, axes, strict=True)))
+    joints = tuple(
+        Joint(
+            name,
+            link,
+            k - 1,
+            pose(place=place),
+            axis,
+            math.radians(arm[f"{name}_low_deg"]),
+            math.radians(arm[f"{name}_high_deg"]),
+        )
+        for k, ((name, link), place, axis) in enumerate(zip(JOINTS.items(), places, axes, strict=True))
+    )
     shoulder = pose(place=(arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m))
-    return Arm(joints, lander_pose(settings, site_m) @ shoulder, np.array([arm.scoop_length_m, 0.0, 0.0]),
-               _capsules(arm), lengths_of(arm))
+    return Arm(
+        joints,
+        lander_pose(settings, site_m) @ shoulder,
+        np.array([arm.scoop_length_m, 0.0, 0.0]),
+        _capsules(arm),
+        lengths_of(arm),
+    )
 
 
 def _capsules(arm: ArmSettings) -> tuple[Capsule, ...]:
     radius = (arm.scoop_depth_m if arm.scoop_depth_m < arm.scoop_length_m else arm.scoop_length_m) / 2
     aside = max(arm.scoop_width_m / 2 - radius, 0.0)
-    scoop = [Capsule(4, (radius, y, -arm.scoop_depth_m / 2), (arm.scoop_length_m - radius, y, -arm.scoop_depth_m / 2),
-                     radius) for y in sorted({-aside, aside})]
+    scoop = [
+        Capsule(
+            4, (radius, y, -arm.scoop_depth_m / 2), (arm.scoop_length_m - radius, y, -arm.scoop_depth_m / 2), radius
+        )
+        for y in sorted({-aside, aside})
+    ]
     ends = {"turret": arm.offset_m, "upper_arm": arm.upper_m, "forearm": arm.fore_m, "hand": arm.hand_m}
-    return (*(Capsule(k, (0.0, 0.0, 0.0), (length, 0.0, 0.0), RADII_M[link])
-              for k, (link, length) in enumerate(ends.items())), *scoop)
+    return (
+        *(
+            Capsule(k, (0.0, 0.0, 0.0), (length, 0.0, 0.0), RADII_M[link])
+            for k, (link, length) in enumerate(ends.items())
+        ),
+        *scoop,
+    )
 
 
 def commanded_rad(arm: ArmSettings) -> np.ndarray:
@@ -84,8 +108,9 @@ def _turned(angle: np.ndarray) -> np.ndarray:
     return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
-def solve(arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float,
-          pitch: float | np.ndarray = DOWN_RAD) -> tuple[np.ndarray, np.ndarray]:
+def solve(
+    arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float, pitch: float | np.ndarray = DOWN_RAD
+) -> tuple[np.ndarray, np.ndarray]:
     """Both solutions (2, ..., 5) in radians, elbow up first, and their margins (2, ...), for the tip at world points.
 
     The margin is the smallest distance in radians of a joint to its limits, negative beyond them; both are NaN out of
@@ -109,8 +134,9 @@ def solve(arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray 
     return joints, margins
 
 
-def inverse(arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float,
-            pitch: float | np.ndarray = DOWN_RAD) -> np.ndarray:
+def inverse(
+    arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float, pitch: float | np.ndarray = DOWN_RAD
+) -> np.ndarray:
     """Angles (..., 5) in radians that put the tip at world points in metres; NaN out of reach or beyond a limit.
 
     Of two solutions the one that is farther from the limits. Raises nothing: points may be NaN.
@@ -121,8 +147,9 @@ def inverse(arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarra
     return np.where((margin >= 0)[..., None], chosen, np.nan)
 
 
-def find_joint_margin(arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float,
-                      pitch: float | np.ndarray = DOWN_RAD) -> np.ndarray:
+def find_joint_margin(
+    arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float, pitch: float | np.ndarray = DOWN_RAD
+) -> np.ndarray:
     """Smallest distance in radians of a joint to its limits with the tip at world points; NaN out of reach.
 
     Of two solutions the better; negative where a joint would be beyond its limit.

@@ -8,8 +8,9 @@ import numpy as np
 _NEAR_M = 1e-3
 
 
-def find_silhouette(vertices: np.ndarray, triangles: np.ndarray, matrix: np.ndarray,
-                    shape: tuple[int, ...]) -> np.ndarray:
+def find_silhouette(
+    vertices: np.ndarray, triangles: np.ndarray, matrix: np.ndarray, shape: tuple[int, ...]
+) -> np.ndarray:
     """Mask (rows, columns) of the pixels whose centre a solid covers.
 
     ``vertices`` (n, 3) are in the camera's axes (x right, y down, z forward), in metres; ``matrix`` (3, 3) has pixel
@@ -23,15 +24,17 @@ def find_silhouette(vertices: np.ndarray, triangles: np.ndarray, matrix: np.ndar
     high = np.minimum(np.floor(pixels.max(axis=1)), (shape[1] - 1, shape[0] - 1)).astype(int)
     for k in np.flatnonzero((low <= high).all(axis=1)):
         (x0, y0), (x1, y1) = low[k], high[k]
-        part = mask[y0:y1 + 1, x0:x1 + 1]
+        part = mask[y0 : y1 + 1, x0 : x1 + 1]
         part |= _covers(pixels[k], np.arange(x0, x1 + 1), np.arange(y0, y1 + 1)[:, None])
     return mask
 
 
 def _covers(triangle: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Whether points are inside a triangle (3, 2), turned either way."""
-    sides = [(bx - ax) * (y - ay) - (by - ay) * (x - ax)
-             for (ax, ay), (bx, by) in zip(triangle, np.roll(triangle, -1, axis=0), strict=True)]
+    sides = [
+        (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+        for (ax, ay), (bx, by) in zip(triangle, np.roll(triangle, -1, axis=0), strict=True)
+    ]
     return np.asarray((np.minimum.reduce(sides) >= 0) | (np.maximum.reduce(sides) <= 0))
 
 
@@ -39,8 +42,9 @@ def _cut_off(corners: np.ndarray) -> np.ndarray:
     """The parts of triangles (m, 3, 3) in front of the eye, as triangles."""
     ahead = corners[..., 2] > _NEAR_M
     kept = [corners[ahead.all(axis=1)]]
-    for triangle, front in zip(corners[ahead.any(axis=1) & ~ahead.all(axis=1)],
-                               ahead[ahead.any(axis=1) & ~ahead.all(axis=1)], strict=True):
+    for triangle, front in zip(
+        corners[ahead.any(axis=1) & ~ahead.all(axis=1)], ahead[ahead.any(axis=1) & ~ahead.all(axis=1)], strict=True
+    ):
         outline = []
         for k in range(3):
             a, b = triangle[k], triangle[(k + 1) % 3]

@@ -33,10 +33,12 @@ def moved(solid: Solid, at: np.ndarray) -> Solid:
 def join(solids: Sequence[Solid]) -> Solid:
     """One solid of several."""
     starts = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
-    return Solid(np.concatenate([solid.vertices for solid in solids]),
-                 np.concatenate([solid.triangles + start for solid, start in zip(solids, starts, strict=False)]),
-                 tuple(name for solid in solids for name in solid.materials),
-                 np.concatenate([solid.smooth for solid in solids]))
+    return Solid(
+        np.concatenate([solid.vertices for solid in solids]),
+        np.concatenate([solid.triangles + start for solid, start in zip(solids, starts, strict=False)]),
+        tuple(name for solid in solids for name in solid.materials),
+        np.concatenate([solid.smooth for solid in solids]),
+    )
 
 
 def lathe(material: str, profile: Sequence[tuple[float, float]], sides: int = 40) -> Solid:
@@ -70,8 +72,15 @@ def toward(start: Sequence[float], end: Sequence[float]) -> np.ndarray:
     return pose(np.stack([x, y, np.cross(x, y)], axis=1), tuple(start))
 
 
-def rod(material: str, start: Sequence[float], end: Sequence[float], radius: float, end_radius: float | None = None,
-        bevel: float = 0.15, sides: int = 40) -> Solid:
+def rod(
+    material: str,
+    start: Sequence[float],
+    end: Sequence[float],
+    radius: float,
+    end_radius: float | None = None,
+    bevel: float = 0.15,
+    sides: int = 40,
+) -> Solid:
     """A round bar between two points; its ends are bevelled by a share of the radius."""
     length, r1 = float(np.linalg.norm(np.subtract(end, start))), radius if end_radius is None else end_radius
     b0, b1 = bevel * min(radius, length / 2), bevel * min(r1, length / 2)
@@ -82,13 +91,15 @@ def rod(material: str, start: Sequence[float], end: Sequence[float], radius: flo
 def ball(material: str, centre: Sequence[float], radius: float, sides: int = 32) -> Solid:
     """A sphere."""
     turns = np.linspace(0.0, np.pi, 13)
-    profile = [(-radius * float(np.cos(t)), radius * float(np.sin(t)) if 0 < k < 12 else 0.0)
-               for k, t in enumerate(turns)]
+    profile = [
+        (-radius * float(np.cos(t)), radius * float(np.sin(t)) if 0 < k < 12 else 0.0) for k, t in enumerate(turns)
+    ]
     return moved(lathe(material, profile, sides), pose(place=tuple(centre)))
 
 
-def box(material: str, size: Sequence[float], centre: Sequence[float] = (0.0, 0.0, 0.0),
-        bevel_m: float = 0.004) -> Solid:
+def box(
+    material: str, size: Sequence[float], centre: Sequence[float] = (0.0, 0.0, 0.0), bevel_m: float = 0.004
+) -> Solid:
     """A box of these sides whose edges and corners are cut off."""
     half = np.asarray(size, float) / 2
     cut = min(bevel_m, float(half.min()) * 0.9)
@@ -106,8 +117,9 @@ def box(material: str, size: Sequence[float], centre: Sequence[float] = (0.0, 0.
                 ends = np.flatnonzero((signs[:, u] == su) & (signs[:, v] == sv))
                 faces.append([(ends[0], u), (ends[1], u), (ends[1], v), (ends[0], v)])
     faces += [[(n, 0), (n, 1), (n, 2)] for n in range(8)]
-    return moved(_flat(material, [np.array([corners[each] for each in face]) for face in faces]),
-                 pose(place=tuple(centre)))
+    return moved(
+        _flat(material, [np.array([corners[each] for each in face]) for face in faces]), pose(place=tuple(centre))
+    )
 
 
 def _flat(material: str, faces: Sequence[np.ndarray]) -> Solid:
@@ -119,12 +131,19 @@ def _flat(material: str, faces: Sequence[np.ndarray]) -> Solid:
         vertices.append(outward)
         triangles += [(start, start + k, start + k + 1) for k in range(1, len(face) - 1)]
         start += len(face)
-    return Solid(np.concatenate(vertices), np.array(triangles), (material,) * len(triangles),
-                 np.zeros(len(triangles), bool))
+    return Solid(
+        np.concatenate(vertices), np.array(triangles), (material,) * len(triangles), np.zeros(len(triangles), bool)
+    )
 
 
-def prism(material: str, outline: Sequence[tuple[float, float]], low: float, high: float, bevel_m: float = 0.0,
-          low_scale: float = 1.0) -> Solid:
+def prism(
+    material: str,
+    outline: Sequence[tuple[float, float]],
+    low: float,
+    high: float,
+    bevel_m: float = 0.0,
+    low_scale: float = 1.0,
+) -> Solid:
     """A convex outline of (x, y), counter-clockwise from above, from ``low`` to ``high`` z.
 
     Its upper edge is cut off by a bevel. The lower end is ``low_scale`` times as large, about the mean of the outline.

@@ -74,8 +74,9 @@ class Urdf:
     @property
     def files(self) -> list[Path]:
         """The mesh files, each once."""
-        return list(dict.fromkeys(shape.file for shapes in self.links.values() for shape in shapes
-                                  if shape.file is not None))
+        return list(
+            dict.fromkeys(shape.file for shapes in self.links.values() for shape in shapes if shape.file is not None)
+        )
 
 
 def read_urdf(path: Path) -> Urdf:
@@ -128,8 +129,9 @@ class _Reader:
         except ValueError:
             found = np.empty(0)
         if len(found) != count or not np.isfinite(found).all() or np.abs(found).max(initial=0.0) > most:
-            self.fail(f"{where} is {shorten(text or '')!r}, not {count} number{'s' if count > 1 else ''} up to "
-                      f"{most:g}")
+            self.fail(
+                f"{where} is {shorten(text or '')!r}, not {count} number{'s' if count > 1 else ''} up to {most:g}"
+            )
         return found
 
     def _origin(self, item: ElementTree.Element, where: str) -> np.ndarray:
@@ -140,16 +142,20 @@ class _Reader:
         pose[:3, 3] = self._numbers(origin.get("xyz", "0 0 0"), 3, f"xyz of {where}")
         (r, p, y) = self._numbers(origin.get("rpy", "0 0 0"), 3, f"rpy of {where}")
         (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (r, p, y))
-        pose[:3, :3] = [[cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-                        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-                        [-sp, cp * sr, cp * cr]]
+        pose[:3, :3] = [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
         return pose
 
     def _joint(self, name: str, item: ElementTree.Element, links: set[str]) -> UrdfJoint:
         kind = item.get("type", "")
         if kind not in (*FIXED, *TURNS, *SLIDES):
-            self.fail(f"joint {name} has the type {shorten(kind)!r}, which is none of "
-                      f"{', '.join((*FIXED, *TURNS, *SLIDES))}", "change it")
+            self.fail(
+                f"joint {name} has the type {shorten(kind)!r}, which is none of {', '.join((*FIXED, *TURNS, *SLIDES))}",
+                "change it",
+            )
         ends = []
         for tag in ("parent", "child"):
             link = item.find(tag)
@@ -162,9 +168,17 @@ class _Reader:
         if kind not in FIXED and length < 1e-9:
             self.fail(f"the axis of joint {name} has no length", "give a direction such as 0 0 1")
         low, high = self._limits(name, kind, item)
-        return UrdfJoint(name, kind, ends[0], ends[1], self._origin(item, f"joint {name}"),
-                         along / length if length >= 1e-9 else np.array([1.0, 0.0, 0.0]), low, high,
-                         self._mimic(name, item))
+        return UrdfJoint(
+            name,
+            kind,
+            ends[0],
+            ends[1],
+            self._origin(item, f"joint {name}"),
+            along / length if length >= 1e-9 else np.array([1.0, 0.0, 0.0]),
+            low,
+            high,
+            self._mimic(name, item),
+        )
 
     def _limits(self, name: str, kind: str, item: ElementTree.Element) -> tuple[float, float]:
         if kind in FIXED:
@@ -174,8 +188,10 @@ class _Reader:
         limit = item.find("limit")
         if limit is None:
             self.fail(f"joint {name} is {kind} and has no limit", "add one, or make it continuous")
-        low, high = (float(self._numbers(limit.get(end, "0"), 1, f"the limit {end} of joint {name}")[0])
-                     for end in ("lower", "upper"))
+        low, high = (
+            float(self._numbers(limit.get(end, "0"), 1, f"the limit {end} of joint {name}")[0])
+            for end in ("lower", "upper")
+        )
         if low > high:
             self.fail(f"the limits of joint {name} are {low:g} to {high:g}", "exchange them")
         return low, high
@@ -184,24 +200,28 @@ class _Reader:
         mimic = item.find("mimic")
         if mimic is None:
             return None
-        factor, offset = (float(self._numbers(mimic.get(key, default), 1, f"{key} of joint {name}")[0])
-                          for key, default in (("multiplier", "1"), ("offset", "0")))
+        factor, offset = (
+            float(self._numbers(mimic.get(key, default), 1, f"{key} of joint {name}")[0])
+            for key, default in (("multiplier", "1"), ("offset", "0"))
+        )
         return mimic.get("joint", ""), factor, offset
 
     def _check_mimics(self, joints: Iterable[UrdfJoint]) -> None:
         leaders = {joint.name for joint in joints if joint.mimic is None and joint.kind not in FIXED}
         for joint in joints:
             if joint.mimic is not None and joint.mimic[0] not in leaders:
-                self.fail(f"joint {joint.name} follows {shorten(joint.mimic[0])!r}, which is no joint that moves by "
-                          "itself")
+                self.fail(
+                    f"joint {joint.name} follows {shorten(joint.mimic[0])!r}, which is no joint that moves by itself"
+                )
 
     def _sort(self, links: list[str], joints: list[UrdfJoint]) -> tuple[str, list[UrdfJoint]]:
         """The root and the joints in the order of the tree."""
         into: dict[str, UrdfJoint] = {}
         for joint in joints:
             if joint.child in into:
-                self.fail(f"link {joint.child} hangs on two joints, {into[joint.child].name} and {joint.name}",
-                          "remove one")
+                self.fail(
+                    f"link {joint.child} hangs on two joints, {into[joint.child].name} and {joint.name}", "remove one"
+                )
             into[joint.child] = joint
         roots = [link for link in links if link not in into]
         if not roots:
@@ -237,8 +257,11 @@ class _Reader:
         sizes = {"box": (("size", 3),), "cylinder": (("radius", 1), ("length", 1)), "sphere": (("radius", 1),)}
         if item.tag not in sizes:
             self.fail(f"{where} is a {shorten(item.tag)!r}, which is none of mesh, {', '.join(sizes)}")
-        size = tuple(float(value) for key, count in sizes[item.tag]
-                     for value in self._numbers(item.get(key), count, f"{key} of {where}"))
+        size = tuple(
+            float(value)
+            for key, count in sizes[item.tag]
+            for value in self._numbers(item.get(key), count, f"{key} of {where}")
+        )
         if min(size) <= 0:
             self.fail(f"{where} has a size that is not above 0")
         return Shape(item.tag, origin, size)
@@ -254,8 +277,14 @@ class _Reader:
         is_of_package = text.startswith("package://")
         folders = MeshFolders(self.path)
         try:
-            places = [(folder, place.resolve()) for folder, place in (
-                folders.places_in(package, path) if is_of_package else folders.places_of(text.removeprefix("file://")))]
+            places = [
+                (folder, place.resolve())
+                for folder, place in (
+                    folders.places_in(package, path)
+                    if is_of_package
+                    else folders.places_of(text.removeprefix("file://"))
+                )
+            ]
             inside = [place for folder, place in places if place.is_relative_to(folder)]
             found = next((place for place in inside if place.is_file()), None)
             is_outside = not inside or any(place.is_file() for _, place in places if place not in inside)
@@ -263,7 +292,9 @@ class _Reader:
             self.fail(f"the mesh of {where} is {shorten(text)!r}, which can be no file")
         if found is None:
             looked_in = " or ".join(dict.fromkeys(str(folder) for folder, _ in places))
-            self.fail(f"the mesh of {where}, {shorten(text)!r}, is {'outside' if is_outside else 'not in'} {looked_in}",
-                      f"copy it into {folders.package}" + (
-                          f", or put the package {shorten(package)!r} beside it" if is_of_package else ""))
+            self.fail(
+                f"the mesh of {where}, {shorten(text)!r}, is {'outside' if is_outside else 'not in'} {looked_in}",
+                f"copy it into {folders.package}"
+                + (f", or put the package {shorten(package)!r} beside it" if is_of_package else ""),
+            )
         return found

@@ -48,8 +48,11 @@ class Blur:
         if self.focus_m is not None:
             found |= {"focus_distance_m": self.focus_m, "f_number": self.f_number}
         if self.exposure_s is not None:
-            found |= {"exposure_s": self.exposure_s, "velocity_m_s": self.velocity_m_s.tolist(),
-                      "turn_deg_s": self.turn_deg_s.tolist()}
+            found |= {
+                "exposure_s": self.exposure_s,
+                "velocity_m_s": self.velocity_m_s.tolist(),
+                "turn_deg_s": self.turn_deg_s.tolist(),
+            }
         return found
 
     @property
@@ -71,15 +74,21 @@ def blur_of(settings: Settings) -> Blur | None:
     if not is_blurred(rig):
         return None
     if 0 < focus <= 1e-3 * float(rig.focal_length_mm):
-        raise IcyMoonError(f"rig.focus_distance_m is {focus:g} m, and a lens of {rig.focal_length_mm:g} mm focuses "
-                           "beyond its focal length only; raise it, or set it to 0 for everything sharp.")
+        raise IcyMoonError(
+            f"rig.focus_distance_m is {focus:g} m, and a lens of {rig.focal_length_mm:g} mm focuses "
+            "beyond its focal length only; raise it, or set it to 0 for everything sharp."
+        )
     seconds = float(rig.motion_exposure_s) or float(sensor.exposure_s)
     if moves and rig.motion_exposure_s == 0 and sensor.auto_exposure:
-        raise IcyMoonError("The camera moves, and how long it exposes is not known before the render; set "
-                           "rig.motion_exposure_s, or switch sensor.auto_exposure off.")
+        raise IcyMoonError(
+            "The camera moves, and how long it exposes is not known before the render; set "
+            "rig.motion_exposure_s, or switch sensor.auto_exposure off."
+        )
     if moves and np.linalg.norm(turn) * seconds > _MOST_TURN_DEG:
-        raise IcyMoonError(f"The rig turns by {np.linalg.norm(turn) * seconds:.4g}° during an exposure of {seconds:g} "
-                           f"s; motion blur is made for {_MOST_TURN_DEG:g}° at most.")
+        raise IcyMoonError(
+            f"The rig turns by {np.linalg.norm(turn) * seconds:.4g}° during an exposure of {seconds:g} "
+            f"s; motion blur is made for {_MOST_TURN_DEG:g}° at most."
+        )
     return Blur(focus or None, float(sensor.f_number), seconds if moves else None, velocity, turn)
 
 
@@ -109,8 +118,7 @@ def blur_identity(settings: Settings) -> str:
     return f"f/{blur.f_number if blur.focus_m is not None else None} {blur.exposure_s} s"
 
 
-def developing_warnings(settings: Settings, rendered: Settings,
-                        exposures_s: list[float]) -> list[str]:
+def developing_warnings(settings: Settings, rendered: Settings, exposures_s: list[float]) -> list[str]:
     """Sentences on contradictions between the blur of a ``rendered`` pair and the ``settings`` that develop it."""
     blur = blur_of(rendered)
     if blur is None:
@@ -118,12 +126,16 @@ def developing_warnings(settings: Settings, rendered: Settings,
     said = [blur.warning]
     f_number = float(settings.sensor.f_number)
     if blur.focus_m is not None and abs(f_number / blur.f_number - 1) > _DIFFERENT:
-        said.append(f"Depth of field is that of f/{blur.f_number:g}, at which the pair was rendered, its light that of "
-                    f"f/{f_number:g}; render it again.")
+        said.append(
+            f"Depth of field is that of f/{blur.f_number:g}, at which the pair was rendered, its light that of "
+            f"f/{f_number:g}; render it again."
+        )
     far = [t for t in exposures_s if blur.exposure_s and abs(t / blur.exposure_s - 1) > _DIFFERENT]
     if far:
-        said.append(f"Motion blur is that of {blur.exposure_s:.4g} s, for which the pair was rendered, its exposure "
-                    f"{', '.join(f'{t:.4g} s' for t in far)}; set the one to the other and render it again.")
+        said.append(
+            f"Motion blur is that of {blur.exposure_s:.4g} s, for which the pair was rendered, its exposure "
+            f"{', '.join(f'{t:.4g} s' for t in far)}; set the one to the other and render it again."
+        )
     return said
 
 

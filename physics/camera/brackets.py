@@ -53,5 +53,5 @@ def full_rate(left_rate: np.ndarray, shortest_s: float, sensor: SensorSettings) 
 
 def quantise(rate: np.ndarray, full: float) -> np.ndarray:
     """Merged electrons per second as linear uint16, ``full`` at the top."""
-    top = 2 ** MERGED_BITS - 1
+    top = 2**MERGED_BITS - 1
     return np.clip(np.rint(rate / max(full, 1e-300) * top), 0, top).astype(np.uint16)

@@ -34,15 +34,34 @@ def _kernels(cross: list[list[float]], row: list[list[float]], diagonal: list[li
 #: Cutler 2004, ICASSP, III-485). Both find colours that change linearly exactly.
 LINEAR = {
     "BILINEAR": _kernels(
-        [[0, 0, 0, 0, 0], [0, 0, .25, 0, 0], [0, .25, 0, .25, 0], [0, 0, .25, 0, 0], [0, 0, 0, 0, 0]],
-        [[0, 0, 0, 0, 0], [0, 0, 0, 0, 0], [0, .5, 0, .5, 0], [0, 0, 0, 0, 0], [0, 0, 0, 0, 0]],
-        [[0, 0, 0, 0, 0], [0, .25, 0, .25, 0], [0, 0, 0, 0, 0], [0, .25, 0, .25, 0], [0, 0, 0, 0, 0]]),
+        [[0, 0, 0, 0, 0], [0, 0, 0.25, 0, 0], [0, 0.25, 0, 0.25, 0], [0, 0, 0.25, 0, 0], [0, 0, 0, 0, 0]],
+        [[0, 0, 0, 0, 0], [0, 0, 0, 0, 0], [0, 0.5, 0, 0.5, 0], [0, 0, 0, 0, 0], [0, 0, 0, 0, 0]],
+        [[0, 0, 0, 0, 0], [0, 0.25, 0, 0.25, 0], [0, 0, 0, 0, 0], [0, 0.25, 0, 0.25, 0], [0, 0, 0, 0, 0]],
+    ),
     "MALVAR": _kernels(
-        [[0, 0, -.125, 0, 0], [0, 0, .25, 0, 0], [-.125, .25, .5, .25, -.125], [0, 0, .25, 0, 0], [0, 0, -.125, 0, 0]],
-        [[0, 0, .0625, 0, 0], [0, -.125, 0, -.125, 0], [-.125, .5, .625, .5, -.125], [0, -.125, 0, -.125, 0],
-         [0, 0, .0625, 0, 0]],
-        [[0, 0, -.1875, 0, 0], [0, .25, 0, .25, 0], [-.1875, 0, .75, 0, -.1875], [0, .25, 0, .25, 0],
-         [0, 0, -.1875, 0, 0]])}
+        [
+            [0, 0, -0.125, 0, 0],
+            [0, 0, 0.25, 0, 0],
+            [-0.125, 0.25, 0.5, 0.25, -0.125],
+            [0, 0, 0.25, 0, 0],
+            [0, 0, -0.125, 0, 0],
+        ],
+        [
+            [0, 0, 0.0625, 0, 0],
+            [0, -0.125, 0, -0.125, 0],
+            [-0.125, 0.5, 0.625, 0.5, -0.125],
+            [0, -0.125, 0, -0.125, 0],
+            [0, 0, 0.0625, 0, 0],
+        ],
+        [
+            [0, 0, -0.1875, 0, 0],
+            [0, 0.25, 0, 0.25, 0],
+            [-0.1875, 0, 0.75, 0, -0.1875],
+            [0, 0.25, 0, 0.25, 0],
+            [0, 0, -0.1875, 0, 0],
+        ],
+    ),
+}
 
 
 def filter_efficiency(sensor: SensorSettings, wavelength_m: np.ndarray) -> np.ndarray:
@@ -50,9 +69,17 @@ def filter_efficiency(sensor: SensorSettings, wavelength_m: np.ndarray) -> np.nd
     if sensor.colour == "MONO":
         return np.full((1, len(wavelength_m)), float(sensor.quantum_efficiency))
     nm = np.asarray(wavelength_m) * 1e9
-    return np.stack([np.minimum(float(sensor[f"{name}_efficiency"]) * 2.0 ** -(
-        (nm - float(sensor[f"{name}_centre_nm"])) / float(sensor[f"{name}_half_width_nm"])) ** 2
-        + float(sensor.filter_leak), 1.0) for name in ("red", "green", "blue")])
+    return np.stack(
+        [
+            np.minimum(
+                float(sensor[f"{name}_efficiency"])
+                * 2.0 ** -(((nm - float(sensor[f"{name}_centre_nm"])) / float(sensor[f"{name}_half_width_nm"])) ** 2)
+                + float(sensor.filter_leak),
+                1.0,
+            )
+            for name in ("red", "green", "blue")
+        ]
+    )
 
 
 def channel_rates(light: LightSettings, sensor: SensorSettings, pitch_m: float) -> np.ndarray:
@@ -118,8 +145,11 @@ def demosaic(numbers: np.ndarray, pattern: str, method: str) -> np.ndarray:
                 result[row::2, column::2, channel] = image[row::2, column::2]
                 continue
             kernel = LINEAR[method][_samples_at(pattern, row, column, channel)]
-            total = sum(weight * padded[row + dy:height + dy:2, column + dx:width + dx:2]
-                        for (dy, dx), weight in np.ndenumerate(kernel) if weight)
+            total = sum(
+                weight * padded[row + dy : height + dy : 2, column + dx : width + dx : 2]
+                for (dy, dx), weight in np.ndenumerate(kernel)
+                if weight
+            )
             result[row::2, column::2, channel] = total
     return result
 

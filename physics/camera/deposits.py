@@ -27,8 +27,9 @@ _AT_ONCE = 2_000_000
 _STREAM = 2
 
 
-def blocked_share(sensor: SensorSettings, rig: RigSettings, shape: tuple[int, int], seed: int,
-                  eye: str) -> np.ndarray | None:
+def blocked_share(
+    sensor: SensorSettings, rig: RigSettings, shape: tuple[int, int], seed: int, eye: str
+) -> np.ndarray | None:
     """Share (H, W) from 0 to 1 of each pixel's light that deposits block, on the sensor; None without deposits.
 
     ``seed`` is the data set's: the same deposits are in all of its images. Raises IcyMoonError for too many
@@ -42,21 +43,25 @@ def blocked_share(sensor: SensorSettings, rig: RigSettings, shape: tuple[int, in
     reach = math.ceil(pupil / 2) + 1
     rows, columns = shape[0] + 2 * reach, shape[1] + 2 * reach
     if rows * columns > MOST_PIXELS:
-        raise IcyMoonError(f"The beams cross {columns} x {rows} pixels of the window with deposits, more than "
-                           f"{MOST_PIXELS // 1_000_000} million; raise sensor.deposit_window_mm or sensor.f_number.")
+        raise IcyMoonError(
+            f"The beams cross {columns} x {rows} pixels of the window with deposits, more than "
+            f"{MOST_PIXELS // 1_000_000} million; raise sensor.deposit_window_mm or sensor.f_number."
+        )
     # Discs at random places that cover this share together, where they overlap counted once.
     wide = grain / 2 + 1
     density = -math.log1p(-share) / (math.pi * (grain / 2) ** 2)
     expected = density * (rows + 2 * wide) * (columns + 2 * wide)
     if expected > MOST_GRAINS:
-        raise IcyMoonError(f"sensor.deposit_share and sensor.deposit_mm make {expected:.3g} grains, more than "
-                           f"{MOST_GRAINS}; make the grains larger or fewer.")
+        raise IcyMoonError(
+            f"sensor.deposit_share and sensor.deposit_mm make {expected:.3g} grains, more than "
+            f"{MOST_GRAINS}; make the grains larger or fewer."
+        )
     alike = bool(sensor.deposits_alike)
     random = generator(seed, "sensor", _STREAM + int(sensor.deposit_seed), 0 if alike else EYE_STREAMS[eye])
     count = int(random.poisson(expected))
     places = random.uniform((-wide, -wide), (rows + wide, columns + wide), (count, 2))
     covered = 1.0 - np.exp(-_sum_of_discs(places, grain / 2, (rows, columns)))
-    return np.clip(_mean_in_discs(covered, pupil / 2)[reach:reach + shape[0], reach:reach + shape[1]], 0.0, 1.0)
+    return np.clip(_mean_in_discs(covered, pupil / 2)[reach : reach + shape[0], reach : reach + shape[1]], 0.0, 1.0)
 
 
 def apply_deposits(light: np.ndarray, blocked: np.ndarray | None, sensor: SensorSettings) -> np.ndarray:
@@ -76,11 +81,11 @@ def _sum_of_discs(places: np.ndarray, radius: float, shape: tuple[int, int]) -> 
     reach = math.ceil(radius + 0.5)
     around = np.arange(-reach, reach + 1)
     for part in np.array_split(places, 1 + len(places) * len(around) ** 2 // _AT_ONCE):
-        row, column = (np.floor(part).astype(int).T[..., None] + around)  # (grains, across) each
+        row, column = np.floor(part).astype(int).T[..., None] + around  # (grains, across) each
         down, right = row + 0.5 - part[:, :1], column + 0.5 - part[:, 1:]
         stamp = np.clip(radius + 0.5 - np.hypot(down[:, :, None], right[:, None, :]), 0.0, min(1.0, 2 * radius))
         stamp *= math.pi * radius**2 / stamp.sum(axis=(1, 2), keepdims=True)  # of its area, however small
-        inside = (((row >= 0) & (row < shape[0]))[:, :, None] & ((column >= 0) & (column < shape[1]))[:, None, :])
+        inside = ((row >= 0) & (row < shape[0]))[:, :, None] & ((column >= 0) & (column < shape[1]))[:, None, :]
         # An opaque pixel has no finite logarithm, so it passes a little light, less than a converter's step.
         left = -np.log1p(-np.minimum(stamp[inside], 1.0 - 1e-9))
         where = (row[:, :, None] * shape[1] + column[:, None, :])[inside]

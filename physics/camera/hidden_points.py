@@ -51,8 +51,7 @@ def find_hidden(disparity: np.ndarray, other: np.ndarray, eye: str) -> np.ndarra
     On a plane, disparity is an affine function of the column, so it does not hide itself, however steep it is.
     """
     column = matching_column(disparity, eye)
-    before, after, weight = _neighbours(np.nan_to_num(other, nan=0.0),
-                                        column * (other.shape[1] // disparity.shape[1]))
+    before, after, weight = _neighbours(np.nan_to_num(other, nan=0.0), column * (other.shape[1] // disparity.shape[1]))
     nearer = np.maximum(_NEARER_PX, _NEARER_SHARE * np.abs(after - before))
     with np.errstate(invalid="ignore"):
         return is_in_frame(column) & ((1 - weight) * before + weight * after > disparity + nearer)

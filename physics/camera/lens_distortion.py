@@ -24,8 +24,10 @@ def distort(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
     x, y = points[..., 0], points[..., 1]
     r2 = x**2 + y**2
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    return np.stack([x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2),
-                     y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y], axis=-1)
+    return np.stack(
+        [x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2), y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y],
+        axis=-1,
+    )
 
 
 def _jacobian(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
@@ -36,8 +38,13 @@ def _jacobian(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
     growth = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))  # of the radial factor by r², times 2
     mixed = growth * x * y + 2 * p1 * x + 2 * p2 * y
-    return np.stack([np.stack([radial + growth * x**2 + 2 * p1 * y + 6 * p2 * x, mixed], axis=-1),
-                     np.stack([mixed, radial + growth * y**2 + 6 * p1 * y + 2 * p2 * x], axis=-1)], axis=-2)
+    return np.stack(
+        [
+            np.stack([radial + growth * x**2 + 2 * p1 * y + 6 * p2 * x, mixed], axis=-1),
+            np.stack([mixed, radial + growth * y**2 + 6 * p1 * y + 2 * p2 * x], axis=-1),
+        ],
+        axis=-2,
+    )
 
 
 def undistort(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
@@ -74,8 +81,12 @@ def overscan_needed(rig: RigSettings) -> float | None:
     width, height = int(rig.width_px), int(rig.height_px)
     focal = float(rig.focal_length_mm) / float(rig.sensor_width_mm) * width
     columns, rows = np.arange(width) + 0.5, np.arange(height) + 0.5
-    border = np.concatenate([*([[column, edge] for column in columns] for edge in (rows[0], rows[-1])),
-                             *([[edge, row] for row in rows] for edge in (columns[0], columns[-1]))])
+    border = np.concatenate(
+        [
+            *([[column, edge] for column in columns] for edge in (rows[0], rows[-1])),
+            *([[edge, row] for row in rows] for edge in (columns[0], columns[-1])),
+        ]
+    )
     size, shift = np.array([width, height]), np.array([float(rig.principal_x_px), float(rig.principal_y_px)])
     principal = size / 2 + shift
     seen = undistort((border - principal) / focal, coefficients(rig)) * focal + principal
@@ -90,5 +101,7 @@ def refuse_folds(points: np.ndarray, k: tuple[float, ...]) -> None:
     """Raise IcyMoonError if the lens would show two of the points (..., 2) of a pinhole image in one place."""
     slope = _jacobian(points, k)
     if (np.linalg.det(slope) <= 0).any():
-        raise IcyMoonError("rig.distortion_k1, k2, p1, p2 and k3 fold the image over itself within the field of view; "
-                           "lower them or narrow the field.")
+        raise IcyMoonError(
+            "rig.distortion_k1, k2, p1, p2 and k3 fold the image over itself within the field of view; "
+            "lower them or narrow the field."
+        )

@@ -30,8 +30,21 @@ _LEAST_DEPTH = 0.05
 #: The ground that was made last, by its name: pairs of one scene stand on the same.
 _last: dict[str, RockyGround] = {}
 #: Topics of settings that the ground does not depend on, but for what ``name_ground`` adds.
-_NOT_GROUND = {"rig", "sensor", "light", "quality", "dataset", "surface", "rock_surface", "hapke", "textures", "lander",
-               "arm", "workspace", "excavation"}
+_NOT_GROUND = {
+    "rig",
+    "sensor",
+    "light",
+    "quality",
+    "dataset",
+    "surface",
+    "rock_surface",
+    "hapke",
+    "textures",
+    "lander",
+    "arm",
+    "workspace",
+    "excavation",
+}
 
 
 def greatest_disparity_px(settings: Settings, focal_px: float) -> float | None:
@@ -82,16 +95,32 @@ def _greatest(ground: RockyGround, rig: RigSettings, focal: float) -> float | No
         near = (away < _FARTHEST * rig.height_m) & (away > clear + rocks.reach_m)
         half_m = rocks.scale_m[near] / 2
         along = np.abs(np.einsum("nij,i->nj", euler_matrices(rocks.rotation[near]), axes[:, 2]))
-        depths.append(_depths_in_image(rocks.position_m[near], (along * half_m).sum(axis=1),
-                                       np.linalg.norm(half_m, axis=1), eye, axes, rig, focal))
+        depths.append(
+            _depths_in_image(
+                rocks.position_m[near],
+                (along * half_m).sum(axis=1),
+                np.linalg.norm(half_m, axis=1),
+                eye,
+                axes,
+                rig,
+                focal,
+            )
+        )
     depth = np.concatenate(depths)
     if not depth.size:
         return None
     return float(focal * rig.baseline_m / (depth.min() * (1 - SPARE)))
 
 
-def _depths_in_image(points: np.ndarray, toward: np.ndarray, size: np.ndarray, eye: np.ndarray, axes: np.ndarray,
-                     rig: RigSettings, focal: float) -> np.ndarray:
+def _depths_in_image(
+    points: np.ndarray,
+    toward: np.ndarray,
+    size: np.ndarray,
+    eye: np.ndarray,
+    axes: np.ndarray,
+    rig: RigSettings,
+    focal: float,
+) -> np.ndarray:
     """Planar depths of the near sides of things at ``points`` (n, 3) that reach ``toward`` (n,) the camera and are
     ``size`` (n,) wide to any side, for those that are in the image."""
     x, y, z = ((points - eye) @ axes).T

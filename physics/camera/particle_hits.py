@@ -20,8 +20,9 @@ def expected_hits(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float
     return float(sensor.radiation_flux_cm2_s) * area_cm2 * seconds
 
 
-def draw_hits(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, seconds: float,
-              random: np.random.Generator) -> np.ndarray:
+def draw_hits(
+    sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, seconds: float, random: np.random.Generator
+) -> np.ndarray:
     """Electrons (H, W) that particles leave in one exposure.
 
     Their number is Poisson. An isotropic flux crosses a plane with cos² θ even between 0 and 1. A
@@ -31,8 +32,10 @@ def draw_hits(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, se
     """
     mean = expected_hits(sensor, shape, pitch_m, seconds)
     if mean > MOST_HITS:
-        raise IcyMoonError(f"sensor.radiation_flux_cm2_s gives {mean:.3g} hits in {seconds:.3g} s, more than "
-                           f"{MOST_HITS}; lower it or sensor.exposure_s.")
+        raise IcyMoonError(
+            f"sensor.radiation_flux_cm2_s gives {mean:.3g} hits in {seconds:.3g} s, more than "
+            f"{MOST_HITS}; lower it or sensor.exposure_s."
+        )
     count = int(random.poisson(mean))
     cos2 = 1.0 - random.random(count)  # above 0
     depth_um = float(sensor.radiation_depth_um)
@@ -45,8 +48,9 @@ def draw_hits(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, se
     return _draw_tracks(start, direction, length_px * kept, electrons * kept, shape)
 
 
-def _draw_tracks(start: np.ndarray, direction: np.ndarray, length_px: np.ndarray, electrons: np.ndarray,
-                 shape: tuple[int, int]) -> np.ndarray:
+def _draw_tracks(
+    start: np.ndarray, direction: np.ndarray, length_px: np.ndarray, electrons: np.ndarray, shape: tuple[int, int]
+) -> np.ndarray:
     """Tracks cut into steps of at most half a pixel, each step's electrons given to the pixel of its middle."""
     steps = np.ceil(2 * length_px).astype(np.intp) + 1
     track = np.repeat(np.arange(len(steps)), steps)

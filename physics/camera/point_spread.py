@@ -43,7 +43,7 @@ def _blur(image: np.ndarray, sigma: float, axis: int) -> np.ndarray:
     length = image.shape[axis]
 
     def shifted(k: int) -> np.ndarray:
-        return padded[k:k + length] if axis == 0 else padded[:, k:k + length]
+        return padded[k : k + length] if axis == 0 else padded[:, k : k + length]
 
     result = kernel[reach] * shifted(reach)
     part = np.empty_like(result)

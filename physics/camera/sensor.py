@@ -87,12 +87,16 @@ def exposure_warnings(seconds: float, saturated: float, sensor: SensorSettings) 
     said = []
     if sensor.auto_exposure and seconds in (SHORTEST_S, LONGEST_S):
         end = "shortest" if seconds == SHORTEST_S else "longest"
-        said.append(f"Auto exposure ended at its {end} time, {seconds:g} s; change sensor.f_number, sensor.gain or "
-                    "sensor.pixel_pitch_um.")
+        said.append(
+            f"Auto exposure ended at its {end} time, {seconds:g} s; change sensor.f_number, sensor.gain or "
+            "sensor.pixel_pitch_um."
+        )
     if saturated > MOST_SATURATED:
         cause = "sensor.auto_target or sensor.auto_percentile" if sensor.auto_exposure else "sensor.exposure_s"
-        said.append(f"More than {MOST_SATURATED:.0%} of the left image's pixels are saturated; lower {cause}, or merge "
-                    "exposures with sensor.brackets.")
+        said.append(
+            f"More than {MOST_SATURATED:.0%} of the left image's pixels are saturated; lower {cause}, or merge "
+            "exposures with sensor.brackets."
+        )
     return said
 
 
@@ -118,9 +122,15 @@ def draw_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: SensorSett
     return Pattern(response, dsnu * random.standard_normal(shape) if dsnu > 0 else 0.0)
 
 
-def electrons(light: np.ndarray, seconds: float, rate: float, sensor: SensorSettings,
-              random: np.random.Generator, pattern: Pattern | None = None,
-              hits_e: np.ndarray | float = 0.0) -> np.ndarray:
+def electrons(
+    light: np.ndarray,
+    seconds: float,
+    rate: float,
+    sensor: SensorSettings,
+    random: np.random.Generator,
+    pattern: Pattern | None = None,
+    hits_e: np.ndarray | float = 0.0,
+) -> np.ndarray:
     """Electrons, float64 and of the shape of ``light``, that are read from each pixel.
 
     ``light`` is radiance in W/(m² sr) behind the lens, ``hits_e`` electrons that particles freed. NaN and negative
@@ -132,8 +142,9 @@ def electrons(light: np.ndarray, seconds: float, rate: float, sensor: SensorSett
     full_well = float(sensor.full_well_e)
     with np.errstate(over="ignore", invalid="ignore"):  # a firefly may overflow; infinity is full as well
         charge = _clear_defects(light) * (rate * seconds) * pattern.response
-        charge = np.minimum(np.nan_to_num(charge, nan=0.0, posinf=_DROWNED_E) + dark_current_e_s(sensor) * seconds,
-                            _DROWNED_E)
+        charge = np.minimum(
+            np.nan_to_num(charge, nan=0.0, posinf=_DROWNED_E) + dark_current_e_s(sensor) * seconds, _DROWNED_E
+        )
     if sensor.shot_noise:
         charge = random.poisson(charge).astype(np.float64)
     charge = charge + hits_e

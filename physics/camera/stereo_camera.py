@@ -38,10 +38,17 @@ class StereoCamera:
     @classmethod
     def from_settings(cls, rig: RigSettings) -> StereoCamera:
         """From the ``rig`` settings; the sensor width spans the image width, pixels are square."""
-        return cls(rig.width_px, rig.height_px, focal_px(rig), rig.width_px / 2 + rig.principal_x_px,
-                   rig.height_px / 2 + rig.principal_y_px, rig.baseline_m,
-                   math.ceil(rig.overscan * rig.width_px), math.ceil(rig.overscan * rig.height_px),
-                   rig.toe_in_deg)
+        return cls(
+            rig.width_px,
+            rig.height_px,
+            focal_px(rig),
+            rig.width_px / 2 + rig.principal_x_px,
+            rig.height_px / 2 + rig.principal_y_px,
+            rig.baseline_m,
+            math.ceil(rig.overscan * rig.width_px),
+            math.ceil(rig.overscan * rig.height_px),
+            rig.toe_in_deg,
+        )
 
     @property
     def focal_baseline_px_m(self) -> float:
@@ -66,19 +73,23 @@ class StereoCamera:
     def eye_rotation(self, eye: str) -> np.ndarray:
         """Rotation (3, 3) from the axes of the parallel rig into the eye's, which is turned toward the other eye."""
         angle = math.radians(self.toe_in_deg) * (1 if eye == "left" else -1)
-        return np.array([[math.cos(angle), 0.0, -math.sin(angle)], [0.0, 1.0, 0.0],
-                         [math.sin(angle), 0.0, math.cos(angle)]])
+        return np.array(
+            [[math.cos(angle), 0.0, -math.sin(angle)], [0.0, 1.0, 0.0], [math.sin(angle), 0.0, math.cos(angle)]]
+        )
 
     def cropped(self, image: np.ndarray) -> np.ndarray:
         """A rendered image (H + margins, W + margins, …) without its margins."""
-        return image[self.margin_y_px:self.margin_y_px + self.height_px,
-                     self.margin_x_px:self.margin_x_px + self.width_px]
+        return image[
+            self.margin_y_px : self.margin_y_px + self.height_px, self.margin_x_px : self.margin_x_px + self.width_px
+        ]
 
     @property
     def field_of_view_deg(self) -> tuple[float, float]:
         """Horizontal and vertical field of view in degrees."""
-        return (math.degrees(2 * math.atan(self.width_px / 2 / self.focal_px)),
-                math.degrees(2 * math.atan(self.height_px / 2 / self.focal_px)))
+        return (
+            math.degrees(2 * math.atan(self.width_px / 2 / self.focal_px)),
+            math.degrees(2 * math.atan(self.height_px / 2 / self.focal_px)),
+        )
 
     def disparity(self, depth_m: np.ndarray) -> np.ndarray:
         """Disparity in px of planar depths in metres; NaN stays NaN (sky)."""
@@ -93,11 +104,21 @@ class StereoCamera:
 
     def to_json(self) -> dict[str, Any]:
         """The ``camera`` table of ``pair.json``."""
-        return {"width_px": self.width_px, "height_px": self.height_px, "focal_px": self.focal_px,
-                "cx_px": self.cx_px, "cy_px": self.cy_px, "baseline_m": self.baseline_m,
-                "K": self.matrix, "focal_baseline_px_m": self.focal_baseline_px_m,
-                "margin_x_px": self.margin_x_px, "margin_y_px": self.margin_y_px, "toe_in_deg": self.toe_in_deg,
-                **({"doffs_px": self.doffs_px} if self.doffs_px else {}), "pixel_centre": "(u + 0.5, v + 0.5)"}
+        return {
+            "width_px": self.width_px,
+            "height_px": self.height_px,
+            "focal_px": self.focal_px,
+            "cx_px": self.cx_px,
+            "cy_px": self.cy_px,
+            "baseline_m": self.baseline_m,
+            "K": self.matrix,
+            "focal_baseline_px_m": self.focal_baseline_px_m,
+            "margin_x_px": self.margin_x_px,
+            "margin_y_px": self.margin_y_px,
+            "toe_in_deg": self.toe_in_deg,
+            **({"doffs_px": self.doffs_px} if self.doffs_px else {}),
+            "pixel_centre": "(u + 0.5, v + 0.5)",
+        }
 
     def eyes_json(self) -> dict[str, Any]:
         """The calibration of each eye: K, and R and t of x = R X + t from the left eye's rectified axes, metres."""
@@ -111,5 +132,7 @@ class StereoCamera:
     def from_json(cls, data: dict[str, Any]) -> StereoCamera:
         """Back from the ``camera`` table of ``pair.json``."""
         own = ("width_px", "height_px", "focal_px", "cx_px", "cy_px", "baseline_m")
-        return cls(**{key: data[key] for key in own},
-                   **{key: data.get(key, 0) for key in ("margin_x_px", "margin_y_px", "toe_in_deg", "doffs_px")})
+        return cls(
+            **{key: data[key] for key in own},
+            **{key: data.get(key, 0) for key in ("margin_x_px", "margin_y_px", "toe_in_deg", "doffs_px")},
+        )

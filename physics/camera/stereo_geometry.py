@@ -43,9 +43,11 @@ def rounding_advice(rig: RigSettings, ground_m: float) -> list[str]:
     if pixels <= _ROUNDED_PX:
         return []
     step = rounding_m(rig.x_m, rig.y_m, ground_m + float(rig.height_m))
-    return [f"The camera stands so far from the origin that ground and eyes are rounded to {step:.2g} m, up to "
-            f"{show_rounded(pixels)} px; stand nearer to it (rig.x_m, rig.y_m), or move your own ground "
-            "(source.centre, source.origin_x_m)."]
+    return [
+        f"The camera stands so far from the origin that ground and eyes are rounded to {step:.2g} m, up to "
+        f"{show_rounded(pixels)} px; stand nearer to it (rig.x_m, rig.y_m), or move your own ground "
+        "(source.centre, source.origin_x_m)."
+    ]
 
 
 def centre_advice(rig: RigSettings) -> list[str]:
@@ -58,9 +60,11 @@ def centre_advice(rig: RigSettings) -> list[str]:
         offset, size = float(rig[key]), int(rig[size_key])
         if abs(offset) > _FAR_FROM_MIDDLE * size:
             where = "outside of the image" if abs(offset) > size / 2 else "far from the middle of the image"
-            said.append(f"The principal point is {where}: rig.{key} puts it {offset:g} px {way}, and "
-                        f"rig.{size_key} is {size}. It does not follow the size of the image; if that was changed, "
-                        f"change rig.{key} by the same factor.")
+            said.append(
+                f"The principal point is {where}: rig.{key} puts it {offset:g} px {way}, and "
+                f"rig.{size_key} is {size}. It does not follow the size of the image; if that was changed, "
+                f"change rig.{key} by the same factor."
+            )
     return said
 
 
@@ -69,10 +73,12 @@ def coarse_advice(rig: RigSettings, edge_m: float) -> list[str]:
     height = float(rig.height_m)
     if edge_m <= _WIDEST * height:
         return []
-    return [f"The triangles of the ground are {edge_m:.3g} m wide, {show_rounded(edge_m / height)} times the height of "
-            f"the camera (rig.height_m {height:g} m); true depth may then have a relative "
-            f"error of {_OFF * edge_m / height:.1g}, more than the stated 1e-4. Make them narrower "
-            "(terrain.resolution, terrain.size_m), or stand higher."]
+    return [
+        f"The triangles of the ground are {edge_m:.3g} m wide, {show_rounded(edge_m / height)} times the height of "
+        f"the camera (rig.height_m {height:g} m); true depth may then have a relative "
+        f"error of {_OFF * edge_m / height:.1g}, more than the stated 1e-4. Make them narrower "
+        "(terrain.resolution, terrain.size_m), or stand higher."
+    ]
 
 
 def depth_error_m(depth_m: float, rig: RigSettings, disparity_error_px: float) -> float:
@@ -101,8 +107,13 @@ def ground_row(rig: RigSettings, row: float) -> GroundRow:
     depth = height / fall
     across = depth / focal
     # Distance is (cos p - v sin p) Z with Z = h / (sin p + v cos p); its derivative by v is -h / fall².
-    return GroundRow(depth, depth * (math.cos(pitch) - v * math.sin(pitch)), across * int(rig.width_px), across,
-                     height / fall**2 / focal)
+    return GroundRow(
+        depth,
+        depth * (math.cos(pitch) - v * math.sin(pitch)),
+        across * int(rig.width_px),
+        across,
+        height / fall**2 / focal,
+    )
 
 
 def shared_width_px(rig: RigSettings, depth_m: float) -> float:

@@ -32,8 +32,14 @@ _SIDES, _SIDE_DEG, _SIDE_OUT = 6, (50.0, 78.0), (0.7, 1.0)
 _TOPS, _TOP_TILT, _TOP_HIGH, _BURIED = 3, 0.45, (0.45, 0.85), 0.3
 
 
-def with_clods(grid: Grid, ground_m: np.ndarray, spoil_m: np.ndarray, largest_m: float, repose_deg: float,
-               random: np.random.Generator) -> np.ndarray:
+def with_clods(
+    grid: Grid,
+    ground_m: np.ndarray,
+    spoil_m: np.ndarray,
+    largest_m: float,
+    repose_deg: float,
+    random: np.random.Generator,
+) -> np.ndarray:
     """Thickness (rows, columns) of spoil with clods of up to ``largest_m``; its sum is the sum of ``spoil_m``.
 
     The bare spoil is lowered everywhere by the same share, to make up for the clods.
@@ -45,8 +51,11 @@ def with_clods(grid: Grid, ground_m: np.ndarray, spoil_m: np.ndarray, largest_m:
     top = ground_m + spoil_m
     width = _draw_widths(grid.cell_m, len(on), min(largest_m, _OF_THICKNESS * float(spoil_m.max())), random)
     row, column = np.divmod(on[random.integers(0, len(on), len(width))], grid.columns)
-    place = _slide(top / grid.cell_m, np.stack([row, column], axis=1).astype(np.float64),
-                   math.tan(math.radians(repose_deg)) * _friction(width, random))
+    place = _slide(
+        top / grid.cell_m,
+        np.stack([row, column], axis=1).astype(np.float64),
+        math.tan(math.radians(repose_deg)) * _friction(width, random),
+    )
     raised = _raise_clods(top, place, width, grid.cell_m, random) - top
     held = float(raised.sum())
     raised *= min(1.0, _MOST_SHARE * total / held) if held > 0.0 else 0.0
@@ -94,12 +103,16 @@ def _slide(top: np.ndarray, place: np.ndarray, friction: np.ndarray) -> np.ndarr
     return place
 
 
-def _raise_clods(top: np.ndarray, place: np.ndarray, width: np.ndarray, cell_m: float,
-                 random: np.random.Generator) -> np.ndarray:
+def _raise_clods(
+    top: np.ndarray, place: np.ndarray, width: np.ndarray, cell_m: float, random: np.random.Generator
+) -> np.ndarray:
     """Heights (rows, columns) of ground with clods on it, each a convex body of plane faces that is sunk into it."""
     count, sides = len(width), (len(width), _SIDES)
-    turn = 2.0 * math.pi * ((np.arange(_SIDES) + random.uniform(-0.35, 0.35, sides)) / _SIDES
-                            + random.uniform(0.0, 1.0, (count, 1)))
+    turn = (
+        2.0
+        * math.pi
+        * ((np.arange(_SIDES) + random.uniform(-0.35, 0.35, sides)) / _SIDES + random.uniform(0.0, 1.0, (count, 1)))
+    )
     slope = np.tan(np.radians(random.uniform(*_SIDE_DEG, sides)))
     out = random.uniform(*_SIDE_OUT, sides) * 0.5 * width[:, None]
     high = random.uniform(*_TOP_HIGH, (count, _TOPS)) * width[:, None]
@@ -118,7 +131,10 @@ def _raise_clods(top: np.ndarray, place: np.ndarray, width: np.ndarray, cell_m: 
             continue  # the rim of the patch stays as the ground around it
         part = slice(row - n, row + n + 1), slice(column - n, column + n + 1)
         off = cell_m * np.arange(-n, n + 1)
-        planes = (middle[k, :, None, None] + north[k, :, None, None] * (off - cell_m * (place[k, 0] - row))[:, None]
-                  + east[k, :, None, None] * (off - cell_m * (place[k, 1] - column)))
+        planes = (
+            middle[k, :, None, None]
+            + north[k, :, None, None] * (off - cell_m * (place[k, 0] - row))[:, None]
+            + east[k, :, None, None] * (off - cell_m * (place[k, 1] - column))
+        )
         np.maximum(raised[part], top[row, column] + planes.min(axis=0), out=raised[part])
     return raised

@@ -50,8 +50,11 @@ class Pull:
     def bounds_m(self, margin_m: float = 0.0) -> tuple[float, float, float, float]:
         """West, south, east and north end of the ground that the blade passes over, with a margin."""
         half = self.width_m / 2 + margin_m
-        corners = [self.point(along, right) for along in (self.along_m[0] - margin_m, self.along_m[-1] + margin_m)
-                   for right in (-half, half)]
+        corners = [
+            self.point(along, right)
+            for along in (self.along_m[0] - margin_m, self.along_m[-1] + margin_m)
+            for right in (-half, half)
+        ]
         if self.from_deg is not None:
             corners += [(self.x_m - half, self.y_m - half), (self.x_m + half, self.y_m + half)]
         x, y = zip(*corners, strict=True)
@@ -94,8 +97,9 @@ def fit_plane(grid: Grid, heights: np.ndarray, pulls: Sequence[Pull]) -> np.ndar
     rows, columns = np.nonzero(over)
     if len(rows) == 0:
         at = pulls[0].point(float(np.mean(pulls[0].along_m)), 0.0)
-        return np.array([float(grid.interpolate(heights, np.array([at[0]]), np.array([at[1]]), np.zeros(1))[0]),
-                         0.0, 0.0])
+        return np.array(
+            [float(grid.interpolate(heights, np.array([at[0]]), np.array([at[1]]), np.zeros(1))[0]), 0.0, 0.0]
+        )
     east, north, z = grid.east_m[columns], grid.north_m[rows], heights[rows, columns]
     if min(np.ptp(rows), np.ptp(columns)) < 2:
         return np.array([float(z.mean()), 0.0, 0.0])

@@ -91,8 +91,13 @@ class Series:
         heaped_kg = self.excavation.heaped_share * mass + chips_kg
         self._heap(layers, number, heaped_kg)
         solid = layers.ground.copy()
-        _, rests = relax(layers, cell, self.excavation.friction_deg, self.excavation.bulking,
-                         *(() if stood else (self.before_m, self._slides(number, lowest))))
+        _, rests = relax(
+            layers,
+            cell,
+            self.excavation.friction_deg,
+            self.excavation.bulking,
+            *(() if stood else (self.before_m, self._slides(number, lowest))),
+        )
         slid = float(np.maximum(solid - layers.ground, 0.0).sum()) * cell**2
         return State(self._with_clods(layers), volume, mass, chipped, slid, mass + chips_kg - heaped_kg, stood, rests)
 
@@ -117,9 +122,17 @@ class Series:
         if size == 0.0 or total == 0.0:
             return layers
         if self.has_many_sizes:
-            return Layers(layers.ground, with_clods(
-                self.site.grid, layers.ground, layers.spoil, size, float(self.excavation.friction_deg),
-                generator(self.seed, "terrain", 9)))
+            return Layers(
+                layers.ground,
+                with_clods(
+                    self.site.grid,
+                    layers.ground,
+                    layers.spoil,
+                    size,
+                    float(self.excavation.friction_deg),
+                    generator(self.seed, "terrain", 9),
+                ),
+            )
         grid, key = self.site.grid, int(generator(self.seed, "terrain", 7).integers(0, 2**32))
         clods = np.zeros(layers.spoil.shape)
         for octave, (waves, share) in enumerate(_CLODS):
@@ -206,14 +219,15 @@ class Series:
 
     def heaped_m3(self, state: int) -> float:
         """Volume of the spoil that was dropped on the heap up to a state."""
-        chips = sum(each.chipped_m3 for each in self.states[1:state + 1]) * self.excavation.bulking
-        return chips + sum(each.taken_kg for each in self.states[1:state + 1]) * (
-            self.excavation.heaped_share / self.spoil_kg_m3)
+        chips = sum(each.chipped_m3 for each in self.states[1 : state + 1]) * self.excavation.bulking
+        return chips + sum(each.taken_kg for each in self.states[1 : state + 1]) * (
+            self.excavation.heaped_share / self.spoil_kg_m3
+        )
 
     def mass_error(self, state: int) -> float:
         """Mass gained or lost by rounding up to a state, relative to the mass that was dug; 0 if nothing was dug."""
         area, at = self.site.grid.cell_m**2, self.at(state)
-        states = self.states[1:state + 1]
+        states = self.states[1 : state + 1]
         lost = float((self.before_m - at.layers.ground).sum()) * area * self.excavation.density_kg_m3
         found = float(at.layers.spoil.sum()) * area * self.spoil_kg_m3 + sum(each.kept_kg for each in states)
         dug = sum(each.taken_kg for each in states)
@@ -222,41 +236,53 @@ class Series:
     def facts(self, state: int) -> dict[str, Any]:
         """The facts of an excavation in a state for ``pair.json``: metres, cubic metres and kilograms."""
         at, site = self.at(state), self.site
-        done, area = self.states[1:state + 1], self.site.grid.cell_m**2
-        change = [each.layers.top - self.before_m for each in self.states[:state + 1]]
+        done, area = self.states[1 : state + 1], self.site.grid.cell_m**2
+        change = [each.layers.top - self.before_m for each in self.states[: state + 1]]
         west, south, east, north = site.trench_m
         rows, columns = site.grid.window(west, south, east, north)
         region = [west, south, east, north]
-        return {"state": state, "states": int(self.excavation.states),
-                "taken_m3": sum(each.taken_m3 for each in done),
-                "taken_by_state_m3": [each.taken_m3 for each in self.states[:state + 1]],
-                "spoil_m3": float(at.layers.spoil.sum()) * area,
-                "mass_taken_kg": sum(each.taken_kg for each in done),
-                "mass_in_spoil_kg": float(at.layers.spoil.sum()) * area * self.spoil_kg_m3,
-                "mass_kept_kg": sum(each.kept_kg for each in done),
-                "mass_error": self.mass_error(state),
-                "chipped_m3": sum(each.chipped_m3 for each in done), "slid_m3": sum(each.slid_m3 for each in done),
-                "walls": "stand" if at.stood else "slide", "walls_stand_to_m": site.stands_m,
-                "region_m": region,
-                "change_in_region_by_state_m3": [float(each[rows, columns].sum()) * area for each in change],
-                "patch_m": list(site.grid.bounds_m),
-                "change_in_patch_by_state_m3": [float(each.sum()) * area for each in change],
-                "deepest_m": float(max(-change[-1].min(), 0.0)), "cell_m": site.grid.cell_m,
-                "advice": self.advice(state)}
+        return {
+            "state": state,
+            "states": int(self.excavation.states),
+            "taken_m3": sum(each.taken_m3 for each in done),
+            "taken_by_state_m3": [each.taken_m3 for each in self.states[: state + 1]],
+            "spoil_m3": float(at.layers.spoil.sum()) * area,
+            "mass_taken_kg": sum(each.taken_kg for each in done),
+            "mass_in_spoil_kg": float(at.layers.spoil.sum()) * area * self.spoil_kg_m3,
+            "mass_kept_kg": sum(each.kept_kg for each in done),
+            "mass_error": self.mass_error(state),
+            "chipped_m3": sum(each.chipped_m3 for each in done),
+            "slid_m3": sum(each.slid_m3 for each in done),
+            "walls": "stand" if at.stood else "slide",
+            "walls_stand_to_m": site.stands_m,
+            "region_m": region,
+            "change_in_region_by_state_m3": [float(each[rows, columns].sum()) * area for each in change],
+            "patch_m": list(site.grid.bounds_m),
+            "change_in_patch_by_state_m3": [float(each.sum()) * area for each in change],
+            "deepest_m": float(max(-change[-1].min(), 0.0)),
+            "cell_m": site.grid.cell_m,
+            "advice": self.advice(state),
+        }
 
     def advice(self, state: int) -> list[str]:
         """Sentences about faults that show only once dug: no cut, spoil at the rim, ground still sliding."""
         at, said = self.at(state), []
         wanted = [float(pull.depth_m.max()) for each in self.site.pulls[:state] for pull in each]
-        if max(wanted, default=0.0) > 0.0 and not any(each.taken_m3 > 0.0 for each in self.states[:state + 1]):
-            said.append(f"Nothing was dug up to state {state}, because the blade passes over less than a quarter of a "
-                        "cell of ground, or above it; lower excavation.cell_m, or dig deeper.")
+        if max(wanted, default=0.0) > 0.0 and not any(each.taken_m3 > 0.0 for each in self.states[: state + 1]):
+            said.append(
+                f"Nothing was dug up to state {state}, because the blade passes over less than a quarter of a "
+                "cell of ground, or above it; lower excavation.cell_m, or dig deeper."
+            )
         change = np.abs(at.layers.top - self.before_m)
         if max(side.max() for side in (change[0], change[-1], change[:, 0], change[:, -1])) > _MOVED_M:
-            said.append("Spoil slid as far as the rim of the patch of fine ground, where it is held as by a wall: the "
-                        "ground is too steep for a heap; change excavation.heap_side, or move the trench to gentler "
-                        "ground.")
-        if not all(each.rests for each in self.states[:state + 1]):
-            said.append("Loose ground still slid when its sweeps ended, so that some slopes are too steep; raise "
-                        "excavation.cell_m, or move the trench to smoother ground.")
+            said.append(
+                "Spoil slid as far as the rim of the patch of fine ground, where it is held as by a wall: the "
+                "ground is too steep for a heap; change excavation.heap_side, or move the trench to gentler "
+                "ground."
+            )
+        if not all(each.rests for each in self.states[: state + 1]):
+            said.append(
+                "Loose ground still slid when its sweeps ended, so that some slopes are too steep; raise "
+                "excavation.cell_m, or move the trench to smoother ground."
+            )
         return said

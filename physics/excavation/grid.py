@@ -32,15 +32,22 @@ class Grid:
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
         """West, south, east and north end in metres."""
-        return (self.x_m, self.y_m, self.x_m + self.cell_m * (self.columns - 1),
-                self.y_m + self.cell_m * (self.rows - 1))
+        return (
+            self.x_m,
+            self.y_m,
+            self.x_m + self.cell_m * (self.columns - 1),
+            self.y_m + self.cell_m * (self.rows - 1),
+        )
 
     def window(self, west: float, south: float, east: float, north: float) -> tuple[slice, slice]:
         """Rows and columns of the vertices in a rectangle, and one more on each side."""
-        columns, rows = (slice(max(math.floor((low - first) / self.cell_m) - 1, 0),
-                               max(min(math.ceil((high - first) / self.cell_m) + 2, count), 0))
-                         for low, high, first, count in ((west, east, self.x_m, self.columns),
-                                                         (south, north, self.y_m, self.rows)))
+        columns, rows = (
+            slice(
+                max(math.floor((low - first) / self.cell_m) - 1, 0),
+                max(min(math.ceil((high - first) / self.cell_m) + 2, count), 0),
+            )
+            for low, high, first, count in ((west, east, self.x_m, self.columns), (south, north, self.y_m, self.rows))
+        )
         return rows, columns
 
     def points(self, window: tuple[slice, slice]) -> tuple[np.ndarray, np.ndarray]:
@@ -51,11 +58,14 @@ class Grid:
         """Bilinear values at points, of ``values`` (rows, columns); beyond the grid the values of ``outside``."""
         u, v = (np.asarray(x_m) - self.x_m) / self.cell_m, (np.asarray(y_m) - self.y_m) / self.cell_m
         inside = (u >= 0) & (v >= 0) & (u <= self.columns - 1) & (v <= self.rows - 1)
-        i, j = (np.clip(np.floor(np.where(inside, a, 0)).astype(int), 0, n - 2)
-                for a, n in ((u, self.columns), (v, self.rows)))
+        i, j = (
+            np.clip(np.floor(np.where(inside, a, 0)).astype(int), 0, n - 2)
+            for a, n in ((u, self.columns), (v, self.rows))
+        )
         du, dv = np.where(inside, u - i, 0.0), np.where(inside, v - j, 0.0)
-        found = ((1 - dv) * ((1 - du) * values[j, i] + du * values[j, i + 1])
-                 + dv * ((1 - du) * values[j + 1, i] + du * values[j + 1, i + 1]))
+        found = (1 - dv) * ((1 - du) * values[j, i] + du * values[j, i + 1]) + dv * (
+            (1 - du) * values[j + 1, i] + du * values[j + 1, i + 1]
+        )
         return np.where(inside, found, outside)
 
 

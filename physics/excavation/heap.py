@@ -26,8 +26,7 @@ def ridge_height_m(volume_m3: float, length_m: float, repose_deg: float) -> floa
     low, high = 0.0, cone_m(volume_m3, repose_deg)[0]
     for _ in range(60):
         h = 0.5 * (low + high)
-        low, high = ((h, high) if length_m * h * h / slope + math.pi * h**3 / (3 * slope**2) < volume_m3
-                     else (low, h))
+        low, high = (h, high) if length_m * h * h / slope + math.pi * h**3 / (3 * slope**2) < volume_m3 else (low, h)
     return high
 
 
@@ -44,8 +43,9 @@ class Heap:
         """Length of the line."""
         return math.dist(self.start_m, self.end_m)
 
-    def thickness(self, grid: Grid, volume_m3: float, lumps_m: np.ndarray | float = 0.0,
-                  crest_m: float = 0.0) -> np.ndarray:
+    def thickness(
+        self, grid: Grid, volume_m3: float, lumps_m: np.ndarray | float = 0.0, crest_m: float = 0.0
+    ) -> np.ndarray:
         """Thickness (rows, columns) in metres of spoil of this volume on level ground; its sum is exact.
 
         ``lumps_m`` is how much farther from the line each place is taken to be, which makes the heap uneven;

@@ -19,8 +19,10 @@ def jittered_rig(settings: Settings) -> RigSettings:
         return rig
     random = generator(int(settings.dataset.seed), "plan", 0, int(excavation.state))
     east, north, up, turn, nod = random.standard_normal(5)
-    return rig | {"x_m": rig.x_m + excavation.jitter_m * float(east),
-                  "y_m": rig.y_m + excavation.jitter_m * float(north),
-                  "height_m": rig.height_m + excavation.jitter_m * float(up),
-                  "heading_deg": rig.heading_deg + excavation.jitter_deg * float(turn),
-                  "pitch_deg": rig.pitch_deg + excavation.jitter_deg * float(nod)}
+    return rig | {
+        "x_m": rig.x_m + excavation.jitter_m * float(east),
+        "y_m": rig.y_m + excavation.jitter_m * float(north),
+        "height_m": rig.height_m + excavation.jitter_m * float(up),
+        "heading_deg": rig.heading_deg + excavation.jitter_deg * float(turn),
+        "pitch_deg": rig.pitch_deg + excavation.jitter_deg * float(nod),
+    }

@@ -41,12 +41,16 @@ def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
     table = _read(path, arm, own)
     states, width = int(settings.excavation.states), float(settings.excavation.width_m)
     if (beyond := table[:, 0].max()) >= states:
-        raise IcyMoonError(f"{path}: has a state {beyond:g}, but excavation.states is {states}, so that the last is "
-                           f"{states - 1}; raise excavation.states.")
+        raise IcyMoonError(
+            f"{path}: has a state {beyond:g}, but excavation.states is {states}, so that the last is "
+            f"{states - 1}; raise excavation.states."
+        )
     poses = [_between_poses(table[table[:, 0] == state, 1:]) for state in range(1, states)]
     if (places := sum(map(len, poses))) > MOST_PLACES:
-        raise IcyMoonError(f"{path}: its joints turn so far that the blade has {places} places, a degree apart, more "
-                           f"than {MOST_PLACES}; keep the poses in which it digs.")
+        raise IcyMoonError(
+            f"{path}: its joints turn so far that the blade has {places} places, a degree apart, more "
+            f"than {MOST_PLACES}; keep the poses in which it digs."
+        )
     made = [pulls_through(_places(arm, own, each), width) for each in poses]
     if not any(made):
         raise IcyMoonError(f"{path}: has no state from 1 in which the scoop's tip moves; give the joints of its path.")
@@ -77,14 +81,18 @@ def _read(path: Path, arm: Arm, own: OwnArm | None) -> np.ndarray:
     rows = []
     for number, row in read_number_lines(path, columns, "excavation.file", MOST_PLACES):
         if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
-            raise IcyMoonError(f"{path}: line {number} is no pose of the arm; give a whole state from 1, and "
-                               f"{', '.join(columns[1:])}.")
-        values = np.array([value if joint.slides else math.radians(value)
-                           for value, joint in zip(row[1:], moving, strict=True)])
+            raise IcyMoonError(
+                f"{path}: line {number} is no pose of the arm; give a whole state from 1, and {', '.join(columns[1:])}."
+            )
+        values = np.array(
+            [value if joint.slides else math.radians(value) for value, joint in zip(row[1:], moving, strict=True)]
+        )
         joints = values if own is None else own.values(values)
         for k in beyond_limits(arm, joints):
-            raise IcyMoonError(f"{path}: line {number} puts the joint {_beyond(arm.joints[k], float(joints[k]))}; "
-                               "correct the line or the limits.")
+            raise IcyMoonError(
+                f"{path}: line {number} puts the joint {_beyond(arm.joints[k], float(joints[k]))}; "
+                "correct the line or the limits."
+            )
         rows.append([row[0], *values])
     if not rows:
         raise IcyMoonError(f"{path}: has no line of numbers; give the joints of the scoop's path.")
@@ -93,8 +101,10 @@ def _read(path: Path, arm: Arm, own: OwnArm | None) -> np.ndarray:
 
 def _beyond(joint: Joint, value: float) -> str:
     unit, scale = (" m", 1.0) if joint.slides else ("°", 180.0 / math.pi)
-    return (f"{joint.name} at {scale * value:.4g}{unit}, but its limits are {scale * joint.low:.4g}{unit} to "
-            f"{scale * joint.high:.4g}{unit}")
+    return (
+        f"{joint.name} at {scale * value:.4g}{unit}, but its limits are {scale * joint.low:.4g}{unit} to "
+        f"{scale * joint.high:.4g}{unit}"
+    )
 
 
 def _between_poses(rows: np.ndarray) -> np.ndarray:

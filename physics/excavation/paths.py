@@ -56,8 +56,10 @@ def _recorded(excavation: ExcavationSettings) -> list[list[Pull]]:
     table = read_path(path)
     states = int(excavation.states)
     if (beyond := table[:, 0].max()) >= states:
-        raise IcyMoonError(f"{path}: has a state {beyond:g}, but excavation.states is {states}, so that the last is "
-                           f"{states - 1}; raise excavation.states.")
+        raise IcyMoonError(
+            f"{path}: has a state {beyond:g}, but excavation.states is {states}, so that the last is "
+            f"{states - 1}; raise excavation.states."
+        )
     made: list[list[Pull]] = []
     for state in range(1, states):
         points = table[table[:, 0] == state, 1:]
@@ -103,11 +105,15 @@ def read_path(path: Path) -> np.ndarray:
     rows = []
     for number, row in read_number_lines(path, COLUMNS, "excavation.file", MOST_PLACES):
         if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
-            raise IcyMoonError(f"{path}: line {number} is no place of the blade; give a whole state from 1, and "
-                               "x_m, y_m and depth_m in metres.")
+            raise IcyMoonError(
+                f"{path}: line {number} is no place of the blade; give a whole state from 1, and "
+                "x_m, y_m and depth_m in metres."
+            )
         if max(abs(row[1]), abs(row[2])) > _FARTHEST_M or abs(row[3]) > _DEEPEST_M:
-            raise IcyMoonError(f"{path}: line {number} is more than {_FARTHEST_M:g} m from the origin, or more than "
-                               f"{_DEEPEST_M:g} m deep; give metres.")
+            raise IcyMoonError(
+                f"{path}: line {number} is more than {_FARTHEST_M:g} m from the origin, or more than "
+                f"{_DEEPEST_M:g} m deep; give metres."
+            )
         rows.append(row)
     if not rows:
         raise IcyMoonError(f"{path}: has no line of numbers; give the path of the blade.")

@@ -26,8 +26,7 @@ def share_in_reach(arm: Arm, pulls: list[Pull], east_m: float = 0.0, north_m: fl
 
     The ground is taken to be level at a height of 0.
     """
-    places = [(*pull.point(along, 0.0), -depth) for pull in pulls
-              for along, depth in zip(*_few(pull), strict=True)]
+    places = [(*pull.point(along, 0.0), -depth) for pull in pulls for along, depth in zip(*_few(pull), strict=True)]
     x, y, z = np.array(places).T
     return float((np.nan_to_num(find_joint_margin(arm, x + east_m, y + north_m, z), nan=-1.0) >= 0.0).mean())
 
@@ -44,8 +43,7 @@ def advice(settings: Settings) -> list[str]:
     It states where the trench would be in reach. The reach of the user's arm is unknown, and a path of recorded joints
     is in reach. Raises IcyMoonError for an excavation that cannot be dug.
     """
-    if (not is_dug(settings) or settings.excavation.path == JOINTS or settings.lander.kind == "NONE"
-            or is_own(settings)):
+    if not is_dug(settings) or settings.excavation.path == JOINTS or settings.lander.kind == "NONE" or is_own(settings):
         return []
     pulls = [pull for each in make_site(settings).pulls for pull in each]
     if not pulls:
@@ -55,8 +53,9 @@ def advice(settings: Settings) -> list[str]:
     if share == 1.0:
         return []
     part = "All of the trench is" if share == 0.0 else f"{100 * (1 - share):.0f} % of the trench is"
-    return [f"{part} out of the arm's reach on level ground, with the scoop straight down; "
-            f"{_fix(settings, arm, pulls)}."]
+    return [
+        f"{part} out of the arm's reach on level ground, with the scoop straight down; {_fix(settings, arm, pulls)}."
+    ]
 
 
 def _fix(settings: Settings, arm: Arm, pulls: list[Pull]) -> str:
@@ -66,22 +65,35 @@ def _fix(settings: Settings, arm: Arm, pulls: list[Pull]) -> str:
         return "dig less deep, or lengthen arm.upper_m and arm.fore_m"
     if settings.excavation.path == RECORDED:
         return f"move the places of excavation.file by {moved[0]:.2f} m to the east and {moved[1]:.2f} m to the north"
-    return (f"it would be in reach with excavation.start_x_m = {settings.excavation.start_x_m + moved[0]:.2f} and "
-            f"excavation.start_y_m = {settings.excavation.start_y_m + moved[1]:.2f}")
+    return (
+        f"it would be in reach with excavation.start_x_m = {settings.excavation.start_x_m + moved[0]:.2f} and "
+        f"excavation.start_y_m = {settings.excavation.start_y_m + moved[1]:.2f}"
+    )
 
 
 def _find_move(arm: Arm, pulls: list[Pull]) -> tuple[float, float] | None:
-    """The shortest of some moves east and north, in whole centimetres, that brings all pulls into reach; None without.
-    """
+    """The shortest of some moves, east and north, that brings all pulls into reach, in whole centimetres, or None."""
     ends = np.array([pull.point(float(along), 0.0) for pull in pulls for along in pull.along_m[[0, -1]]])
     middle = (ends.min(axis=0) + ends.max(axis=0)) / 2
     away = middle - arm.base[:2, 3]
     bearing = math.atan2(away[1], away[0])
     out = np.arange(_STEP_M, _FARTHEST_M, _STEP_M)
-    moves = [(round(float(east), 2), round(float(north), 2))
-             for turn in _TURNS_DEG
-             for east, north in np.stack([arm.base[0, 3] + out * math.cos(bearing + math.radians(turn)) - middle[0],
-                                          arm.base[1, 3] + out * math.sin(bearing + math.radians(turn)) - middle[1]],
-                                         axis=1)]
-    return next((move for move in sorted(moves, key=lambda each: math.hypot(*each))
-                 if share_in_reach(arm, pulls, *move) == 1.0), None)
+    moves = [
+        (round(float(east), 2), round(float(north), 2))
+        for turn in _TURNS_DEG
+        for east, north in np.stack(
+            [
+                arm.base[0, 3] + out * math.cos(bearing + math.radians(turn)) - middle[0],
+                arm.base[1, 3] + out * math.sin(bearing + math.radians(turn)) - middle[1],
+            ],
+            axis=1,
+        )
+    ]
+    return next(
+        (
+            move
+            for move in sorted(moves, key=lambda each: math.hypot(*each))
+            if share_in_reach(arm, pulls, *move) == 1.0
+        ),
+        None,
+    )

@@ -49,8 +49,14 @@ class Layers:
         return self.ground + self.spoil
 
 
-def relax(layers: Layers, cell_m: float, repose_deg: float, bulking: float = 1.0,
-          stood_m: np.ndarray | None = None, slides: np.ndarray | None = None) -> tuple[int, bool]:
+def relax(
+    layers: Layers,
+    cell_m: float,
+    repose_deg: float,
+    bulking: float = 1.0,
+    stood_m: np.ndarray | None = None,
+    slides: np.ndarray | None = None,
+) -> tuple[int, bool]:
     """Let spoil slide, in place; cells at the rim slide inward only. Returns the number of sweeps and if all rests.
 
     With ``stood_m``, the heights of the ground before it was dug, ground slides too, where ``slides`` (rows, columns)
@@ -89,8 +95,9 @@ def _book(layers: Layers, change_m: np.ndarray, bulking: float) -> float:
     return float(come.max()) * (factor - 1.0)
 
 
-def _settle(top: np.ndarray, spoil: np.ndarray | None, cell_m: float, repose_deg: float,
-            stood_m: np.ndarray | None) -> tuple[int, bool]:
+def _settle(
+    top: np.ndarray, spoil: np.ndarray | None, cell_m: float, repose_deg: float, stood_m: np.ndarray | None
+) -> tuple[int, bool]:
     """Let slopes that are too steep slide, in place; with ``spoil``, only spoil slides. Returns the number of sweeps
     and whether all rests.
 
@@ -108,8 +115,15 @@ def _settle(top: np.ndarray, spoil: np.ndarray | None, cell_m: float, repose_deg
     return sweeps, rests
 
 
-def _sweep_often(top: np.ndarray, spoil: np.ndarray | None, cell_m: float, repose_deg: float,
-                 stood_m: np.ndarray | None, stride: int, most: int) -> tuple[int, bool]:
+def _sweep_often(
+    top: np.ndarray,
+    spoil: np.ndarray | None,
+    cell_m: float,
+    repose_deg: float,
+    stood_m: np.ndarray | None,
+    stride: int,
+    most: int,
+) -> tuple[int, bool]:
     """Sweep over pairs ``stride`` times as far apart until little moves, or ``most`` times; see ``_settle``."""
     tangent = math.tan(math.radians(repose_deg))
     sweeps, window = 0, _moving_window(top, spoil, cell_m, tangent, stood_m)
@@ -127,8 +141,9 @@ def _sweep_often(top: np.ndarray, spoil: np.ndarray | None, cell_m: float, repos
     return sweeps, True
 
 
-def _moving_window(top: np.ndarray, spoil: np.ndarray | None, cell_m: float, tangent: float,
-                   stood_m: np.ndarray | None) -> tuple[slice, slice] | None:
+def _moving_window(
+    top: np.ndarray, spoil: np.ndarray | None, cell_m: float, tangent: float, stood_m: np.ndarray | None
+) -> tuple[slice, slice] | None:
     """Rows and columns of all loose cells that are too steep, with a margin; None if there are no such cells."""
     steep = np.zeros(top.shape, bool)
     for axis in (0, 1):
@@ -144,8 +159,10 @@ def _moving_window(top: np.ndarray, spoil: np.ndarray | None, cell_m: float, tan
     rows, columns = (np.flatnonzero(steep.any(axis=k)) for k in (1, 0))
     if not len(rows):
         return None
-    return (slice(max(int(rows[0]) - _AROUND, 0), int(rows[-1]) + _AROUND + 1),
-            slice(max(int(columns[0]) - _AROUND, 0), int(columns[-1]) + _AROUND + 1))
+    return (
+        slice(max(int(rows[0]) - _AROUND, 0), int(rows[-1]) + _AROUND + 1),
+        slice(max(int(columns[0]) - _AROUND, 0), int(columns[-1]) + _AROUND + 1),
+    )
 
 
 def _part(axis: int, of: slice) -> tuple[slice, slice]:
@@ -170,8 +187,10 @@ def _limits(stood_m: np.ndarray | None, shape: tuple[int, ...], rise_m: float, s
             if down >= rows or abs(right) >= columns:
                 continue
             rise = rise_m * math.hypot(down, right)
-            found += [(turned, a, b, rise if stood is None else np.maximum(rise, np.abs(stood[a] - stood[b])))
-                      for a, b in _pairs((rows, columns), down, right)]
+            found += [
+                (turned, a, b, rise if stood is None else np.maximum(rise, np.abs(stood[a] - stood[b])))
+                for a, b in _pairs((rows, columns), down, right)
+            ]
     return found
 
 

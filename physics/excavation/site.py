@@ -37,8 +37,9 @@ def gravity_m_s2(settings: Settings) -> float:
         return stated
     body = str(settings.light.body).upper()
     if body not in GRAVITY_M_S2:
-        raise IcyMoonError(f"The gravity of {body} is not known, which decides whether walls stand; state "
-                           "excavation.gravity_m_s2.")
+        raise IcyMoonError(
+            f"The gravity of {body} is not known, which decides whether walls stand; state excavation.gravity_m_s2."
+        )
     return GRAVITY_M_S2[body]
 
 
@@ -66,16 +67,40 @@ def make_site(settings: Settings) -> Site:
     excavation, gravity = settings.excavation, gravity_m_s2(settings)
     if excavation.path == JOINTS:
         arm_file = _file_state(settings.lander.file, "lander.file") if is_own(settings) else None
-        return _joint_site(json.dumps(settings | {"excavation": excavation | {"state": 0}}), gravity,
-                           (_file_state(excavation.file, "excavation.file"), arm_file))
-    return _site(json.dumps({key: excavation[key] for key in _OF_THE_SITE}), gravity,
-                 _file_state(excavation.file, "excavation.file") if excavation.path == RECORDED else None)
+        return _joint_site(
+            json.dumps(settings | {"excavation": excavation | {"state": 0}}),
+            gravity,
+            (_file_state(excavation.file, "excavation.file"), arm_file),
+        )
+    return _site(
+        json.dumps({key: excavation[key] for key in _OF_THE_SITE}),
+        gravity,
+        _file_state(excavation.file, "excavation.file") if excavation.path == RECORDED else None,
+    )
 
 
 #: Settings on which the site depends.
-_OF_THE_SITE = ("path", "file", "start_x_m", "start_y_m", "heading_deg", "length_m", "width_m", "bite_m", "radius_m",
-                "states", "cohesion_pa", "friction_deg", "density_kg_m3", "bulking", "chips_m", "heaped_share",
-                "heap_side", "heap_gap_m", "cell_m")
+_OF_THE_SITE = (
+    "path",
+    "file",
+    "start_x_m",
+    "start_y_m",
+    "heading_deg",
+    "length_m",
+    "width_m",
+    "bite_m",
+    "radius_m",
+    "states",
+    "cohesion_pa",
+    "friction_deg",
+    "density_kg_m3",
+    "bulking",
+    "chips_m",
+    "heaped_share",
+    "heap_side",
+    "heap_gap_m",
+    "cell_m",
+)
 
 
 def _file_state(file: str, setting: str) -> tuple[int, int] | None:
@@ -92,8 +117,9 @@ def _joint_site(key: str, gravity: float, _states: tuple[tuple[int, int] | None,
     """The site of recorded joints, which depends on the arm and on the ground too: on any setting but the state."""
     settings = typed(json.loads(key))
     found, deepest = make_joint_pulls(settings)
-    return _lay_out(settings.excavation, tuple(map(tuple, found)), [pull for each in found for pull in each], deepest,
-                    gravity)
+    return _lay_out(
+        settings.excavation, tuple(map(tuple, found)), [pull for each in found for pull in each], deepest, gravity
+    )
 
 
 @functools.lru_cache(maxsize=16)
@@ -107,8 +133,13 @@ def _site(key: str, gravity: float, _state: tuple[int, int] | None) -> Site:
     return _lay_out(excavation, pulls, every, deepest, gravity)
 
 
-def _lay_out(excavation: ExcavationSettings, pulls: tuple[tuple[Pull, ...], ...], every: list[Pull], deepest: float,
-             gravity: float) -> Site:
+def _lay_out(
+    excavation: ExcavationSettings,
+    pulls: tuple[tuple[Pull, ...], ...],
+    every: list[Pull],
+    deepest: float,
+    gravity: float,
+) -> Site:
     """The site of pulls; ``every`` are those that its size depends on, ``deepest`` is below the ground in metres."""
     _refuse_small(excavation)
     stands = critical_height_m(excavation.cohesion_pa, excavation.friction_deg, excavation.density_kg_m3, gravity)
@@ -118,15 +149,24 @@ def _lay_out(excavation: ExcavationSettings, pulls: tuple[tuple[Pull, ...], ...]
     cell = float(excavation.cell_m)
     margin = max(_MARGIN_M, _MARGIN_CELLS * cell) + float(excavation.chips_m)
     trench = bounds_of(every, slumped + excavation.chips_m + 2 * cell)
-    ends = [bounds_of(every, 2 * slumped + margin),
-            (min(heap.start_m[0], heap.end_m[0]) - reach, min(heap.start_m[1], heap.end_m[1]) - reach,
-             max(heap.start_m[0], heap.end_m[0]) + reach, max(heap.start_m[1], heap.end_m[1]) + reach)]
-    grid = covering(min(e[0] for e in ends), min(e[1] for e in ends), max(e[2] for e in ends),
-                    max(e[3] for e in ends), cell)
+    ends = [
+        bounds_of(every, 2 * slumped + margin),
+        (
+            min(heap.start_m[0], heap.end_m[0]) - reach,
+            min(heap.start_m[1], heap.end_m[1]) - reach,
+            max(heap.start_m[0], heap.end_m[0]) + reach,
+            max(heap.start_m[1], heap.end_m[1]) + reach,
+        ),
+    ]
+    grid = covering(
+        min(e[0] for e in ends), min(e[1] for e in ends), max(e[2] for e in ends), max(e[3] for e in ends), cell
+    )
     if max(grid.rows, grid.columns) > MOST_SIDE:
-        raise IcyMoonError(f"Trench and heap cover {grid.columns * cell:.3g} x {grid.rows * cell:.3g} m, which is "
-                           f"{grid.columns:.4g} x {grid.rows:.4g} cells of {cell:g} m, more than {MOST_SIDE} along a "
-                           "side; raise excavation.cell_m, or dig less.")
+        raise IcyMoonError(
+            f"Trench and heap cover {grid.columns * cell:.3g} x {grid.rows * cell:.3g} m, which is "
+            f"{grid.columns:.4g} x {grid.rows:.4g} cells of {cell:g} m, more than {MOST_SIDE} along a "
+            "side; raise excavation.cell_m, or dig less."
+        )
     return Site(pulls, heap, grid, stands, trench, deepest)
 
 
@@ -134,16 +174,21 @@ def _refuse_small(excavation: ExcavationSettings) -> None:
     """Raise IcyMoonError for a blade or a line that could pass between the vertices."""
     cell = float(excavation.cell_m)
     if excavation.width_m < cell:
-        raise IcyMoonError(f"The blade's excavation.width_m of {excavation.width_m:g} m is less than a cell, "
-                           f"excavation.cell_m of {cell:g} m, so that it would pass between the vertices; lower "
-                           "excavation.cell_m.")
+        raise IcyMoonError(
+            f"The blade's excavation.width_m of {excavation.width_m:g} m is less than a cell, "
+            f"excavation.cell_m of {cell:g} m, so that it would pass between the vertices; lower "
+            "excavation.cell_m."
+        )
     if excavation.path == LINE and excavation.length_m < cell and excavation.bite_m > 0:
-        raise IcyMoonError(f"A line of excavation.length_m {excavation.length_m:g} m, less than a cell of {cell:g} m, "
-                           "digs nothing; raise excavation.length_m, or set excavation.path to ARC.")
+        raise IcyMoonError(
+            f"A line of excavation.length_m {excavation.length_m:g} m, less than a cell of {cell:g} m, "
+            "digs nothing; raise excavation.length_m, or set excavation.path to ARC."
+        )
 
 
-def _place_heap(excavation: ExcavationSettings, pulls: list[Pull], deepest: float,
-                slumped: float) -> tuple[Heap, float]:
+def _place_heap(
+    excavation: ExcavationSettings, pulls: list[Pull], deepest: float, slumped: float
+) -> tuple[Heap, float]:
     """The heap, whose foot comes to the gap beside the trench in the last state, and how far it reaches."""
     first = pulls[0]
     ends = [(first.place(*pull.point(float(along), 0.0))) for pull in pulls for along in pull.along_m[[0, -1]]]
@@ -169,8 +214,10 @@ def find_reasons(settings: Settings) -> list[str]:
     if settings.source.kind != "PROCEDURAL":
         return ["Ground from a file cannot be dug; set source.kind to PROCEDURAL, or excavation.path to NONE."]
     if excavation.state >= excavation.states:
-        return [f"excavation.state is {excavation.state}, but the last of {excavation.states} states "
-                f"(excavation.states) is {excavation.states - 1}; lower it or raise excavation.states."]
+        return [
+            f"excavation.state is {excavation.state}, but the last of {excavation.states} states "
+            f"(excavation.states) is {excavation.states - 1}; lower it or raise excavation.states."
+        ]
     try:
         grid = make_site(settings).grid
     except IcyMoonError as error:
@@ -178,12 +225,16 @@ def find_reasons(settings: Settings) -> list[str]:
     west, south, east, north = grid.bounds_m
     reach = max(abs(west), abs(south), abs(east), abs(north)) + 3 * grid.cell_m
     if settings.mesh.kind == "GRID" and reach > settings.terrain.size_m / 2:
-        return [f"Trench and heap reach {reach:.3g} m from the origin, beyond the {settings.terrain.size_m:g} m patch "
-                "of ground; move excavation.start_x_m and excavation.start_y_m, or raise terrain.size_m."]
+        return [
+            f"Trench and heap reach {reach:.3g} m from the origin, beyond the {settings.terrain.size_m:g} m patch "
+            "of ground; move excavation.start_x_m and excavation.start_y_m, or raise terrain.size_m."
+        ]
     far = max(math.hypot(x - settings.rig.x_m, y - settings.rig.y_m) for x in (west, east) for y in (south, north))
     if settings.mesh.kind == "GRADED" and 2 * far > settings.mesh.farthest_m:
-        return [f"Trench and heap reach {far:.3g} m from the camera, more than half of mesh.farthest_m "
-                f"({settings.mesh.farthest_m:g} m); move excavation.start_x_m and excavation.start_y_m."]
+        return [
+            f"Trench and heap reach {far:.3g} m from the camera, more than half of mesh.farthest_m "
+            f"({settings.mesh.farthest_m:g} m); move excavation.start_x_m and excavation.start_y_m."
+        ]
     return []
 
 
@@ -194,25 +245,37 @@ def advice(settings: Settings) -> list[str]:
     excavation, site, said = settings.excavation, make_site(settings), []
     deepest = site.deepest_m if any(site.pulls) else 0.0
     if deepest <= 0:
-        fix = ("give depth_m above 0 in excavation.file" if excavation.path == RECORDED else "raise excavation.bite_m")
-        said.append(f"Nothing is dug in any state, because the blade never goes below the ground; {fix}, or keep it "
-                    "for a series of ground that does not change.")
+        fix = "give depth_m above 0 in excavation.file" if excavation.path == RECORDED else "raise excavation.bite_m"
+        said.append(
+            f"Nothing is dug in any state, because the blade never goes below the ground; {fix}, or keep it "
+            "for a series of ground that does not change."
+        )
     if excavation.path == ARC and deepest > excavation.radius_m:
-        said.append(f"The arc's last bite is {deepest:.3g} m deep, more than its radius of {excavation.radius_m:g} m. "
-                    "A scoop would cut under the ground there; the trench has straight ends instead.")
+        said.append(
+            f"The arc's last bite is {deepest:.3g} m deep, more than its radius of {excavation.radius_m:g} m. "
+            "A scoop would cut under the ground there; the trench has straight ends instead."
+        )
     if site.grid.cell_m <= deepest <= site.stands_m:
         angle = math.degrees(math.atan(deepest / site.grid.cell_m))
-        said.append(f"Walls up to {site.stands_m:.3g} m stand upright. The mesh makes them {angle:.1f} degrees steep, "
-                    f"because they are one cell of {excavation.cell_m:g} m wide.")
+        said.append(
+            f"Walls up to {site.stands_m:.3g} m stand upright. The mesh makes them {angle:.1f} degrees steep, "
+            f"because they are one cell of {excavation.cell_m:g} m wide."
+        )
     if excavation.width_m < _FEWEST_ACROSS * excavation.cell_m:
-        said.append(f"The blade is {excavation.width_m / excavation.cell_m:.2g} cells wide, so that the trench is "
-                    "crude; lower excavation.cell_m.")
+        said.append(
+            f"The blade is {excavation.width_m / excavation.cell_m:.2g} cells wide, so that the trench is "
+            "crude; lower excavation.cell_m."
+        )
     x, y = settings.rig.x_m, settings.rig.y_m
     west, south, east, north = site.grid.bounds_m
     if west < x < east and south < y < north:
-        said.append("Trench or heap are under the camera, which stays as high as over the untouched ground; move "
-                    "excavation.start_x_m or excavation.start_y_m.")
+        said.append(
+            "Trench or heap are under the camera, which stays as high as over the untouched ground; move "
+            "excavation.start_x_m or excavation.start_y_m."
+        )
     if settings.rocks.coverage > 0:
-        said.append("Rocks in the trench are not taken away: one that loses its support rolls to rest in it and pushes "
-                    "no other; others stay where they lay, as does what spoil falls on.")
+        said.append(
+            "Rocks in the trench are not taken away: one that loses its support rolls to rest in it and pushes "
+            "no other; others stay where they lay, as does what spoil falls on."
+        )
     return said

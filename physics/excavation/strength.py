@@ -15,5 +15,4 @@ def critical_height_m(cohesion_pa: float, friction_deg: float, density_kg_m3: fl
 
     Culmann's wedge; used for the walls of InSight's pits by Marteau et al. (LPSC 2021, #2067).
     """
-    return (4.0 * cohesion_pa / (density_kg_m3 * gravity_m_s2)
-            * math.tan(math.radians(45.0 + friction_deg / 2.0)))
+    return 4.0 * cohesion_pa / (density_kg_m3 * gravity_m_s2) * math.tan(math.radians(45.0 + friction_deg / 2.0))

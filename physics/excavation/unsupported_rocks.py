@@ -55,8 +55,9 @@ def _spans_middle(left: np.ndarray) -> np.ndarray:
     return np.asarray(~gap.any(axis=1))
 
 
-def settle_rocks(rocks: Rocks, change_m: ChangeAt, surface: HeightAt,
-                 shapes: Sequence[Sequence[Shape]]) -> tuple[Rocks, int]:
+def settle_rocks(
+    rocks: Rocks, change_m: ChangeAt, surface: HeightAt, shapes: Sequence[Sequence[Shape]]
+) -> tuple[Rocks, int]:
     """Rocks at rest on dug ground, from the same rocks on untouched ground, and how many of them moved.
 
     ``surface`` is the height of the dug ground.
@@ -67,8 +68,9 @@ def settle_rocks(rocks: Rocks, change_m: ChangeAt, surface: HeightAt,
     places = rocks.position_m[:, :2].copy()
     for k in falls[np.argsort(surface(*places[falls].T), kind="stable")]:
         places[k] = _roll(places, int(k), rocks.diameter_m, surface)
-    position, rotation = rest_on(rocks, falls, places[falls], surface, lambda x, y: surface(x, y) - change_m(x, y),
-                                 shapes)
+    position, rotation = rest_on(
+        rocks, falls, places[falls], surface, lambda x, y: surface(x, y) - change_m(x, y), shapes
+    )
     all_positions, all_rotations = rocks.position_m.copy(), rocks.rotation.copy()
     all_positions[falls], all_rotations[falls] = position, rotation
     return replace(rocks, position_m=all_positions, rotation=all_rotations), len(falls)
@@ -79,7 +81,8 @@ def _roll(places: np.ndarray, rock: int, diameters: np.ndarray, surface: HeightA
     place, diameter = places[rock], float(diameters[rock])
     touch = 0.5 * (diameters + diameter)
     near = (diameters >= _IN_THE_WAY * diameter) & (
-        np.hypot(*(places - place).T) < _MOST_STEPS * _STEP * diameter + touch)
+        np.hypot(*(places - place).T) < _MOST_STEPS * _STEP * diameter + touch
+    )
     near[rock] = False
     others, touch = places[near], touch[near]
     turn = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)

@@ -24,12 +24,13 @@ def noise_of(halves: Sequence[np.ndarray], triangles: np.ndarray) -> float:
         return 0.0
     off = (halves[0] - halves[1]).astype(np.float64)
     corners = [off[triangles[:, k]] for k in range(3)]
-    square = (sum(corners) ** 2 + sum(each ** 2 for each in corners)) / 12
+    square = (sum(corners) ** 2 + sum(each**2 for each in corners)) / 12
     return float(np.sqrt(np.mean(square))) / 2 / mean
 
 
-def largest_share(direct: np.ndarray, indirect: np.ndarray, positions: np.ndarray, triangles: np.ndarray,
-                  eye: np.ndarray) -> float:
+def largest_share(
+    direct: np.ndarray, indirect: np.ndarray, positions: np.ndarray, triangles: np.ndarray, eye: np.ndarray
+) -> float:
     """Share of ``indirect`` light in all light that an ``eye`` (3,) gets from ground, in the direction where it is
     largest.
 

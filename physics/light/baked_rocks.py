@@ -42,8 +42,15 @@ def terms_of(normal: np.ndarray, place: np.ndarray) -> np.ndarray:
     return np.column_stack([np.ones_like(x), x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1, place])
 
 
-def draw_points(vertices: np.ndarray, triangles: np.ndarray, rocks: np.ndarray, matrices: np.ndarray,
-                positions: np.ndarray, count: int, random: np.random.Generator) -> Points:
+def draw_points(
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    rocks: np.ndarray,
+    matrices: np.ndarray,
+    positions: np.ndarray,
+    count: int,
+    random: np.random.Generator,
+) -> Points:
     """``count`` random points of each of the ``rocks`` (k,), all of one unit shape (vertices and triangles).
 
     ``matrices`` (k, 3, 3) turn and scale the shape, ``positions`` (k, 3) are where its origin is then. Every triangle
@@ -67,7 +74,7 @@ def draw_points(vertices: np.ndarray, triangles: np.ndarray, rocks: np.ndarray, 
     size = np.cbrt(np.abs(np.linalg.det(matrices)))[rock, None]
     middle = np.einsum("nij,nj->ni", matrix, place) + positions[rock] + _HEIGHT * size * normal
     up = np.cross(normal, across)
-    ways = np.stack([across, -0.5 * across + 0.75 ** 0.5 * up, -0.5 * across - 0.75 ** 0.5 * up], axis=1)
+    ways = np.stack([across, -0.5 * across + 0.75**0.5 * up, -0.5 * across - 0.75**0.5 * up], axis=1)
     return Points(rocks[rock], place, normal, middle[:, None] + _WIDTH * size[:, None] * ways)
 
 
@@ -82,7 +89,7 @@ def fit(points: Points, light: np.ndarray, used: np.ndarray, rocks: int) -> np.n
     order = order[used[order]]
     of = points.rock[order]
     for rock, start, count in zip(*np.unique(of, return_index=True, return_counts=True), strict=True):
-        rows = order[start:start + count]
+        rows = order[start : start + count]
         some = terms[rows]
         found[rock] = np.linalg.solve(some.T @ some + count * np.diag(_RIDGE), some.T @ light[rows])
     return found

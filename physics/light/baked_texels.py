@@ -50,8 +50,9 @@ class Texels:
     areas: tuple[np.ndarray, np.ndarray]
 
 
-def lay_out(starts: np.ndarray, counts: np.ndarray, corners: np.ndarray, areas: np.ndarray,
-            wanted: np.ndarray) -> Texels:
+def lay_out(
+    starts: np.ndarray, counts: np.ndarray, corners: np.ndarray, areas: np.ndarray, wanted: np.ndarray
+) -> Texels:
     """The texels of a mesh: of each facet its first corner, number of corners and area; of each corner its vertex.
 
     Facets that are not ``wanted`` (facets,) get none, and their corners are outside of the image. Raises ValueError for

@@ -48,14 +48,19 @@ def _enceladus(d: float) -> tuple[float, float, float]:
 
 def _europa(d: float) -> tuple[float, float, float]:
     t = d / 36525
-    j4, j5, j6, j7 = (math.radians(a + b * t) for a, b in (
-        (355.80, 1191.3), (119.90, 262.1), (229.80, 64.3), (352.25, 2382.6)))
-    return (268.08 - 0.009 * t + 1.086 * math.sin(j4) + 0.060 * math.sin(j5) + 0.015 * math.sin(j6)
-            + 0.009 * math.sin(j7),
-            64.51 + 0.003 * t + 0.468 * math.cos(j4) + 0.026 * math.cos(j5) + 0.007 * math.cos(j6)
-            + 0.002 * math.cos(j7),
-            36.022 + 101.3747235 * d - 0.980 * math.sin(j4) - 0.054 * math.sin(j5) - 0.014 * math.sin(j6)
-            - 0.008 * math.sin(j7))
+    j4, j5, j6, j7 = (
+        math.radians(a + b * t) for a, b in ((355.80, 1191.3), (119.90, 262.1), (229.80, 64.3), (352.25, 2382.6))
+    )
+    return (
+        268.08 - 0.009 * t + 1.086 * math.sin(j4) + 0.060 * math.sin(j5) + 0.015 * math.sin(j6) + 0.009 * math.sin(j7),
+        64.51 + 0.003 * t + 0.468 * math.cos(j4) + 0.026 * math.cos(j5) + 0.007 * math.cos(j6) + 0.002 * math.cos(j7),
+        36.022
+        + 101.3747235 * d
+        - 0.980 * math.sin(j4)
+        - 0.054 * math.sin(j5)
+        - 0.014 * math.sin(j6)
+        - 0.008 * math.sin(j7),
+    )
 
 
 #: Mean east longitude of the planet over the meridians that craters define (Salih, Cilix), from 2000 to 2060.
@@ -68,7 +73,8 @@ def _under_saturn(d: float) -> tuple[float, float]:
     years = days / 365.25
     anomaly = math.radians((200.317 + 262.7319002 * days - 309.107 - 123.44121 * years) % 360)
     slow = 0.25667 * math.sin(math.radians(74.4 + 32.39 * years)) + 0.20983 * math.sin(
-        math.radians(134.3 + 92.62 * years))
+        math.radians(134.3 + 92.62 * years)
+    )
     return _SATURN_OVER + 0.55577 * math.sin(anomaly) + slow, 1.0 - 0.00485 * math.cos(anomaly)
 
 
@@ -79,14 +85,24 @@ def _under_jupiter(d: float) -> tuple[float, float]:
     return _JUPITER_OVER + 1.06476 * math.sin(anomaly), 1.0 - 0.0093848 * math.cos(anomaly)
 
 
-_JUPITER = Orbit((5.20288700, -0.00011607), (0.04838624, -0.00013253), (1.30439695, -0.00183714),
-                 (34.39644051, 3034.74612775), (14.72847983, 0.21252668), (100.47390909, 0.20469106))
-_SATURN = Orbit((9.53667594, -0.00125060), (0.05386179, -0.00050991), (2.48599187, 0.00193609),
-                (49.95424423, 1222.49362201), (92.59887831, -0.41897216), (113.66242448, -0.28867794))
+_JUPITER = Orbit(
+    (5.20288700, -0.00011607),
+    (0.04838624, -0.00013253),
+    (1.30439695, -0.00183714),
+    (34.39644051, 3034.74612775),
+    (14.72847983, 0.21252668),
+    (100.47390909, 0.20469106),
+)
+_SATURN = Orbit(
+    (9.53667594, -0.00125060),
+    (0.05386179, -0.00050991),
+    (2.48599187, 0.00193609),
+    (49.95424423, 1222.49362201),
+    (92.59887831, -0.41897216),
+    (113.66242448, -0.28867794),
+)
 
 BODIES = {
-    "ENCELADUS": Body("SATURN", (256.6, 251.4, 248.3), 238040.0, 60268.0, 54364.0, _enceladus, _under_saturn,
-                      _SATURN),
-    "EUROPA": Body("JUPITER", (1562.6, 1560.3, 1559.5), 671100.0, 71492.0, 66854.0, _europa, _under_jupiter,
-                   _JUPITER),
+    "ENCELADUS": Body("SATURN", (256.6, 251.4, 248.3), 238040.0, 60268.0, 54364.0, _enceladus, _under_saturn, _SATURN),
+    "EUROPA": Body("JUPITER", (1562.6, 1560.3, 1559.5), 671100.0, 71492.0, 66854.0, _europa, _under_jupiter, _JUPITER),
 }

@@ -10,8 +10,9 @@ import numpy as np
 def toward(azimuth_deg: float, elevation_deg: float) -> np.ndarray:
     """Unit vector (3,) toward a point of the sky."""
     azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
-    return np.array([math.sin(azimuth) * math.cos(elevation), math.cos(azimuth) * math.cos(elevation),
-                     math.sin(elevation)])
+    return np.array(
+        [math.sin(azimuth) * math.cos(elevation), math.cos(azimuth) * math.cos(elevation), math.sin(elevation)]
+    )
 
 
 def camera_axes(heading_deg: float, pitch_down_deg: float) -> np.ndarray:

@@ -27,8 +27,10 @@ def hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
     shape = ellipsoid(planet)
     # A ray from the site along w meets the ellipsoid where w Q w > 0, ahead if w · o < 0.
     toward = shape.stretch @ shape.observer / shape.radius
-    quadric = np.outer(toward, toward) - (shape.observer @ shape.observer - 1) * (
-        shape.stretch @ shape.stretch) / shape.radius**2
+    quadric = (
+        np.outer(toward, toward)
+        - (shape.observer @ shape.observer - 1) * (shape.stretch @ shape.stretch) / shape.radius**2
+    )
     sun = planet.sun
     up = planet.direction - (planet.direction @ sun) * sun  # chords run toward the planet, across its limb
     if np.linalg.norm(up) < 1e-12:

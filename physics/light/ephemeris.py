@@ -62,12 +62,15 @@ def parse_date(date_utc: str) -> np.datetime64:
     fraction, sign, zone_hours, zone_minutes = match.groups()[6:]
     if lack := _calendar_lack(year, month, day, hour, minute, second + float(fraction or 0)):
         raise IcyMoonError(f"{shown}, but {lack}.")
-    date = (np.datetime64(f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}", "ms")
-            + np.timedelta64(int(f"{fraction or '.'}000"[1:4]), "ms"))
+    date = np.datetime64(f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}", "ms") + np.timedelta64(
+        int(f"{fraction or '.'}000"[1:4]), "ms"
+    )
     ahead = np.timedelta64(60 * int(zone_hours or 0) + int(zone_minutes or 0), "m")
     if ahead:
-        raise IcyMoonError(f"{shown}, which is not in UTC; write the same moment as "
-                           f"{date_text(date - ahead if sign == '+' else date + ahead)}.")
+        raise IcyMoonError(
+            f"{shown}, which is not in UTC; write the same moment as "
+            f"{date_text(date - ahead if sign == '+' else date + ahead)}."
+        )
     return date
 
 
@@ -87,7 +90,8 @@ def _calendar_lack(year: int, month: int, day: int, hour: int, minute: int, seco
     if hour > 23:
         next_day = first.astype("datetime64[D]") + day
         return "the hours of a day are 00 to 23; " + (
-            "write an hour from 00 to 23" if hour > 24 or minute or second else f"write its end as {next_day}T00:00:00")
+            "write an hour from 00 to 23" if hour > 24 or minute or second else f"write its end as {next_day}T00:00:00"
+        )
     if minute > 59:
         return "an hour has 60 minutes; write a minute from 00 to 59"
     return "" if second < 60 else "a minute has 60 seconds here; write a second from 00 to 59"
@@ -99,32 +103,46 @@ def days_since_j2000(date_utc: str) -> float:
     Raises IcyMoonError if the text is no date in UTC.
     """
     date = parse_date(date_utc)
-    return float((date - np.datetime64("2000-01-01T12:00", "ms")) / np.timedelta64(1, "ms")
-                 + 1000 * _TDB_UTC_S) / 86.4e6
+    return (
+        float((date - np.datetime64("2000-01-01T12:00", "ms")) / np.timedelta64(1, "ms") + 1000 * _TDB_UTC_S) / 86.4e6
+    )
 
 
 def refuse_unknown_years(date_utc: str) -> None:
     """Raise IcyMoonError for a date outside the years for which the elements hold, or for a text that is no date."""
     days = days_since_j2000(date_utc)
     if not days_since_j2000(f"{_YEARS[0]}-01-01") <= days < days_since_j2000(f"{_YEARS[1] + 1}-01-01"):
-        raise IcyMoonError(f"light.date_utc is {date_utc}, but without kernels Sun and planet are known only from "
-                           f"{_YEARS[0]} to {_YEARS[1]}; choose a date of these years, or set light.directions_from to "
-                           "KERNELS.")
+        raise IcyMoonError(
+            f"light.date_utc is {date_utc}, but without kernels Sun and planet are known only from "
+            f"{_YEARS[0]} to {_YEARS[1]}; choose a date of these years, or set light.directions_from to "
+            "KERNELS."
+        )
 
 
 def heliocentric_au(orbit: Orbit, days: float) -> np.ndarray:
     """Position (3,) from the Sun in the J2000 equatorial frame."""
     century = days / 36525
     a, e, inclination, longitude, perihelion, node = (
-        at + rate * century for at, rate in (orbit.semi_major_axis_au, orbit.eccentricity, orbit.inclination_deg,
-                                             orbit.mean_longitude_deg, orbit.perihelion_deg, orbit.node_deg))
+        at + rate * century
+        for at, rate in (
+            orbit.semi_major_axis_au,
+            orbit.eccentricity,
+            orbit.inclination_deg,
+            orbit.mean_longitude_deg,
+            orbit.perihelion_deg,
+            orbit.node_deg,
+        )
+    )
     mean = math.radians((longitude - perihelion) % 360)
     eccentric = mean + e * math.sin(mean)
     for _ in range(8):  # Newton; e is 0.05
         eccentric -= (eccentric - e * math.sin(eccentric) - mean) / (1 - e * math.cos(eccentric))
     plane = np.array([a * (math.cos(eccentric) - e), a * math.sqrt(1 - e**2) * math.sin(eccentric), 0.0])
-    to_ecliptic = _about_z(-math.radians(node)) @ _about_x(-math.radians(inclination)) @ _about_z(
-        -math.radians(perihelion - node))
+    to_ecliptic = (
+        _about_z(-math.radians(node))
+        @ _about_x(-math.radians(inclination))
+        @ _about_z(-math.radians(perihelion - node))
+    )
     return np.asarray(_about_x(-_OBLIQUITY) @ to_ecliptic @ plane)
 
 
@@ -134,15 +152,17 @@ def body_frame(orientation: tuple[float, float, float]) -> np.ndarray:
     return _about_z(turned) @ _about_x(math.pi / 2 - declination) @ _about_z(math.pi / 2 + ascension)
 
 
-def site_frame(radii_km: tuple[float, float, float], latitude_deg: float,
-               longitude_deg: float) -> tuple[np.ndarray, np.ndarray]:
+def site_frame(
+    radii_km: tuple[float, float, float], latitude_deg: float, longitude_deg: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Position in km (3,) and rows east, north, up (3, 3), body-fixed, of planetocentric coordinates.
 
     Up is the normal of the ellipsoid; on Enceladus it leans up to 1.9° from the radius.
     """
     latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
-    radial = np.array([math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude),
-                       math.sin(latitude)])
+    radial = np.array(
+        [math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude), math.sin(latitude)]
+    )
     radii = np.array(radii_km)
     position = radial / np.linalg.norm(radial / radii)
     return position, local_axes(position / radii**2, longitude, radii_km)
@@ -162,8 +182,10 @@ def positions(body: str, date_utc: str, latitude_deg: float, longitude_deg: floa
     try:
         moon = BODIES[body.strip().upper()]
     except KeyError:
-        raise IcyMoonError(f"light.body is {body!r}; without kernels only {' and '.join(BODIES)} are known, give "
-                           "light.kernels or set light.directions_from to ANGLES.") from None
+        raise IcyMoonError(
+            f"light.body is {body!r}; without kernels only {' and '.join(BODIES)} are known, give "
+            "light.kernels or set light.directions_from to ANGLES."
+        ) from None
     days = days_since_j2000(date_utc)
     place, axes = site_frame(moon.radii_km, latitude_deg, longitude_deg)
     toward_sun = -heliocentric_au(moon.orbit, days)
@@ -173,9 +195,17 @@ def positions(body: str, date_utc: str, latitude_deg: float, longitude_deg: floa
     to_planet = moon.distance_km * ratio * np.array([math.cos(over), math.sin(over), 0.0]) - place
     planet_distance = float(np.linalg.norm(to_planet))
     from_j2000 = axes @ body_frame(moon.orientation(days))
-    return Positions(from_j2000 @ toward_sun / distance, distance, moon.parent, axes @ to_planet / planet_distance,
-                     planet_distance, moon.planet_equator_km, moon.planet_pole_km,
-                     axes @ np.array([0.0, 0.0, 1.0]), from_j2000)
+    return Positions(
+        from_j2000 @ toward_sun / distance,
+        distance,
+        moon.parent,
+        axes @ to_planet / planet_distance,
+        planet_distance,
+        moon.planet_equator_km,
+        moon.planet_pole_km,
+        axes @ np.array([0.0, 0.0, 1.0]),
+        from_j2000,
+    )
 
 
 def _about_x(angle: float) -> np.ndarray:

@@ -78,8 +78,9 @@ def _parse(foreign: ForeignBytes) -> tuple[str, ...] | None:
     if b"\0" in head or (foreign.size > _MOST_TEXT and not head.startswith(b"KPL/")):
         return None
     if foreign.size > _MOST_TEXT:
-        raise RefusedError(f"is a text kernel of {foreign.size / 1e6:.0f} MB, more than {_MOST_TEXT / 1e6:.0f}; "
-                           f"{_FIX}.")
+        raise RefusedError(
+            f"is a text kernel of {foreign.size / 1e6:.0f} MB, more than {_MOST_TEXT / 1e6:.0f}; {_FIX}."
+        )
     data = _data_of(foreign)
     return None if data is None else _listed(data)
 
@@ -149,11 +150,13 @@ def _named_kernels(meta: Path, named: tuple[str, ...], folder: Path | None) -> l
         except (OSError, ValueError, RuntimeError):
             raise IcyMoonError(f"{meta} names {shorten(name)!r}, which can be no file; correct it.") from None
         if not file.is_relative_to(inside):
-            raise IcyMoonError(f"{meta} names {shorten(name)!r}, and only kernels in {inside} are loaded; copy it "
-                               "there.")
+            raise IcyMoonError(
+                f"{meta} names {shorten(name)!r}, and only kernels in {inside} are loaded; copy it there."
+            )
         if not is_there:
-            raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is not there{backslash_note(name)}; copy "
-                               "it there.")
+            raise IcyMoonError(
+                f"{meta} names {shorten(name)!r}, which is not there{backslash_note(name)}; copy it there."
+            )
         if _look_at(file) != ():
             raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is no kernel with data; leave it out.")
         found.append(file)

@@ -24,21 +24,27 @@ def doubt_sky(light: LightSettings, place: Mapping[str, Any] | None) -> list[str
     north = float(place["north_deg"])
     said = []
     if _angle_deg((latitude, longitude), (light.latitude_deg, light.longitude_deg)) > _APART_DEG:
-        said.append(f"The map's site is at latitude {latitude:.4f}°, longitude {longitude:.4f}°, but the sky is that "
-                    f"of light.latitude_deg {light.latitude_deg:g} and light.longitude_deg {light.longitude_deg:g}; "
-                    f"set light.latitude_deg to {latitude:.4f} and light.longitude_deg to {longitude:.4f}.")
+        said.append(
+            f"The map's site is at latitude {latitude:.4f}°, longitude {longitude:.4f}°, but the sky is that "
+            f"of light.latitude_deg {light.latitude_deg:g} and light.longitude_deg {light.longitude_deg:g}; "
+            f"set light.latitude_deg to {latitude:.4f} and light.longitude_deg to {longitude:.4f}."
+        )
     elif 90.0 - abs(light.latitude_deg) <= _APART_DEG:  # where a longitude is a direction
         over = math.copysign(1.0, latitude)
         found = _signed_deg(north - over * (light.longitude_deg - longitude))
         if abs(found) > _TURNED_DEG:
-            said.append(f"At this pole light.longitude_deg {light.longitude_deg:g} sets where north is, {found:.1f}° "
-                        f"clockwise of the map's up, from which the azimuths of a date are counted; set "
-                        f"light.longitude_deg to {_signed_deg(longitude + over * north):.4f}, whose north is up.")
+            said.append(
+                f"At this pole light.longitude_deg {light.longitude_deg:g} sets where north is, {found:.1f}° "
+                f"clockwise of the map's up, from which the azimuths of a date are counted; set "
+                f"light.longitude_deg to {_signed_deg(longitude + over * north):.4f}, whose north is up."
+            )
         return said
     if abs(north) > _TURNED_DEG:
-        said.append(f"North is {north:.1f}° clockwise of the map's up, from which the azimuths of a date are counted, "
-                    f"so the Sun stands {abs(north):.1f}° off; set light.directions_from to ANGLES, with the "
-                    f"elevation that icymoon sky prints and its azimuth plus {north % 360:.1f}°.")
+        said.append(
+            f"North is {north:.1f}° clockwise of the map's up, from which the azimuths of a date are counted, "
+            f"so the Sun stands {abs(north):.1f}° off; set light.directions_from to ANGLES, with the "
+            f"elevation that icymoon sky prints and its azimuth plus {north % 360:.1f}°."
+        )
     return said
 
 

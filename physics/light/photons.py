@@ -44,8 +44,10 @@ def _band(sensor: SensorSettings) -> tuple[np.ndarray, np.ndarray]:
     if sensor.colour != "MONO":
         low, high = sensor.cut_on_nm * 1e-9, sensor.cut_off_nm * 1e-9
         if low >= high:
-            raise IcyMoonError(f"sensor.cut_on_nm is {sensor.cut_on_nm:g} and sensor.cut_off_nm {sensor.cut_off_nm:g}; "
-                               "make the first one the shorter wavelength.")
+            raise IcyMoonError(
+                f"sensor.cut_on_nm is {sensor.cut_on_nm:g} and sensor.cut_off_nm {sensor.cut_off_nm:g}; "
+                "make the first one the shorter wavelength."
+            )
     return (high + low) / 2 + (high - low) / 2 * _NODES, (high - low) / 2 * _WEIGHTS
 
 
@@ -89,7 +91,7 @@ def optics_m2_sr(sensor: SensorSettings, pitch_m: float) -> float:
 
     EMVA 1288, release 4.0: the irradiance is E = π τ L / (1 + 4 N²) for f-number N, transmission τ and radiance L.
     """
-    irradiance = math.pi * float(sensor.transmission) / (1 + 4 * float(sensor.f_number)**2)
+    irradiance = math.pi * float(sensor.transmission) / (1 + 4 * float(sensor.f_number) ** 2)
     return irradiance * pitch_m**2
 
 

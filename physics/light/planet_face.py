@@ -63,15 +63,31 @@ def _saturn() -> Face:
     visual = np.array([1.16, 1.12, 0.98, 0.90, 0.88, 0.96, 0.86, 0.88, 0.80, 0.78, 0.70])
     both = np.concatenate([-latitude[:0:-1], latitude])
     bands = 1 + (np.concatenate([visual[:0:-1], visual])[:, None] - 1) * (0.6, 1.0, 1.3)
-    return Face(tuple(np.sin(np.radians(both)).tolist()), tuple((r, g, b) for r, g, b in bands.tolist()),
-                (0.95, 0.87, 0.70), _relative((1.15, 1.0, 0.69)))
+    return Face(
+        tuple(np.sin(np.radians(both)).tolist()),
+        tuple((r, g, b) for r, g, b in bands.tolist()),
+        (0.95, 0.87, 0.70),
+        _relative((1.15, 1.0, 0.69)),
+    )
 
 
 _ZONE, _POLE, _THIN = (0.82, 0.76, 0.62), (0.58, 0.50, 0.42), (0.70, 0.60, 0.45)
 #: Jupiter's zones and belts from south to north: the latitude at which each begins, and its reflectances.
-_JUPITER = ((-90.0, _POLE), (-48.0, _ZONE), (-33.0, _THIN), (-27.0, _ZONE), (-20.0, (0.68, 0.55, 0.38)), (-7.0, _ZONE),
-            (7.0, (0.66, 0.52, 0.34)), (18.0, _ZONE), (24.0, _THIN), (31.0, _ZONE), (36.0, _THIN), (40.0, _ZONE),
-            (48.0, _POLE))
+_JUPITER = (
+    (-90.0, _POLE),
+    (-48.0, _ZONE),
+    (-33.0, _THIN),
+    (-27.0, _ZONE),
+    (-20.0, (0.68, 0.55, 0.38)),
+    (-7.0, _ZONE),
+    (7.0, (0.66, 0.52, 0.34)),
+    (18.0, _ZONE),
+    (24.0, _THIN),
+    (31.0, _ZONE),
+    (36.0, _THIN),
+    (40.0, _ZONE),
+    (48.0, _POLE),
+)
 _EDGE_DEG, _POLE_EDGE_DEG = 0.6, 7.0  # half the width of an edge between two bands, and of a polar region's edge
 
 
@@ -81,9 +97,16 @@ def _jupiter() -> Face:
         half = _POLE_EDGE_DEG if _POLE in (before, after) else _EDGE_DEG
         sine += [math.sin(math.radians(edge - half)), math.sin(math.radians(edge + half))]
         reflectance += [before, after]
-    return Face((*sine, 1.0), (*reflectance, _JUPITER[-1][1]), (1.0, 0.95, 0.87), _relative((1.0, 1.0, 0.835)),
-                Spot(-22.5, 7000 / (71492 * math.cos(math.radians(22.5))), 5750 / 71492, (0.70, 0.48, 0.28),
-                     (0.86, 0.80, 0.68)), 0.35)
+    return Face(
+        (*sine, 1.0),
+        (*reflectance, _JUPITER[-1][1]),
+        (1.0, 0.95, 0.87),
+        _relative((1.0, 1.0, 0.835)),
+        Spot(
+            -22.5, 7000 / (71492 * math.cos(math.radians(22.5))), 5750 / 71492, (0.70, 0.48, 0.28), (0.86, 0.80, 0.68)
+        ),
+        0.35,
+    )
 
 
 #: Faces by the value of ``light.planet_face``. Saturn's brightness over latitude and limb exponents: rounded from HST
@@ -101,8 +124,13 @@ def spot_axes(planet: Planet, spot: Spot) -> np.ndarray:
     front /= np.linalg.norm(front)
     longitude, latitude = math.radians(planet.spot_longitude_deg), math.radians(spot.latitude_deg)
     out = math.cos(longitude) * front + math.sin(longitude) * np.cross(planet.pole, front)
-    return np.stack([math.cos(latitude) * out + math.sin(latitude) * planet.pole, np.cross(planet.pole, out),
-                     math.cos(latitude) * planet.pole - math.sin(latitude) * out])
+    return np.stack(
+        [
+            math.cos(latitude) * out + math.sin(latitude) * planet.pole,
+            np.cross(planet.pole, out),
+            math.cos(latitude) * planet.pole - math.sin(latitude) * out,
+        ]
+    )
 
 
 def _reflectance(face: Face, planet: Planet, normal: np.ndarray) -> np.ndarray:

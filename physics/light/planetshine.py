@@ -47,8 +47,7 @@ class Planet:
     spot_longitude_deg: float = 0.0  # of its Red Spot, east of the meridian that faces the site
 
     def _values(self) -> tuple[Any, ...]:
-        return tuple(tuple(value.tolist()) if isinstance(value, np.ndarray) else value
-                     for value in vars(self).values())
+        return tuple(tuple(value.tolist()) if isinstance(value, np.ndarray) else value for value in vars(self).values())
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Planet) and self._values() == other._values()
@@ -84,8 +83,7 @@ def phase_function(law: str, phase_deg: float) -> float:
         magnitude = -3.7e-4 * a + 6.16e-4 * a**2
     elif law == "JUPITER":
         x = a / 180
-        magnitude = -0.033 - 2.5 * math.log10(1 - 1.507 * x - 0.363 * x**2 - 0.062 * x**3 + 2.809 * x**4
-                                              - 1.876 * x**5)
+        magnitude = -0.033 - 2.5 * math.log10(1 - 1.507 * x - 0.363 * x**2 - 0.062 * x**3 + 2.809 * x**4 - 1.876 * x**5)
     else:
         magnitude = 0.01 + 2.446e-4 * a + 2.672e-4 * a**2 - 1.505e-6 * a**3 + 4.767e-9 * a**4
     return float(10 ** (-0.4 * magnitude))
@@ -102,8 +100,12 @@ def lambert_albedo(law: str, geometric_albedo: float, phase_deg: float) -> float
 
 def far_field_irradiance_wm2(planet: Planet) -> float:
     """Irradiance of a facing surface by the formula for a distant point; to compare with ``irradiance_wm2``."""
-    return (planet.geometric_albedo * phase_function(planet.phase_law, planet.phase_deg)
-            * planet.sun_irradiance_wm2 * math.sin(math.radians(planet.angular_diameter_deg / 2)) ** 2)
+    return (
+        planet.geometric_albedo
+        * phase_function(planet.phase_law, planet.phase_deg)
+        * planet.sun_irradiance_wm2
+        * math.sin(math.radians(planet.angular_diameter_deg / 2)) ** 2
+    )
 
 
 @dataclass(frozen=True)
@@ -121,8 +123,9 @@ def ellipsoid(planet: Planet) -> Ellipsoid:
     radius = math.sin(math.radians(planet.angular_diameter_deg / 2))
     stretch = np.eye(3) + (1 / (1 - planet.flattening) - 1) * np.outer(planet.pole, planet.pole)
     albedo = lambert_albedo(planet.phase_law, planet.geometric_albedo, planet.phase_deg)
-    return Ellipsoid(radius, stretch, stretch @ -planet.direction / radius,
-                     albedo * planet.sun_irradiance_wm2 / math.pi)
+    return Ellipsoid(
+        radius, stretch, stretch @ -planet.direction / radius, albedo * planet.sun_irradiance_wm2 / math.pi
+    )
 
 
 class VisibleCap:
@@ -143,8 +146,9 @@ class VisibleCap:
 
     def sphere(self, angle: np.ndarray, around: np.ndarray) -> np.ndarray:
         """Unit vectors of the stretched space."""
-        return (np.cos(angle)[..., None] * self.axis + np.sin(angle)[..., None]
-                * (np.cos(around)[..., None] * self.x + np.sin(around)[..., None] * self.y))
+        return np.cos(angle)[..., None] * self.axis + np.sin(angle)[..., None] * (
+            np.cos(around)[..., None] * self.x + np.sin(around)[..., None] * self.y
+        )
 
     def position(self, sphere: np.ndarray) -> np.ndarray:
         """Relative to the observer."""
@@ -199,8 +203,14 @@ def cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
     distance = np.linalg.norm(position, axis=-1)
     ray = position / distance[..., None]
     # Areas of the stretched space go over with their normals: det(A) A⁻ᵀ n dA.
-    area = (seen.shape.radius**2 * (1 - planet.flattening) * (weight * np.sin(angle))[:, None] * seen.half_angle / 2
-            * (np.pi / nodes))
+    area = (
+        seen.shape.radius**2
+        * (1 - planet.flattening)
+        * (weight * np.sin(angle))[:, None]
+        * seen.half_angle
+        / 2
+        * (np.pi / nodes)
+    )
     solid_angle = -((sphere @ seen.shape.stretch) * ray).sum(axis=-1) * area / distance**2
     return CapNodes(sphere, ray, np.where(ray[..., 2] > 0, solid_angle, 0.0))
 
@@ -283,6 +293,8 @@ def disc_mesh(planet: Planet, rings: int = 48) -> Disc:
     here = np.arange(sectors)
     after = (here + 1) % sectors
     first = np.stack([0 * here, 1 + here, 1 + after, 0 * here], axis=1)
-    others = [np.stack([a + here, b + here, b + after, a + after], axis=1)
-              for a, b in ((1 + k * sectors, 1 + (k + 1) * sectors) for k in range(rings - 1))]
+    others = [
+        np.stack([a + here, b + here, b + after, a + after], axis=1)
+        for a, b in ((1 + k * sectors, 1 + (k + 1) * sectors) for k in range(rings - 1))
+    ]
     return Disc(seen.position(sphere), np.concatenate([first, *others]))

@@ -27,8 +27,12 @@ def _ring(inner_km: float, outer_km: float, optical_depth: float, albedo: float)
 
 
 #: NASA's Saturnian Rings Fact Sheet (NSSDCA): radii, and the middle of the ranges of optical depth and albedo.
-RINGS = {"C": _ring(74658.0, 91975.0, 0.15, 0.2), "B": _ring(91975.0, 117507.0, 1.5, 0.5),
-         "Cassini Division": _ring(117507.0, 122340.0, 0.1, 0.3), "A": _ring(122340.0, 136780.0, 0.6, 0.5)}
+RINGS = {
+    "C": _ring(74658.0, 91975.0, 0.15, 0.2),
+    "B": _ring(91975.0, 117507.0, 1.5, 0.5),
+    "Cassini Division": _ring(117507.0, 122340.0, 0.1, 0.3),
+    "A": _ring(122340.0, 136780.0, 0.6, 0.5),
+}
 #: Phase function of the particles, (1 - α/π)^n times what makes its mean one, with Callisto's n: Dones et al. 1993,
 #: Icarus 105, 184.
 _PHASE_POWER = 3.092
@@ -113,14 +117,20 @@ def ring_mesh(planet: Planet) -> RingMesh | None:
             seen = np.abs(ray @ planet.pole)
             phase = np.arccos(np.clip(-ray @ planet.sun, -1, 1))
             bright = brightness(ring, abs(up), seen, phase, up * height > 0)
-            parts.append((position, lit * planet.sun_irradiance_wm2 / math.pi * bright,
-                          np.exp(-ring.optical_depth / np.maximum(seen, 1e-9))))
+            parts.append(
+                (
+                    position,
+                    lit * planet.sun_irradiance_wm2 / math.pi * bright,
+                    np.exp(-ring.optical_depth / np.maximum(seen, 1e-9)),
+                )
+            )
     faces, first = [], 0
     for position, _, _ in parts:
         n, m = position.shape[:2]
         corner = first + (np.arange(n - 1)[:, None] * m + np.arange(m - 1)).ravel()
         faces.append(np.stack([corner, corner + m, corner + m + 1, corner + 1], axis=1))
         first += n * m
-    vertices, radiance, transmission = (np.concatenate([part[k].reshape(-1, 3) if k == 0 else part[k].ravel()
-                                                        for part in parts]) for k in range(3))
+    vertices, radiance, transmission = (
+        np.concatenate([part[k].reshape(-1, 3) if k == 0 else part[k].ravel() for part in parts]) for k in range(3)
+    )
     return RingMesh(vertices, np.concatenate(faces), radiance, transmission)

@@ -52,11 +52,17 @@ class SceneSun:
 
     def to_json(self) -> dict[str, Any]:
         """The table ``light.sun`` of ``pair.json``."""
-        return {"source": self.source, "direction_to_world": self.direction.tolist(),
-                "elevation_deg": self.elevation_deg, "azimuth_deg": self.azimuth_deg,
-                "irradiance_wm2": self.irradiance_wm2, "angular_diameter_deg": self.angular_diameter_deg,
-                "ground_irradiance_wm2": self.ground_irradiance_wm2, "eclipse": self.eclipse,
-                **({"distance_m": self.distance_m} if self.distance_m else {})}
+        return {
+            "source": self.source,
+            "direction_to_world": self.direction.tolist(),
+            "elevation_deg": self.elevation_deg,
+            "azimuth_deg": self.azimuth_deg,
+            "irradiance_wm2": self.irradiance_wm2,
+            "angular_diameter_deg": self.angular_diameter_deg,
+            "ground_irradiance_wm2": self.ground_irradiance_wm2,
+            "eclipse": self.eclipse,
+            **({"distance_m": self.distance_m} if self.distance_m else {}),
+        }
 
 
 def described_by(facts: Mapping[str, Any], source: str) -> SceneSun:
@@ -64,17 +70,27 @@ def described_by(facts: Mapping[str, Any], source: str) -> SceneSun:
     direction = np.array(facts["direction_to_world"])
     diameter, eclipse = facts["angular_diameter_deg"], facts["eclipse"]
     is_up = elevation_deg(direction) + diameter / 2 > 0
-    return SceneSun(direction, facts["irradiance_wm2"] * (1.0 - eclipse) if is_up else 0.0, diameter, source, eclipse,
-                    facts.get("distance_m", 0.0))
+    return SceneSun(
+        direction,
+        facts["irradiance_wm2"] * (1.0 - eclipse) if is_up else 0.0,
+        diameter,
+        source,
+        eclipse,
+        facts.get("distance_m", 0.0),
+    )
 
 
-def as_it_stands(described: SceneSun, direction: np.ndarray, irradiance_wm2: float, angular_diameter_deg: float,
-                 distance_m: float) -> SceneSun:
+def as_it_stands(
+    described: SceneSun, direction: np.ndarray, irradiance_wm2: float, angular_diameter_deg: float, distance_m: float
+) -> SceneSun:
     """The Sun of a lamp that was set up as ``described`` and that the user may have turned or changed since."""
     stands = np.array([*direction, distance_m])
-    same = (np.allclose(stands, [*described.direction, described.distance_m], rtol=_SAME, atol=_SAME) and np.allclose(
-        [irradiance_wm2, angular_diameter_deg], [described.irradiance_wm2, described.angular_diameter_deg],
-        rtol=_SAME, atol=1e-9))
+    same = np.allclose(stands, [*described.direction, described.distance_m], rtol=_SAME, atol=_SAME) and np.allclose(
+        [irradiance_wm2, angular_diameter_deg],
+        [described.irradiance_wm2, described.angular_diameter_deg],
+        rtol=_SAME,
+        atol=1e-9,
+    )
     shown = direction / np.linalg.norm(direction)
     if same:  # The lamp is in single precision, and at a grazing Sun that is a percent of the light of the images.
         return replace(described, direction=shown)
@@ -87,8 +103,9 @@ def from_json(light: Any) -> SceneSun | None:
     try:
         sun: Mapping[str, Any] = light["sun"]
         direction = np.array(sun["direction_to_world"], np.float64)
-        numbers = [float(sun.get(key, 0.0)) for key in ("irradiance_wm2", "angular_diameter_deg", "eclipse",
-                                                        "distance_m")]
+        numbers = [
+            float(sun.get(key, 0.0)) for key in ("irradiance_wm2", "angular_diameter_deg", "eclipse", "distance_m")
+        ]
         source = str(sun.get("source", ""))
     except (AttributeError, KeyError, TypeError, ValueError):
         return None

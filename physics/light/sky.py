@@ -51,8 +51,11 @@ class Sky:
     @property
     def planet_is_up(self) -> bool:
         """Whether any of the planet is above the horizon."""
-        return (self.planet is not None and self.planet.angular_diameter_deg > 0
-                and elevation_deg(self.planet.direction) + self.planet.angular_diameter_deg / 2 > 0)
+        return (
+            self.planet is not None
+            and self.planet.angular_diameter_deg > 0
+            and elevation_deg(self.planet.direction) + self.planet.angular_diameter_deg / 2 > 0
+        )
 
     @property
     def above_ring_plane_deg(self) -> float | None:
@@ -104,8 +107,9 @@ def azimuth_deg(direction: np.ndarray) -> float:
 _RADIUS_DOUBT = 0.05
 
 
-def check_body(settings: Settings, fix: str = "set light.body to what this is, with kernels, or light.directions_from "
-               "to ANGLES.") -> None:
+def check_body(
+    settings: Settings, fix: str = "set light.body to what this is, with kernels, or light.directions_from to ANGLES."
+) -> None:
     """Raise IcyMoonError if a date would give the ground of one body the sky of another; ``fix`` ends its sentence."""
     light, radius_km = settings.light, settings.terrain.body_radius_m / 1000.0
     body = BODIES.get(light.body.strip().upper())
@@ -113,9 +117,11 @@ def check_body(settings: Settings, fix: str = "set light.body to what this is, w
         return
     own_km = math.prod(body.radii_km) ** (1 / 3)
     if abs(radius_km / own_km - 1) > _RADIUS_DOUBT:
-        raise IcyMoonError(f"light.body is {light.body}, which has a radius of {own_km:.0f} km, but "
-                           f"terrain.body_radius_m is that of a body of {radius_km:.0f} km, which has another "
-                           f"sky; {fix}")
+        raise IcyMoonError(
+            f"light.body is {light.body}, which has a radius of {own_km:.0f} km, but "
+            f"terrain.body_radius_m is that of a body of {radius_km:.0f} km, which has another "
+            f"sky; {fix}"
+        )
 
 
 def sky(light: LightSettings, blend_folder: str | None = None) -> Sky:
@@ -127,16 +133,34 @@ def sky(light: LightSettings, blend_folder: str | None = None) -> Sky:
         return _sky_at_date(light, blend_folder)
     sun = toward(light.sun_azimuth_deg, light.sun_elevation_deg)
     irradiance = float(light.sun_irradiance_wm2)
-    planet = Planet(
-        toward(light.planet_azimuth_deg, light.planet_elevation_deg),
-        float(light.planet_angular_diameter_deg), float(light.planet_flattening),
-        # Moon and planet turn about axes within a degree of each other.
-        toward(0.0, light.latitude_deg), sun, irradiance, float(light.planet_albedo),
-        light.planet_phase_law, _rings(light), light.planet_face,
-        float(light.planet_spot_longitude_deg)) if light.planet else None
+    planet = (
+        Planet(
+            toward(light.planet_azimuth_deg, light.planet_elevation_deg),
+            float(light.planet_angular_diameter_deg),
+            float(light.planet_flattening),
+            # Moon and planet turn about axes within a degree of each other.
+            toward(0.0, light.latitude_deg),
+            sun,
+            irradiance,
+            float(light.planet_albedo),
+            light.planet_phase_law,
+            _rings(light),
+            light.planet_face,
+            float(light.planet_spot_longitude_deg),
+        )
+        if light.planet
+        else None
+    )
     diameter = float(light.sun_angular_diameter_deg)
-    return Sky(sun, irradiance, diameter, planet, hidden_share(planet, diameter) if planet else 0.0,
-               _stars_by_angles(light), float(light.sun_distance_m))
+    return Sky(
+        sun,
+        irradiance,
+        diameter,
+        planet,
+        hidden_share(planet, diameter) if planet else 0.0,
+        _stars_by_angles(light),
+        float(light.sun_distance_m),
+    )
 
 
 def _rings(light: LightSettings) -> tuple[Ring, ...]:
@@ -157,37 +181,57 @@ def _positions(light: LightSettings, blend_folder: str | None) -> Positions:
     if light.directions_from == "DATE":
         ephemeris.refuse_unknown_years(light.date_utc)
         return ephemeris.positions(light.body, *site)
-    return spice.positions(absolute_path(light.kernels, "light.kernels", blend_folder), light.body,
-                           light.parent, *site)
+    return spice.positions(absolute_path(light.kernels, "light.kernels", blend_folder), light.body, light.parent, *site)
 
 
 def _sky_at_date(light: LightSettings, blend_folder: str | None) -> Sky:
     at = _positions(light, blend_folder)
     irradiance = sun_irradiance_wm2(at.sun_distance_au)
-    planet = Planet(at.planet, apparent_diameter_deg(at.planet_equator_km, at.planet_distance_km),
-                    1 - at.planet_pole_km / at.planet_equator_km, at.planet_axis, at.sun, irradiance,
-                    float(light.planet_albedo), light.planet_phase_law,
-                    _rings(light) if at.planet_name in ("SATURN", "699") else (), light.planet_face,
-                    float(light.planet_spot_longitude_deg))
+    planet = Planet(
+        at.planet,
+        apparent_diameter_deg(at.planet_equator_km, at.planet_distance_km),
+        1 - at.planet_pole_km / at.planet_equator_km,
+        at.planet_axis,
+        at.sun,
+        irradiance,
+        float(light.planet_albedo),
+        light.planet_phase_law,
+        _rings(light) if at.planet_name in ("SATURN", "699") else (),
+        light.planet_face,
+        float(light.planet_spot_longitude_deg),
+    )
     diameter = sun_diameter_deg(at.sun_distance_au)
-    return Sky(at.sun, irradiance, diameter, planet if light.planet else None, hidden_share(planet, diameter),
-               at.from_j2000)
+    return Sky(
+        at.sun, irradiance, diameter, planet if light.planet else None, hidden_share(planet, diameter), at.from_j2000
+    )
 
 
 def sky_facts(shown: Sky) -> dict[str, Any]:
     """The ``light`` table of ``pair.json``."""
     planet, on_ground = shown.planet, shown.ground_irradiance_wm2
-    return {"sun": {"direction_to_world": shown.sun.tolist(), "elevation_deg": shown.sun_elevation_deg,
-                    "azimuth_deg": azimuth_deg(shown.sun), "irradiance_wm2": shown.sun_irradiance_wm2,
-                    "angular_diameter_deg": shown.sun_diameter_deg,
-                    "ground_irradiance_wm2": on_ground[0], "eclipse": shown.eclipse,
-                    **({"distance_m": shown.sun_distance_m} if shown.sun_distance_m else {})},
-            "j2000_to_world": shown.from_j2000.tolist(),
-            "planet": None if planet is None else {
-                "direction_to_world": planet.direction.tolist(), "elevation_deg": elevation_deg(planet.direction),
-                "azimuth_deg": azimuth_deg(planet.direction), "phase_deg": planet.phase_deg,
-                "angular_diameter_deg": planet.angular_diameter_deg,
-                "irradiance_wm2": irradiance_wm2(planet),
-                "ground_irradiance_wm2": on_ground[1],
-                "over_sun": None if math.isinf(shown.planet_over_sun) else shown.planet_over_sun,
-                "above_ring_plane_deg": shown.above_ring_plane_deg}}
+    return {
+        "sun": {
+            "direction_to_world": shown.sun.tolist(),
+            "elevation_deg": shown.sun_elevation_deg,
+            "azimuth_deg": azimuth_deg(shown.sun),
+            "irradiance_wm2": shown.sun_irradiance_wm2,
+            "angular_diameter_deg": shown.sun_diameter_deg,
+            "ground_irradiance_wm2": on_ground[0],
+            "eclipse": shown.eclipse,
+            **({"distance_m": shown.sun_distance_m} if shown.sun_distance_m else {}),
+        },
+        "j2000_to_world": shown.from_j2000.tolist(),
+        "planet": None
+        if planet is None
+        else {
+            "direction_to_world": planet.direction.tolist(),
+            "elevation_deg": elevation_deg(planet.direction),
+            "azimuth_deg": azimuth_deg(planet.direction),
+            "phase_deg": planet.phase_deg,
+            "angular_diameter_deg": planet.angular_diameter_deg,
+            "irradiance_wm2": irradiance_wm2(planet),
+            "ground_irradiance_wm2": on_ground[1],
+            "over_sun": None if math.isinf(shown.planet_over_sun) else shown.planet_over_sun,
+            "above_ring_plane_deg": shown.above_ring_plane_deg,
+        },
+    }

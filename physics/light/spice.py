@@ -26,8 +26,9 @@ def has_spice() -> bool:
     return importlib.util.find_spec("spiceypy") is not None
 
 
-def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg: float,
-              longitude_deg: float) -> Positions:
+def positions(
+    kernels: Path, body: str, parent: str, date_utc: str, latitude_deg: float, longitude_deg: float
+) -> Positions:
     """Sun and planet over a site, with light time and stellar aberration.
 
     ``kernels`` is a meta-kernel, or a folder whose kernels are all loaded, see ``kernels.find_kernels``. ``body`` and
@@ -35,11 +36,15 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
     if the moon is one of another planet.
     """
     if not has_spice():
-        raise IcyMoonError("This Python has no SpiceyPy, which light.kernels needs; install icymoon[ephemeris] in it "
-                           "or set light.directions_from to DATE.")
+        raise IcyMoonError(
+            "This Python has no SpiceyPy, which light.kernels needs; install icymoon[ephemeris] in it "
+            "or set light.directions_from to DATE."
+        )
     if not kernels.exists():
-        raise IcyMoonError(f"light.kernels names {kernels}, which is not there{backslash_note(kernels)}; give a "
-                           "meta-kernel or a folder of kernels.")
+        raise IcyMoonError(
+            f"light.kernels names {kernels}, which is not there{backslash_note(kernels)}; give a "
+            "meta-kernel or a folder of kernels."
+        )
     date_utc = date_text(parse_date(date_utc))  # SPICE reads other texts too, and some of them as other dates
     spice = importlib.import_module("spiceypy")
     try:
@@ -49,14 +54,17 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
         return _positions(spice, body.strip().upper(), parent.strip().upper(), date_utc, latitude_deg, longitude_deg)
     except spice.utils.exceptions.SpiceyError as error:
         said = " ".join((getattr(error, "long", "") or str(error)).split(". ")[0].split()).rstrip(".")
-        raise IcyMoonError(f"{kernels} cannot give the sky of {body} at {date_utc}: {said}; add kernels "
-                           "that cover body and date, or set light.directions_from to DATE.") from None
+        raise IcyMoonError(
+            f"{kernels} cannot give the sky of {body} at {date_utc}: {said}; add kernels "
+            "that cover body and date, or set light.directions_from to DATE."
+        ) from None
     finally:
         spice.kclear()
 
 
-def _positions(spice: Any, body: str, parent: str, date_utc: str, latitude_deg: float,
-               longitude_deg: float) -> Positions:
+def _positions(
+    spice: Any, body: str, parent: str, date_utc: str, latitude_deg: float, longitude_deg: float
+) -> Positions:
     time = spice.str2et(date_utc)
     frame = f"IAU_{body}"
     _refuse_other_planet(spice, body, parent)
@@ -73,8 +81,17 @@ def _positions(spice: Any, body: str, parent: str, date_utc: str, latitude_deg: 
     planet_radii = spice.bodvrd(parent, "RADII", 3)[1]
     axis = np.asarray(spice.pxform(f"IAU_{parent}", frame, time))[:, 2]
     sun_km, planet_km = float(np.linalg.norm(sun)), float(np.linalg.norm(planet))
-    return Positions(sun / sun_km, sun_km / AU_KM, parent, planet / planet_km, planet_km, float(planet_radii[0]),
-                     float(planet_radii[2]), axes @ axis, axes @ np.asarray(spice.pxform("J2000", frame, time)))
+    return Positions(
+        sun / sun_km,
+        sun_km / AU_KM,
+        parent,
+        planet / planet_km,
+        planet_km,
+        float(planet_radii[0]),
+        float(planet_radii[2]),
+        axes @ axis,
+        axes @ np.asarray(spice.pxform("J2000", frame, time)),
+    )
 
 
 def _refuse_other_planet(spice: Any, body: str, parent: str) -> None:
@@ -83,5 +100,6 @@ def _refuse_other_planet(spice: Any, body: str, parent: str) -> None:
     planet = number // 100 * 100 + 99
     if 100 < number < 1000 and number % 100 not in (0, 99) and spice.bods2c(parent) != planet:
         name = spice.bodc2n(planet).upper()
-        raise IcyMoonError(f"light.body is {body}, a moon of {name}, but light.parent is {parent}; set light.parent to "
-                           f"{name}.")
+        raise IcyMoonError(
+            f"light.body is {body}, a moon of {name}, but light.parent is {parent}; set light.parent to {name}."
+        )

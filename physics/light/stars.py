@@ -53,11 +53,13 @@ def read_catalogue() -> Catalogue:
     """
     with (Path(__file__).parent / "stars.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    ascension, declination, v_mag, b_v = (np.array([float(row[key]) for row in rows])
-                                          for key in ("ra_h", "dec_deg", "v_mag", "b_v"))
+    ascension, declination, v_mag, b_v = (
+        np.array([float(row[key]) for row in rows]) for key in ("ra_h", "dec_deg", "v_mag", "b_v")
+    )
     ascension, declination = np.radians(15 * ascension), np.radians(declination)
-    direction = np.stack([np.cos(declination) * np.cos(ascension), np.cos(declination) * np.sin(ascension),
-                          np.sin(declination)], axis=1)
+    direction = np.stack(
+        [np.cos(declination) * np.cos(ascension), np.cos(declination) * np.sin(ascension), np.sin(declination)], axis=1
+    )
     return Catalogue(tuple(row["name"] for row in rows), direction, v_mag, b_v)
 
 

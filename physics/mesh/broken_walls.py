@@ -40,8 +40,11 @@ _BLOCK = 16384
 def breaks_walls(settings: Settings) -> bool:
     """Whether the mesh of complete ``settings`` has walls that are broken where the cameras see them."""
     cracks, chaos, pits, mesh = settings.cracks, settings.chaos, settings.pits, settings.mesh
-    walls = ((chaos.edges == "BROKEN" and chaos.relief_m > 0.0) or (cracks.edges == "BROKEN" and cracks.depth_m > 0.0)
-             or (pits.depth_m > 0.0 and pits.coverage > 0.0))
+    walls = (
+        (chaos.edges == "BROKEN" and chaos.relief_m > 0.0)
+        or (cracks.edges == "BROKEN" and cracks.depth_m > 0.0)
+        or (pits.depth_m > 0.0 and pits.coverage > 0.0)
+    )
     return bool(walls and mesh.walls == "BROKEN" and mesh.kind == "GRADED" and settings.source.kind == "PROCEDURAL")
 
 
@@ -69,8 +72,9 @@ def scoops(points: np.ndarray, key: int) -> np.ndarray:
     for i, j, k in product((-1, 0, 1), repeat=3):
         place = hash_lattice(cell[:, 0] + i, cell[:, 1] + j, key) ^ hash_lattice(cell[:, 2] + k, zero, key)
         tilt = hash_lattice(place.astype(np.int64), zero, key)
-        off = [points[:, axis] - base[:, axis] - shift - _tenth_bits(place, axis)
-               for axis, shift in enumerate((i, j, k))]
+        off = [
+            points[:, axis] - base[:, axis] - shift - _tenth_bits(place, axis) for axis, shift in enumerate((i, j, k))
+        ]
         bowl = _EDGES + _DIFFER * to_uniform(hash_lattice(tilt.astype(np.int64), zero, key))
         for axis, along in enumerate(off):
             bowl += along * ((2.0 * _TILT) * (_tenth_bits(tilt, axis) - 0.5) - _BOWL * along)
@@ -91,7 +95,7 @@ def chip_depth_m(points: np.ndarray, walls: Walls, finest_m: np.ndarray) -> np.n
         share = np.clip(width / finest_m - 1.0, 0.0, 1.0)
         some = np.flatnonzero(share)
         for start in range(0, len(some), _BLOCK):
-            here = some[start:start + _BLOCK]
+            here = some[start : start + _BLOCK]
             total[here] += share[here] * (_DEPTH * width) * scoops(points[here] / width, walls.key + octave)
     return total
 
@@ -109,8 +113,9 @@ def face_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.cross(b - a, c - a)
 
 
-def break_walls(positions: np.ndarray, faces: np.ndarray, walls: Walls, spacing_m: np.ndarray, pixel_m: np.ndarray,
-                most: int) -> Broken:
+def break_walls(
+    positions: np.ndarray, faces: np.ndarray, walls: Walls, spacing_m: np.ndarray, pixel_m: np.ndarray, most: int
+) -> Broken:
     """Break the walls of a mesh whose vertices are ``spacing_m`` (n,) apart on the map.
 
     Pixels are ``pixel_m`` (n,) wide, and infinite where nothing is seen; walls are left there. Long sides of triangles
@@ -127,11 +132,14 @@ def break_walls(positions: np.ndarray, faces: np.ndarray, walls: Walls, spacing_
         if not len(edges) or len(positions) + len(edges) > most:
             break
         middle = np.where(sides >= 0, len(positions) + sides, -1)
-        positions, seen_m, spacing_m = (np.concatenate([each, each[edges].mean(axis=1)])
-                                        for each in (positions, seen_m, spacing_m))
+        positions, seen_m, spacing_m = (
+            np.concatenate([each, each[edges].mean(axis=1)]) for each in (positions, seen_m, spacing_m)
+        )
         added, part_of = split_sides(faces[some], middle)
-        faces, of_face = (np.concatenate([np.delete(whole, some, axis=0), new.astype(whole.dtype)])
-                          for whole, new in ((faces, added), (of_face, of_face[some][part_of])))
+        faces, of_face = (
+            np.concatenate([np.delete(whole, some, axis=0), new.astype(whole.dtype)])
+            for whole, new in ((faces, added), (of_face, of_face[some][part_of]))
+        )
     return Broken(positions - _chips(positions, faces, walls, np.isfinite(seen_m)), faces, of_face, spacing_m)
 
 
@@ -150,8 +158,10 @@ def _smooth_walls(positions: np.ndarray, faces: np.ndarray, free: np.ndarray) ->
         around = np.zeros((len(some), 3))
         for axis in range(3):
             at = positions[near, axis]
-            total = sum((np.bincount(near[:, k], at[:, (k + 1) % 3] + at[:, (k + 2) % 3], len(positions))
-                         for k in range(3)), start=np.zeros(len(positions)))
+            total = sum(
+                (np.bincount(near[:, k], at[:, (k + 1) % 3] + at[:, (k + 2) % 3], len(positions)) for k in range(3)),
+                start=np.zeros(len(positions)),
+            )
             around[:, axis] = (total / number)[some]
         positions[some] += (0.5 * wall[some])[:, None] * (around - positions[some])
     return positions
@@ -160,8 +170,16 @@ def _smooth_walls(positions: np.ndarray, faces: np.ndarray, free: np.ndarray) ->
 def _normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Sums (n, 3) of the normals of some triangles at each vertex."""
     of_faces = face_normals(positions, faces)
-    return np.stack([sum((np.bincount(faces[:, k], of_faces[:, axis], len(positions)) for k in range(3)),
-                         start=np.zeros(len(positions))) for axis in range(3)], axis=1)
+    return np.stack(
+        [
+            sum(
+                (np.bincount(faces[:, k], of_faces[:, axis], len(positions)) for k in range(3)),
+                start=np.zeros(len(positions)),
+            )
+            for axis in range(3)
+        ],
+        axis=1,
+    )
 
 
 def _vertex_steepness(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -184,8 +202,9 @@ def _border(faces: np.ndarray, near: np.ndarray) -> np.ndarray:
     return np.concatenate([keys // len(near), keys % len(near)])
 
 
-def _long_sides(positions: np.ndarray, faces: np.ndarray, seen_m: np.ndarray) -> tuple[np.ndarray, np.ndarray,
-                                                                                       np.ndarray]:
+def _long_sides(
+    positions: np.ndarray, faces: np.ndarray, seen_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Long sides (k, 2) of walls, which of them the sides of triangles are (c, 3) or -1, and these triangles (c,)."""
     near = np.flatnonzero(np.isfinite(seen_m)[faces].any(axis=1))
     wall = near[steepness(face_normals(positions, faces[near])) > 0.0]

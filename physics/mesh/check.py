@@ -44,18 +44,24 @@ class MeshReport:
         """The report as lines of text, without counts of 0."""
         size = " x ".join(f"{e:.4g}" for e in self.extents_m)
         rim = f" beside the outer rim ({count_of(self.boundary_edges, 'open edge')})"
-        counted = ((self.non_finite_vertices, ("vertex", "vertices"), " without finite coordinates"),
-                   (self.duplicate_vertices, ("duplicate vertex", "duplicate vertices"), ""),
-                   (self.duplicate_faces, ("duplicate face",), ""), (self.degenerate_faces, ("face",), " without area"),
-                   (max(self.boundary_loops - 1, 0), ("hole",), rim),
-                   (self.non_manifold_edges, ("edge",), " shared by more than two faces"),
-                   (self.inconsistent_edges, ("edge",), " between a face and a flipped one"),
-                   (max(self.parts - 1, 0), ("loose part",), " beside the largest"))
+        counted = (
+            (self.non_finite_vertices, ("vertex", "vertices"), " without finite coordinates"),
+            (self.duplicate_vertices, ("duplicate vertex", "duplicate vertices"), ""),
+            (self.duplicate_faces, ("duplicate face",), ""),
+            (self.degenerate_faces, ("face",), " without area"),
+            (max(self.boundary_loops - 1, 0), ("hole",), rim),
+            (self.non_manifold_edges, ("edge",), " shared by more than two faces"),
+            (self.inconsistent_edges, ("edge",), " between a face and a flipped one"),
+            (max(self.parts - 1, 0), ("loose part",), " beside the largest"),
+        )
         found = [count_of(n, *noun) + rest for n, noun, rest in counted if n]
         if self.facing_down > 0.001:
             found.append(f"{self.facing_down:.1%} of the area faces down")
-        return [f"{count_of(self.vertices, 'vertex', 'vertices')}, {count_of(self.triangles, 'triangle')}, {size} m, "
-                f"{self.area_m2:.4g} m²", *found]
+        return [
+            f"{count_of(self.vertices, 'vertex', 'vertices')}, {count_of(self.triangles, 'triangle')}, {size} m, "
+            f"{self.area_m2:.4g} m²",
+            *found,
+        ]
 
 
 def face_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -116,8 +122,13 @@ def _sort_edges(faces: np.ndarray, vertices: int) -> _Edges:
     order = np.argsort(low * vertices + high, kind="stable")
     key = (low * vertices + high)[order]
     first = np.flatnonzero(np.diff(key, prepend=-1))
-    return _Edges(order // 3, (begin < end)[order], first, np.diff(first, append=len(key)),
-                  np.stack([low[order][first], high[order][first]], axis=1))
+    return _Edges(
+        order // 3,
+        (begin < end)[order],
+        first,
+        np.diff(first, append=len(key)),
+        np.stack([low[order][first], high[order][first]], axis=1),
+    )
 
 
 def _neighbours(edges: _Edges) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -142,15 +153,22 @@ def examine(positions: np.ndarray, faces: np.ndarray) -> MeshReport:
     total = float(twice.sum())
     facing = np.abs(normals).sum(axis=0)
     return MeshReport(
-        vertices=len(positions), triangles=len(faces), non_finite_vertices=int((~finite).sum()),
+        vertices=len(positions),
+        triangles=len(faces),
+        non_finite_vertices=int((~finite).sum()),
         degenerate_faces=int(_degenerate(positions, good, twice).sum()),
         duplicate_vertices=int(finite.sum()) - len(find_equal_rows(positions[finite])[0]),
         duplicate_faces=len(good) - len(find_equal_rows(np.sort(good, axis=1))[0]),
-        boundary_edges=len(rim), boundary_loops=_count_groups(loops),
-        non_manifold_edges=int((edges.count > 2).sum()), inconsistent_edges=int((~alike).sum()),
+        boundary_edges=len(rim),
+        boundary_loops=_count_groups(loops),
+        non_manifold_edges=int((edges.count > 2).sum()),
+        inconsistent_edges=int((~alike).sum()),
         facing_down=float(twice[normals[:, 2] < 0].sum()) / total if total else 0.0,
-        parts=_count_groups(part), area_m2=total / 2,
-        extents_m=(float(size[0]), float(size[1]), float(size[2])), up=_AXES[int(np.argmax(facing))])
+        parts=_count_groups(part),
+        area_m2=total / 2,
+        extents_m=(float(size[0]), float(size[1]), float(size[2])),
+        up=_AXES[int(np.argmax(facing))],
+    )
 
 
 def _degenerate(positions: np.ndarray, faces: np.ndarray, twice_area: np.ndarray) -> np.ndarray:
@@ -163,8 +181,9 @@ def _degenerate(positions: np.ndarray, faces: np.ndarray, twice_area: np.ndarray
     return np.asarray(twice_area <= 1e-14 * np.maximum(away[faces].max(axis=1), 1e-30) ** 2)
 
 
-def repair(positions: np.ndarray, faces: np.ndarray,
-           uv: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+def repair(
+    positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """The mesh without parts that cannot be rendered, and with its upper side up.
 
     Drops faces with a vertex that is not a number, without area, or there twice; merges vertices of

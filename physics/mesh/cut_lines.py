@@ -55,15 +55,16 @@ def cut_along(places: np.ndarray, faces: np.ndarray, step_m: np.ndarray, line: L
     cut = _cut_fine(places[few], local.reshape(-1, 3), step_m[few], line, apart_m, few == 0)
     # The new places follow the old ones.
     number = np.concatenate([few, len(places) + np.arange(len(cut.places) - len(few))])
-    moved = np.concatenate([places, cut.places[len(few):]])
-    moved[few] = cut.places[:len(few)]
+    moved = np.concatenate([places, cut.places[len(few) :]])
+    moved[few] = cut.places[: len(few)]
     on_line = np.zeros(len(moved), bool)
     on_line[number] = cut.on_line
     return Cut(moved, np.concatenate([np.delete(faces, fine, axis=0), number[cut.faces].astype(faces.dtype)]), on_line)
 
 
-def _cut_fine(places: np.ndarray, faces: np.ndarray, step_m: np.ndarray, line: Line, apart_m: float,
-              fixed: np.ndarray) -> Cut:
+def _cut_fine(
+    places: np.ndarray, faces: np.ndarray, step_m: np.ndarray, line: Line, apart_m: float, fixed: np.ndarray
+) -> Cut:
     """Cut triangles with at least two corners that are fine enough; see ``cut_along``."""
     places, widest_m = np.array(places, np.float64), _WIDEST * apart_m
     value = line(places[:, 0], places[:, 1])
@@ -77,8 +78,9 @@ def _cut_fine(places: np.ndarray, faces: np.ndarray, step_m: np.ndarray, line: L
     return _split(places, faces, value, on_line, _crossed(value, faces, widest_m), line, widest_m)
 
 
-def _move_without_folding(places: np.ndarray, faces: np.ndarray, which: np.ndarray, moved: np.ndarray,
-                          step_m: np.ndarray) -> np.ndarray:
+def _move_without_folding(
+    places: np.ndarray, faces: np.ndarray, which: np.ndarray, moved: np.ndarray, step_m: np.ndarray
+) -> np.ndarray:
     """Move places, in place, except those by which a triangle would lose nearly all of its area; which moved (n,)."""
     start, on_line = places[which].copy(), np.zeros(len(places), bool)
     places[which], on_line[which] = moved, True
@@ -120,8 +122,15 @@ def _move_onto(start: np.ndarray, line: Line, furthest_m: np.ndarray) -> tuple[n
     return places, (np.hypot(*(places - start).T) <= furthest_m) & (left < 1e-3 * furthest_m)
 
 
-def _split(places: np.ndarray, faces: np.ndarray, value: np.ndarray, on_line: np.ndarray, crossed: np.ndarray,
-           line: Line, widest_m: float) -> Cut:
+def _split(
+    places: np.ndarray,
+    faces: np.ndarray,
+    value: np.ndarray,
+    on_line: np.ndarray,
+    crossed: np.ndarray,
+    line: Line,
+    widest_m: float,
+) -> Cut:
     some = faces[crossed]
     pairs = np.stack([np.sort(some[:, [k, (k + 1) % 3]], axis=1) for k in range(3)], axis=1)  # (c, 3 edges, 2)
     cut = _crosses(value, pairs[..., 0], pairs[..., 1], widest_m)

@@ -75,9 +75,11 @@ def displacement_advice(settings: Settings, spacing_m: float) -> list[str]:
     share = carried_share(surface, spacing_m)
     if share > _MOST_CARRIED:
         return []
-    return [f"surface.relief is DISPLACEMENT, but the nearest vertices are {show_rounded(1e3 * spacing_m)} mm apart, "
-            f"so the mesh has {share:.0%} of the height of the fine relief; set surface.relief to REAL, or make the "
-            "mesh finer."]
+    return [
+        f"surface.relief is DISPLACEMENT, but the nearest vertices are {show_rounded(1e3 * spacing_m)} mm apart, "
+        f"so the mesh has {share:.0%} of the height of the fine relief; set surface.relief to REAL, or make the "
+        "mesh finer."
+    ]
 
 
 def nearest_m(rig: RigSettings) -> float:

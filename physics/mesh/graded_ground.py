@@ -74,8 +74,9 @@ class Graded:
     def drop_m(self, x_m: Any, y_m: Any) -> Any:
         """How far the body's roundness takes the ground under the tangent plane there, in metres."""
         at = self.grading.view
-        return drop_m(np.hypot(np.asarray(x_m, np.float64) - at.x_m, np.asarray(y_m, np.float64) - at.y_m),
-                      self.body_radius_m)
+        return drop_m(
+            np.hypot(np.asarray(x_m, np.float64) - at.x_m, np.asarray(y_m, np.float64) - at.y_m), self.body_radius_m
+        )
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Vertices (n, 3) in metres, triangles (m, 3) int32, counter-clockwise from above, and sharp edges (k, 2).
@@ -90,8 +91,9 @@ class Graded:
         rings = self.grading.rings
         x, y = rings.map_positions()
         step = rings.of_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m)
-        places = np.stack([_round_to_single(x + self.grading.view.x_m), _round_to_single(y + self.grading.view.y_m)],
-                          axis=1)
+        places = np.stack(
+            [_round_to_single(x + self.grading.view.x_m), _round_to_single(y + self.grading.view.y_m)], axis=1
+        )
         faces, sharp = rings.faces(), np.empty((0, 2), np.int64)
         for line, apart_m in self._lines():
             cut = cut_along(places, faces, step, line, apart_m)
@@ -136,12 +138,13 @@ class Graded:
         split = split_triangles(whole.faces, seen[whole.faces].any(axis=1), len(seen), relief.parts)
         positions, step = split.spread(whole.positions), split.spread(step)
         inside = ~split.bordering
-        inside[:len(seen)] &= np.isin(np.arange(len(seen)), split.faces[split.cut])
+        inside[: len(seen)] &= np.isin(np.arange(len(seen)), split.faces[split.cut])
         finer = np.flatnonzero(inside)
         finest = step[finer] / relief.parts
         # Else fine relief stands for the ground below the spacing before the cut, whose own waves are left out.
-        positions[finer] = self._raise(_round_to_single(positions[finer, :2]),
-                                       finest if relief.everywhere else step[finer])
+        positions[finer] = self._raise(
+            _round_to_single(positions[finer, :2]), finest if relief.everywhere else step[finer]
+        )
         spacing = np.full(len(positions), np.inf)
         spacing[finer] = finest
         return GradedMesh(positions, split.faces, whole.sharp, spacing, split.cut)
@@ -152,8 +155,9 @@ class Graded:
         assert self.rig is not None
         east, north = self._from_the_site(whole.positions)
         above = whole.positions[:, 2] - whole.positions[0, 2] - at.height_m
-        pixel_m = np.where(is_seen(self.rig, east, north, above),
-                           at.nearest_m(np.hypot(east, north)) / at.pixels_per_radian, np.inf)
+        pixel_m = np.where(
+            is_seen(self.rig, east, north, above), at.nearest_m(np.hypot(east, north)) / at.pixels_per_radian, np.inf
+        )
         spacing = np.zeros(len(above)) if whole.spacing_m is None else np.minimum(whole.spacing_m, _UNMOVED_M)
         broken = break_walls(whole.positions, whole.faces, walls, spacing, pixel_m, self.most)
         if whole.spacing_m is None or whole.fine is None:
@@ -169,22 +173,27 @@ class Graded:
         many = f"{wanted / 1e6:.3g} million" if wanted >= 1e5 else f"{wanted:.0f}"
         if self.grading.error_px <= mesh.error_px:
             return [self._relief_advice(settings, many)]
-        return [f"A mesh within {mesh.error_px:g} px would take {many} vertices; this one keeps to mesh.most "
-                f"({mesh.most}) and is within {self.grading.error_px:.2g} px. Raise mesh.most, or mesh.error_px and "
-                "mesh.edge_px."]
-
+        return [
+            f"A mesh within {mesh.error_px:g} px would take {many} vertices; this one keeps to mesh.most "
+            f"({mesh.most}) and is within {self.grading.error_px:.2g} px. Raise mesh.most, or mesh.error_px and "
+            "mesh.edge_px."
+        ]
 
     def _relief_advice(self, settings: Settings, many: str) -> str:
         relief, at = self.grading.relief, self.grading.view
         if settings.mesh.seen == "FINE":
             parts = relief.parts if relief else 1
-            return (f"Ground that is finer where the cameras see it takes a mesh of {many} vertices. This one keeps to "
-                    f"mesh.most ({settings.mesh.most}), so sides of its triangles there are in {parts} parts instead "
-                    f"of {PARTS}. Raise mesh.most, or set mesh.seen to EVEN.")
+            return (
+                f"Ground that is finer where the cameras see it takes a mesh of {many} vertices. This one keeps to "
+                f"mesh.most ({settings.mesh.most}), so sides of its triangles there are in {parts} parts instead "
+                f"of {PARTS}. Raise mesh.most, or set mesh.seen to EVEN."
+            )
         spacing_m = relief.spacing_px * nearest_m(settings.rig) / at.pixels_per_radian if relief else math.inf
-        return (f"Fine relief as fine as the image takes a mesh of {many} vertices. This one keeps to mesh.most "
-                f"({settings.mesh.most}), so {carried_share(settings.surface, spacing_m):.0%} of the height of the "
-                "nearest relief is geometry and the rest is bump. Raise mesh.most, or set surface.relief to BUMP.")
+        return (
+            f"Fine relief as fine as the image takes a mesh of {many} vertices. This one keeps to mesh.most "
+            f"({settings.mesh.most}), so {carried_share(settings.surface, spacing_m):.0%} of the height of the "
+            "nearest relief is geometry and the rest is bump. Raise mesh.most, or set surface.relief to BUMP."
+        )
 
 
 def _round_to_single(values: np.ndarray) -> np.ndarray:
@@ -198,5 +207,12 @@ def grade_ground(ground: Terrain, settings: Settings) -> Graded:
     broken, most = breaks_walls(settings), int(settings.mesh.most)
     # By the rounded crests, so that cutting them changes no spacing.
     grading = grade(ground, settings | {"mesh": settings.mesh | {"most": int(BEFORE * most)}} if broken else settings)
-    return Graded(ground.with_sharp_crests() if cuts_crests else ground, grading, float(settings.terrain.body_radius_m),
-                  cuts_crests, settings.rig, broken, most)
+    return Graded(
+        ground.with_sharp_crests() if cuts_crests else ground,
+        grading,
+        float(settings.terrain.body_radius_m),
+        cuts_crests,
+        settings.rig,
+        broken,
+        most,
+    )

@@ -79,8 +79,7 @@ def view_of(rig: RigSettings) -> View:
     half_width = rig.sensor_width_mm / 2 / rig.focal_length_mm
     half_height = half_width * rig.height_px / rig.width_px
     stretch = 1.0 + (half_width**2 + half_height**2) / 3.0
-    return View(rig.x_m, rig.y_m, rig.height_m, rig.baseline_m,
-                rig.width_px / (2.0 * half_width) * stretch)
+    return View(rig.x_m, rig.y_m, rig.height_m, rig.baseline_m, rig.width_px / (2.0 * half_width) * stretch)
 
 
 @dataclass(frozen=True)
@@ -187,8 +186,7 @@ class _Probe:
         self._share = np.stack([1.0 - root, root * (1.0 - second), root * second])  # even over a triangle
         self._z = ground.heights(self._x, self._y)
         toward = np.minimum(radius, at.baseline_m)  # the other eye, on the side of the ground looked at
-        self._to_eye = np.stack([(toward - radius) * east, (toward - radius) * north,
-                                 ground_m + at.height_m - self._z])
+        self._to_eye = np.stack([(toward - radius) * east, (toward - radius) * north, ground_m + at.height_m - self._z])
         self._far = np.maximum(np.linalg.norm(self._to_eye, axis=0), _CLOSEST * at.height_m)
         self._spacing = at.nearest_m(radius) / at.pixels_per_radian
 
@@ -230,8 +228,9 @@ def _measure_curve(probe: _Probe, longest_px: float, error_px: float) -> tuple[n
 def _interpolate(x: float, xs: np.ndarray, ys: np.ndarray) -> float:
     """``ys`` at ``x``, a power law between points; ``xs`` rises."""
     tiny = 1e-30
-    return math.exp(float(np.interp(math.log(max(x, tiny)), np.log(np.maximum(xs, tiny)),
-                                    np.log(np.maximum(ys, tiny)))))
+    return math.exp(
+        float(np.interp(math.log(max(x, tiny)), np.log(np.maximum(xs, tiny)), np.log(np.maximum(ys, tiny))))
+    )
 
 
 def _count_vertices(grading: Grading) -> float:
@@ -255,17 +254,19 @@ def grade(ground: Terrain, settings: Settings) -> Grading:
     longest = mesh.edge_px / EDGE_OVER_SPACING
     probes = []
     for k, distance in enumerate(nearest):
-        low, high = (at.baseline_m + math.sqrt(max(d * d - at.height_m**2, 0.0)) for d in
-                     (distance / math.sqrt(2.0), min(distance * math.sqrt(2.0), last)))
+        low, high = (
+            at.baseline_m + math.sqrt(max(d * d - at.height_m**2, 0.0))
+            for d in (distance / math.sqrt(2.0), min(distance * math.sqrt(2.0), last))
+        )
         probes.append(_Probe(ground, at, ground_m, 0.0 if k == 0 else low, high))
     curves = [_measure_curve(probe, longest, mesh.error_px) for probe in probes]
 
     def made(error_px: float, wider: float = 1.0) -> Grading:
         # Six digits, as powers differ between machines in the last ones.
-        pixels = np.array([float(f"{_interpolate(error_px, errors[::-1], spacings[::-1]):.5e}") for spacings,
-                           errors in curves])
-        return Grading(at, nearest, wider * pixels * nearest / at.pixels_per_radian, farthest, error_px, wanted,
-                       relief)
+        pixels = np.array(
+            [float(f"{_interpolate(error_px, errors[::-1], spacings[::-1]):.5e}") for spacings, errors in curves]
+        )
+        return Grading(at, nearest, wider * pixels * nearest / at.pixels_per_radian, farthest, error_px, wanted, relief)
 
     relief = relief_in_mesh(settings, at.pixels_per_radian)
     error, wider, wanted = float(mesh.error_px), 1.0, 0.0
@@ -287,6 +288,8 @@ def grade(ground: Terrain, settings: Settings) -> Grading:
         wider *= _COARSER
     if wider == 1.0 and error == mesh.error_px:
         return grading
-    left = [probe.error_px(spacing / distance * at.pixels_per_radian)
-            for probe, spacing, distance in zip(probes, grading.spacing_m, nearest, strict=True)]
+    left = [
+        probe.error_px(spacing / distance * at.pixels_per_radian)
+        for probe, spacing, distance in zip(probes, grading.spacing_m, nearest, strict=True)
+    ]
     return replace(grading, error_px=max(left))

@@ -40,8 +40,12 @@ class HeightMap:
         """West, east, south and north edge of the ground; west > east or south > north if there is no ground."""
         rows, columns = self.heights_m.shape
         half = self.size_m / 2
-        return (max(self.west_m, -half), min(self.west_m + (columns - 1) * self.pixel_m[0], half),
-                max(self.south_m, -half), min(self.south_m + (rows - 1) * self.pixel_m[1], half))
+        return (
+            max(self.west_m, -half),
+            min(self.west_m + (columns - 1) * self.pixel_m[0], half),
+            max(self.south_m, -half),
+            min(self.south_m + (rows - 1) * self.pixel_m[1], half),
+        )
 
     @property
     def resolution_m(self) -> float:
@@ -74,8 +78,15 @@ class HeightMap:
         return above * (1.0 - v) + below * v
 
 
-def place_map(heights_m: np.ndarray, pixel_m: tuple[float, float], corner_m: tuple[float, float], *, centre: bool,
-              origin_m: tuple[float, float], size_m: float) -> tuple[HeightMap, tuple[float, float, float]]:
+def place_map(
+    heights_m: np.ndarray,
+    pixel_m: tuple[float, float],
+    corner_m: tuple[float, float],
+    *,
+    centre: bool,
+    origin_m: tuple[float, float],
+    size_m: float,
+) -> tuple[HeightMap, tuple[float, float, float]]:
     """A height map with its origin where the settings put it, and the shift (3,) that was added.
 
     ``corner_m`` are the file's own coordinates of the lower left pixel centre. With ``centre`` the
@@ -85,8 +96,7 @@ def place_map(heights_m: np.ndarray, pixel_m: tuple[float, float], corner_m: tup
     rows, columns = heights_m.shape
     middle = (corner_m[0] + (columns - 1) * pixel_m[0] / 2, corner_m[1] + (rows - 1) * pixel_m[1] / 2)
     reference = middle if centre else (0.0, 0.0)
-    shift = (-reference[0] - origin_m[0], -reference[1] - origin_m[1],
-             -float(np.median(heights_m)) if centre else 0.0)
+    shift = (-reference[0] - origin_m[0], -reference[1] - origin_m[1], -float(np.median(heights_m)) if centre else 0.0)
     moved = HeightMap(heights_m + shift[2], pixel_m, corner_m[0] + shift[0], corner_m[1] + shift[1], size_m)
     return moved, shift
 
@@ -115,8 +125,10 @@ def _fill(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
         return total
     rows, columns = total.shape
     even = ((0, rows % 2), (0, columns % 2))
-    blocks = [np.pad(a, even).reshape(math.ceil(rows / 2), 2, math.ceil(columns / 2), 2).sum(axis=(1, 3))
-              for a in (total * weight, weight)]
+    blocks = [
+        np.pad(a, even).reshape(math.ceil(rows / 2), 2, math.ceil(columns / 2), 2).sum(axis=(1, 3))
+        for a in (total * weight, weight)
+    ]
     coarse = _fill(blocks[0] / np.maximum(blocks[1], 1.0), np.minimum(blocks[1], 1.0))
     return np.where(weight > 0, total, _double(coarse, total.shape))
 
@@ -167,8 +179,10 @@ def clear_unmarked(values: np.ndarray) -> tuple[np.ndarray, list[str]]:
         gap = float(np.abs(others - mark).min())
         if gap > _ALONE * float(np.ptp(others)) and count < _MOST_MARKED * known.sum():
             values = np.where(values == mark, np.nan, values)
-            sentences.append(f"{count} pixel{'s' * (count != 1)} of exactly {mark:g}, {gap:.4g} from all other "
-                             "heights, were taken for missing; if they are not, set source.missing = none")
+            sentences.append(
+                f"{count} pixel{'s' * (count != 1)} of exactly {mark:g}, {gap:.4g} from all other "
+                "heights, were taken for missing; if they are not, set source.missing = none"
+            )
     return values, sentences
 
 

@@ -19,8 +19,12 @@ def horizon_m(eye_height_m: float, body_radius_m: float) -> float:
 
 def dip_deg(eye_height_m: float, body_radius_m: float) -> float:
     """Angle in degrees of a sphere's horizon under the horizontal at the eye: arccos(R / (R + h))."""
-    return math.degrees(math.atan2(horizon_m(eye_height_m, body_radius_m), body_radius_m * body_radius_m
-                                   / (body_radius_m + max(eye_height_m, 0.0))))
+    return math.degrees(
+        math.atan2(
+            horizon_m(eye_height_m, body_radius_m),
+            body_radius_m * body_radius_m / (body_radius_m + max(eye_height_m, 0.0)),
+        )
+    )
 
 
 def drop_m(distance_m: Any, body_radius_m: float) -> Any:

@@ -89,8 +89,7 @@ def _has_long_exponent(values: np.ndarray, is_digit: np.ndarray) -> bool:
 
 
 class Forms:
-    """The forms of lines that ``check`` has passed. It gets a line and raises ValueError or UnusualError for a bad one.
-    """
+    """Forms of lines that ``check`` has passed. It gets a line, and raises ValueError or UnusualError for a bad one."""
 
     def __init__(self, check: Callable[[bytes], object]) -> None:
         self._check, self._known = check, set[bytes]()

@@ -127,8 +127,9 @@ def _index(word: bytes, count: int, number: int) -> int:
     except ValueError:
         raise ValueError(f"the face of line {number} has {_quote([word])}, not the number of a vertex") from None
     if index == 0 or index < -count:
-        raise ValueError(f"the face of line {number} has vertex {shorten(str(index))}; they count from 1, or back "
-                         "from -1")
+        raise ValueError(
+            f"the face of line {number} has vertex {shorten(str(index))}; they count from 1, or back from -1"
+        )
     return index - 1 if index > 0 else count + index
 
 

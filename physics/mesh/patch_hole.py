@@ -10,8 +10,9 @@ _PINCHES = 8
 _ON_SIDE = 1.0e-3
 
 
-def cut_hole(positions: np.ndarray, faces: np.ndarray, bounds_m: tuple[float, float, float, float],
-             free_m: float) -> tuple[np.ndarray, np.ndarray] | None:
+def cut_hole(
+    positions: np.ndarray, faces: np.ndarray, bounds_m: tuple[float, float, float, float], free_m: float
+) -> tuple[np.ndarray, np.ndarray] | None:
     """Which triangles (m,) of a mesh stay, and the loop of vertices, counter-clockwise, round those that do not.
 
     All go whose box meets the rectangle west, south, east, north, widened by ``free_m``, those at a vertex where the
@@ -56,8 +57,9 @@ def _close_seams(positions: np.ndarray, faces: np.ndarray, meets: np.ndarray) ->
     return meets, rim[~np.isin(rim[:, 0] * many + rim[:, 1], seams[:, 0] * many + seams[:, 1])]
 
 
-def _find_seams(positions: np.ndarray, faces: np.ndarray,
-                meets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _find_seams(
+    positions: np.ndarray, faces: np.ndarray, meets: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Edges (k, 2) near the triangles to remove, the triangle of each edge (k,), and pairs (n, 2) of numbers of edges:
     the first belongs to a larger triangle, and the second lies along it."""
     used = np.zeros(len(positions), bool)

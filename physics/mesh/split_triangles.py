@@ -48,8 +48,7 @@ def split_triangles(faces: np.ndarray, which: np.ndarray, vertices: int, parts: 
         from_low = np.where(begin[:, side] == low[:, side], step, parts - step)
         return np.asarray(vertices + along * edge[:, side] + from_low - 1)
 
-    ids: dict[tuple[int, int], np.ndarray] = {
-        (0, 0): chosen[:, 0], (parts, 0): chosen[:, 1], (0, parts): chosen[:, 2]}
+    ids: dict[tuple[int, int], np.ndarray] = {(0, 0): chosen[:, 0], (parts, 0): chosen[:, 1], (0, parts): chosen[:, 2]}
     for k in range(1, parts):
         ids[k, 0], ids[parts - k, k], ids[0, parts - k] = on_edge(0, k), on_edge(1, k), on_edge(2, k)
     middle = [(i, j) for j in range(1, parts) for i in range(1, parts - j)]
@@ -62,14 +61,17 @@ def split_triangles(faces: np.ndarray, which: np.ndarray, vertices: int, parts: 
     share = np.tile(np.arange(1, parts) / parts, len(keys))
     ends = np.repeat(np.stack([keys // vertices, keys % vertices, keys % vertices], axis=1), along, axis=0)
     weights = np.array([[parts - i - j, i, j] for i, j in middle]).reshape(-1, 3) / parts
-    border = np.concatenate([np.zeros(vertices, bool), np.repeat(uses == 1, along),
-                             np.zeros(inside * len(chosen), bool)])
+    border = np.concatenate(
+        [np.zeros(vertices, bool), np.repeat(uses == 1, along), np.zeros(inside * len(chosen), bool)]
+    )
     border[np.unique(faces[~which])] = True
     return Split(
         np.concatenate([ends, np.repeat(chosen, inside, axis=0)]),
         np.concatenate([np.stack([1.0 - share, share, 0.0 * share], axis=1), np.tile(weights, (len(chosen), 1))]),
         np.concatenate([faces[~which], small]).astype(np.int32),
-        np.repeat([False, True], [int(np.sum(~which)), len(small)]), border)
+        np.repeat([False, True], [int(np.sum(~which)), len(small)]),
+        border,
+    )
 
 
 def split_sides(faces: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,8 +18,9 @@ def halve_coordinates(uv: np.ndarray) -> np.ndarray:
     """Coordinates of the triangles that ``subdivide.halve_edges`` cuts each triangle into, in its order."""
     a, b, c = uv[:, 0], uv[:, 1], uv[:, 2]
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-    return np.concatenate([np.stack(corners, axis=1) for corners in
-                           ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    return np.concatenate(
+        [np.stack(corners, axis=1) for corners in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+    )
 
 
 def repair_coordinates(uv: np.ndarray) -> tuple[np.ndarray | None, list[str]]:
@@ -34,7 +35,7 @@ def repair_coordinates(uv: np.ndarray) -> tuple[np.ndarray | None, list[str]]:
     found = [f"UV coordinates from {low[0]:.4g} to {high[0]:.4g} and {low[1]:.4g} to {high[1]:.4g}"]
     if not known.all():
         found.append(f"{int((~known).sum())} of {known.size} face corners have no UV coordinates; 0 is taken")
-    if (flat := int((area == 0).sum())):
+    if flat := int((area == 0).sum()):
         found.append(f"{flat} of {len(uv)} triangles have no area on the image")
     return kept, found
 

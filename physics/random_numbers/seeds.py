@@ -9,8 +9,20 @@ from __future__ import annotations
 import numpy as np
 
 #: The concerns, in an order that is never changed: the position is the child's spawn key.
-STREAMS = ("terrain", "rocks", "surface", "render", "sensor", "statistics", "stars", "plan", "stand_ins",
-           "training", "bake", "pose")
+STREAMS = (
+    "terrain",
+    "rocks",
+    "surface",
+    "render",
+    "sensor",
+    "statistics",
+    "stars",
+    "plan",
+    "stand_ins",
+    "training",
+    "bake",
+    "pose",
+)
 
 
 def stream(seed: int, concern: str, *index: int) -> np.random.SeedSequence:

@@ -23,8 +23,16 @@ def sides_passed(rig: RigSettings, right_m: np.ndarray, down_m: np.ndarray, dept
     larger = (1.0 + 2.0 * (rig.overscan + _MARGIN)) / 2.0
     wide = scale * (larger * rig.width_px + abs(rig.principal_x_px)) + math.tan(math.radians(abs(rig.toe_in_deg)))
     high = scale * (larger * rig.height_px + abs(rig.principal_y_px))
-    return np.stack([depth_m <= 0.0, down_m >= high * depth_m, -down_m >= high * depth_m, right_m <= -wide * depth_m,
-                     right_m >= wide * depth_m + rig.baseline_m], axis=-1)
+    return np.stack(
+        [
+            depth_m <= 0.0,
+            down_m >= high * depth_m,
+            -down_m >= high * depth_m,
+            right_m <= -wide * depth_m,
+            right_m >= wide * depth_m + rig.baseline_m,
+        ],
+        axis=-1,
+    )
 
 
 def is_seen(rig: RigSettings, east_m: np.ndarray, north_m: np.ndarray, above_m: np.ndarray) -> np.ndarray:

@@ -92,8 +92,9 @@ def euler_xyz(rotation: np.ndarray) -> np.ndarray:
     # Copies: of a strided view numpy takes now one, now another routine, as the result happens to lie in memory,
     # and they differ in the last bit.
     r = np.ascontiguousarray(np.moveaxis(rotation, 0, -1))
-    return np.stack([np.arctan2(r[2, 1], r[2, 2]), np.arcsin(np.clip(-r[2, 0], -1.0, 1.0)),
-                     np.arctan2(r[1, 0], r[0, 0])], axis=1)
+    return np.stack(
+        [np.arctan2(r[2, 1], r[2, 2]), np.arcsin(np.clip(-r[2, 0], -1.0, 1.0)), np.arctan2(r[1, 0], r[0, 0])], axis=1
+    )
 
 
 def euler_matrices(angles: np.ndarray) -> np.ndarray:
@@ -116,8 +117,14 @@ def _footprint_ground(xy: np.ndarray, radius: np.ndarray, surface: HeightAt) -> 
     return normal, (z - east[:, None] * dx - north[:, None] * dy).min(axis=1)
 
 
-def _extent(rotation: np.ndarray, scale: np.ndarray, level: np.ndarray, shape: np.ndarray, normal: np.ndarray,
-            shapes: Sequence[Sequence[Shape]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _extent(
+    rotation: np.ndarray,
+    scale: np.ndarray,
+    level: np.ndarray,
+    shape: np.ndarray,
+    normal: np.ndarray,
+    shapes: Sequence[Sequence[Shape]],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of turned rocks: the vertex (n, 3) deepest along the ground's normal, relative to the centre,
     the thickness (n,) along the normal, and the reach (n,) to any side, all in metres."""
     deepest, thickness, reach = np.empty((len(shape), 3)), np.empty(len(shape)), np.empty(len(shape))
@@ -132,9 +139,15 @@ def _extent(rotation: np.ndarray, scale: np.ndarray, level: np.ndarray, shape: n
     return deepest, thickness, reach
 
 
-def scatter(rocks: RocksSettings, size_m: float, seed: int, surface: HeightAt,
-            shapes: Sequence[Sequence[Shape]], clear_m: tuple[float, float, float],
-            beyond: View | None = None) -> Rocks:
+def scatter(
+    rocks: RocksSettings,
+    size_m: float,
+    seed: int,
+    surface: HeightAt,
+    shapes: Sequence[Sequence[Shape]],
+    clear_m: tuple[float, float, float],
+    beyond: View | None = None,
+) -> Rocks:
     """The rocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
 
     ``shapes[level][shape]`` are what to choose from; ``clear_m`` is a circle (east, north, radius)
@@ -153,17 +166,27 @@ def scatter(rocks: RocksSettings, size_m: float, seed: int, surface: HeightAt,
     drawn = draw_beyond(rocks, size_m, beyond, generator(seed, "rocks", _BEYOND))
     rank = np.argsort(np.argsort(-drawn.angle_rad, kind="stable"))
     level = np.searchsorted(LEVEL_RANKS, rank, side="right")
-    far = _lay(rocks, drawn.places_m, drawn.diameter_m, level, generator(seed, "rocks", _BEYOND, _POSES), surface,
-               shapes, clear_m)
-    arrays = {f.name: np.concatenate([getattr(made, f.name), getattr(far, f.name)]) for f in fields(made)
-              if f.name not in ("smallest_m", "beyond_rad")}
+    far = _lay(
+        rocks,
+        drawn.places_m,
+        drawn.diameter_m,
+        level,
+        generator(seed, "rocks", _BEYOND, _POSES),
+        surface,
+        shapes,
+        clear_m,
+    )
+    arrays = {
+        f.name: np.concatenate([getattr(made, f.name), getattr(far, f.name)])
+        for f in fields(made)
+        if f.name not in ("smallest_m", "beyond_rad")
+    }
     return Rocks(**arrays, smallest_m=smallest, beyond_rad=drawn.smallest_rad)
 
 
 def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[np.ndarray, np.ndarray, float]:
     """Places (n, 2) and diameters (n,) that follow the law of sizes, largest first, and the smallest diameter."""
-    diameter, smallest = draw_diameters(size_law(rocks), size_m**2, int(rocks.most),
-                                        generator(seed, "rocks", _SIZES))
+    diameter, smallest = draw_diameters(size_law(rocks), size_m**2, int(rocks.most), generator(seed, "rocks", _SIZES))
     # Rocks stay on the patch: places are drawn on all of it, then drawn in by half a diameter.
     xy = draw_places(rocks, len(diameter), size_m, generator(seed, "rocks", _PLACES))
     xy *= np.maximum(1.0 - diameter / size_m, 0.0)[:, None]
@@ -173,12 +196,20 @@ def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[np.nda
 def _read_places(rocks: RocksSettings) -> tuple[np.ndarray, np.ndarray, float]:
     """The same of the user's table; the smallest diameter is 0 unless some rocks are left out."""
     table = read_table(absolute_path(rocks.file, "rocks.file"))
-    kept = table[:int(rocks.most)]
+    kept = table[: int(rocks.most)]
     return kept[:, :2].copy(), kept[:, 2].copy(), float(kept[-1, 2]) if 0 < len(kept) < len(table) else 0.0
 
 
-def _lay(rocks: RocksSettings, xy: np.ndarray, diameter: np.ndarray, level: np.ndarray, random: np.random.Generator,
-         surface: HeightAt, shapes: Sequence[Sequence[Shape]], clear_m: tuple[float, float, float]) -> Rocks:
+def _lay(
+    rocks: RocksSettings,
+    xy: np.ndarray,
+    diameter: np.ndarray,
+    level: np.ndarray,
+    random: np.random.Generator,
+    surface: HeightAt,
+    shapes: Sequence[Sequence[Shape]],
+    clear_m: tuple[float, float, float],
+) -> Rocks:
     """Rocks of given places (n, 2), diameters and levels of detail in poses at rest on the ground."""
     n = len(diameter)
     shape = random.integers(0, len(shapes[0]), n)
@@ -201,12 +232,25 @@ def _lay(rocks: RocksSettings, xy: np.ndarray, diameter: np.ndarray, level: np.n
     z -= np.maximum(np.nan_to_num(z + deepest[:, 2] - beneath, nan=0.0), 0.0)
 
     kept = np.isfinite(z) & (np.hypot(xy[:, 0] - clear_m[0], xy[:, 1] - clear_m[1]) > clear_m[2] + reach)
-    return Rocks(np.column_stack([xy, z])[kept], euler_xyz(rotation)[kept], scale[kept], level[kept], shape[kept],
-                 diameter[kept], reach[kept])
+    return Rocks(
+        np.column_stack([xy, z])[kept],
+        euler_xyz(rotation)[kept],
+        scale[kept],
+        level[kept],
+        shape[kept],
+        diameter[kept],
+        reach[kept],
+    )
 
 
-def rest_on(rocks: Rocks, which: np.ndarray, xy: np.ndarray, surface: HeightAt, before: HeightAt,
-            shapes: Sequence[Sequence[Shape]]) -> tuple[np.ndarray, np.ndarray]:
+def rest_on(
+    rocks: Rocks,
+    which: np.ndarray,
+    xy: np.ndarray,
+    surface: HeightAt,
+    before: HeightAt,
+    shapes: Sequence[Sequence[Shape]],
+) -> tuple[np.ndarray, np.ndarray]:
     """Positions (m, 3) and Euler angles (m, 3) of the rocks ``which`` (m,) laid loosely on other places (m, 2).
 
     A rock turns from the slope under its footprint on the ground ``before`` to that on ``surface``, and is lowered

@@ -61,8 +61,12 @@ def icosphere(subdivisions: int) -> tuple[np.ndarray, np.ndarray]:
     near = np.abs(np.linalg.norm(vertices[:, None] - vertices, axis=2) - 2.0) < 1e-9
     triangles = np.array([t for t in combinations(range(12), 3) if all(near[a, b] for a, b in combinations(t, 2))])
     corners = vertices[triangles]
-    inward = np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]),
-                       corners.sum(axis=1)) < 0
+    inward = (
+        np.einsum(
+            "ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners.sum(axis=1)
+        )
+        < 0
+    )
     triangles[inward] = triangles[inward][:, ::-1]
     for _ in range(subdivisions):
         edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
@@ -103,6 +107,7 @@ def _draw_planes(family: str, random: np.random.Generator) -> tuple[np.ndarray, 
 
 def _draw_cleavage(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals and distances from the centre of the planes that bound a rock of broken ice."""
+
     def unit(vectors: np.ndarray) -> np.ndarray:
         return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
@@ -134,8 +139,14 @@ def _hull_area(points: np.ndarray) -> float:
     def chain(sequence: list[list[float]]) -> list[list[float]]:
         hull: list[list[float]] = []
         for p in sequence:
-            while len(hull) > 1 and ((hull[-1][0] - hull[-2][0]) * (p[1] - hull[-2][1])
-                                     - (hull[-1][1] - hull[-2][1]) * (p[0] - hull[-2][0])) <= 0:
+            while (
+                len(hull) > 1
+                and (
+                    (hull[-1][0] - hull[-2][0]) * (p[1] - hull[-2][1])
+                    - (hull[-1][1] - hull[-2][1]) * (p[0] - hull[-2][0])
+                )
+                <= 0
+            ):
                 hull.pop()
             hull.append(p)
         return hull[:-1]
@@ -158,8 +169,9 @@ def _round_edges(normals: np.ndarray, depths: np.ndarray, wear: float) -> list[t
     return levels
 
 
-def _blend_planes(normals: np.ndarray, depths: np.ndarray, angularity: float,
-                  random: np.random.Generator) -> list[tuple[np.ndarray, np.ndarray]]:
+def _blend_planes(
+    normals: np.ndarray, depths: np.ndarray, angularity: float, random: np.random.Generator
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """Vertices at every level of a boulder: planes blended smoothly, with low lumps; no plane faces."""
     power = 4.0 + 8.0 * angularity
     waves, phases = random.normal(0, 2.0, (5, 3)), random.uniform(0, 2 * np.pi, 5)
@@ -188,8 +200,9 @@ def _follow_edges(directions: np.ndarray, planes: np.ndarray, step: float) -> np
     return np.asarray(moved / np.linalg.norm(moved, axis=1, keepdims=True))
 
 
-def _break_ice(normals: np.ndarray, depths: np.ndarray, angularity: float,
-               random: np.random.Generator) -> list[tuple[np.ndarray, np.ndarray]]:
+def _break_ice(
+    normals: np.ndarray, depths: np.ndarray, angularity: float, random: np.random.Generator
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """Vertices at every level of a rock of broken ice, all of whose triangles are flat."""
     waves = [(random.normal(0, number, (3, 4)), random.uniform(0, 1, 4)) for number in _STEP_WAVES]
     power = 8.0 + 42.0 * angularity  # rounds edges by about a step of the finest mesh at 0.9
@@ -230,10 +243,17 @@ def _make_rock(family: str, angularity: float, random: np.random.Generator) -> l
     scale = np.array([across, across, 1.0 / (high[2] - low[2])])
     height = SLAB_HEIGHT if family == "SLABS" else 1.0
     # A worn boulder has no faces left.
-    planes = (normals / depths[:, None])[:1 if family == "BOULDERS" else None]
-    return [Shape((vertices - (low + high) / 2) * scale, icosphere(subdivisions)[1], plane, height,
-                  _faces_of(vertices, icosphere(subdivisions)[1], planes))
-            for subdivisions, (vertices, plane) in zip(sampled, levels, strict=True)]
+    planes = (normals / depths[:, None])[: 1 if family == "BOULDERS" else None]
+    return [
+        Shape(
+            (vertices - (low + high) / 2) * scale,
+            icosphere(subdivisions)[1],
+            plane,
+            height,
+            _faces_of(vertices, icosphere(subdivisions)[1], planes),
+        )
+        for subdivisions, (vertices, plane) in zip(sampled, levels, strict=True)
+    ]
 
 
 @lru_cache(maxsize=4)
@@ -244,6 +264,9 @@ def make_rock_shapes(family: str, angularity: float, seed: int) -> tuple[tuple[S
     to 1, freshly broken.
     """
     families = MIXED if family == "MIXED" else (family,)
-    rocks = [_make_rock(kind, angularity, generator(seed, "rocks", 0, FAMILIES.index(kind), k))
-              for k in range(PER_FAMILY) for kind in families]
+    rocks = [
+        _make_rock(kind, angularity, generator(seed, "rocks", 0, FAMILIES.index(kind), k))
+        for k in range(PER_FAMILY)
+        for kind in families
+    ]
     return tuple(zip(*rocks, strict=True))

@@ -141,8 +141,10 @@ def size_law(rocks: RocksSettings) -> SizeLaw:
     """
     smallest, largest = float(rocks.smallest_m), float(rocks.largest_m)
     if largest < smallest:
-        raise IcyMoonError(f"rocks.largest_m ({largest:g} m) is below rocks.smallest_m ({smallest:g} m); "
-                           "raise the one or lower the other.")
+        raise IcyMoonError(
+            f"rocks.largest_m ({largest:g} m) is below rocks.smallest_m ({smallest:g} m); "
+            "raise the one or lower the other."
+        )
     if rocks.law == "GOLOMBEK":
         return Golombek(float(rocks.coverage), smallest, largest)
     return PowerLaw(float(rocks.coverage), smallest, largest, float(rocks.power_index))

@@ -28,8 +28,9 @@ def read_table(path: Path) -> np.ndarray:
         values[k] = numbers
     wrong = ~np.isfinite(values).all(axis=1) | (values[:, 2] <= 0)
     if wrong.any():
-        raise IcyMoonError(f"{path}: line {rows[int(np.argmax(wrong))][0]} is no rock; give finite places and a "
-                           "diameter above 0.")
+        raise IcyMoonError(
+            f"{path}: line {rows[int(np.argmax(wrong))][0]} is no rock; give finite places and a diameter above 0."
+        )
     return values[np.argsort(-values[:, 2], kind="stable")]
 
 

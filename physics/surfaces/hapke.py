@@ -30,7 +30,7 @@ Array = np.ndarray
 
 H_FUNCTIONS = ("1981", "1993", "2002")
 #: Where K(filling factor) = -ln(1 - 1.209 f^(2/3)) / (1.209 f^(2/3)) becomes infinite.
-CLOSEST_PACKING = 1.209 ** -1.5
+CLOSEST_PACKING = 1.209**-1.5
 _TINY = 1e-300  # makes 0/0 forms finite and changes nothing else
 
 
@@ -80,30 +80,37 @@ class HapkeParameters:
         self._refuse("filling_factor", 0.0, CLOSEST_PACKING, "grains cannot be packed closer", open_high=True)
         # The smaller of p(0) and p(π); p is monotonic wherever one lobe counts negative.
         if np.any(np.minimum(*(phase_function(g, self.b, self.c) for g in (0.0, np.pi))) < 0.0):
-            raise IcyMoonError(f"Hapke: c is {self._shown('c')}, which makes the phase function negative with this b; "
-                               "-1 to 1 is right for every b.")
+            raise IcyMoonError(
+                f"Hapke: c is {self._shown('c')}, which makes the phase function negative with this b; "
+                "-1 to 1 is right for every b."
+            )
 
     def _shown(self, name: str) -> str:
         values = np.asarray(getattr(self, name), np.float64)
         return f"{values:g}" if values.ndim == 0 else f"{values.min():g} to {values.max():g}"
 
-    def _refuse(self, name: str, low: float, high: float, why: str, open_ends: bool = False,
-                open_high: bool = False) -> None:
+    def _refuse(
+        self, name: str, low: float, high: float, why: str, open_ends: bool = False, open_high: bool = False
+    ) -> None:
         values = np.asarray(getattr(self, name), np.float64)
         below = values <= low if open_ends else values < low
         above = values >= high if open_ends or open_high else values > high
         if np.any(below | above):
-            side = (f"at least {low:g}" if high == np.inf else
-                    f"{'above' if open_ends else 'from'} {low:g} {'and below' if open_ends or open_high else 'to'} "
-                    f"{high:.5g}")
+            side = (
+                f"at least {low:g}"
+                if high == np.inf
+                else f"{'above' if open_ends else 'from'} {low:g} {'and below' if open_ends or open_high else 'to'} "
+                f"{high:.5g}"
+            )
             raise IcyMoonError(f"Hapke: {name} is {self._shown(name)}, it must be {side}: {why}.")
 
 
 def from_settings(hapke: HapkeSettings) -> HapkeParameters:
     """Parameters that ``hapke`` settings describe. Raises IcyMoonError if they are outside of physics."""
     same = ("w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "filling_factor")
-    return HapkeParameters(**{key: hapke[key] for key in same}, theta_bar=np.radians(hapke.theta_bar_deg),
-                           h_function=hapke.h_function)
+    return HapkeParameters(
+        **{key: hapke[key] for key in same}, theta_bar=np.radians(hapke.theta_bar_deg), h_function=hapke.h_function
+    )
 
 
 def single_lobe(asymmetry: float) -> dict[str, float]:
@@ -113,8 +120,9 @@ def single_lobe(asymmetry: float) -> dict[str, float]:
 
 def phase_function(phase: Any, b: Any, c: Any) -> Array:
     """Two-lobed Henyey-Greenstein p at phase angles in radians, mean 1 over the sphere (Hapke 2012, eq. 6.7)."""
-    return _phase_function(np.sin(np.asarray(phase, np.float64) / 2) ** 2,
-                           np.cos(np.asarray(phase, np.float64) / 2) ** 2, b, c)
+    return _phase_function(
+        np.sin(np.asarray(phase, np.float64) / 2) ** 2, np.cos(np.asarray(phase, np.float64) / 2) ** 2, b, c
+    )
 
 
 def _phase_function(sin2_half: Array, cos2_half: Array, b: Any, c: Any) -> Array:
@@ -123,7 +131,7 @@ def _phase_function(sin2_half: Array, cos2_half: Array, b: Any, c: Any) -> Array
     # same from the other side.
     toward = np.where(b >= 0, (1 - b) ** 2 + 4 * b * sin2_half, (1 + b) ** 2 - 4 * b * cos2_half)
     away = np.where(b >= 0, (1 - b) ** 2 + 4 * b * cos2_half, (1 + b) ** 2 - 4 * b * sin2_half)
-    lobes: Array = (1 - b) * (1 + b) * ((1 + c) / 2 * toward ** -1.5 + (1 - c) / 2 * away ** -1.5)
+    lobes: Array = (1 - b) * (1 + b) * ((1 + c) / 2 * toward**-1.5 + (1 - c) / 2 * away**-1.5)
     return lobes
 
 
@@ -177,12 +185,12 @@ def _rough(incidence: Array, emission: Array, psi: Array, theta_bar: Array) -> t
     """
     tan_theta = np.tan(theta_bar)
     cot_theta = 1 / tan_theta
-    chi = 1 / np.sqrt(1 + np.pi * tan_theta ** 2)
+    chi = 1 / np.sqrt(1 + np.pi * tan_theta**2)
 
     def terms(angle: Array) -> tuple[Array, Array, Array, Array]:
         cos, tilt = np.cos(angle), np.sin(angle) * tan_theta
         slope = cot_theta / np.tan(angle)
-        not_e1, e2 = -np.expm1(-2 / np.pi * slope), np.exp(-slope ** 2 / np.pi)
+        not_e1, e2 = -np.expm1(-2 / np.pi * slope), np.exp(-(slope**2) / np.pi)
         return tilt, not_e1, e2, chi * (cos + tilt * e2 / (1 + not_e1))
 
     # Written once for the ray nearer to the normal and the one farther from it: the papers' cases i <= e and e <= i
@@ -222,12 +230,21 @@ def bidirectional_reflectance(incidence: Any, emission: Any, azimuth: Any, param
     with np.errstate(divide="ignore", over="ignore", under="ignore"):
         mu0_e, mu_e, shadowing = _rough(i, e, psi, np.asarray(q.theta_bar, np.float64))
         k = porosity_factor(q.filling_factor)
-        single = _phase_function(sin2_half, cos2_half, q.b, q.c) * (1 + np.asarray(q.b_s0) * shadow_hiding(
-            tan_half, q.h_s))
+        single = _phase_function(sin2_half, cos2_half, q.b, q.c) * (
+            1 + np.asarray(q.b_s0) * shadow_hiding(tan_half, q.h_s)
+        )
         multiple = h_function(mu0_e / k, q.w, q.h_function) * h_function(mu_e / k, q.w, q.h_function) - 1
         backscatter = 1 + np.asarray(q.b_c0) * coherent_backscatter(tan_half, q.h_c)
-    r = (k * np.asarray(q.w) / (4 * np.pi) * mu0_e / np.maximum(mu0_e + mu_e, _TINY) * (single + multiple)
-         * backscatter * shadowing)
+    r = (
+        k
+        * np.asarray(q.w)
+        / (4 * np.pi)
+        * mu0_e
+        / np.maximum(mu0_e + mu_e, _TINY)
+        * (single + multiple)
+        * backscatter
+        * shadowing
+    )
     result: Array = np.where(lit, np.maximum(r, 0.0), 0.0)
     return result
 

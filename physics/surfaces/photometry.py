@@ -47,7 +47,7 @@ def _gauss(low: Any, high: Any, nodes: int = _NODES) -> tuple[Array, Array]:
     """Nodes and weights on [low, high], in a last axis, crowded at both ends where laws have peaks and edges."""
     x, weight = np.polynomial.legendre.leggauss(nodes)
     t = (x + 1) / 2
-    place, slope = t ** 3 * (10 - 15 * t + 6 * t * t), 30 * t * t * (1 - t) ** 2
+    place, slope = t**3 * (10 - 15 * t + 6 * t * t), 30 * t * t * (1 - t) ** 2
     width = np.asarray(high - low, np.float64)[..., None]
     return np.asarray(low, np.float64)[..., None] + width * place, width * slope * weight / 2
 
@@ -92,14 +92,21 @@ def hemispherical_fit(law_of: Callable[[float, float], Law], gammas: Array, slop
     """
     low, high = slopes
     mu, t = np.linspace(0.05, 1.0, 12), np.linspace(-1.0, 1.0, 7) if high > low else np.zeros(1)
-    albedo = np.stack([[hemispherical_albedo(law_of(1 - gamma ** 2, (low + high) / 2 + x * (high - low) / 2),
-                                             np.arccos(mu)) for x in t] for gamma in gammas])
+    albedo = np.stack(
+        [
+            [
+                hemispherical_albedo(law_of(1 - gamma**2, (low + high) / 2 + x * (high - low) / 2), np.arccos(mu))
+                for x in t
+            ]
+            for gamma in gammas
+        ]
+    )
     powers = (4, min(3, len(gammas)), min(5, len(t)))
     r0 = ((1 - gammas) / (1 + gammas))[:, None]
-    columns = [mu ** k * (r0 ** n * t ** m)[..., None] for k, n, m in np.ndindex(powers)]
+    columns = [mu**k * (r0**n * t**m)[..., None] for k, n, m in np.ndindex(powers)]
     found = np.linalg.lstsq(np.stack([c.ravel() for c in columns], axis=1), albedo.ravel(), rcond=None)[0]
     coefficients = np.zeros((4, 3, 5))
-    coefficients[:, :powers[1], :powers[2]] = found.reshape(powers)
+    coefficients[:, : powers[1], : powers[2]] = found.reshape(powers)
     return coefficients
 
 

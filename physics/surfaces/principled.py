@@ -52,7 +52,7 @@ def root_f0(refractive_index: float, specular: float) -> float:
 
 def lets_light_through(surface: SurfaceSettings) -> bool:
     """Whether rocks of this surface let light through."""
-    return (surface.model == "PRINCIPLED" and surface.transmission > 0.0 and surface.transmitted == "THROUGH")
+    return surface.model == "PRINCIPLED" and surface.transmission > 0.0 and surface.transmitted == "THROUGH"
 
 
 def diffuse_fresnel_reflectance(refractive_index: float) -> float:
@@ -111,8 +111,10 @@ def inverse_curve(surface: SurfaceSettings) -> tuple[np.ndarray, np.ndarray]:
     rising = np.concatenate([[True], np.diff(reflectance) > 1e-9])
     base, reflectance = base[rising], reflectance[rising]
     below, above = int(reflectance[0] > 0.0), int(reflectance[-1] < 1.0)
-    return (np.concatenate([[0.0] * below, reflectance, [1.0] * above]),
-            np.concatenate([base[:1]] * below + [base] + [base[-1:]] * above))
+    return (
+        np.concatenate([[0.0] * below, reflectance, [1.0] * above]),
+        np.concatenate([base[:1]] * below + [base] + [base[-1:]] * above),
+    )
 
 
 def base_colour(surface: SurfaceSettings, albedo: float) -> float:
@@ -139,7 +141,10 @@ def albedo_advice(surface: SurfaceSettings) -> str:
 
 def _lost_most(surface: SurfaceSettings) -> tuple[str, str]:
     """The largest loss of light at a surface, in words, and the setting to lower."""
-    causes = {"transmission": "what is transmitted is lost", "grain_amplitude_m": "steep bumps lose light",
-              "subsurface_weight": "snow under the surface absorbs"}
+    causes = {
+        "transmission": "what is transmitted is lost",
+        "grain_amplitude_m": "steep bumps lose light",
+        "subsurface_weight": "snow under the surface absorbs",
+    }
     most = max(causes, key=lambda k: float(curve(surface | {k: 0.0})[1][-1]))
     return causes[most], most

@@ -21,10 +21,41 @@ ICE_KG_M3 = 917.0
 #: J. Geophys. Res. 113, D14220. Below 600 nm others find more in the blue, up to ten times, as their snow was less
 #: pure (Picard et al. 2016, The Cryosphere 10, 2655): blue is an upper limit here.
 _ICE_NM = np.arange(400.0, 701.0, 10.0)
-_ICE_K = np.array([
-    2.365e-11, 2.669e-11, 3.135e-11, 4.140e-11, 6.268e-11, 9.239e-11, 1.325e-10, 1.956e-10, 2.861e-10, 4.172e-10,
-    5.889e-10, 8.036e-10, 1.076e-9, 1.409e-9, 1.813e-9, 2.289e-9, 2.839e-9, 3.461e-9, 4.159e-9, 4.930e-9, 5.730e-9,
-    6.890e-9, 8.580e-9, 1.040e-8, 1.220e-8, 1.430e-8, 1.660e-8, 1.890e-8, 2.090e-8, 2.400e-8, 2.900e-8])
+_ICE_K = np.array(
+    [
+        2.365e-11,
+        2.669e-11,
+        3.135e-11,
+        4.140e-11,
+        6.268e-11,
+        9.239e-11,
+        1.325e-10,
+        1.956e-10,
+        2.861e-10,
+        4.172e-10,
+        5.889e-10,
+        8.036e-10,
+        1.076e-9,
+        1.409e-9,
+        1.813e-9,
+        2.289e-9,
+        2.839e-9,
+        3.461e-9,
+        4.159e-9,
+        4.930e-9,
+        5.730e-9,
+        6.890e-9,
+        8.580e-9,
+        1.040e-8,
+        1.220e-8,
+        1.430e-8,
+        1.660e-8,
+        1.890e-8,
+        2.090e-8,
+        2.400e-8,
+        2.900e-8,
+    ]
+)
 
 #: Shape of snow's grains: factor on the absorption and asymmetry of scattering. Libois et al. 2014, Journal of
 #: Glaciology 60, 498: B = 1.6, and g = 0.845 with the absorption of real snow.
@@ -53,8 +84,9 @@ def snow_reflectance(wavelength_nm: np.ndarray | float, grain_radius_m: float) -
     return np.asarray(np.exp(-np.sqrt(16 / 3 * coalbedo / (1 - _ASYMMETRY))))
 
 
-def bubbly_ice_reflectance(wavelength_nm: np.ndarray | float, bubble_radius_m: float,
-                           bubble_share: float) -> np.ndarray:
+def bubbly_ice_reflectance(
+    wavelength_nm: np.ndarray | float, bubble_radius_m: float, bubble_share: float
+) -> np.ndarray:
     """Reflectance of deep, clean ice with air bubbles in even light, without reflection at its surface.
 
     It is exp(-4 √(α (1 - f) · 4a/3 / (3 f (1 - g)))): the same asymptotic radiative transfer as for snow, with bubbles
@@ -102,44 +134,75 @@ def _with_band(title: str, level: float, depth: float, centre_nm: float, fwhm_nm
 #: have one.
 MATERIALS: dict[str, Material] = {
     "ENCELADUS_PLAINS": _coloured(
-        "Plains of Enceladus", 0.9, (0.98, 0.99, 0.99, 0.985),
+        "Plains of Enceladus",
+        0.9,
+        (0.98, 0.99, 0.99, 0.985),
         "Flat through the visible and into the ultraviolet (Buratti 1984, Icarus 59, 392); ratios assumed. Cassini "
         "measured up to 0.02 less toward red and violet. Level: a guess, near the high albedo of the moon; "
-        "surface.albedo replaces it"),
+        "surface.albedo replaces it",
+    ),
     "EUROPA_PLAINS": _coloured(
-        "Bright plains of Europa", 0.7, (0.76, 0.88, 1.04, 1.06),
+        "Bright plains of Europa",
+        0.7,
+        (0.76, 0.88, 1.04, 1.06),
         "Ratios of orange and blue to green 1.04 and 0.88, and level 0.7: assumed, after Galileo's colours. Published "
         "spectra of the trailing side have 0.05 less blue than these plains with some dark matter. The ends are a "
-        "guess that follows the downturn to the ultraviolet (Trumbo et al. 2020, AJ 160, 282)"),
+        "guess that follows the downturn to the ultraviolet (Trumbo et al. 2020, AJ 160, 282)",
+    ),
     "EUROPA_DARK": _coloured(
-        "Dark matter of Europa", 0.17, (0.42, 0.62, 1.25, 1.38),
+        "Dark matter of Europa",
+        0.17,
+        (0.42, 0.62, 1.25, 1.38),
         "Level: the darkest spots have 0.17 at 560 nm and 5° phase and are redder than dark ground of Ganymede "
         "(Helfenstein et al. 1998, Icarus 135, 41). One dark and red end member mixes with plains everywhere (Clark et "
         "al. 1998, Icarus 135, 95). Ratios of orange and blue to green 1.25 and 0.62: assumed, good to 0.1; the "
-        "ends are a guess"),
+        "ends are a guess",
+    ),
     "SULPHATE_SALTS": _coloured(
-        "Hydrated sulphates", 0.8, (0.96, 0.98, 1.01, 1.01),
+        "Hydrated sulphates",
+        0.8,
+        (0.96, 0.98, 1.01, 1.01),
         "Hydrates of magnesium and sodium sulphate have their bands above 1 µm (McCord et al. 1998, Science 280, 1242) "
-        "and are white in the visible; ratios assumed. Level: a guess"),
+        "and are white in the visible; ratios assumed. Level: a guess",
+    ),
     "ACID_HYDRATE": _coloured(
-        "Sulphuric-acid hydrate", 0.75, (1.0, 1.0, 1.0, 1.0),
+        "Sulphuric-acid hydrate",
+        0.75,
+        (1.0, 1.0, 1.0, 1.0),
         "Colourless in the visible: the brown of Europa's trailing side is from sulphur (Carlson et al. 1999, Science "
-        "286, 97). Level: a guess"),
+        "286, 97). Level: a guess",
+    ),
     "SULPHUR": _coloured(
-        "Sulphur from radiolysis", 0.5, (0.35, 0.6, 1.2, 1.25),
+        "Sulphur from radiolysis",
+        0.5,
+        (0.35, 0.6, 1.2, 1.25),
         "Chains and rings of sulphur in the acid hydrate (Carlson et al. 1999, Science 286, 97); ratios of orange and "
-        "blue to green 1.2 and 0.6 assumed, level and ends a guess"),
+        "blue to green 1.2 and 0.6 assumed, level and ends a guess",
+    ),
     "IRRADIATED_SALT": _with_band(
-        "Irradiated table salt, laboratory", 0.8, 0.38, 460.0, 80.0,
+        "Irradiated table salt, laboratory",
+        0.8,
+        0.38,
+        460.0,
+        80.0,
         "Sodium chloride with colour centres, F band at 460 nm (Cerubini et al. 2022); its depth, which leaves "
-        "about 0.7 of the green in the blue, and its width of 80 nm are assumed. Level: a guess"),
+        "about 0.7 of the green in the blue, and its width of 80 nm are assumed. Level: a guess",
+    ),
     "EUROPA_SALT": _with_band(
-        "Irradiated salt of Europa", 0.7, 0.06, 450.0, 80.0,
+        "Irradiated salt of Europa",
+        0.7,
+        0.06,
+        450.0,
+        80.0,
         "The band near 450 nm of chaos on the leading side (Trumbo et al. 2019, Science Advances 5, eaaw7123); depth "
-        "and width assumed. Level: a guess, that of the plains"),
+        "and width assumed. Level: a guess, that of the plains",
+    ),
     "THOLIN": _coloured(
-        "Red organics (tholin)", 0.15, (0.3, 0.5, 1.5, 2.0),
+        "Red organics (tholin)",
+        0.15,
+        (0.3, 0.5, 1.5, 2.0),
         "Reddest of the laboratory's organics from ices and gases (Cruikshank et al. 2005, Adv. Space Res. 36, 178, "
         "show that they colour many bodies); ratios of orange and blue to green 1.5 and 0.5 assumed, level and "
-        "ends a guess. Not found on Europa or Enceladus"),
+        "ends a guess. Not found on Europa or Enceladus",
+    ),
 }

@@ -65,8 +65,12 @@ def _stretch(field: np.ndarray) -> np.ndarray:
 
 
 def _pack_maps(height: np.ndarray, albedo: np.ndarray, roughness: np.ndarray) -> Maps:
-    return Maps(*(np.ascontiguousarray(a, np.float32) for a in (albedo / albedo.mean(), np.clip(roughness, 0, 1),
-                                                                _stretch(height))))
+    return Maps(
+        *(
+            np.ascontiguousarray(a, np.float32)
+            for a in (albedo / albedo.mean(), np.clip(roughness, 0, 1), _stretch(height))
+        )
+    )
 
 
 @functools.cache
@@ -76,8 +80,9 @@ def make_maps(name: str) -> Maps:
     if name == "FROST":
         # Crystals of hoar: fine relief, brightest on the tips.
         height = _draw_waves(random, 1.2, 1 / 128, 1 / 3)
-        return _pack_maps(height, 1.0 + 0.06 * height + 0.04 * _draw_waves(random, 1.5, 1 / 64, 1 / 2),
-                          0.65 + 0.1 * height)
+        return _pack_maps(
+            height, 1.0 + 0.06 * height + 0.04 * _draw_waves(random, 1.5, 1 / 64, 1 / 2), 0.65 + 0.1 * height
+        )
     if name == "GRAINS":
         # Rounded grains of different brightness, dark in the gaps.
         first, second, value = _draw_cells(random, 24)
@@ -89,8 +94,9 @@ def make_maps(name: str) -> Maps:
     crack = np.clip((second - first) / 0.06, 0.0, 1.0)
     fine = _draw_waves(random, 1.3, 1 / 128, 1 / 4)
     height = 0.25 * value + 0.5 * crack + 0.06 * fine
-    return _pack_maps(height, (0.7 + 0.3 * crack) * (0.92 + 0.16 * value) + 0.03 * fine,
-                      0.4 + 0.2 * value + 0.05 * fine)
+    return _pack_maps(
+        height, (0.7 + 0.3 * crack) * (0.92 + 0.16 * value) + 0.03 * fine, 0.4 + 0.2 * value + 0.05 * fine
+    )
 
 
 def uses_uv(textures: TexturesSettings) -> bool:

@@ -21,8 +21,9 @@ from .roughness.structure_function import structure
 _DIMENSIONS = 3
 
 
-def relief(points_m: np.ndarray, settings: Settings, seed: int, longest_m: float = math.inf,
-           shortest_m: Any = 0.0) -> np.ndarray:
+def relief(
+    points_m: np.ndarray, settings: Settings, seed: int, longest_m: float = math.inf, shortest_m: Any = 0.0
+) -> np.ndarray:
     """Heights (n,) in metres of the described roughness at points (n, 3) in metres, any order.
 
     ``longest_m`` leaves out waves that the mesh has already (it is about two of the lengths that the mesh resolves),
@@ -64,8 +65,14 @@ def _expected_weight(mixing: float) -> float:
 _CUT_VARIANCE = (1.0 - 2.0 * 2.0 * math.exp(-2.0) / math.sqrt(2 * math.pi) + 3.0 * math.erfc(math.sqrt(2.0))) / 16.0
 
 
-def displace(points_m: np.ndarray, normals: np.ndarray, settings: Settings, seed: int, longest_m: float = math.inf,
-             shortest_m: Any = 0.0) -> np.ndarray:
+def displace(
+    points_m: np.ndarray,
+    normals: np.ndarray,
+    settings: Settings,
+    seed: int,
+    longest_m: float = math.inf,
+    shortest_m: Any = 0.0,
+) -> np.ndarray:
     """Points (n, 3) moved by ``relief`` along their unit ``normals`` (n, 3)."""
     heights = relief(points_m, settings, seed, longest_m, shortest_m)
     return np.asarray(points_m, np.float64) + heights[:, None] * normals

@@ -67,21 +67,32 @@ def _make_surface(settings: HillsSettings, random: np.random.Generator) -> Layer
     by the Hurst exponent up to 0.3 of the largest."""
     largest, smallest, baseline = (float(settings[k]) for k in ("largest_m", "smallest_m", "slope_baseline_m"))
     if smallest > largest:
-        raise IcyMoonError(f"hills.smallest_m ({smallest:g} m) is longer than hills.largest_m ({largest:g} m); lower "
-                           "the one or raise the other.")
+        raise IcyMoonError(
+            f"hills.smallest_m ({smallest:g} m) is longer than hills.largest_m ({largest:g} m); lower "
+            "the one or raise the other."
+        )
     octaves = 1 + round(math.log(largest / smallest, _LACUNARITY))
     if octaves > MOST_OCTAVES:
-        raise IcyMoonError(f"From hills.smallest_m ({smallest:g} m) to hills.largest_m ({largest:g} m) it takes "
-                           f"{octaves} octaves, more than {MOST_OCTAVES}; raise hills.smallest_m or lower "
-                           "hills.largest_m.")
+        raise IcyMoonError(
+            f"From hills.smallest_m ({smallest:g} m) to hills.largest_m ({largest:g} m) it takes "
+            f"{octaves} octaves, more than {MOST_OCTAVES}; raise hills.smallest_m or lower "
+            "hills.largest_m."
+        )
     roughness, deviation_m = _fit_law(settings.fractal, largest, octaves, float(settings.hurst), baseline)
     rise_m = baseline * math.tan(math.radians(settings.rms_slope_deg))
     return replace(_make_layer(settings.fractal, largest, octaves, roughness, random), factor=rise_m / deviation_m)
 
 
 def _make_layer(fractal: str, largest_m: float, octaves: int, roughness: float, random: np.random.Generator) -> Layer:
-    entry = TerrainLayer(basis="GRADIENT", amplitude_m=1.0, scale_m=largest_m, octaves=octaves,
-                         lacunarity=_LACUNARITY, roughness=roughness, warp_m=_WARP * largest_m) | {"fractal": fractal}
+    entry = TerrainLayer(
+        basis="GRADIENT",
+        amplitude_m=1.0,
+        scale_m=largest_m,
+        octaves=octaves,
+        lacunarity=_LACUNARITY,
+        roughness=roughness,
+        warp_m=_WARP * largest_m,
+    ) | {"fractal": fractal}
     made = make_layer(entry, random)
     assert made is not None
     return made
@@ -107,6 +118,6 @@ def _fit_law(fractal: str, largest_m: float, octaves: int, hurst: float, baselin
     exponent = hurst
     shorter, longer = max(baseline_m, largest_m * _LACUNARITY ** (1 - octaves)), LAW_TO * largest_m
     for _ in range(_CORRECTIONS if longer > 2.0 * shorter else 1):
-        surface = replace(surface, roughness=float(f"{_LACUNARITY ** -exponent:.9e}"))
+        surface = replace(surface, roughness=float(f"{_LACUNARITY**-exponent:.9e}"))
         exponent += hurst - math.log(deviation_m(longer) / deviation_m(shorter)) / math.log(longer / shorter)
     return surface.roughness, float(f"{deviation_m(baseline_m):.9e}")

@@ -65,15 +65,20 @@ class Layer:
         """The fractal's signal of octave k of the noise."""
         wavelength = self.scale_m / self.lacunarity**k
         cos, sin = math.cos(k * _TURN) / wavelength, math.sin(k * _TURN) / wavelength
-        noise = BASES[self.basis]((cos * x_m + self.offsets[k, 0]) - sin * y_m,
-                                  (sin * x_m + self.offsets[k, 1]) + cos * y_m, self.keys[k])
+        noise = BASES[self.basis](
+            (cos * x_m + self.offsets[k, 0]) - sin * y_m, (sin * x_m + self.offsets[k, 1]) + cos * y_m, self.keys[k]
+        )
         return FRACTALS[self.fractal].signal(noise)
 
     def _warped(self, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The points moved sideways by noise of the layer's scale and RMS ``warp_m``."""
         x_m, y_m = np.broadcast_arrays(x_m, y_m)
-        east, north = (gradient_noise(x_m / self.scale_m + self.offsets[k, 0], y_m / self.scale_m + self.offsets[k, 1],
-                                      self.keys[k]) for k in (-1, -2))
+        east, north = (
+            gradient_noise(
+                x_m / self.scale_m + self.offsets[k, 0], y_m / self.scale_m + self.offsets[k, 1], self.keys[k]
+            )
+            for k in (-1, -2)
+        )
         return x_m + self.warp_m / NOISE_DEVIATION * east, y_m + self.warp_m / NOISE_DEVIATION * north
 
 
@@ -91,5 +96,11 @@ def make_layer(settings: TerrainLayer, random: np.random.Generator) -> Layer | N
     deviation = float(sample.std())
     factor = settings.amplitude_m / deviation if deviation > 1e-12 else 0.0
     # Ten digits, as sums differ between machines in the last ones.
-    return Layer(**parts, keys=keys, offsets=offsets, signal_mean=mean, centre=float(f"{sample.mean():.9e}"),
-                 factor=float(f"{factor:.9e}"))
+    return Layer(
+        **parts,
+        keys=keys,
+        offsets=offsets,
+        signal_mean=mean,
+        centre=float(f"{sample.mean():.9e}"),
+        factor=float(f"{factor:.9e}"),
+    )

@@ -63,8 +63,15 @@ class RockyGround:
         """All rocks, those too that a camera's clear circle will take away."""
         if self.settings.rocks.coverage <= 0:
             return None
-        return scatter(self.settings.rocks, self.ground.size_m, int(self.settings.dataset.seed), self.heights,
-                       self.shapes, (0.0, 0.0, -math.inf), view_beyond(self.settings))
+        return scatter(
+            self.settings.rocks,
+            self.ground.size_m,
+            int(self.settings.dataset.seed),
+            self.heights,
+            self.shapes,
+            (0.0, 0.0, -math.inf),
+            view_beyond(self.settings),
+        )
 
     def clearance_m(self, x_m: float, y_m: float) -> float:
         """Distance on the map to the nearest rock in metres, negative over it, infinite without rocks."""
@@ -74,8 +81,9 @@ class RockyGround:
         away = np.hypot(rocks.position_m[:, 0] - x_m, rocks.position_m[:, 1] - y_m)
         return float((away - rocks.reach_m).min())
 
-    def eyes(self, x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray, heading_deg: np.ndarray,
-             baseline_m: np.ndarray) -> Eyes:
+    def eyes(
+        self, x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray, heading_deg: np.ndarray, baseline_m: np.ndarray
+    ) -> Eyes:
         """The surroundings of the right eyes of n cameras whose left eyes stand ``height_m`` above the ground.
 
         Heights are NaN where there is no ground. A left eye is in no rock: the build leaves such rocks out.
@@ -83,8 +91,10 @@ class RockyGround:
         heading = np.radians(heading_deg)
         x, y = x_m + baseline_m * np.cos(heading), y_m - baseline_m * np.sin(heading)
         eye = self.heights(x_m, y_m) + height_m
-        inside = [self._in_rock(np.array(right), left) for *right, left in
-                  zip(x, y, eye, zip(x_m, y_m, strict=True), strict=True)]
+        inside = [
+            self._in_rock(np.array(right), left)
+            for *right, left in zip(x, y, eye, zip(x_m, y_m, strict=True), strict=True)
+        ]
         return Eyes(eye - self.heights(x, y), np.array(inside, bool))
 
     def _in_rock(self, eye_m: np.ndarray, left_m: tuple[float, float]) -> bool:
@@ -96,20 +106,20 @@ class RockyGround:
             return False
         centres = rocks.position_m
         near = np.hypot(*(centres[:, :2] - eye_m[:2]).T) < rocks.reach_m
-        stays = (np.hypot(*(centres[:, :2] - left_m).T)
-                 > self.settings.rocks.clear_radius_m + rocks.reach_m)
+        stays = np.hypot(*(centres[:, :2] - left_m).T) > self.settings.rocks.clear_radius_m + rocks.reach_m
         return any(self._contains(rocks, k, eye_m) for k in np.flatnonzero(near & stays))
 
     def _contains(self, rocks: Rocks, k: int, point_m: np.ndarray) -> bool:
         """Whether a point is behind all faces of a rock; shapes are convex but for the lumps of boulders."""
         shape = self.shapes[rocks.level[k]][rocks.shape[k]]
-        turn = euler_matrices(rocks.rotation[k:k + 1])[0]
+        turn = euler_matrices(rocks.rotation[k : k + 1])[0]
         local = (point_m - rocks.position_m[k]) @ turn / rocks.scale_m[k]
         a, b, c = (shape.vertices[shape.triangles[:, j]] for j in range(3))
         return bool((np.einsum("nk,nk->n", np.cross(b - a, c - a), local - a) < 0).all())
 
-    def choose_places(self, count: int, clearance_m: float, margin_m: float, apart_m: float,
-               random: np.random.Generator) -> np.ndarray:
+    def choose_places(
+        self, count: int, clearance_m: float, margin_m: float, apart_m: float, random: np.random.Generator
+    ) -> np.ndarray:
         """Places (k, 2) in metres on the patch, k at most ``count``, at random.
 
         Each is ``clearance_m`` or more from every rock, ``margin_m`` from the patch's edge and ``apart_m`` from the
@@ -119,8 +129,7 @@ class RockyGround:
         places: list[tuple[float, float]] = []
         for _ in range(_TRIES * count if half > 0 else 0):
             x, y = (float(f"{v:.6g}") for v in random.uniform(-half, half, 2))
-            if (all(math.hypot(x - a, y - b) >= apart_m for a, b in places)
-                    and self.clearance_m(x, y) >= clearance_m):
+            if all(math.hypot(x - a, y - b) >= apart_m for a, b in places) and self.clearance_m(x, y) >= clearance_m:
                 places.append((x, y))
                 if len(places) == count:
                     break

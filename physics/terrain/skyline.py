@@ -13,8 +13,9 @@ from .terrain import Terrain, make_terrain
 _APART = 1.01
 
 
-def skyline_deg(ground: Terrain, site_m: tuple[float, float], azimuth_deg: float, body_radius_m: float,
-                farthest_m: float) -> float:
+def skyline_deg(
+    ground: Terrain, site_m: tuple[float, float], azimuth_deg: float, body_radius_m: float, farthest_m: float
+) -> float:
     """Elevation in degrees of the highest ground outside the patch, seen from the ground at the site.
 
     ``azimuth_deg`` is from north over east. The body falls away as a parabola, which is within 0.1 % of a sphere out
@@ -36,10 +37,13 @@ def skyline_advice(settings: Settings, toward_sun: np.ndarray, sun_diameter_deg:
         return []
     ground, rig = make_terrain(settings, int(settings.dataset.seed)), settings.rig
     azimuth = math.degrees(math.atan2(toward_sun[0], toward_sun[1]))
-    skyline = skyline_deg(ground, (rig.x_m, rig.y_m), azimuth, float(settings.terrain.body_radius_m),
-                          float(settings.mesh.farthest_m))
+    skyline = skyline_deg(
+        ground, (rig.x_m, rig.y_m), azimuth, float(settings.terrain.body_radius_m), float(settings.mesh.farthest_m)
+    )
     if not -sun_diameter_deg / 2 < elevation < skyline + sun_diameter_deg / 2:
         return []
     share = "Hills hide" if elevation < skyline - sun_diameter_deg / 2 else "Hills hide a part of"
-    return [f"{share} the Sun from the site: it is {elevation:.1f} degrees above the horizon and the skyline there "
-            f"{skyline:.1f}; raise the Sun, turn it, lower hills.rms_slope_deg, or change dataset.seed."]
+    return [
+        f"{share} the Sun from the site: it is {elevation:.1f} degrees above the horizon and the skyline there "
+        f"{skyline:.1f}; raise the Sun, turn it, lower hills.rms_slope_deg, or change dataset.seed."
+    ]

@@ -77,7 +77,7 @@ class Terrain:
         order = _order_by_place(x, y)
         result = np.empty(x.size)
         for start in range(0, x.size, _TILE**2):
-            some = order[start:start + _TILE**2]
+            some = order[start : start + _TILE**2]
             result[some] = self._tile(x[some], y[some], shortest_m if shortest is None else shortest[some])
         return result.reshape(shape)
 
@@ -127,8 +127,10 @@ def _order_by_place(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     if x.size <= _TILE**2:
         return np.arange(x.size)
     squares = max(1, round(math.sqrt(x.size) / _TILE))
-    column, row = (np.minimum(((a - a.min()) * (squares / max(float(np.ptp(a)), 1e-300))).astype(np.int64), squares - 1)
-                   for a in (x, y))
+    column, row = (
+        np.minimum(((a - a.min()) * (squares / max(float(np.ptp(a)), 1e-300))).astype(np.int64), squares - 1)
+        for a in (x, y)
+    )
     return np.argsort(row * squares + column, kind="stable")
 
 
@@ -140,16 +142,25 @@ def make_terrain(settings: Settings, seed: int) -> Terrain:
     ground = settings.terrain
     size, variant = float(ground.size_m), int(ground.variant)
     layers = [make_layer(entry, ground_generator(seed, variant, 2, k)) for k, entry in enumerate(ground.layers)]
-    landforms = [make(settings[topic], ground_generator(seed, variant, 3, k), size)
-                 for k, (topic, make) in enumerate(MAKERS.items())]
+    landforms = [
+        make(settings[topic], ground_generator(seed, variant, 3, k), size)
+        for k, (topic, make) in enumerate(MAKERS.items())
+    ]
     landforms += make_plugin_landforms(settings, lambda key: ground_generator(seed, variant, 5, key)).values()
     fall, azimuth = (math.radians(ground[k]) for k in ("regional_slope_deg", "regional_slope_azimuth_deg"))
     mantle = settings.mantle
     base = make_rough_surface(ground, size, ground_generator(seed, variant, 0))
-    made = Terrain(size, base, tuple(a for a in layers if a), tuple(a for a in landforms if a),
-                   -math.tan(fall) * math.sin(azimuth), -math.tan(fall) * math.cos(azimuth),
-                   mantle.thickness_m, mantle.length_m,
-                   hills=make_hills(settings.hills, ground_generator(seed, variant, 4), size))
+    made = Terrain(
+        size,
+        base,
+        tuple(a for a in layers if a),
+        tuple(a for a in landforms if a),
+        -math.tan(fall) * math.sin(azimuth),
+        -math.tan(fall) * math.cos(azimuth),
+        mantle.thickness_m,
+        mantle.length_m,
+        hills=make_hills(settings.hills, ground_generator(seed, variant, 4), size),
+    )
     if mantle.thickness_m and made.landforms:
         return _level_mantle(made)
     return made
@@ -189,22 +200,31 @@ def terrain_advice(settings: Settings, shortest_m: float) -> list[str]:
     slope = math.tan(math.radians(ground.rms_slope_deg))
     steep = math.degrees(math.atan(slope * (finest / ground.slope_baseline_m) ** (ground.hurst - 1.0)))
     if ground.hurst < 0.5 and steep > _ABSURD_DEG:
-        notes.append(f"With a Hurst exponent of {ground.hurst:g}, {ground.rms_slope_deg:g} degrees at "
-                     f"{ground.slope_baseline_m:g} m become {steep:.0f} degrees at {finest:.2g} m, which no ice "
-                     "holds; raise terrain.hurst or terrain.inner_scale_m.")
+        notes.append(
+            f"With a Hurst exponent of {ground.hurst:g}, {ground.rms_slope_deg:g} degrees at "
+            f"{ground.slope_baseline_m:g} m become {steep:.0f} degrees at {finest:.2g} m, which no ice "
+            "holds; raise terrain.hurst or terrain.inner_scale_m."
+        )
     lost = _lost_share(ground, shortest_m)
     if slope and lost > _MOST_LOST:
-        notes.append(f"The mesh carries no wave under {shortest_m:.2g} m, so that the ground is {lost:.0%} smoother "
-                     f"than stated at {3 * shortest_m:.2g} m; {finer} or raise terrain.inner_scale_m.")
+        notes.append(
+            f"The mesh carries no wave under {shortest_m:.2g} m, so that the ground is {lost:.0%} smoother "
+            f"than stated at {3 * shortest_m:.2g} m; {finer} or raise terrain.inner_scale_m."
+        )
     if slope and ground.outer_scale_m <= shortest_m:
-        notes.append(f"The mesh carries no wave under {shortest_m:.3g} m, and the longest is terrain.outer_scale_m, "
-                     f"{ground.outer_scale_m:g} m: the ground is flat; {finer}.")
-    landforms = {topic: make(settings[topic], np.random.default_rng(0), ground.size_m)
-                 for topic, make in MAKERS.items()}
+        notes.append(
+            f"The mesh carries no wave under {shortest_m:.3g} m, and the longest is terrain.outer_scale_m, "
+            f"{ground.outer_scale_m:g} m: the ground is flat; {finer}."
+        )
+    landforms = {
+        topic: make(settings[topic], np.random.default_rng(0), ground.size_m) for topic, make in MAKERS.items()
+    }
     landforms |= make_plugin_landforms(settings, lambda key: np.random.default_rng(0))
     for topic, landform in landforms.items():
         share = landform.carried_share(shortest_m) if landform else 1.0
         if landform and share < 1.0:
-            notes.append(f"The mesh is too coarse for the {topic} (they need vertices {landform.finest_m / 1.5:.2g} m "
-                         f"apart), so they are {f'{share:.0%} of their height' if share else 'left out'}; {finer}.")
+            notes.append(
+                f"The mesh is too coarse for the {topic} (they need vertices {landform.finest_m / 1.5:.2g} m "
+                f"apart), so they are {f'{share:.0%} of their height' if share else 'left out'}; {finer}."
+            )
     return notes

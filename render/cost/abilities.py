@@ -49,8 +49,7 @@ def ask_abilities(blender: str) -> Abilities:
 def lack_for_quality(quality: QualitySettings, able: Abilities) -> str:
     """What a Blender lacks for settings of the quality, with the fix, as a sentence; empty if nothing."""
     if quality.denoiser != "NONE" and not able.denoiser:
-        return ("This Blender was built without OpenImageDenoise; set quality.denoiser to NONE or use an official "
-                "build.")
+        return "This Blender was built without OpenImageDenoise; set quality.denoiser to NONE or use an official build."
     if quality.device == "GPU" and not able.gpu:
         return "Cycles finds no graphics card that it can render on; set quality.device to CPU."
     return ""
@@ -58,10 +57,14 @@ def lack_for_quality(quality: QualitySettings, able: Abilities) -> str:
 
 def lack_for(settings: Settings, able: Abilities) -> str:
     """The same, for complete settings."""
-    if not able.osl and settings.hapke.backend == "OSL" and any(
-            settings[topic]["model"] in ("HAPKE", "SNOW") for topic in surface_topics(settings)):
-        return ("This Blender was built without Open Shading Language; set hapke.backend to AUTO or use an official "
-                "build.")
+    if (
+        not able.osl
+        and settings.hapke.backend == "OSL"
+        and any(settings[topic]["model"] in ("HAPKE", "SNOW") for topic in surface_topics(settings))
+    ):
+        return (
+            "This Blender was built without Open Shading Language; set hapke.backend to AUTO or use an official build."
+        )
     return lack_for_quality(settings.quality, able)
 
 

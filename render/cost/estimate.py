@@ -73,8 +73,10 @@ class _NormalBytes:
 
 
 #: By whether they are stored as 16-bit floats.
-_LIGHT = {False: _LightBytes(2.6, 0.4, 4.2, 12.0, 0.97, 0.7, 1.9),
-          True: _LightBytes(0.84, 0.25, 1.87, 3.87, 0.93, 1.04, 1.95)}
+_LIGHT = {
+    False: _LightBytes(2.6, 0.4, 4.2, 12.0, 0.97, 0.7, 1.9),
+    True: _LightBytes(0.84, 0.25, 1.87, 3.87, 0.93, 1.04, 1.95),
+}
 _NORMALS = {False: _NormalBytes(11.9, 10.35, 10.8, -1.21, 0.9), True: _NormalBytes(4.3, 4.9, 7.7, -0.987, 0.87)}
 #: Images that have colours and detail in each pixel, so that light has as many values as noise gives it.
 _PHOTOGRAPHS = ("STAND_IN", "OWN", "MESH")
@@ -90,8 +92,14 @@ _FACETS_OF_RAYS = 0.87
 _DOUBLE_WIDTH = 0.982
 #: Cost of a sample over that with Lambert's law and shaded relief, without the relief. Bounces count for little: on
 #: open ground most paths end in the sky.
-_MODELS = {"LAMBERT": 0.75, "LOMMEL_SEELIGER": 0.75, "LUNAR_LAMBERT": 0.8, "PRINCIPLED": 0.95, "HAPKE": 2.65,
-           "SNOW": 0.8}
+_MODELS = {
+    "LAMBERT": 0.75,
+    "LOMMEL_SEELIGER": 0.75,
+    "LUNAR_LAMBERT": 0.8,
+    "PRINCIPLED": 0.95,
+    "HAPKE": 2.65,
+    "SNOW": 0.8,
+}
 _HAPKE_NODES, _HAPKE_REFERENCE = 1.15, 3.45
 _RELIEF, _RELIEF_CAMERA = 0.25, 0.21  # added by shaded relief, and where the camera alone meets it
 _TRANSMISSION, _ROCKS = 0.3, 0.6  # added by clear ice and rocks
@@ -129,10 +137,18 @@ class Work:
     def seconds(self, triangles: float) -> float:
         """Processor seconds of the pair in a scene of ``triangles`` triangles that is already built."""
         mpx = self.pixels / 1e6
-        return _PAIR_S + _ROCKS_PAIR_S * self.rocks + _PAIR_S_PER_MTRI * triangles / 1e6 + mpx * (
-            _S_PER_MPX + self.truth_s_per_mpx + _DENOISE_S_PER_MPX * self.denoised
-            + self.samples * self.relative * _SAMPLE_S_PER_MPX)
-
+        return (
+            _PAIR_S
+            + _ROCKS_PAIR_S * self.rocks
+            + _PAIR_S_PER_MTRI * triangles / 1e6
+            + mpx
+            * (
+                _S_PER_MPX
+                + self.truth_s_per_mpx
+                + _DENOISE_S_PER_MPX * self.denoised
+                + self.samples * self.relative * _SAMPLE_S_PER_MPX
+            )
+        )
 
 
 def work_of(settings: Settings) -> Work:
@@ -179,7 +195,7 @@ def _shape(settings: Settings, stored: _NormalBytes) -> float:
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
     fraction = 1.0 if graded else stored.grid
     if edge_px := settings.mesh.edge_px if graded else _edge_px(settings):
-        fraction *= 1.0 - math.exp(-stored.edges * edge_px ** stored.power)
+        fraction *= 1.0 - math.exp(-stored.edges * edge_px**stored.power)
     labels = _ROCK_LABELS * (settings.rocks.coverage > 0)
     if settings.quality.truth_by == "RAYS":
         return stored.most * fraction + labels
@@ -243,8 +259,12 @@ def samples_taken(samples: int, threshold: float) -> float:
 def scene_seconds(settings: Settings, triangles: float) -> float:
     """Processor seconds of building a scene."""
     traced = _RAYS_S_PER_MTRI * (settings.quality.truth == "FULL" and settings.quality.truth_by == "RAYS")
-    return (_SCENE_S + (_BUILD_S_PER_MTRI + traced) * triangles / 1e6 + _ROCKS_BUILD_S * (settings.rocks.coverage > 0)
-            + _FILE_BUILD_S * (settings.source.kind != "PROCEDURAL"))
+    return (
+        _SCENE_S
+        + (_BUILD_S_PER_MTRI + traced) * triangles / 1e6
+        + _ROCKS_BUILD_S * (settings.rocks.coverage > 0)
+        + _FILE_BUILD_S * (settings.source.kind != "PROCEDURAL")
+    )
 
 
 @dataclass(frozen=True)
@@ -276,16 +296,19 @@ class Estimate:
         """The estimate in words, a line each."""
         left = self.left_wall_s
         low, high = left / self.factor, left * self.factor
-        basis = (f"corrected by {count_of(self.measured, 'rendered pair')}" if self.measured
-                 else f"from {self.basis}")
+        basis = f"corrected by {count_of(self.measured, 'rendered pair')}" if self.measured else f"from {self.basis}"
         there = f", {self.there} of them there already" if self.there else ""
-        lines = [f"{count_of(self.pairs, 'pair')}{there}",
-                f"{count_of(self.geometries, 'ground')}, {count_of(self.surfaces, 'surface')}, "
-                f"{count_of(self.lights, 'light')}; {count_of(self.scenes, 'scene')} to build"]
+        lines = [
+            f"{count_of(self.pairs, 'pair')}{there}",
+            f"{count_of(self.geometries, 'ground')}, {count_of(self.surfaces, 'surface')}, "
+            f"{count_of(self.lights, 'light')}; {count_of(self.scenes, 'scene')} to build",
+        ]
         if self.there < self.pairs:
-            lines += [f"{duration_text(left)} on {count_of(self.processors, 'processor')} ({duration_text(low)} to "
-                      f"{duration_text(high)}; {basis}), {duration_text(self.left_s)} of a processor",
-                      f"{size_text(self.left_bytes)} on the disk"]
+            lines += [
+                f"{duration_text(left)} on {count_of(self.processors, 'processor')} ({duration_text(low)} to "
+                f"{duration_text(high)}; {basis}), {duration_text(self.left_s)} of a processor",
+                f"{size_text(self.left_bytes)} on the disk",
+            ]
         return lines
 
     def to_json(self) -> dict[str, Any]:
@@ -314,8 +337,9 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
     triangles = _count_triangles_of_all({each[0]: pair for each, pair in zip(keys, pairs, strict=True)})
     there = {pair.id for pair in pairs if dataset is not None and is_complete(pair.folder(dataset))}
     scenes = {pair.id: each[0] for each, pair in zip(keys, pairs, strict=True)}
-    expected = {pair.id: work_of(pair.settings).seconds(triangles[each[0]])
-                for each, pair in zip(keys, pairs, strict=True)}
+    expected = {
+        pair.id: work_of(pair.settings).seconds(triangles[each[0]]) for each, pair in zip(keys, pairs, strict=True)
+    }
     ratios = _read_ratios(pairs, dataset, there, expected)
     factor, spread = _corrected(ratios, speed, any(pair.settings.quality.device == "GPU" for pair in pairs))
     left = [pair for pair in pairs if pair.id not in there]
@@ -323,16 +347,30 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
     seconds = factor * _processor_seconds(pairs, scenes, triangles, expected, set())
     left_s = factor * _processor_seconds(left, scenes, triangles, expected, lit) if there else seconds
     return Estimate(
-        pairs=len(pairs), there=len(there), geometries=len({settings_key(changes.geometry, pair) for pair in pairs}),
-        scenes=len({k[0] for k in keys}), surfaces=len({k[1] for k in keys}), lights=len({k[2] for k in keys}),
-        seconds=seconds, left_s=left_s, left_wall_s=wall_seconds(left_s, speed),
+        pairs=len(pairs),
+        there=len(there),
+        geometries=len({settings_key(changes.geometry, pair) for pair in pairs}),
+        scenes=len({k[0] for k in keys}),
+        surfaces=len({k[1] for k in keys}),
+        lights=len({k[2] for k in keys}),
+        seconds=seconds,
+        left_s=left_s,
+        left_wall_s=wall_seconds(left_s, speed),
         left_bytes=_count_bytes(pairs, left, dataset, there),
-        factor=math.exp(2.0 * spread), measured=len(ratios), processors=count_processors(),
-        basis=speed.basis if speed else "another machine's times")
+        factor=math.exp(2.0 * spread),
+        measured=len(ratios),
+        processors=count_processors(),
+        basis=speed.basis if speed else "another machine's times",
+    )
 
 
-def _processor_seconds(pairs: Sequence[PlannedPair], scenes: Mapping[str, str], triangles: Mapping[str, float],
-                       expected: Mapping[str, float], lit: Set[str]) -> float:
+def _processor_seconds(
+    pairs: Sequence[PlannedPair],
+    scenes: Mapping[str, str],
+    triangles: Mapping[str, float],
+    expected: Mapping[str, float],
+    lit: Set[str],
+) -> float:
     """Processor seconds of ordered pairs on the machine of the coefficients.
 
     ``scenes`` is the scene of each pair, ``triangles`` the number of triangles of each scene, and ``expected`` the
@@ -363,8 +401,10 @@ def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed
     """
     work = sum(work_of(each).seconds(_UNCOUNTED) for each in some) / len(some) * pairs
     work += grounds * scene_seconds(some[0], _UNCOUNTED) + _START_S + _WORKER_S
-    return (wall_seconds((speed.factor if speed else 1.0) * work, speed),
-            (sum(map(bytes_of, some)) / len(some) + STATED_BYTES) * pairs)
+    return (
+        wall_seconds((speed.factor if speed else 1.0) * work, speed),
+        (sum(map(bytes_of, some)) / len(some) + STATED_BYTES) * pairs,
+    )
 
 
 def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, float]:
@@ -381,8 +421,9 @@ def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, floa
     return {name: counted.get(name, mean) for name in names}
 
 
-def _read_pairs(pairs: Sequence[PlannedPair], dataset: Path,
-                there: set[str]) -> list[tuple[PlannedPair, dict[str, Any]]]:
+def _read_pairs(
+    pairs: Sequence[PlannedPair], dataset: Path, there: set[str]
+) -> list[tuple[PlannedPair, dict[str, Any]]]:
     """The ``pair.json`` of complete pairs, of up to ``_MOST_READ`` of them."""
     found = []
     for pair in [pair for pair in pairs if pair.id in there][:_MOST_READ]:
@@ -391,8 +432,9 @@ def _read_pairs(pairs: Sequence[PlannedPair], dataset: Path,
     return found
 
 
-def _read_ratios(pairs: Sequence[PlannedPair], dataset: Path | None, there: set[str],
-                 expected: Mapping[str, float]) -> list[float]:
+def _read_ratios(
+    pairs: Sequence[PlannedPair], dataset: Path | None, there: set[str], expected: Mapping[str, float]
+) -> list[float]:
     """Processor seconds that pairs took over those that were expected."""
     ratios = []
     for pair, facts in _read_pairs(pairs, dataset, there) if dataset is not None else ():
@@ -431,12 +473,15 @@ def count_bytes_left(pairs: Sequence[PlannedPair], dataset: Path, again: bool = 
     return _count_bytes(pairs, left, dataset, there)
 
 
-def _count_bytes(pairs: Sequence[PlannedPair], left: Sequence[PlannedPair], dataset: Path | None,
-                 there: set[str]) -> float:
+def _count_bytes(
+    pairs: Sequence[PlannedPair], left: Sequence[PlannedPair], dataset: Path | None, there: set[str]
+) -> float:
     """Bytes that are left to write: the expected bytes of the pairs that are left, corrected by the complete pairs, and
     the light that is baked for the pairs that are left."""
-    known = [(sum(float(f["bytes"]) for f in facts["files"].values()), bytes_of(pair.settings))
-             for pair, facts in (_read_pairs(pairs, dataset, there) if dataset is not None else ())]
+    known = [
+        (sum(float(f["bytes"]) for f in facts["files"].values()), bytes_of(pair.settings))
+        for pair, facts in (_read_pairs(pairs, dataset, there) if dataset is not None else ())
+    ]
     expected = sum(bytes_of(pair.settings) for pair in left)
     if known:
         expected *= sum(a for a, _ in known) / sum(b for _, b in known)

@@ -22,8 +22,12 @@ from .speed import Speed, remember_speed
 #: The small render: all parts of a pair (both eyes, interreflection, denoiser, truth, files), in some 4 processor
 #: seconds. The first pair of a process includes the compilation for a graphics card, so only the others count.
 _SMALL_RENDER: dict[str, dict[str, Any]] = {
-    "rig": {"width_px": 320, "height_px": 240}, "mesh": {"error_px": 4.0, "edge_px": 24.0},
-    "surface": {"model": "LAMBERT"}, "quality": {"samples": 8, "denoiser": "OIDN"}, "dataset": {"headings": 3}}
+    "rig": {"width_px": 320, "height_px": 240},
+    "mesh": {"error_px": 4.0, "edge_px": 24.0},
+    "surface": {"model": "LAMBERT"},
+    "quality": {"samples": 8, "denoiser": "OIDN"},
+    "dataset": {"headings": 3},
+}
 #: Least share of the processors that is taken to be at work.
 _LEAST_BUSY = 0.5
 #: The part of ``pair.json`` that is read.
@@ -49,11 +53,18 @@ def read_speed(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
         held = [count_processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
         worked = [each["cpu_seconds"]["pair"] for each in facts[1:]] if device == "CPU" else held
         busy = max(min(1.0, own / whole) for own, whole in zip(worked, held, strict=True))
-        return Speed(min(worked) / expected, device, facts[0]["versions"]["blender"], count_processors(),
-                     datetime.now(UTC).isoformat(timespec="minutes"), max(_LEAST_BUSY, busy))
+        return Speed(
+            min(worked) / expected,
+            device,
+            facts[0]["versions"]["blender"],
+            count_processors(),
+            datetime.now(UTC).isoformat(timespec="minutes"),
+            max(_LEAST_BUSY, busy),
+        )
     except (OSError, IcyMoonError, ValueError, IndexError) as error:
-        raise IcyMoonError(f"The small render that measures this machine cannot be read ({error}); try "
-                           "again.") from None
+        raise IcyMoonError(
+            f"The small render that measures this machine cannot be read ({error}); try again."
+        ) from None
 
 
 def measure_speed(blender: str, device: str, scratch: Path, hear: Callable[[Message], None]) -> Speed:

@@ -65,8 +65,12 @@ def pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> t
     return seconds, math.exp(2.0 * spread_before(speed, settings.quality.device == "GPU"))
 
 
-def list_qualities(settings: Settings, triangles: float, speed: Speed | None,
-                   able: Abilities = Abilities()) -> list[QualityPreset]:  # noqa: B008, it is frozen
+def list_qualities(
+    settings: Settings,
+    triangles: float,
+    speed: Speed | None,
+    able: Abilities = Abilities(),  # noqa: B008  it is frozen
+) -> list[QualityPreset]:
     """The shipped qualities for a scene, cheapest first, then its own. Each one names the ability that a Blender with
     the abilities ``able`` lacks for it.
 
@@ -77,10 +81,24 @@ def list_qualities(settings: Settings, triangles: float, speed: Speed | None,
     for name in preset_names("qualities"):
         title, preset, errors = _read_preset(name)
         whole = merged(settings, preset)
-        found.append(QualityPreset(name, title, *pair_seconds(whole, triangles, speed), errors, lack_for(whole, able),
-                                   chosen=whole == settings))
-    own = QualityPreset("", "As described", *pair_seconds(settings, triangles, speed), {}, lack_for(settings, able),
-                        chosen=not any(quality.chosen for quality in found))
+        found.append(
+            QualityPreset(
+                name,
+                title,
+                *pair_seconds(whole, triangles, speed),
+                errors,
+                lack_for(whole, able),
+                chosen=whole == settings,
+            )
+        )
+    own = QualityPreset(
+        "",
+        "As described",
+        *pair_seconds(settings, triangles, speed),
+        {},
+        lack_for(settings, able),
+        chosen=not any(quality.chosen for quality in found),
+    )
     return [*sorted(found, key=lambda quality: quality.seconds), own]
 
 

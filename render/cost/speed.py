@@ -67,10 +67,16 @@ def _key(device: str, blender: str, count: int) -> str:
 def recall_speed(device: str, blender: str = "") -> Speed | None:
     """The speed of this computer's ``device`` (CPU or GPU) with as many processors as there are now, in one version of
     Blender or, if none is named, the one measured last; None if it was not measured."""
-    known = [(key, Speed(**{name: entry[name] for name in _SPEED})) for key, entry in _read_speeds().items()
-             if not find_fault(entry, _SPEED)]
-    found = [speed for key, speed in known
-             if key == _key(device, speed.blender, count_processors()) and blender in ("", speed.blender)]
+    known = [
+        (key, Speed(**{name: entry[name] for name in _SPEED}))
+        for key, entry in _read_speeds().items()
+        if not find_fault(entry, _SPEED)
+    ]
+    found = [
+        speed
+        for key, speed in known
+        if key == _key(device, speed.blender, count_processors()) and blender in ("", speed.blender)
+    ]
     return max(found, key=lambda speed: speed.measured, default=None)
 
 

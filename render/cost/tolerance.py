@@ -28,8 +28,11 @@ class Tolerance:
     @property
     def limits(self) -> dict[str, float]:
         """Those that there are, by the key of ``stereo.trade``'s losses."""
-        return {key: value for key, value in (("epe_px", self.epe_px), ("wrong_or_missing", self.wrong_or_missing))
-                if value is not None}
+        return {
+            key: value
+            for key, value in (("epe_px", self.epe_px), ("wrong_or_missing", self.wrong_or_missing))
+            if value is not None
+        }
 
     def __str__(self) -> str:
         px = [] if self.epe_px is None else [f"{self.epe_px:g} px"]
@@ -64,8 +67,10 @@ def checked_tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:
     if epe_px is not None and not (math.isfinite(epe_px) and PX_LEAST <= epe_px <= PX_MOST):
         raise IcyMoonError(f"A tolerance of {epe_px:g} px cannot be searched for; give {PX_LEAST:g} to {PX_MOST:g} px.")
     if bad_1 is not None and not (math.isfinite(bad_1) and BAD_1_LEAST <= bad_1 <= BAD_1_MOST):
-        raise IcyMoonError(f"A tolerance of {100 * bad_1:g} % bad-1 cannot be searched for; give {100 * BAD_1_LEAST:g} "
-                           f"% to {100 * BAD_1_MOST:g} %, as in 0.5% or 0.005.")
+        raise IcyMoonError(
+            f"A tolerance of {100 * bad_1:g} % bad-1 cannot be searched for; give {100 * BAD_1_LEAST:g} "
+            f"% to {100 * BAD_1_MOST:g} %, as in 0.5% or 0.005."
+        )
     return Tolerance(epe_px, bad_1)
 
 

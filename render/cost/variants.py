@@ -39,7 +39,7 @@ GROUPS = {
     "threshold": "more samples only for pixels that are still noisy",
     "indirect": "light between parts of the ground, traced in every image or baked once for all",
     "shortcuts": "parts that may be left out: subsurface scattering, fine relief for rays other than the camera's, "
-                 "labels and normals",
+    "labels and normals",
     "files": "radiance and normals in 16 instead of 32 bits, and the image beside the lights that it is the sum of",
     "subsurface": "model of subsurface scattering",
     "glints": "facets of snow that mirror the Sun, most to one eye only",
@@ -95,16 +95,33 @@ def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Va
     and for more than two renders can have.
     """
     if not 2 <= samples <= _REFERENCE_MOST:
-        raise IcyMoonError(f"A reference cannot have {samples} samples, half of them in each of two renders; choose 2 "
-                           f"to {_REFERENCE_MOST}.")
-    parts: list[dict[str, dict[str, Any]]] = [{"quality": {
-        "samples": samples // 2, "denoiser": "NONE", "noise_threshold": 0.0, "fine_relief": "ALL", "indirect": "TRACED",
-        "diffuse_bounces": max(_REFERENCE_BOUNCES, int(settings.quality.diffuse_bounces))}}]
+        raise IcyMoonError(
+            f"A reference cannot have {samples} samples, half of them in each of two renders; choose 2 "
+            f"to {_REFERENCE_MOST}."
+        )
+    parts: list[dict[str, dict[str, Any]]] = [
+        {
+            "quality": {
+                "samples": samples // 2,
+                "denoiser": "NONE",
+                "noise_threshold": 0.0,
+                "fine_relief": "ALL",
+                "indirect": "TRACED",
+                "diffuse_bounces": max(_REFERENCE_BOUNCES, int(settings.quality.diffuse_bounces)),
+            }
+        }
+    ]
     if settings.surface.model == "HAPKE":
         parts.append({"hapke": {"accuracy": "REFERENCE"}})
     if fine and _has_graded_mesh(settings):
-        parts.append({"mesh": {"error_px": min(_REFERENCE_ERROR_PX, settings.mesh.error_px),
-                               "most": max(_REFERENCE_VERTICES, settings.mesh.most)}})
+        parts.append(
+            {
+                "mesh": {
+                    "error_px": min(_REFERENCE_ERROR_PX, settings.mesh.error_px),
+                    "most": max(_REFERENCE_VERTICES, settings.mesh.most),
+                }
+            }
+        )
     if fine:
         parts.append({"surface": {"relief": "REAL"}})
     return Variant("reference", f"{samples} samples{', fine' * fine}", merged(settings, *parts))
@@ -137,35 +154,59 @@ def _variants_of(group: str, settings: Settings) -> list[Variant]:
         return Variant(group, name, merged(settings, part))
 
     if group == "samples":
-        return [variant(f"{count_of(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser, **_TRACED}})
-                for denoiser, text in _DENOISERS.items() for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
+        return [
+            variant(f"{count_of(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser, **_TRACED}})
+            for denoiser, text in _DENOISERS.items()
+            for n in SAMPLES
+            if denoiser == "NONE" or n <= _MOST_DENOISED
+        ]
     if group == "bounces":
         return [variant(count_of(n, "bounce"), {"quality": {"diffuse_bounces": n, **_TRACED}}) for n in _BOUNCES]
     if group == "threshold":
         most = _THRESHOLD_ROOM * samples
-        return [variant(f"until {limit:g}", {"quality": {"noise_threshold": limit, "samples": most, **_TRACED}})
-                for limit in _THRESHOLDS]
+        return [
+            variant(f"until {limit:g}", {"quality": {"noise_threshold": limit, "samples": most, **_TRACED}})
+            for limit in _THRESHOLDS
+        ]
     if group == "indirect":
         baked = [Variant(group, name, each) for name, each in baked_settings(settings).items()]
         return [variant("traced", {"quality": _TRACED}), *baked] if baked else []
     if group == "mesh":
-        return [variant(f"{error:g} px", {"mesh": {"error_px": error}})
-                for error in _MESH_ERRORS_PX] if _has_graded_mesh(settings) else []
+        return (
+            [variant(f"{error:g} px", {"mesh": {"error_px": error}}) for error in _MESH_ERRORS_PX]
+            if _has_graded_mesh(settings)
+            else []
+        )
     if group == "shortcuts":
         quality = settings.quality
         labels = [variant("depth and semantic labels", {"quality": {"truth": "SEMANTIC"}})]
-        return [*(variant(*((part.whole, {"quality": {part.key: part.full}}) if quality[part.key] == part.lean else
-                            (part.without, {"quality": {part.key: part.lean}}))) for part in _shortcuts(settings)),
-                *(labels if quality.truth == "FULL" else [])]
+        return [
+            *(
+                variant(
+                    *(
+                        (part.whole, {"quality": {part.key: part.full}})
+                        if quality[part.key] == part.lean
+                        else (part.without, {"quality": {part.key: part.lean}})
+                    )
+                )
+                for part in _shortcuts(settings)
+            ),
+            *(labels if quality.truth == "FULL" else []),
+        ]
     if group == "files":
         # Of the same render, since ``files`` does not count in ids: what differs is what files lose.
-        return [variant("compact", {"quality": {"files": "COMPACT"}}),
-                variant("all in 32 bits", {"quality": {"files": "FULL", "half_floats": "NONE"}})]
+        return [
+            variant("compact", {"quality": {"files": "COMPACT"}}),
+            variant("all in 32 bits", {"quality": {"files": "FULL", "half_floats": "NONE"}}),
+        ]
     if group == "relief":
         surface = settings.surface
         reliefs = {"painted": "BUMP", "real": "REAL"}
-        return [variant(name, {"surface": {"relief": relief}}) for name, relief in reliefs.items()
-                ] if settings.source.kind == "PROCEDURAL" and surface.grain_amplitude_m > 0 else []
+        return (
+            [variant(name, {"surface": {"relief": relief}}) for name, relief in reliefs.items()]
+            if settings.source.kind == "PROCEDURAL" and surface.grain_amplitude_m > 0
+            else []
+        )
     return _surface_models(group, settings)
 
 
@@ -184,10 +225,26 @@ class _Shortcut:
 def baked_settings(settings: Settings, area: str = "GROUND") -> dict[str, Settings]:
     """The ways to bake the light of a scene to a ``quality.bake_area``, by name; none if it cannot be baked."""
     where = "baked where seen" if area == "VIEW" else "baked"
-    return {} if why_not_baked(settings) else {
-        f"{where} by {count_of(most, 'sample')}, {count_of(n, 'direct sample')}": merged(settings, {"quality": {
-            "indirect": "BAKED", "bake_area": area, "bake_samples": most, "bake_noise": 0.0, "direct_samples": n}})
-        for most in _BAKE_SAMPLES for n in _DIRECT_SAMPLES}
+    return (
+        {}
+        if why_not_baked(settings)
+        else {
+            f"{where} by {count_of(most, 'sample')}, {count_of(n, 'direct sample')}": merged(
+                settings,
+                {
+                    "quality": {
+                        "indirect": "BAKED",
+                        "bake_area": area,
+                        "bake_samples": most,
+                        "bake_noise": 0.0,
+                        "direct_samples": n,
+                    }
+                },
+            )
+            for most in _BAKE_SAMPLES
+            for n in _DIRECT_SAMPLES
+        }
+    )
 
 
 def _shortcuts(settings: Settings) -> list[_Shortcut]:
@@ -195,8 +252,9 @@ def _shortcuts(settings: Settings) -> list[_Shortcut]:
     found = []
     topics = surface_topics(settings)
     if any(relief_of_camera_alone(merged(settings, {"quality": {"fine_relief": "CAMERA"}}), each) for each in topics):
-        found.append(_Shortcut("fine_relief", "CAMERA", "ALL", "fine relief for camera rays only",
-                               "fine relief for all light"))
+        found.append(
+            _Shortcut("fine_relief", "CAMERA", "ALL", "fine relief for camera rays only", "fine relief for all light")
+        )
     walk = max(walk_px(settings, each) for each in topics)
     if 0 < walk < _LONGEST_WALK_PX:
         least = settings.quality.walk_px
@@ -207,8 +265,11 @@ def _shortcuts(settings: Settings) -> list[_Shortcut]:
 
 def leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
     """Parts of settings, by name, that each leave out one more part of the scene's light."""
-    return {part.without: {"quality": {part.key: part.lean}} for part in _shortcuts(settings)
-            if part.key != "truth" and settings.quality[part.key] != part.lean}
+    return {
+        part.without: {"quality": {part.key: part.lean}}
+        for part in _shortcuts(settings)
+        if part.key != "truth" and settings.quality[part.key] != part.lean
+    }
 
 
 def _surface_models(group: str, settings: Settings) -> list[Variant]:
@@ -218,20 +279,26 @@ def _surface_models(group: str, settings: Settings) -> list[Variant]:
         other = {"RANDOM_WALK": "BURLEY", "BURLEY": "RANDOM_WALK"}[surface.subsurface_method]
         followed: dict[str, dict[str, dict[str, Any]]] = {
             "none": {"surface": {"subsurface_weight": 0.0}},
-            other.replace("_", " ").capitalize(): {"surface": {"subsurface_method": other}}}
-        parts = {**(followed if follows_walk(settings, "surface") else {}),
-                 "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _isotropic_hapke(settings)},
-                 "Lambert": {"surface": {"model": "LAMBERT"}}}
+            other.replace("_", " ").capitalize(): {"surface": {"subsurface_method": other}},
+        }
+        parts = {
+            **(followed if follows_walk(settings, "surface") else {}),
+            "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _isotropic_hapke(settings)},
+            "Lambert": {"surface": {"model": "LAMBERT"}},
+        }
     if group == "glints" and surface.model == "PRINCIPLED" and surface.glint_share > 0:
         parts = {"none": {"surface": {"glint_share": 0.0}}}
     if group == "hapke" and surface.model == "HAPKE":
         parts = {
-            "fast": {"hapke": {"accuracy": "FAST"}}, "accurate": {"hapke": {"accuracy": "ACCURATE"}},
+            "fast": {"hapke": {"accuracy": "FAST"}},
+            "accurate": {"hapke": {"accuracy": "ACCURATE"}},
             "reference": {"hapke": {"accuracy": "REFERENCE"}},
             "as nodes": {"hapke": {"backend": "NODES"}},
             "smooth": {"hapke": {"theta_bar_deg": 0.0}},
             "without opposition": {"hapke": {"b_s0": 0.0, "b_c0": 0.0}},
-            "Lommel-Seeliger": {"surface": {"model": "LOMMEL_SEELIGER"}}, "Lambert": {"surface": {"model": "LAMBERT"}}}
+            "Lommel-Seeliger": {"surface": {"model": "LOMMEL_SEELIGER"}},
+            "Lambert": {"surface": {"model": "LAMBERT"}},
+        }
     return [Variant(group, name, merged(settings, part)) for name, part in parts.items()]
 
 
@@ -242,14 +309,26 @@ def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
     def albedo(w: float) -> float:
         def law(i: Any, e: Any, psi: Any) -> Any:
             return bidirectional_reflectance(i, e, psi, HapkeParameters(w, h_function="2002"))
+
         return float(hemispherical_albedo(law, incidence))
 
     low, high = 0.0, 1.0
     for _ in range(30):
         middle = (low + high) / 2
         low, high = (middle, high) if albedo(middle) < settings.surface.albedo else (low, middle)
-    return {"w": high, "b": 0.0, "c": 0.0, "b_s0": 0.0, "h_s": 0.0, "b_c0": 0.0, "h_c": 0.0, "theta_bar_deg": 0.0,
-            "filling_factor": 0.0, "h_function": "2002", "accuracy": "FAST"}
+    return {
+        "w": high,
+        "b": 0.0,
+        "c": 0.0,
+        "b_s0": 0.0,
+        "h_s": 0.0,
+        "b_c0": 0.0,
+        "h_c": 0.0,
+        "theta_bar_deg": 0.0,
+        "filling_factor": 0.0,
+        "h_function": "2002",
+        "accuracy": "FAST",
+    }
 
 
 def candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> list[Variant]:
@@ -259,14 +338,23 @@ def candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> l
     ``images`` is the number of images of a ground under one Sun, which share the cost of baking its light; for one
     image alone, light is baked only in its view.
     """
-    found = [Variant("auto", f"{count_of(n, 'sample')}{text}", merged(settings, {"quality": {
-        "samples": n, "denoiser": denoiser, "noise_threshold": 0.0, **_TRACED}}))
-        for denoiser, text in _DENOISERS.items() if denoiser != "OIDN_COLOUR"
-        for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
+    found = [
+        Variant(
+            "auto",
+            f"{count_of(n, 'sample')}{text}",
+            merged(settings, {"quality": {"samples": n, "denoiser": denoiser, "noise_threshold": 0.0, **_TRACED}}),
+        )
+        for denoiser, text in _DENOISERS.items()
+        if denoiser != "OIDN_COLOUR"
+        for n in SAMPLES
+        if denoiser == "NONE" or n <= _MOST_DENOISED
+    ]
     area = "GROUND" if images > 1 else "VIEW"
     found += [Variant("auto", name, each) for name, each in baked_settings(settings, area).items()]
-    return sorted((variant for variant in found if not lack_for(variant.settings, able)),
-                  key=lambda variant: _seconds(variant.settings, images))
+    return sorted(
+        (variant for variant in found if not lack_for(variant.settings, able)),
+        key=lambda variant: _seconds(variant.settings, images),
+    )
 
 
 def _seconds(settings: Settings, images: int) -> float:

@@ -70,8 +70,14 @@ def encode(key: str, light: BakedLight) -> bytes:
     """The content of a file of baked light: the same bytes for the same light."""
     stream = io.BytesIO()
     numbers = {name: np.float64(getattr(light, name)) for name in _NUMBERS}
-    np.savez_compressed(stream, key=np.array(key, "S12"), values=light.values.astype("<f4"),
-                        error=light.error.astype("<f4"), rocks=light.rocks.astype("<f4"), **numbers)
+    np.savez_compressed(
+        stream,
+        key=np.array(key, "S12"),
+        values=light.values.astype("<f4"),
+        error=light.error.astype("<f4"),
+        rocks=light.rocks.astype("<f4"),
+        **numbers,
+    )
     return stream.getvalue()
 
 
@@ -103,8 +109,9 @@ def read(path: Path, key: str, checksum: str, vertices: int, rocks: int = 0) -> 
     if data is None:
         return None
     try:
-        return parse_part(data, path, lambda foreign: _parse(foreign, key, vertices, rocks), "baked light",
-                          "delete it", most)
+        return parse_part(
+            data, path, lambda foreign: _parse(foreign, key, vertices, rocks), "baked light", "delete it", most
+        )
     except IcyMoonError:
         return None
 

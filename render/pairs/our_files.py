@@ -35,7 +35,6 @@ _OUR_NAMES = {
 _PAIR_FILES = re.compile(rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth)?\.exr|workspace\.npy")
 
 
-
 def folder_of_pairs(dataset: Path) -> Path:
     """The folder of a data set that contains its pairs."""
     return dataset / "pairs"
@@ -49,8 +48,10 @@ def folder_of_pair(dataset: Path, name: str) -> Path:
 def checked_id(value: Any, where: object) -> str:
     """A pair's id as it was read from ``where``. Raises IcyMoonError if the value is no id."""
     if not isinstance(value, str) or not _ID.fullmatch(value):
-        raise IcyMoonError(f"{where} names a pair {str(value)[:40]!r}, and a pair's id is 12 of the digits 0 to 9 and "
-                           "a to f; the file was changed or is not ours, take another.")
+        raise IcyMoonError(
+            f"{where} names a pair {str(value)[:40]!r}, and a pair's id is 12 of the digits 0 to 9 and "
+            "a to f; the file was changed or is not ours, take another."
+        )
     return value
 
 
@@ -84,8 +85,10 @@ def check_no_link(*paths: Path) -> None:
     """
     for path in paths:
         if path.is_symlink():
-            raise IcyMoonError(f"{path} is a link, and nothing is written through one; put what it leads to in its "
-                               "place, or choose another data set.")
+            raise IcyMoonError(
+                f"{path} is a link, and nothing is written through one; put what it leads to in its "
+                "place, or choose another data set."
+            )
 
 
 def find_reason_to_keep(path: Path, dataset: Path) -> str:
@@ -110,9 +113,13 @@ def list_foreign(folder: Path) -> list[str]:
     """
     if not folder.is_dir():
         return ["what is"] if folder.exists() else []
-    return [entry.name for entry in sorted(folder.iterdir())
-            if not (_PAIR_FILES.fullmatch(entry.name) or is_of_file_manager(entry.name))
-            or entry.is_symlink() or not entry.is_file()]
+    return [
+        entry.name
+        for entry in sorted(folder.iterdir())
+        if not (_PAIR_FILES.fullmatch(entry.name) or is_of_file_manager(entry.name))
+        or entry.is_symlink()
+        or not entry.is_file()
+    ]
 
 
 def remove_ours(path: Path, dataset: Path) -> bool:

@@ -113,17 +113,40 @@ _BOTH_EYES = Maybe(dict.fromkeys(EYES, MATRIX))
 _NUMBERS = Maybe(Each(NUMBER, TEXT))
 #: What ``pair.json`` contains, as far as anything here reads it; of the settings see ``settings.check``.
 _SHAPE = {
-    "format": TEXT, "version": COUNT, "id": TEXT, **_SETTINGS_SHAPE, **_FILES_SHAPE,
-    "camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIVE, "cx_px": NUMBER, "cy_px": NUMBER,
-               "baseline_m": POSITIVE, "margin_x_px": Maybe(COUNT), "margin_y_px": Maybe(COUNT),
-               "toe_in_deg": Maybe(NUMBER), "doffs_px": Maybe(NUMBER)},
-    "poses_camera_to_world": _BOTH_EYES, "poses_rectified_to_world": _BOTH_EYES,
-    "edited_by_hand": Maybe(FLAG), "own_files_sha256": Maybe(TEXT), "left_out": Maybe(Each(TEXT)),
+    "format": TEXT,
+    "version": COUNT,
+    "id": TEXT,
+    **_SETTINGS_SHAPE,
+    **_FILES_SHAPE,
+    "camera": {
+        "width_px": PIXELS,
+        "height_px": PIXELS,
+        "focal_px": POSITIVE,
+        "cx_px": NUMBER,
+        "cy_px": NUMBER,
+        "baseline_m": POSITIVE,
+        "margin_x_px": Maybe(COUNT),
+        "margin_y_px": Maybe(COUNT),
+        "toe_in_deg": Maybe(NUMBER),
+        "doffs_px": Maybe(NUMBER),
+    },
+    "poses_camera_to_world": _BOTH_EYES,
+    "poses_rectified_to_world": _BOTH_EYES,
+    "edited_by_hand": Maybe(FLAG),
+    "own_files_sha256": Maybe(TEXT),
+    "left_out": Maybe(Each(TEXT)),
     "seeds": Maybe(Each(WHOLE, TEXT)),
-    "device": Maybe(TEXT), "denoiser": Maybe(TEXT), "platform": Maybe(TEXT), "osl": Maybe(FLAG),
+    "device": Maybe(TEXT),
+    "denoiser": Maybe(TEXT),
+    "platform": Maybe(TEXT),
+    "osl": Maybe(FLAG),
     "workspace": Maybe({"file": FILE_NAME, "cell_m": POSITIVE, "origin_m": Each(NUMBER), "shape": Each(COUNT)}),
-    "light": Maybe(TABLE), "blur": Maybe(TABLE, null=True), "seconds": _NUMBERS, "cpu_seconds": _NUMBERS,
-    "peak_memory_mib": Maybe(NUMBER, null=True)}
+    "light": Maybe(TABLE),
+    "blur": Maybe(TABLE, null=True),
+    "seconds": _NUMBERS,
+    "cpu_seconds": _NUMBERS,
+    "peak_memory_mib": Maybe(NUMBER, null=True),
+}
 
 
 def _read_pair_json(path: Path) -> str:
@@ -157,8 +180,10 @@ def check_pair(folder: Path, data: Any, restore: Restore = restored) -> Pair:
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise IcyMoonError(f"{path} is not an Icy Moon pair; choose a folder that Render Stereo Pair wrote.")
     if data.get("version") != VERSION:
-        raise IcyMoonError(f"{path} has format version {quote(data.get('version'))}, this Icy Moon reads {VERSION}; "
-                           "use the version that wrote it.")
+        raise IcyMoonError(
+            f"{path} has format version {quote(data.get('version'))}, this Icy Moon reads {VERSION}; "
+            "use the version that wrote it."
+        )
     check_record(data, _SHAPE, path, _FIX)
     settings = restore(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
     pair = Pair(folder, checked_id(data["id"], path), settings, StereoCamera.from_json(data["camera"]), data)
@@ -191,10 +216,14 @@ def _find_contradictions(pair: Pair) -> Iterator[str]:
 
 def _name_files(settings: Settings, camera: StereoCamera) -> set[str]:
     """The names of the files of a pair with these settings, besides ``pair.json``."""
-    kinds = ["{}.exr", *([TRUTH_FILE] if camera.toe_in_deg or is_blurred(settings.rig) else []),
-             *([TOED_TRUTH_FILE] if camera.toe_in_deg else [])]
+    kinds = [
+        "{}.exr",
+        *([TRUTH_FILE] if camera.toe_in_deg or is_blurred(settings.rig) else []),
+        *([TOED_TRUTH_FILE] if camera.toe_in_deg else []),
+    ]
     return {kind.format(eye) for kind in kinds for eye in EYES} | (
-        {WORKSPACE_FILE} if settings.workspace.cell_m > 0 else set())
+        {WORKSPACE_FILE} if settings.workspace.cell_m > 0 else set()
+    )
 
 
 def is_complete(folder: Path) -> bool:
@@ -242,7 +271,8 @@ def has_its_files(folder: Path, data: Any) -> bool:
     """
     return not find_fault(data, _FILES_SHAPE) and all(
         is_regular(folder / name) and (folder / name).stat().st_size == fact["bytes"]
-        for name, fact in data["files"].items())
+        for name, fact in data["files"].items()
+    )
 
 
 def has_response(folder: Path, data: Mapping[str, Any], settings: Settings, restore: Restore = restored) -> bool:
@@ -299,8 +329,11 @@ def find_pairs(path: Path) -> list[Pair]:
 
 def find_changed_files(pair: Pair) -> list[str]:
     """Names of the pair's files whose content has changed since the render."""
-    return [name for name, fact in pair.data["files"].items()
-            if not (pair.folder / name).is_file() or sha256(pair.folder / name) != fact["sha256"]]
+    return [
+        name
+        for name, fact in pair.data["files"].items()
+        if not (pair.folder / name).is_file() or sha256(pair.folder / name) != fact["sha256"]
+    ]
 
 
 def read_unchanged_pair(folder: Path) -> Pair:
@@ -308,6 +341,5 @@ def read_unchanged_pair(folder: Path) -> Pair:
     pair = read_pair(folder)
     changed = find_changed_files(pair)
     if changed:
-        raise IcyMoonError(f"{folder / changed[0]} is not the file that was rendered (its checksum differs); "
-                           f"{_FIX}.")
+        raise IcyMoonError(f"{folder / changed[0]} is not the file that was rendered (its checksum differs); {_FIX}.")
     return pair

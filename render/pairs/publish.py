@@ -47,8 +47,10 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
                 resolve_leftover(old)
         flush(folder.parent)
         if not is_whole(folder):
-            raise IcyMoonError(f"Pair {folder.name} was taken over by another process while this one stood still; "
-                               "wait for it, or render the pair again.")
+            raise IcyMoonError(
+                f"Pair {folder.name} was taken over by another process while this one stood still; "
+                "wait for it, or render the pair again."
+            )
 
 
 def resolve_leftover(part: Path) -> None:

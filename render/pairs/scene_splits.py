@@ -40,12 +40,14 @@ def _is_shape(name: str) -> bool:
 
 def check_splits(splits: Any) -> dict[str, float]:
     """The shares of splits, whose sum is 1. Raises IcyMoonError for others."""
-    if not isinstance(splits, Mapping) or any(isinstance(share, bool) or not isinstance(share, int | float)
-                                              for share in splits.values()):
+    if not isinstance(splits, Mapping) or any(
+        isinstance(share, bool) or not isinstance(share, int | float) for share in splits.values()
+    ):
         raise IcyMoonError(f"The splits are {quote(splits)}; give each a share of the scenes, such as train = 0.9.")
     if bad := next((name for name in splits if not _NAME.fullmatch(name)), None):
-        raise IcyMoonError(f"A split is called {quote(bad)}; use letters, digits, - and _ only, since files are "
-                           "named so.")
+        raise IcyMoonError(
+            f"A split is called {quote(bad)}; use letters, digits, - and _ only, since files are named so."
+        )
     if not splits or min(splits.values()) < 0 or abs(sum(splits.values()) - 1) > 1e-6:
         shown = ", ".join(f"{name} {share:g}" for name, share in splits.items())
         raise IcyMoonError(f"The splits are {shown or 'none'}; give each a share of the scenes, 1 in all.")

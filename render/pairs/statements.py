@@ -36,8 +36,9 @@ _NOISE_DIGITS = 1e-5
 _PLACE = 1e-6
 
 
-def find_contradictions(data: Mapping[str, Any], settings: Settings, camera: Mapping[str, Any],
-                        eyes: Mapping[str, Any]) -> Iterator[str]:
+def find_contradictions(
+    data: Mapping[str, Any], settings: Settings, camera: Mapping[str, Any], eyes: Mapping[str, Any]
+) -> Iterator[str]:
     """The statements of a ``pair.json`` that its settings contradict, in clauses with the key and both values.
 
     ``camera`` and ``eyes`` are these tables of the settings, see ``StereoCamera``.
@@ -45,16 +46,24 @@ def find_contradictions(data: Mapping[str, Any], settings: Settings, camera: Map
     by_hand = bool(data.get("edited_by_hand"))
     distortion = dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True))
     yield from _compare("camera", data["camera"], camera)
-    yield from _compare("eyes", data.get("eyes", {}), {
-        eye: {**facts, "distortion": distortion} for eye, facts in eyes.items()})
+    yield from _compare(
+        "eyes", data.get("eyes", {}), {eye: {**facts, "distortion": distortion} for eye, facts in eyes.items()}
+    )
     yield from _compare_poses(data, settings, eyes, by_hand)
     yield from _compare_light(data.get("light") or {}, settings, by_hand)
     indirect = data.get("indirect")
     is_baked = isinstance(indirect, Mapping) and indirect.get("method") == "BAKED"
     yield from _compare_indirect(indirect, data.get("light") or {}, settings)
-    yield from _compare("", data, {
-        "device": settings.quality.device, "denoiser": "NONE" if is_baked else settings.quality.denoiser,
-        "workspace": describe_workspace(settings.workspace), **_describe_blur(settings)})
+    yield from _compare(
+        "",
+        data,
+        {
+            "device": settings.quality.device,
+            "denoiser": "NONE" if is_baked else settings.quality.denoiser,
+            "workspace": describe_workspace(settings.workspace),
+            **_describe_blur(settings),
+        },
+    )
 
 
 def _describe_blur(settings: Settings) -> dict[str, Any]:
@@ -66,8 +75,9 @@ def _describe_blur(settings: Settings) -> dict[str, Any]:
     return {"blur": blur and {key: value for key, value in blur.to_json().items() if key != "truth"}}
 
 
-def _compare_poses(data: Mapping[str, Any], settings: Settings, eyes: Mapping[str, Any], by_hand: bool
-                   ) -> Iterator[str]:
+def _compare_poses(
+    data: Mapping[str, Any], settings: Settings, eyes: Mapping[str, Any], by_hand: bool
+) -> Iterator[str]:
     """Contradictions in the poses of the eyes. The height of the ground is not derived, so neither is theirs."""
     name = next((key for key in ("poses_rectified_to_world", "poses_camera_to_world") if data.get(key)), "")
     if not name or (name == "poses_camera_to_world" and settings.rig.toe_in_deg):
@@ -86,8 +96,9 @@ def _compare_poses(data: Mapping[str, Any], settings: Settings, eyes: Mapping[st
     for eye, pose in (("left", left), ("right", right)) if taken else ():
         turned = pose.copy()
         turned[:3, :3] = pose[:3, :3] @ np.array(eyes[eye]["R"]).T
-        yield from _compare_pose(f"poses_camera_to_world.{eye}", np.array(taken[eye], np.float64), turned,
-                                 _SINGLE * settings.rig.baseline_m)
+        yield from _compare_pose(
+            f"poses_camera_to_world.{eye}", np.array(taken[eye], np.float64), turned, _SINGLE * settings.rig.baseline_m
+        )
 
 
 def _compare_pose(name: str, stated: np.ndarray, wanted: np.ndarray, place_m: float) -> Iterator[str]:
@@ -106,12 +117,21 @@ def _compare_light(light: Mapping[str, Any], settings: Settings, by_hand: bool) 
         wanted = described_by(facts["sun"], settings.light.directions_from) if facts else sun
         stated = {**light["sun"], "distance_m": sun.distance_m}
         yield from _compare_direction("light.sun", light["sun"], wanted.direction)
-        yield from _compare("light.sun", stated, {
-            **({"source": settings.light.directions_from} if sun.source and not by_hand else {}),
-            "irradiance_wm2": wanted.irradiance_wm2, "angular_diameter_deg": wanted.angular_diameter_deg,
-            "distance_m": wanted.distance_m, "eclipse": wanted.eclipse}, _SINGLE)
-        yield from _compare("light.sun", stated, {"ground_irradiance_wm2": wanted.ground_irradiance_wm2},
-                            _SINGLE, wanted.irradiance_wm2)
+        yield from _compare(
+            "light.sun",
+            stated,
+            {
+                **({"source": settings.light.directions_from} if sun.source and not by_hand else {}),
+                "irradiance_wm2": wanted.irradiance_wm2,
+                "angular_diameter_deg": wanted.angular_diameter_deg,
+                "distance_m": wanted.distance_m,
+                "eclipse": wanted.eclipse,
+            },
+            _SINGLE,
+        )
+        yield from _compare(
+            "light.sun", stated, {"ground_irradiance_wm2": wanted.ground_irradiance_wm2}, _SINGLE, wanted.irradiance_wm2
+        )
     if facts:
         yield from _compare("light", light, {"j2000_to_world": facts["j2000_to_world"]})
         yield from _compare_planet(light.get("planet"), facts["planet"])
@@ -152,8 +172,20 @@ def _compare_planet(stated: Any, wanted: Mapping[str, Any] | None) -> Iterator[s
         yield from _compare("light.planet", stated, wanted)
         return
     yield from _compare_direction("light.planet", stated, np.array(wanted["direction_to_world"]))
-    yield from _compare("light.planet", stated, {key: wanted[key] for key in (
-        "phase_deg", "angular_diameter_deg", "irradiance_wm2", "ground_irradiance_wm2", "above_ring_plane_deg")})
+    yield from _compare(
+        "light.planet",
+        stated,
+        {
+            key: wanted[key]
+            for key in (
+                "phase_deg",
+                "angular_diameter_deg",
+                "irradiance_wm2",
+                "ground_irradiance_wm2",
+                "above_ring_plane_deg",
+            )
+        },
+    )
 
 
 def _compare_direction(name: str, stated: Mapping[str, Any], wanted: np.ndarray) -> Iterator[str]:
@@ -180,8 +212,11 @@ def _compare(name: str, stated: Any, wanted: Any, digits: float = _DIGITS, scale
     elif isinstance(wanted, list) and isinstance(stated, list) and len(wanted) == len(stated):
         for k, (own, other) in enumerate(zip(stated, wanted, strict=True)):
             yield from _compare(f"{name}[{k}]", own, other, digits, scale)
-    elif not (NUMBER.fits(wanted) and NUMBER.fits(stated)
-              and math.isclose(stated, wanted, rel_tol=digits, abs_tol=digits * scale)):
+    elif not (
+        NUMBER.fits(wanted)
+        and NUMBER.fits(stated)
+        and math.isclose(stated, wanted, rel_tol=digits, abs_tol=digits * scale)
+    ):
         yield _contradict(name, stated, wanted)
 
 

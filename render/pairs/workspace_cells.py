@@ -34,11 +34,14 @@ def workspace_extent(workspace: WorkspaceSettings) -> Extent:
     """The cells of a workspace; whole cells that cover its square. Raises IcyMoonError for too many."""
     count = max(1, int(np.ceil(workspace.size_m / workspace.cell_m - 1e-6)))
     if PLACES * count > MOST_CELLS:
-        raise IcyMoonError(f"workspace.cell_m is {workspace.cell_m:g}, which makes {count} cells along a side; give "
-                           f"{PLACES * workspace.size_m / MOST_CELLS:.3g} m or more.")
+        raise IcyMoonError(
+            f"workspace.cell_m is {workspace.cell_m:g}, which makes {count} cells along a side; give "
+            f"{PLACES * workspace.size_m / MOST_CELLS:.3g} m or more."
+        )
     half = count * workspace.cell_m / 2
-    return Extent(float(workspace.cell_m), count, count, float(workspace.east_m - half),
-                  float(workspace.north_m + half))
+    return Extent(
+        float(workspace.cell_m), count, count, float(workspace.east_m - half), float(workspace.north_m + half)
+    )
 
 
 def describe_workspace(workspace: WorkspaceSettings) -> dict[str, Any] | None:
@@ -46,5 +49,9 @@ def describe_workspace(workspace: WorkspaceSettings) -> dict[str, Any] | None:
     if workspace.cell_m <= 0:
         return None
     extent = workspace_extent(workspace)
-    return {"file": WORKSPACE_FILE, "cell_m": extent.cell_m, "origin_m": [extent.west_m, extent.north_m],
-            "shape": [extent.rows, extent.columns]}
+    return {
+        "file": WORKSPACE_FILE,
+        "cell_m": extent.cell_m,
+        "origin_m": [extent.west_m, extent.north_m],
+        "shape": [extent.rows, extent.columns],
+    }

@@ -38,15 +38,28 @@ Report = Callable[[int, int], None]
 #: Pairs from one report to the next.
 _REPORTED = 100
 #: Topics that ``refused_scenes.reasons_of_settings`` reads, and the settings of the terrain that it reads.
-_OF_SETTINGS = ("source", "surface", "rock_surface", "hapke", "textures", "rocks", "light", "lander", "arm",
-                "excavation")
+_OF_SETTINGS = (
+    "source",
+    "surface",
+    "rock_surface",
+    "hapke",
+    "textures",
+    "rocks",
+    "light",
+    "lander",
+    "arm",
+    "excavation",
+)
 _OF_TERRAIN = ("size_m", "body_radius_m")
 _GEOMETRY = [(topic, s.key) for topic, s in all_settings() if s.effect == "geometry"]
 _RIG = [("rig", s.key) for s in TOPICS["rig"].settings]
-_REASONS = [*((topic, s.key) for topic in _OF_SETTINGS for s in TOPICS[topic].settings),
-            *(("terrain", key) for key in _OF_TERRAIN)]
-_FILES = [(topic, s.key) for topic in ("source", "textures", "rocks", "excavation", "light")
-          for s in TOPICS[topic].settings]
+_REASONS = [
+    *((topic, s.key) for topic in _OF_SETTINGS for s in TOPICS[topic].settings),
+    *(("terrain", key) for key in _OF_TERRAIN),
+]
+_FILES = [
+    (topic, s.key) for topic in ("source", "textures", "rocks", "excavation", "light") for s in TOPICS[topic].settings
+]
 
 
 @dataclass(frozen=True)
@@ -104,8 +117,10 @@ class _Grounds:
     def find(self, settings: Settings) -> RockyGround:
         """The ground of a complete description. Raises IcyMoonError if it is not made up, or contradicts itself."""
         if settings.source.kind != "PROCEDURAL":
-            raise IcyMoonError("the ground is a file of your own, whose heights are not known here; state rig.x_m, "
-                               "rig.y_m and the pose in a cases sweep")
+            raise IcyMoonError(
+                "the ground is a file of your own, whose heights are not known here; state rig.x_m, "
+                "rig.y_m and the pose in a cases sweep"
+            )
         key = self.key_of(settings)
         if key not in self._known:
             self._known[key] = make_rocky_ground(settings)
@@ -133,8 +148,11 @@ def combine(design: Design, most_grounds: int = MOST_GROUNDS, report: Report = l
     rigs = Texts(_RIG)
     for sweep in _cameras(design):
         known: dict[str, list[Variation]] = {}
-        made = [each.with_part(_with_file_paths(part, design)) for each in made
-                for part in _place_cameras(sweep, each, grounds, rigs, known)]
+        made = [
+            each.with_part(_with_file_paths(part, design))
+            for each in made
+            for part in _place_cameras(sweep, each, grounds, rigs, known)
+        ]
         check_pair_count(len(made), sweep.place)
     _check_headings(made)
     made = [each for whole in made for each in _headings_of(whole)]
@@ -146,8 +164,10 @@ def combine(design: Design, most_grounds: int = MOST_GROUNDS, report: Report = l
         raise refusals[0] or AssertionError
     count = make_counter()
     described = choose_indirect([each.settings for each in made])
-    pairs = [PlannedPair(digest(settings, _read_content(each) + blur_identity(settings), count), settings, 0.0)
-             for each, settings in zip(made, described, strict=True)]
+    pairs = [
+        PlannedPair(digest(settings, _read_content(each) + blur_identity(settings), count), settings, 0.0)
+        for each, settings in zip(made, described, strict=True)
+    ]
     refused = {pair.id: str(error) for pair, error in zip(pairs, refusals, strict=True) if error}
     return Combined(pairs, refused, looked_at, unchecked)
 
@@ -173,20 +193,29 @@ def _combinations(design: Design) -> Iterator[_Combination]:
     each_seed: list[tuple[Variation, ...]] = [()]
     if design.seeds is not None:
         stated, place = design.seeds
-        each_seed = [(Variation({"dataset": {"seed": seed}}, place),)
-                     for seed in seeds_of(stated, int(base.settings.dataset.seed))]
+        each_seed = [
+            (Variation({"dataset": {"seed": seed}}, place),)
+            for seed in seeds_of(stated, int(base.settings.dataset.seed))
+        ]
     there = list_files(design.files) if design.files else {}
     settled = [sweep for sweep in design.sweeps if sweep.kind in sweeps.KINDS]
     factors: list[list[Variation]] = []
     for k, seed in enumerate(each_seed):
         if k == 0 or design.draw_again:
             drawn_from = base.with_part(seed[0]) if seed and design.draw_again else base
-            factors = [[_with_file_paths(part, design) for part in sweeps.make_variations(sweep, drawn_from.settings)]
-                       for sweep in settled]
+            factors = [
+                [_with_file_paths(part, design) for part in sweeps.make_variations(sweep, drawn_from.settings)]
+                for sweep in settled
+            ]
             if place is not None:
                 check_pair_count(len(each_seed) * math.prod(map(len, factors)), place)
-            check_overwritten(drawn_from.settings, base.parts, design.seeds and design.seeds[1],
-                              list(zip(settled, factors, strict=True)), _cameras(design))
+            check_overwritten(
+                drawn_from.settings,
+                base.parts,
+                design.seeds and design.seeds[1],
+                list(zip(settled, factors, strict=True)),
+                _cameras(design),
+            )
         for chosen in itertools.product(*factors):
             made = base
             for part in (*seed, *chosen):
@@ -234,8 +263,9 @@ def seeds_of(stated: int | list[int], seed: int) -> list[int]:
     return [int(stream(seed, "plan", k).generate_state(1)[0] >> 1) for k in range(stated)]
 
 
-def _place_cameras(sweep: Sweep, made: _Combination, grounds: _Grounds, rigs: Texts,
-                   known: dict[str, list[Variation]]) -> list[Variation]:
+def _place_cameras(
+    sweep: Sweep, made: _Combination, grounds: _Grounds, rigs: Texts, known: dict[str, list[Variation]]
+) -> list[Variation]:
     """The cameras that a sweep gives to a combination; computed once for each ground and rig."""
     key = grounds.key_of(made.settings) + rigs.of(made.settings)
     if key not in known:
@@ -271,8 +301,12 @@ def _headings_of(made: _Combination) -> Iterator[_Combination]:
     place = made.place_of("dataset.headings")
     assert place is not None
     for k in range(headings):
-        yield made.with_part(Variation({"dataset": {"headings": 1},
-                                        "rig": {"heading_deg": turned_heading_deg(made.settings, k, headings)}}, place))
+        yield made.with_part(
+            Variation(
+                {"dataset": {"headings": 1}, "rig": {"heading_deg": turned_heading_deg(made.settings, k, headings)}},
+                place,
+            )
+        )
 
 
 def _read_content(made: _Combination) -> str:
@@ -282,18 +316,21 @@ def _read_content(made: _Combination) -> str:
         raise _at_place(error, made.place_of("source.file", "textures.albedo_file")) from None
 
 
-def _grounds_to_check(made: Sequence[_Combination], grounds: _Grounds,
-                      most: int) -> tuple[frozenset[str], frozenset[str]]:
+def _grounds_to_check(
+    made: Sequence[_Combination], grounds: _Grounds, most: int
+) -> tuple[frozenset[str], frozenset[str]]:
     """The made-up grounds that a plan is checked on, by ``_Grounds.key_of``: all, or ``most`` evenly among more; and
     the others."""
-    there = list(dict.fromkeys(grounds.key_of(each.settings) for each in made
-                               if each.settings.source.kind == "PROCEDURAL"))
+    there = list(
+        dict.fromkeys(grounds.key_of(each.settings) for each in made if each.settings.source.kind == "PROCEDURAL")
+    )
     chosen = frozenset(there if len(there) <= most else (there[k * len(there) // most] for k in range(most)))
     return chosen, frozenset(there) - chosen
 
 
-def _find_refusals(made: list[_Combination], grounds: _Grounds, looked_at: frozenset[str],
-                   report: Report) -> list[IcyMoonError | None]:
+def _find_refusals(
+    made: list[_Combination], grounds: _Grounds, looked_at: frozenset[str], report: Report
+) -> list[IcyMoonError | None]:
     """Why each combination cannot be rendered, as far as that is known before anything is built; None if it can.
 
     Cameras are checked on the grounds ``looked_at``.
@@ -363,7 +400,11 @@ def _check_files(made: _Combination) -> None:
         raise _at_place(error, _place_named_in(error, made)) from None
     for name, path in files.items():
         if not (path.is_file() or (name == "light.kernels" and path.is_dir())):
-            raise _at_place(IcyMoonError(f"{name}: {path} is missing{backslash_note(path)}; put it there, or "
-                                         "extend this plan by one of your own that names another file, or that states "
-                                         "its folder in plan.files."),
-                            made.place_of(name))
+            raise _at_place(
+                IcyMoonError(
+                    f"{name}: {path} is missing{backslash_note(path)}; put it there, or "
+                    "extend this plan by one of your own that names another file, or that states "
+                    "its folder in plan.files."
+                ),
+                made.place_of(name),
+            )

@@ -69,21 +69,32 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
         there = {pair.id for pair in pairs}
         lacking = [pair for pair in known.pairs if pair.id not in there]
         if lacking and known.text == text and known.version != version():
-            return replace(known, note=f"{dataset} continues as Icy Moon {known.version} planned it. {version()} makes "
-                                       f"other pairs of the same plan: {_describe_difference(known.pairs, pairs)}. "
-                                       "To render those, choose another folder.")
+            return replace(
+                known,
+                note=f"{dataset} continues as Icy Moon {known.version} planned it. {version()} makes "
+                f"other pairs of the same plan: {_describe_difference(known.pairs, pairs)}. "
+                "To render those, choose another folder.",
+            )
         if lacking:
-            raise IcyMoonError(f"{dataset} contains another data set: {len(lacking)} of its "
-                               f"{count_of(len(known.pairs), 'pair')} {'is' if len(lacking) == 1 else 'are'} not in "
-                               f"this plan, since {_describe_difference(known.pairs, pairs)}. To continue that data "
-                               "set, use icymoon work. For this plan choose another folder, or let it have those "
-                               "pairs too.")
+            raise IcyMoonError(
+                f"{dataset} contains another data set: {len(lacking)} of its "
+                f"{count_of(len(known.pairs), 'pair')} {'is' if len(lacking) == 1 else 'are'} not in "
+                f"this plan, since {_describe_difference(known.pairs, pairs)}. To continue that data "
+                "set, use icymoon work. For this plan choose another folder, or let it have those "
+                "pairs too."
+            )
         if [p.id for p in known.pairs] == [p.id for p in pairs] and known.text == text:
             return known
     base = pairs[0].settings
-    header = {"format": FORMAT, "version": VERSION, "icymoon": version(), "pairs": len(pairs),
-              "seeds": sorted({int(pair.settings.dataset.seed) for pair in pairs}), "settings": base,
-              "plan": text}
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "icymoon": version(),
+        "pairs": len(pairs),
+        "seeds": sorted({int(pair.settings.dataset.seed) for pair in pairs}),
+        "settings": base,
+        "plan": text,
+    }
     lines = [header, *({"id": pair.id, "changes": changed(pair.settings, base)} for pair in pairs)]
     write_text(path, "".join(json.dumps(line, allow_nan=False) + "\n" for line in lines))
     return read_frozen_plan(dataset)
@@ -92,10 +103,15 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
 def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPair]) -> str:
     """By which settings some ``known`` pairs are not among the others, in words."""
     names = [(topic, s.key) for topic, s in all_settings() if counts(s)]
-    before, now = ({name: {_value(name, pair): pair.settings[name[0]][name[1]] for pair in plan} for name in names}
-                   for plan in (known, pairs))
-    texts = [_describe_change(".".join(name), before[name], now[name]) for name in names
-             if before[name].keys() - now[name].keys()]
+    before, now = (
+        {name: {_value(name, pair): pair.settings[name[0]][name[1]] for pair in plan} for name in names}
+        for plan in (known, pairs)
+    )
+    texts = [
+        _describe_change(".".join(name), before[name], now[name])
+        for name in names
+        if before[name].keys() - now[name].keys()
+    ]
     if texts:
         return _join(texts)
     # Each value is there, but not together with the others.
@@ -141,8 +157,10 @@ def read_frozen_plan(dataset: Path) -> FrozenPlan:
         raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {_FIX}.") from None
     check_record(header, _KIND, path, _FIX)
     if header["format"] != FORMAT or header["version"] != VERSION:
-        raise IcyMoonError(f"{path} has version {header['version']} of {header['format']}, this Icy Moon reads "
-                           f"{VERSION} of {FORMAT}; use the version that wrote it.")
+        raise IcyMoonError(
+            f"{path} has version {header['version']} of {header['format']}, this Icy Moon reads "
+            f"{VERSION} of {FORMAT}; use the version that wrote it."
+        )
     check_record(header, _HEADER, path, _FIX)
     base = restored(header["settings"], str(path), header["icymoon"])
     with asking_to_update(str(path), header["icymoon"]):

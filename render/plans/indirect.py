@@ -78,8 +78,17 @@ def light_key(settings: Settings) -> str:
     """A text that is equal for pairs that can share baked light."""
     quality = settings.quality
     seen = [changes.camera(settings)] if quality.bake_area == "VIEW" else []
-    return json.dumps([changes.scene(settings), changes.look(settings), changes.light(settings),
-                       quality.diffuse_bounces, quality.bake_samples, quality.bake_noise, *seen])
+    return json.dumps(
+        [
+            changes.scene(settings),
+            changes.look(settings),
+            changes.light(settings),
+            quality.diffuse_bounces,
+            quality.bake_samples,
+            quality.bake_noise,
+            *seen,
+        ]
+    )
 
 
 def break_even(settings: Settings) -> int:
@@ -117,7 +126,7 @@ def _count_corners(settings: Settings) -> float:
             east, north = rings.map_positions()
             corners *= is_seen(rig, east, north, np.full(len(east), -rig.height_m)).mean()
         return float(corners)
-    size_m, corners = terrain.size_m, _OF_A_QUAD * terrain.resolution ** 2
+    size_m, corners = terrain.size_m, _OF_A_QUAD * terrain.resolution**2
     if source.kind == "STAND_IN":
         size_m = mesh_item(source.stand_in).size_m
     if source.kind in ("STAND_IN", "MESH"):
@@ -151,7 +160,7 @@ def _count_rocks(settings: Settings) -> float:
     if rocks.law == TABLE:
         return float(rocks.most)
     far = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED" and rocks.beyond_px > 0
-    of_the_patch = size_law(rocks).total_per_m2 * settings.terrain.size_m ** 2
+    of_the_patch = size_law(rocks).total_per_m2 * settings.terrain.size_m**2
     return min(float(rocks.most), of_the_patch * (_WITH_FAR_ROCKS if far else 1.0))
 
 

@@ -17,7 +17,13 @@ from ...support.system import count_processors
 from .planned_pair import PlannedPair
 
 _STAGES: tuple[Callable[[Settings], Parts], ...] = (
-    changes.scene, changes.look, changes.light, changes.lander, changes.camera, changes.sampling)
+    changes.scene,
+    changes.look,
+    changes.light,
+    changes.lander,
+    changes.camera,
+    changes.sampling,
+)
 #: Jobs per worker that a data set is cut into, so that the last ones of all workers end at about the same time.
 _JOBS_PER_WORKER = 4
 #: Scenes that one process renders at most, unless another number is given.
@@ -64,7 +70,7 @@ def cut_into_jobs(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) 
     held = 0  # scenes in the last run
     for scene in runs_of_scenes(pairs):
         for start in range(0, len(scene), 2 * length):
-            piece = scene[start:start + 2 * length]
+            piece = scene[start : start + 2 * length]
             if found and held < most_scenes and len(found[-1]) + len(piece) <= length:
                 found[-1] += piece
                 held += 1
@@ -87,5 +93,6 @@ def shard(pairs: Sequence[PlannedPair], number: int, count: int) -> list[Planned
         ends.append(ends[-1] + len(unit))
     # A scene belongs to the shard that its middle falls into.
     middles = [(a + b) / 2 / len(pairs) for a, b in pairwise(ends)]
-    return [pair for unit, middle in zip(units, middles, strict=True) if int(middle * count) == number - 1
-            for pair in unit]
+    return [
+        pair for unit, middle in zip(units, middles, strict=True) if int(middle * count) == number - 1 for pair in unit
+    ]

@@ -29,15 +29,22 @@ class _Layer:
         return all(key in part for part in self.variations)
 
 
-def check_overwritten(base: Settings, parts: Sequence[Variation], seeds: Place | None,
-                      made: Sequence[tuple[Sweep, list[Variation]]], cameras: Sequence[Sweep]) -> None:
+def check_overwritten(
+    base: Settings,
+    parts: Sequence[Variation],
+    seeds: Place | None,
+    made: Sequence[tuple[Sweep, list[Variation]]],
+    cameras: Sequence[Sweep],
+) -> None:
     """Raise IcyMoonError if what a sweep varies would be lost, for every pair or for some.
 
     ``base`` is made of ``parts``, those of the plans that are extended first. Over it come ``seeds``, where the plan
     states them, then the sweeps of settings with their variations, then ``cameras``, in the order of ``poses.KINDS``.
     """
-    layers = [_Layer(sweep.place, sweep.name, _named_by(sweep), [_stated(part) for part in variations])
-              for sweep, variations in made]
+    layers = [
+        _Layer(sweep.place, sweep.name, _named_by(sweep), [_stated(part) for part in variations])
+        for sweep, variations in made
+    ]
     _check_settings(parts, layers)
     for sweep in cameras:
         varied, overwritten = poses.rig_settings(sweep)
@@ -45,16 +52,21 @@ def check_overwritten(base: Settings, parts: Sequence[Variation], seeds: Place |
     if seeds is not None:
         layers.insert(0, _Layer(seeds, "", frozenset({"dataset.seed"}), []))
     for k, earlier in enumerate(layers):
-        for later in layers[k + 1:]:
+        for later in layers[k + 1 :]:
             _check_named(earlier, later)
-        _check_differences(base, earlier, layers[k + 1:])
+        _check_differences(base, earlier, layers[k + 1 :])
 
 
 def _named_by(sweep: Sweep) -> frozenset[str]:
     """The settings that a sweep names, other than by presets."""
     tables = sweep.table.get("case", ()) if sweep.kind == "cases" else (sweep.table,)
-    return frozenset(f"{topic}.{key}" for table in tables for topic, values in table.items()
-                     if topic in TOPICS and isinstance(values, Mapping) for key in values)
+    return frozenset(
+        f"{topic}.{key}"
+        for table in tables
+        for topic, values in table.items()
+        if topic in TOPICS and isinstance(values, Mapping)
+        for key in values
+    )
 
 
 def _stated(part: Variation) -> dict[str, Any]:
@@ -74,7 +86,8 @@ def _check_settings(parts: Sequence[Variation], layers: Sequence[_Layer]) -> Non
                     raise IcyMoonError(
                         f"{part.place.at(*key.split('.'))}: {key} would change nothing, since the sweep "
                         f"'{layer.name}' of {layer.place} sets it for every pair; write without = ['{layer.name}'] "
-                        f"under [plan], or a sweep with replaces = '{layer.name}'.")
+                        f"under [plan], or a sweep with replaces = '{layer.name}'."
+                    )
 
 
 def _check_named(earlier: _Layer, later: _Layer) -> None:
@@ -83,10 +96,15 @@ def _check_named(earlier: _Layer, later: _Layer) -> None:
     if not lost:
         return
     named = [key for key in lost if key in later.names]
-    fix = (f"state all values of {' and '.join(named)} in one of the two" if named else
-           "let the sweep of presets come first")
-    raise IcyMoonError(f"{later.place}: this sweep sets {', '.join(lost)}, so what {earlier.place} states of that "
-                       f"would be lost; {fix}{_or_replace(earlier, later)}.")
+    fix = (
+        f"state all values of {' and '.join(named)} in one of the two"
+        if named
+        else "let the sweep of presets come first"
+    )
+    raise IcyMoonError(
+        f"{later.place}: this sweep sets {', '.join(lost)}, so what {earlier.place} states of that "
+        f"would be lost; {fix}{_or_replace(earlier, later)}."
+    )
 
 
 def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) -> None:
@@ -97,8 +115,14 @@ def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) 
         topic, _, name = key.partition(".")
         return part[key] if key in part else base[topic][name]
 
-    differ = sorted({key for part in earlier.variations for key in part.keys() | first.keys()
-                     if value(part, key) != value(first, key)})
+    differ = sorted(
+        {
+            key
+            for part in earlier.variations
+            for key in part.keys() | first.keys()
+            if value(part, key) != value(first, key)
+        }
+    )
     rows = {tuple(repr(value(part, key)) for key in differ) for part in earlier.variations}
     known = {frozenset[str]()}
     for later in over:
@@ -106,9 +130,11 @@ def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) 
             for lost in {keys | before for before in known} - known:
                 left = {tuple(text for text, key in zip(row, differ, strict=True) if key not in lost) for row in rows}
                 if len(left) < len(rows):
-                    raise IcyMoonError(f"{later.place}: this sweep sets {', '.join(sorted(keys))}, without which some "
-                                       f"variations of that of {earlier.place} are the same; leave one of the two "
-                                       f"out{_or_replace(earlier, later)}.")
+                    raise IcyMoonError(
+                        f"{later.place}: this sweep sets {', '.join(sorted(keys))}, without which some "
+                        f"variations of that of {earlier.place} are the same; leave one of the two "
+                        f"out{_or_replace(earlier, later)}."
+                    )
                 known.add(lost)
 
 

@@ -70,15 +70,22 @@ def describe_stand_ins(pairs: Sequence[PlannedPair], folders: Sequence[Path]) ->
         count = sum(bool(items_of(pair.settings)) for pair in pairs)
         textures = [item.stem for item in shown.values() if isinstance(item, TextureItem)]
         meshes = [item.stem for item in shown.values() if isinstance(item, MeshItem)]
-        parts = [f"{len(names)} {what} ({', '.join(sorted(names))})" for names, what in (
-            (textures, "textures"), (meshes, "meshes")) if names]
-        sentences.append(f"{count} of the pairs show stand-ins, made by code in place of files of the GUISS paper: "
-                         f"{' and '.join(parts)}. Files of these names in the folder plan.files of your own plan "
-                         "replace them.")
+        parts = [
+            f"{len(names)} {what} ({', '.join(sorted(names))})"
+            for names, what in ((textures, "textures"), (meshes, "meshes"))
+            if names
+        ]
+        sentences.append(
+            f"{count} of the pairs show stand-ins, made by code in place of files of the GUISS paper: "
+            f"{' and '.join(parts)}. Files of these names in the folder plan.files of your own plan "
+            "replace them."
+        )
     own = {path for pair in pairs for path in _own_files(pair.settings) if path.parent in folders}
     if own:
-        sentences.append(f"{len(own)} of your own files in {', '.join(map(str, folders))} replace stand-ins: "
-                         f"{', '.join(sorted(path.name for path in own))}.")
+        sentences.append(
+            f"{len(own)} of your own files in {', '.join(map(str, folders))} replace stand-ins: "
+            f"{', '.join(sorted(path.name for path in own))}."
+        )
     return sentences
 
 

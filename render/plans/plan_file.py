@@ -28,8 +28,19 @@ from .own_files import describe_stand_ins
 from .planned_pair import PlannedPair
 from .sweeps import Sweep, Variation, check_keys, check_settings, load_included
 
-HEADER = ("title", "description", "extends", "include", "seeds", "draw_again", "grounds", "splits", "at_most", "files",
-          "without")
+HEADER = (
+    "title",
+    "description",
+    "extends",
+    "include",
+    "seeds",
+    "draw_again",
+    "grounds",
+    "splits",
+    "at_most",
+    "files",
+    "without",
+)
 _SEEDS_MOST = 100000
 #: What plans extend to together, and what one combines; each shipped plan has far fewer. A plan that extends another
 #: twice, which extends another twice, has a million parents after twenty files.
@@ -98,15 +109,26 @@ class Plan:
         found = self.check()
         if not found.unchecked:
             return ""
-        return (f"{len(found.checked)} grounds were checked, {len(found.unchecked)} were not. A camera that cannot "
-                "stand on one of those is found when its pair is rendered, and the pair is set aside.")
+        return (
+            f"{len(found.checked)} grounds were checked, {len(found.unchecked)} were not. A camera that cannot "
+            "stand on one of those is found when its pair is rendered, and the pair is set aside."
+        )
 
     def describe_draws(self) -> str:
         """A sentence about seeds that repeat the draws of the first; empty if none do."""
-        repeats = any(design.seeds is not None and not design.draw_again and _count_seeds(design.seeds[0]) > 1
-                      and any(sweep.kind in sweeps.DRAWN for sweep in design.sweeps) for design in self.designs)
-        return ("Every seed has the same draws of its sweeps, on other ground; state draw_again = true under [plan] "
-                "for draws of its own." if repeats else "")
+        repeats = any(
+            design.seeds is not None
+            and not design.draw_again
+            and _count_seeds(design.seeds[0]) > 1
+            and any(sweep.kind in sweeps.DRAWN for sweep in design.sweeps)
+            for design in self.designs
+        )
+        return (
+            "Every seed has the same draws of its sweeps, on other ground; state draw_again = true under [plan] "
+            "for draws of its own."
+            if repeats
+            else ""
+        )
 
     def describe_splits(self) -> str:
         """A line on the splits that the plan states; empty if it states none."""
@@ -164,14 +186,21 @@ def _parse(path: Path, data: dict[str, Any], text: str, readers: tuple[Path, ...
     if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
         raise IcyMoonError(f"{whole.at('sweep')}: sweeps are tables of a list; write [[sweep]] with two brackets.")
     if len(tables) > _MOST_SWEEPS:
-        raise IcyMoonError(f"{whole.at('sweep', _MOST_SWEEPS)}: this is one sweep more than the {_MOST_SWEEPS} that a "
-                           "plan may have; list the values of several in one.")
+        raise IcyMoonError(
+            f"{whole.at('sweep', _MOST_SWEEPS)}: this is one sweep more than the {_MOST_SWEEPS} that a "
+            "plan may have; list the values of several in one."
+        )
     designs = _read_parents(header, place, (*readers, path.resolve()))
     for k, table in enumerate(tables):
         designs = _with_sweep(designs, table, whole.at("sweep", k))
-    return Plan(path, _text(header, "title", place) or path.stem, _text(header, "description", place), text,
-                tuple(_with_header(_with_settings(design, header, data, whole), header, place) for design in designs),
-                _read_splits(header, place))
+    return Plan(
+        path,
+        _text(header, "title", place) or path.stem,
+        _text(header, "description", place),
+        text,
+        tuple(_with_header(_with_settings(design, header, data, whole), header, place) for design in designs),
+        _read_splits(header, place),
+    )
 
 
 def _read_splits(header: Mapping[str, Any], place: Place) -> dict[str, float] | None:
@@ -200,8 +229,9 @@ def _names(header: Mapping[str, Any], key: str, place: Place) -> list[tuple[str,
         value = [value]
     if not all(isinstance(name, str) for name in value):
         raise IcyMoonError(f"{place.at(key)}: {key} must be a name in quotes or a list of them, not {quote(value)}.")
-    return [(name, place.at(key, k) if isinstance(header[key], list) else place.at(key))
-            for k, name in enumerate(value)]
+    return [
+        (name, place.at(key, k) if isinstance(header[key], list) else place.at(key)) for k, name in enumerate(value)
+    ]
 
 
 def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, ...]) -> list[Design]:
@@ -216,8 +246,9 @@ def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, 
         except IcyMoonError as error:
             raise IcyMoonError(f"{at}: {error}") from None
         if len(designs) > _MOST_DESIGNS:
-            raise IcyMoonError(f"{at}: with this one more than {_MOST_DESIGNS} plans are extended; name fewer, each "
-                               "once.")
+            raise IcyMoonError(
+                f"{at}: with this one more than {_MOST_DESIGNS} plans are extended; name fewer, each once."
+            )
     designs = designs or [Design()]
     for name, at in _names(header, "without", place):
         if not any(name == sweep.name for design in designs for sweep in design.sweeps):
@@ -263,15 +294,17 @@ def _count(header: Mapping[str, Any], key: str, what: str, place: Place) -> int:
 
 def _seeds(value: Any, place: Place) -> tuple[int | list[int], Place]:
     """A number of seeds to draw, or the seeds themselves."""
-    whole = [v for v in (value if isinstance(value, list) else [value])
-             if isinstance(v, int) and not isinstance(v, bool)]
+    whole = [
+        v for v in (value if isinstance(value, list) else [value]) if isinstance(v, int) and not isinstance(v, bool)
+    ]
     if isinstance(value, list) and value and len(whole) == len(value):
         for seed in value:
             check({"dataset": {"seed": seed}}, str(place))
         return value, place
     if isinstance(value, list) or not whole or not 1 <= value <= _SEEDS_MOST:
-        raise IcyMoonError(f"{place}: seeds is {quote(value)}, it must be how many there are (1 to {_SEEDS_MOST}) or "
-                           "list them.")
+        raise IcyMoonError(
+            f"{place}: seeds is {quote(value)}, it must be how many there are (1 to {_SEEDS_MOST}) or list them."
+        )
     return value, place
 
 
@@ -284,18 +317,21 @@ def _with_sweep(designs: Sequence[Design], table: Mapping[str, Any], place: Plac
         raise IcyMoonError(f"{place.at('kind')}: this sweep {problem}, {nearest(str(kind), kinds)}")
     known = {sweep.name for design in designs for sweep in design.sweeps}
     if replaces is not None and replaces not in known:
-        raise IcyMoonError(f"{place.at('replaces')}: there is no sweep {quote(replaces)} to replace, "
-                           f"{nearest(replaces, sorted(known))}")
+        raise IcyMoonError(
+            f"{place.at('replaces')}: there is no sweep {quote(replaces)} to replace, "
+            f"{nearest(replaces, sorted(known))}"
+        )
     # Random numbers depend on the name; a made-up one counts the sweeps of its kind in this file.
     name = replaces or _text(table, "name", place) or _free_name(kind, known)
     if replaces is None and name in known:
-        raise IcyMoonError(f"{place.at('name')}: there is a sweep {quote(name)} already; write replaces = "
-                           f"{quote(name)} or choose another name.")
+        raise IcyMoonError(
+            f"{place.at('name')}: there is a sweep {quote(name)} already; write replaces = "
+            f"{quote(name)} or choose another name."
+        )
     sweep = Sweep(kind, name, {key: v for key, v in table.items() if key not in ("kind", "name", "replaces")}, place)
     if replaces is None:
         return [replace(design, sweeps=(*design.sweeps, sweep)) for design in designs]
-    return [replace(design, sweeps=tuple(sweep if b.name == name else b for b in design.sweeps))
-            for design in designs]
+    return [replace(design, sweeps=tuple(sweep if b.name == name else b for b in design.sweeps)) for design in designs]
 
 
 def _free_name(kind: str, known: set[str]) -> str:

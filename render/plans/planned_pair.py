@@ -46,8 +46,13 @@ def expand_headings(settings: Settings, extra: str = "") -> list[PlannedPair]:
     blur that cannot be rendered.
     """
     headings = int(settings.dataset.headings)
-    described = choose_indirect([
-        merged(settings, {"rig": {"heading_deg": turned_heading_deg(settings, k, headings)}} if k else {})
-        for k in range(headings)])
-    return [PlannedPair(digest(turned, extra + blur_identity(turned)), turned, 360.0 * k / headings)
-            for k, turned in enumerate(described)]
+    described = choose_indirect(
+        [
+            merged(settings, {"rig": {"heading_deg": turned_heading_deg(settings, k, headings)}} if k else {})
+            for k in range(headings)
+        ]
+    )
+    return [
+        PlannedPair(digest(turned, extra + blur_identity(turned)), turned, 360.0 * k / headings)
+        for k, turned in enumerate(described)
+    ]

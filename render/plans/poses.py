@@ -64,23 +64,32 @@ def _make_panorama(sweep: Sweep, base: Settings, ground: Ground) -> list[Variati
     elif isinstance(stated, list):
         headings = _read_numbers(sweep, "headings")
     else:
-        raise IcyMoonError(f"{sweep.place.at('headings')}: headings is {quote(stated)}, it must be how many there are "
-                           "or list them in degrees.")
+        raise IcyMoonError(
+            f"{sweep.place.at('headings')}: headings is {quote(stated)}, it must be how many there are "
+            "or list them in degrees."
+        )
     pitches = _read_numbers(sweep, "pitches_deg", (base.rig.pitch_deg,))
     return [_rig_variation(sweep, heading_deg=heading, pitch_deg=pitch) for pitch in pitches for heading in headings]
 
 
 def _make_view_sphere(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
-    check_keys(sweep.table, ("elevations_deg", "azimuths_deg", "distances_m", "target_height_m"), sweep.place,
-               "a view_sphere sweep")
+    check_keys(
+        sweep.table,
+        ("elevations_deg", "azimuths_deg", "distances_m", "target_height_m"),
+        sweep.place,
+        "a view_sphere sweep",
+    )
     standing, rig = ground(base), base.rig
     target = np.array([rig.x_m, rig.y_m, _read_length(sweep, "target_height_m", 0.0)])
     target[2] += float(standing.heights(*target[:2]))
     if not math.isfinite(target[2]):
-        raise IcyMoonError(f"{sweep.place}: there is no ground at the target, east {target[0]:g} m, north "
-                           f"{target[1]:g} m; change rig.x_m and rig.y_m.")
-    distances, elevations, azimuths = (_read_numbers(sweep, key)
-                                       for key in ("distances_m", "elevations_deg", "azimuths_deg"))
+        raise IcyMoonError(
+            f"{sweep.place}: there is no ground at the target, east {target[0]:g} m, north "
+            f"{target[1]:g} m; change rig.x_m and rig.y_m."
+        )
+    distances, elevations, azimuths = (
+        _read_numbers(sweep, key) for key in ("distances_m", "elevations_deg", "azimuths_deg")
+    )
     check_pair_count(len(distances) * len(elevations) * len(azimuths), sweep.place)
     made = []
     for distance in distances:
@@ -91,37 +100,56 @@ def _make_view_sphere(sweep: Sweep, base: Settings, ground: Ground) -> list[Vari
                 height = z - float(standing.heights(x, y))
                 at = f"The camera at elevation {elevation:g}°, azimuth {azimuth:g}°, {distance:g} m from the target"
                 if not math.isfinite(height):
-                    raise IcyMoonError(f"{sweep.place}: {at}, is beyond the ground; come nearer or raise "
-                                       "terrain.size_m.")
+                    raise IcyMoonError(
+                        f"{sweep.place}: {at}, is beyond the ground; come nearer or raise terrain.size_m."
+                    )
                 if height < LOWEST_M:
-                    raise IcyMoonError(f"{sweep.place}: {at}, is {-height:.3g} m under the ground; raise "
-                                       "target_height_m, the distance or the elevation, or take other azimuths.")
-                made.append(_rig_variation(sweep, x_m=x, y_m=y, height_m=height, pitch_deg=elevation,
-                                           heading_deg=(azimuth + 360.0) % 360.0 - 180.0))
+                    raise IcyMoonError(
+                        f"{sweep.place}: {at}, is {-height:.3g} m under the ground; raise "
+                        "target_height_m, the distance or the elevation, or take other azimuths."
+                    )
+                made.append(
+                    _rig_variation(
+                        sweep,
+                        x_m=x,
+                        y_m=y,
+                        height_m=height,
+                        pitch_deg=elevation,
+                        heading_deg=(azimuth + 360.0) % 360.0 - 180.0,
+                    )
+                )
     return made
 
 
 def _make_sites(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
-    check_keys(sweep.table, ("count", "clearance_m", "margin_m", "apart_m", "random_headings"), sweep.place,
-               "a sites sweep")
+    check_keys(
+        sweep.table, ("count", "clearance_m", "margin_m", "apart_m", "random_headings"), sweep.place, "a sites sweep"
+    )
     count, turned = read_count(sweep, "count"), sweep.table.get("random_headings", False)
     if not isinstance(turned, bool):
         raise IcyMoonError(f"{sweep.place.at('random_headings')}: random_headings must be true or false.")
-    clearance, margin, apart = (_read_length(sweep, key, default) for key, default in
-                                (("clearance_m", 0.25), ("margin_m", 1.0), ("apart_m", 0.0)))
+    clearance, margin, apart = (
+        _read_length(sweep, key, default)
+        for key, default in (("clearance_m", 0.25), ("margin_m", 1.0), ("apart_m", 0.0))
+    )
     seed = int(base.dataset.seed)
     found = ground(base).choose_places(count, clearance, margin, apart, axis_generator(sweep, "place", seed))
     if len(found) < count:
-        raise IcyMoonError(f"{sweep.place}: the {base.terrain.size_m:g} m patch has room for {len(found)} of "
-                           f"{count_of(count, 'site')} {clearance:g} m clear of rocks, {margin:g} m from its edge "
-                           f"and {apart:g} m apart; lower count, clearance_m, margin_m, apart_m or rocks.coverage.")
+        raise IcyMoonError(
+            f"{sweep.place}: the {base.terrain.size_m:g} m patch has room for {len(found)} of "
+            f"{count_of(count, 'site')} {clearance:g} m clear of rocks, {margin:g} m from its edge "
+            f"and {apart:g} m apart; lower count, clearance_m, margin_m, apart_m or rocks.coverage."
+        )
     headings = axis_generator(sweep, "heading", seed).uniform(-180.0, 180.0, count)
     more: list[dict[str, float]] = [{"heading_deg": h} if turned else {} for h in headings.tolist()]
     return [_rig_variation(sweep, x_m=x, y_m=y, **extra) for (x, y), extra in zip(found.tolist(), more, strict=True)]
 
 
 _MAKERS: dict[str, Callable[[Sweep, Settings, Ground], list[Variation]]] = {
-    "sites": _make_sites, "view_sphere": _make_view_sphere, "panorama": _make_panorama}
+    "sites": _make_sites,
+    "view_sphere": _make_view_sphere,
+    "panorama": _make_panorama,
+}
 #: Kinds of sweeps that place the camera, in the order in which they are applied: the site, then the view.
 KINDS = tuple(_MAKERS)
 
@@ -130,8 +158,10 @@ def rig_settings(sweep: Sweep) -> tuple[frozenset[str], frozenset[str]]:
     """The settings that cameras of a sweep of one of ``KINDS`` differ in, and those that they have whatever the
     settings under them are: equal turns begin at ``rig.heading_deg``, and a view sphere is about the rig's place."""
     if sweep.kind == "panorama":
-        turned, pitched = ({"rig.heading_deg"} if isinstance(sweep.table.get("headings"), list) else set(),
-                           {"rig.pitch_deg"} if "pitches_deg" in sweep.table else set())
+        turned, pitched = (
+            {"rig.heading_deg"} if isinstance(sweep.table.get("headings"), list) else set(),
+            {"rig.pitch_deg"} if "pitches_deg" in sweep.table else set(),
+        )
         return frozenset({"rig.heading_deg", *pitched}), frozenset(turned | pitched)
     if sweep.kind == "view_sphere":
         keys = frozenset({"rig.height_m", "rig.pitch_deg", "rig.heading_deg"})

@@ -34,8 +34,10 @@ MOST_PAIRS = 100000
 #: Pairs that a sentence counts; a number may have a million digits.
 _COUNTED = 10**12
 #: What no sweep may vary, and what to do instead.
-NOT_SWEPT = {"response": "is applied when images are evaluated and needs no other render; state it there with --set",
-              "run": "changes no pair; state it once, outside the sweeps"}
+NOT_SWEPT = {
+    "response": "is applied when images are evaluated and needs no other render; state it there with --set",
+    "run": "changes no pair; state it once, outside the sweeps",
+}
 
 
 @dataclass(frozen=True)
@@ -109,8 +111,10 @@ def check_pair_count(pairs: int, place: Place) -> None:
     """Raise IcyMoonError if there are more pairs than a plan may have."""
     if pairs > MOST_PAIRS:
         count = f"{pairs} pairs, more than" if pairs < _COUNTED else "far more pairs than"
-        raise IcyMoonError(f"{place}: the sweeps combine to {count} {MOST_PAIRS}; list fewer values, or "
-                           "draw fewer with a random, sobol or latin_hypercube sweep.")
+        raise IcyMoonError(
+            f"{place}: the sweeps combine to {count} {MOST_PAIRS}; list fewer values, or "
+            "draw fewer with a random, sobol or latin_hypercube sweep."
+        )
 
 
 def _find_setting(topic: str, key: str, place: Place) -> Setting:
@@ -139,19 +143,25 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
             found += [(f"{_PRESETS}.{key}", None, stated, place.at(key)) for key, stated in values.items()]
             continue
         if topic not in (_PRESETS, *TOPICS):
-            raise IcyMoonError(f"{place}: a {sweep.kind} sweep has no {shorten(topic)}, "
-                               f"{nearest_topic(topic, [*also, *TOPICS])}")
+            raise IcyMoonError(
+                f"{place}: a {sweep.kind} sweep has no {shorten(topic)}, {nearest_topic(topic, [*also, *TOPICS])}"
+            )
         if topic == _PRESETS:
-            raise IcyMoonError(f"{place}: presets are lists by names of yours, such as presets.sensor; a single list "
-                               "is called preset.")
+            raise IcyMoonError(
+                f"{place}: presets are lists by names of yours, such as presets.sensor; a single list is called preset."
+            )
         if not isinstance(values, Mapping):
-            raise IcyMoonError(f"{place}: {topic} is a topic; name a setting of it, such as {topic}."
-                               f"{TOPICS[topic].settings[0].key}.")
-        found += [(f"{topic}.{key}", _find_setting(topic, key, place.at(key)), stated, place.at(key))
-                  for key, stated in values.items()]
+            raise IcyMoonError(
+                f"{place}: {topic} is a topic; name a setting of it, such as {topic}.{TOPICS[topic].settings[0].key}."
+            )
+        found += [
+            (f"{topic}.{key}", _find_setting(topic, key, place.at(key)), stated, place.at(key))
+            for key, stated in values.items()
+        ]
     if not found:
-        raise IcyMoonError(f"{sweep.place}: this {sweep.kind} sweep varies nothing; name a setting, such as "
-                           "light.sun_elevation_deg.")
+        raise IcyMoonError(
+            f"{sweep.place}: this {sweep.kind} sweep varies nothing; name a setting, such as light.sun_elevation_deg."
+        )
     return found
 
 
@@ -168,8 +178,10 @@ def _read_listed(sweep: Sweep) -> list[list[Variation]]:
     factors = []
     for name, setting, values, place in _read_factors(sweep, ()):
         if not isinstance(values, list) or not values:
-            raise IcyMoonError(f"{place}: {name} must list the values that it takes in turn, as in "
-                               f"[{getattr(setting, 'default', 'a preset')!r}, …], not {quote(values)}.")
+            raise IcyMoonError(
+                f"{place}: {name} must list the values that it takes in turn, as in "
+                f"[{getattr(setting, 'default', 'a preset')!r}, …], not {quote(values)}."
+            )
         factors.append([Variation(_read_part(name, value, place), place) for value in values])
     return factors
 
@@ -194,8 +206,10 @@ def _make_cases(sweep: Sweep, base: Settings) -> list[Variation]:
     check_keys(sweep.table, ("case",), sweep.place, "a cases sweep")
     cases, place = sweep.table.get("case"), sweep.place.at("case")
     if not isinstance(cases, list) or not cases or not all(isinstance(case, Mapping) for case in cases):
-        raise IcyMoonError(f"{place}: a cases sweep lists what goes together: case = [{{ light.sun_elevation_deg = 30, "
-                           "light.sun_azimuth_deg = 90 }, …].")
+        raise IcyMoonError(
+            f"{place}: a cases sweep lists what goes together: case = [{{ light.sun_elevation_deg = 30, "
+            "light.sun_azimuth_deg = 90 }, …]."
+        )
     made = []
     for k, case in enumerate(cases):
         if not case:
@@ -206,34 +220,49 @@ def _make_cases(sweep: Sweep, base: Settings) -> list[Variation]:
         for topic, values in stated.items():
             for key in values if isinstance(values, Mapping) else ():
                 _find_setting(topic, key, place.at(k))
-        made.append(Variation(merged(*(load_included(name, place.at(k, _PRESET)) for name in presets),
-                                     check_settings(stated, place.at(k))), place.at(k)))
+        made.append(
+            Variation(
+                merged(
+                    *(load_included(name, place.at(k, _PRESET)) for name in presets),
+                    check_settings(stated, place.at(k)),
+                ),
+                place.at(k),
+            )
+        )
     return made
 
 
-def _read_law(name: str, setting: Setting | None, law: Any, place: Place,
-              kind: str) -> Callable[[np.ndarray], list[Any]]:
+def _read_law(
+    name: str, setting: Setting | None, law: Any, place: Place, kind: str
+) -> Callable[[np.ndarray], list[Any]]:
     """A function from fractions (0 to 1) to values of a factor, by the distribution that the plan states."""
     stated = dict(law) if isinstance(law, Mapping) else {}
     within = stated.pop("within", None)
     if len(stated) != 1 or (within is not None and "normal" not in stated):
-        raise IcyMoonError(f"{place}: {name} in a {kind} sweep is drawn from a distribution, one of "
-                           "{ uniform = [low, high] }, { log_uniform = [low, high] }, "
-                           "{ normal = [mean, deviation], within = [low, high] } or { choice = [values] }.")
+        raise IcyMoonError(
+            f"{place}: {name} in a {kind} sweep is drawn from a distribution, one of "
+            "{ uniform = [low, high] }, { log_uniform = [low, high] }, "
+            "{ normal = [mean, deviation], within = [low, high] } or { choice = [values] }."
+        )
     [(law_name, numbers)] = stated.items()
     if law_name == "choice":
         if not isinstance(numbers, list) or not numbers:
             raise IcyMoonError(f"{place}: choice of {name} must list values, not {quote(numbers)}.")
         return lambda fraction: [numbers[k] for k in sampling.whole(fraction, 0, len(numbers) - 1)]
     if law_name not in ("uniform", "log_uniform", "normal"):
-        raise IcyMoonError(f"{place}: there is no distribution {shorten(law_name)}, "
-                           f"{nearest(law_name, ('uniform', 'log_uniform', 'normal', 'choice'))}")
+        raise IcyMoonError(
+            f"{place}: there is no distribution {shorten(law_name)}, "
+            f"{nearest(law_name, ('uniform', 'log_uniform', 'normal', 'choice'))}"
+        )
     if setting is None or setting.kind not in ("int", "float"):
         raise IcyMoonError(f"{place}: {name} is no number; draw it with {{ choice = [values] }}.")
     first, second = _read_two_numbers(numbers, f"{law_name} of {name}", place)
     if law_name == "normal":
-        limits = ((setting.minimum, setting.maximum) if within is None else
-                  _read_two_numbers(within, f"within of {name}", place))
+        limits = (
+            (setting.minimum, setting.maximum)
+            if within is None
+            else _read_two_numbers(within, f"within of {name}", place)
+        )
         return _read_normal(setting, name, (first, second), limits, place)
     _check_range(setting, name, first, second, place)
     if law_name == "log_uniform" and first <= 0:
@@ -244,16 +273,19 @@ def _read_law(name: str, setting: Setting | None, law: Any, place: Place,
     return lambda fraction: _rounded(setting, draw(fraction, first, second))
 
 
-def _read_normal(setting: Setting, name: str, law: tuple[float, float], limits: tuple[float, float],
-                 place: Place) -> Callable[[np.ndarray], list[Any]]:
+def _read_normal(
+    setting: Setting, name: str, law: tuple[float, float], limits: tuple[float, float], place: Place
+) -> Callable[[np.ndarray], list[Any]]:
     _check_range(setting, name, *limits, place)
     if law[1] <= 0:
         raise IcyMoonError(f"{place}: the deviation of {name} is {law[1]:g}, it must be above 0.")
     try:
         sampling.normal(np.array([0.5]), *law, *limits)
     except ValueError:
-        raise IcyMoonError(f"{place}: the normal distribution of {name} has next to nothing within {limits[0]:g} to "
-                           f"{limits[1]:g}; widen within.") from None
+        raise IcyMoonError(
+            f"{place}: the normal distribution of {name} has next to nothing within {limits[0]:g} to "
+            f"{limits[1]:g}; widen within."
+        ) from None
     return lambda fraction: _rounded(setting, sampling.normal(fraction, *law, *limits))
 
 
@@ -276,16 +308,20 @@ def _check_range(setting: Setting, name: str, low: float, high: float, place: Pl
     for end in (low, high):
         if not setting.minimum <= end <= setting.maximum:
             unit = f" {setting.unit}" if setting.unit not in ("", "1") else ""
-            raise IcyMoonError(f"{place}: {name} goes from {low:g} to {high:g}{unit}, outside {setting.minimum:g} to "
-                               f"{setting.maximum:g}{unit}.")
+            raise IcyMoonError(
+                f"{place}: {name} goes from {low:g} to {high:g}{unit}, outside {setting.minimum:g} to "
+                f"{setting.maximum:g}{unit}."
+            )
 
 
 def _make_drawn(sweep: Sweep, base: Settings) -> list[Variation]:
     count = read_count(sweep, "count")
     factors = _read_factors(sweep, ("count",))
     if sweep.kind == "sobol" and len(factors) > sampling.MOST_DIMENSIONS:
-        raise IcyMoonError(f"{sweep.place}: a sobol sweep varies up to {sampling.MOST_DIMENSIONS} settings, not "
-                           f"{len(factors)}; use latin_hypercube.")
+        raise IcyMoonError(
+            f"{sweep.place}: a sobol sweep varies up to {sampling.MOST_DIMENSIONS} settings, not "
+            f"{len(factors)}; use latin_hypercube."
+        )
     seed = int(base.dataset.seed)
     fractions = DRAWN[sweep.kind](count, [axis_generator(sweep, name, seed) for name, *_ in factors])
     columns = []
@@ -296,8 +332,11 @@ def _make_drawn(sweep: Sweep, base: Settings) -> list[Variation]:
 
 
 _MAKERS: dict[str, Callable[[Sweep, Settings], list[Variation]]] = {
-    "grid": _make_grid, "one_at_a_time": _make_one_at_a_time, "cases": _make_cases,
-    **dict.fromkeys(DRAWN, _make_drawn)}
+    "grid": _make_grid,
+    "one_at_a_time": _make_one_at_a_time,
+    "cases": _make_cases,
+    **dict.fromkeys(DRAWN, _make_drawn),
+}
 
 
 def make_variations(sweep: Sweep, base: Settings) -> list[Variation]:

@@ -163,8 +163,9 @@ def check_varied(varied: VariedSetting) -> Setting:
     if not 2 <= varied.count <= MOST_PAIRS:
         raise IcyMoonError(f"{WHERE}: {name} has {count_of(varied.count, 'value')}; give 2 to {MOST_PAIRS}.")
     if varied.spacing == "RATIO" and min(varied.first, varied.last) <= 0:
-        raise IcyMoonError(f"{WHERE}: {name} goes from {varied.first:g} to {varied.last:g}; even ratios need two ends "
-                           "above 0.")
+        raise IcyMoonError(
+            f"{WHERE}: {name} goes from {varied.first:g} to {varied.last:g}; even ratios need two ends above 0."
+        )
     return setting
 
 
@@ -200,21 +201,33 @@ def _make_grid_factor(varied: VariedSetting) -> _Factor:
         table = _sweep_table("random", varied.name, {varied.name: _law(varied)}, count=varied.count)
         return _Factor(table, varied.count, f"{count_of(varied.count, 'random value')} of {label_of(varied.name)}")
     values = list_values(varied)
-    return _Factor(_sweep_table("grid", varied.name, {varied.name: values}), len(values),
-                   f"{count_of(len(values), 'value')} of {label_of(varied.name)}")
+    return _Factor(
+        _sweep_table("grid", varied.name, {varied.name: values}),
+        len(values),
+        f"{count_of(len(values), 'value')} of {label_of(varied.name)}",
+    )
 
 
 def _make_one_at_a_time(settings: Settings, varied: Sequence[VariedSetting]) -> _Factor:
     listed = {}
     for each in varied:
         if _is_drawn(each):
-            raise IcyMoonError(f"{WHERE}: {each.name} is random, and one at a time takes listed values; choose even "
-                               "steps or even ratios.")
+            raise IcyMoonError(
+                f"{WHERE}: {each.name} is random, and one at a time takes listed values; choose even "
+                "steps or even ratios."
+            )
         listed[each.name] = list_values(each)
-    others = sum(value != settings[topic][key] for name, values in listed.items()
-                 for topic, _, key in [name.partition(".")] for value in values)
-    return _Factor(_sweep_table("one_at_a_time", "one at a time", listed), 1 + others,
-                   f"{count_of(1 + others, 'scene')}, one setting at a time")
+    others = sum(
+        value != settings[topic][key]
+        for name, values in listed.items()
+        for topic, _, key in [name.partition(".")]
+        for value in values
+    )
+    return _Factor(
+        _sweep_table("one_at_a_time", "one at a time", listed),
+        1 + others,
+        f"{count_of(1 + others, 'scene')}, one setting at a time",
+    )
 
 
 def _is_drawn(varied: VariedSetting) -> bool:
@@ -248,15 +261,16 @@ def plan_text(settings: Settings, variations: SceneVariations) -> str:
     Raises IcyMoonError for values out of range, and for what cannot be combined.
     """
     count_pairs(settings, variations)
-    header: dict[str, Any] = {"title": title_of(variations),
-                              "description": f"Made by {WHERE} of Icy Moon {version()}"}
+    header: dict[str, Any] = {"title": title_of(variations), "description": f"Made by {WHERE} of Icy Moon {version()}"}
     if variations.seeds > 1:
         header["seeds"] = _draw_seeds(settings, variations.seeds)
     lines = ["[plan]", *(f"{key} = {toml_value(value)}" for key, value in header.items()), ""]
     for factor in _make_factors(settings, variations):
         lines += ["[[sweep]]", *_sweep_lines(factor.table), ""]
-    described = {topic: {key: value for key, value in values.items() if topic != "dataset" or key in _OF_DATASET}
-                 for topic, values in settings.items()}
+    described = {
+        topic: {key: value for key, value in values.items() if topic != "dataset" or key in _OF_DATASET}
+        for topic, values in settings.items()
+    }
     return "\n".join([*lines, "# All settings of the scene.", to_toml(described)])
 
 
@@ -267,8 +281,11 @@ def _sweep_lines(table: Mapping[str, Any]) -> list[str]:
             lines.append(f"{key} = {toml_value(value)}")
             continue
         for name, stated in value.items():
-            text = (f"{{ {', '.join(f'{law} = {toml_value(of)}' for law, of in stated.items())} }}"
-                    if isinstance(stated, dict) else toml_value(stated))
+            text = (
+                f"{{ {', '.join(f'{law} = {toml_value(of)}' for law, of in stated.items())} }}"
+                if isinstance(stated, dict)
+                else toml_value(stated)
+            )
             lines.append(f"{key}.{name} = {text}")
     return lines
 
@@ -293,11 +310,16 @@ def count_pairs(settings: Settings, variations: SceneVariations) -> int:
     for what, count in (("seeds", variations.seeds), ("draws", variations.draws)):
         if count < 1:
             raise IcyMoonError(f"{WHERE}: there are {count} {what}; give 1 or more.")
-    pairs = variations.seeds * int(settings.dataset.headings) * math.prod(
-        factor.size for factor in _make_factors(settings, variations))
+    pairs = (
+        variations.seeds
+        * int(settings.dataset.headings)
+        * math.prod(factor.size for factor in _make_factors(settings, variations))
+    )
     if pairs > MOST_PAIRS:
-        raise IcyMoonError(f"{WHERE}: these are {pairs} pairs, more than {MOST_PAIRS}; give fewer values, or combine "
-                           "them by Sobol draws.")
+        raise IcyMoonError(
+            f"{WHERE}: these are {pairs} pairs, more than {MOST_PAIRS}; give fewer values, or combine "
+            "them by Sobol draws."
+        )
     return pairs
 
 
@@ -342,8 +364,9 @@ def end_settings(settings: Settings, variations: SceneVariations) -> tuple[Setti
     count_pairs(settings, variations)
     choices = [_make_parts(factor, settings) for factor in _make_factors(settings, variations)]
     choices.append([{"dataset": {"seed": seed}} for seed in _draw_seeds(settings, variations.seeds)])
-    first, last = (expand_headings(merged(settings, *(parts[end] for parts in choices)))[end].settings
-                   for end in (0, -1))
+    first, last = (
+        expand_headings(merged(settings, *(parts[end] for parts in choices)))[end].settings for end in (0, -1)
+    )
     return first, last
 
 
@@ -358,5 +381,9 @@ def _make_parts(factor: _Factor, settings: Settings, most: int = MOST_PAIRS) -> 
 
 def _geometry_of(part: Parts) -> list[tuple[str, str, Any]]:
     """What a part sets that the ground is made from."""
-    return [(topic, key, value) for topic, values in part.items() for key, value in values.items()
-            if TOPICS[topic][key].effect == "geometry"]
+    return [
+        (topic, key, value)
+        for topic, values in part.items()
+        for key, value in values.items()
+        if TOPICS[topic][key].effect == "geometry"
+    ]

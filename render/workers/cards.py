@@ -42,8 +42,10 @@ def parse_cards(text: str, origin: str = "--cards") -> Cards:
         return Cards()
     stated = _TEXT.fullmatch(text.replace(" ", ""))
     if not stated:
-        raise IcyMoonError(f"{origin} is {shorten(text)!r}; write numbers of graphics cards as icymoon doctor lists "
-                           "them, as in 0,2 or CUDA:1, or all.")
+        raise IcyMoonError(
+            f"{origin} is {shorten(text)!r}; write numbers of graphics cards as icymoon doctor lists "
+            "them, as in 0,2 or CUDA:1, or all."
+        )
     return Cards((stated[1] or "").upper(), tuple(dict.fromkeys(int(number) for number in stated[2].split(","))))
 
 
@@ -85,6 +87,8 @@ def pick(cards: Cards, found: Sequence[str]) -> list[int]:
     absent = [number for number in cards.numbers if number >= len(found)]
     if absent:
         there = ", ".join(f"{number}: {name}" for number, name in enumerate(found)) or "none"
-        raise IcyMoonError(f"There is no graphics card {absent[0]} for Cycles; choose among those that are there by "
-                           f"--cards or {ENVIRONMENT} ({there}).")
+        raise IcyMoonError(
+            f"There is no graphics card {absent[0]} for Cycles; choose among those that are there by "
+            f"--cards or {ENVIRONMENT} ({there})."
+        )
     return list(cards.numbers) or list(range(len(found)))

@@ -32,8 +32,13 @@ BEAT_S, STALE_S = 10.0, 60.0
 #: How long a claim is touched for a holder that reports no progress, see ``report_progress``: it hangs then.
 SILENCE_S = 3600.0
 #: What a claim contains: its holder; a claim of baked light, once that is baked, also the checksum of its file.
-_SHAPE = {"pid": PROCESS, "place": TEXT, "host": TEXT, "key": Maybe(TEXT),
-          "light": Maybe({"sha256": SHA256, "cpu_seconds": NUMBER})}
+_SHAPE = {
+    "pid": PROCESS,
+    "place": TEXT,
+    "host": TEXT,
+    "key": Maybe(TEXT),
+    "light": Maybe({"sha256": SHA256, "cpu_seconds": NUMBER}),
+}
 
 
 class Claims:
@@ -89,8 +94,10 @@ class Claims:
 
         Raises IcyMoonError if the disk refuses.
         """
-        write_text(self._held[key], json.dumps(self._describe_self() | {
-            "light": {"sha256": checksum, "cpu_seconds": cpu_seconds}}))
+        write_text(
+            self._held[key],
+            json.dumps(self._describe_self() | {"light": {"sha256": checksum, "cpu_seconds": cpu_seconds}}),
+        )
 
     def find_stated_light(self, key: str) -> dict[str, Any] | None:
         """``sha256`` and ``cpu_seconds`` of the light that the newest claim of a key states; None without any."""
@@ -159,8 +166,13 @@ class Claims:
                 self._settle(part)
         # Such as of the manifest, of baked light or of a claim that was to state it, of the clock, and of a pair.json
         # that was to state other settings.
-        for where, pattern in ((self._dataset, "*"), (self._dataset / LIGHT, "*"), (self._folder, "*"),
-                               (self._pairs, ".clock"), (self._pairs, "*/*")):
+        for where, pattern in (
+            (self._dataset, "*"),
+            (self._dataset / LIGHT, "*"),
+            (self._folder, "*"),
+            (self._pairs, ".clock"),
+            (self._pairs, "*/*"),
+        ):
             for file in find_leftover_parts(where, pattern):
                 self._remove(file)
         for path in self._list_claims():

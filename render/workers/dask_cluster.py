@@ -42,8 +42,12 @@ def connect(address: str) -> Iterator[Any]:
     if kind == "local":
         if not re.fullmatch(r"[0-9]{1,6}", number) or int(number) == 0:
             raise IcyMoonError(f"--dask is {address!r}; write local:N with N processes, or a scheduler's address.")
-        with (distributed.LocalCluster(n_workers=int(number), threads_per_worker=1, processes=True,
-                                       dashboard_address=None) as cluster, distributed.Client(cluster) as client):
+        with (
+            distributed.LocalCluster(
+                n_workers=int(number), threads_per_worker=1, processes=True, dashboard_address=None
+            ) as cluster,
+            distributed.Client(cluster) as client,
+        ):
             yield client
         return
     try:
@@ -54,8 +58,9 @@ def connect(address: str) -> Iterator[Any]:
         yield client
 
 
-def render_on_cluster(address: str, dataset: Path, pairs: Sequence[PlannedPair], workers: WorkerOptions,
-                      send: Callable[..., None]) -> dict[str, str]:
+def render_on_cluster(
+    address: str, dataset: Path, pairs: Sequence[PlannedPair], workers: WorkerOptions, send: Callable[..., None]
+) -> dict[str, str]:
     """Render the missing ones of ``pairs`` on a cluster; as ``Runner.run``, with a task of a Dask worker per worker.
 
     Every Dask worker needs this package, the Blender that ``workers`` names and the folder at the same path.
@@ -65,19 +70,39 @@ def render_on_cluster(address: str, dataset: Path, pairs: Sequence[PlannedPair],
         missing = [pair for pair in pairs if pair.id not in there]
         slots = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
         jobs = [[pair.id for pair in shard] for shard in cut_into_jobs(missing, slots, workers.most_scenes)]
-        futures = [client.submit(render_task, str(dataset), names, WorkerOptions(1, workers.threads, workers.blender,
-                                                                       workers.most_scenes),
-                                 retries=MOST_CRASHES - 1, pure=False) for names in jobs]
+        futures = [
+            client.submit(
+                render_task,
+                str(dataset),
+                names,
+                WorkerOptions(1, workers.threads, workers.blender, workers.most_scenes),
+                retries=MOST_CRASHES - 1,
+                pure=False,
+            )
+            for names in jobs
+        ]
         try:
             while True:
                 ended = all(future.done() for future in futures)
                 for pair in missing:
                     if pair.id not in there and is_complete(pair.folder(dataset)):
                         there.add(pair.id)
-                        send("pair", id=pair.id, folder=str(pair.folder(dataset)), rendered=True, done=len(there),
-                             total=len(pairs), seconds=_read_seconds(pair.folder(dataset)))
-                send("progress", fraction=len(there) / max(1, len(pairs)), done=len(there), total=len(pairs),
-                     message=f"{len(there)} of {count_of(len(pairs), 'pair')} on {count_of(slots, 'worker')}")
+                        send(
+                            "pair",
+                            id=pair.id,
+                            folder=str(pair.folder(dataset)),
+                            rendered=True,
+                            done=len(there),
+                            total=len(pairs),
+                            seconds=_read_seconds(pair.folder(dataset)),
+                        )
+                send(
+                    "progress",
+                    fraction=len(there) / max(1, len(pairs)),
+                    done=len(there),
+                    total=len(pairs),
+                    message=f"{len(there)} of {count_of(len(pairs), 'pair')} on {count_of(slots, 'worker')}",
+                )
                 if ended:
                     break
                 time.sleep(_POLL_S)
@@ -92,8 +117,9 @@ def _read_seconds(folder: Path) -> float:
     return float(sum(read_pair(folder).data["seconds"].get(step, 0.0) for step in ("build", "render", "write")))
 
 
-def _report_failed(jobs: list[list[str]], futures: list[Any], there: set[str],
-                   send: Callable[..., None]) -> dict[str, str]:
+def _report_failed(
+    jobs: list[list[str]], futures: list[Any], there: set[str], send: Callable[..., None]
+) -> dict[str, str]:
     """Why pairs are not there, by id."""
     failed: dict[str, str] = {}
     for names, future in zip(jobs, futures, strict=True):

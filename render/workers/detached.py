@@ -34,8 +34,9 @@ class Detached(ProcessOutput):
     ``.watch`` (held by the watcher) and ``.json`` (facts about the process).
     """
 
-    def __init__(self, stem: Path, facts: Mapping[str, Any], watch: IO[bytes],
-                 process: subprocess.Popen[bytes] | None) -> None:
+    def __init__(
+        self, stem: Path, facts: Mapping[str, Any], watch: IO[bytes], process: subprocess.Popen[bytes] | None
+    ) -> None:
         """Use ``start`` or ``attach``."""
         super().__init__()
         self.facts, self.leave = dict(facts), False
@@ -46,8 +47,9 @@ class Detached(ProcessOutput):
         self._ended = False
 
     @classmethod
-    def start(cls, command: Sequence[str], stem: Path, facts: Mapping[str, Any],
-              environment: Mapping[str, str] | None = None) -> Detached:
+    def start(
+        cls, command: Sequence[str], stem: Path, facts: Mapping[str, Any], environment: Mapping[str, str] | None = None
+    ) -> Detached:
         """Start ``command`` (a list, never a shell line).
 
         Raises IcyMoonError if it cannot start, or if the one of this name still runs.
@@ -57,15 +59,18 @@ class Detached(ProcessOutput):
             watch = system.lock(stem.with_suffix(".watch"))
             lock = system.lock_for_child(stem.with_suffix(".lock")) if watch is not None else None
             if watch is None or lock is None:
-                raise IcyMoonError(f"{facts['title']} is running already for {facts['dataset']}; wait for it, or stop "
-                                   "it where it was started.")
+                raise IcyMoonError(
+                    f"{facts['title']} is running already for {facts['dataset']}; wait for it, or stop "
+                    "it where it was started."
+                )
             with lock, stem.with_suffix(".log").open("wb") as log:
                 try:
                     process = system.start_detached(command, environment, lock, log, stem.with_suffix(".stop"))
                 except OSError as error:
                     watch.close()
-                    raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; "
-                                       "check its path.") from None
+                    raise IcyMoonError(
+                        f"Cannot start {command[0]}: {error.strerror or error}; check its path."
+                    ) from None
             facts = {**facts, "pid": process.pid, "started": time.time()}
             stem.with_suffix(".json").write_text(json.dumps(facts), encoding="utf-8")
         return cls(stem, facts, watch, process)

@@ -18,6 +18,7 @@ def tell_while_compiling(sampled: threading.Event, tell: Callable[[], None]) -> 
     A driver compiles for a graphics card when Cycles first renders or bakes on it, and nothing is reported meanwhile.
     After half an hour this is silent too, so that who waits for a worker can tell that it hangs.
     """
+
     def watch() -> None:
         until = time.monotonic() + _LONGEST_S
         while not sampled.wait(TELL_S) and time.monotonic() < until:

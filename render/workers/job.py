@@ -31,15 +31,31 @@ def blender_command(executable: str, *arguments: str) -> list[str]:
     """Command that runs ``icymoon`` verbs in a Blender, or in a Python that has ``bpy``."""
     if is_python(executable):
         return python_command(executable, *arguments)
-    return [executable, "-b", "--factory-startup", "--python-exit-code", "1",
-            "--python", str(ROOT / "__main__.py"), "--", *arguments]
+    return [
+        executable,
+        "-b",
+        "--factory-startup",
+        "--python-exit-code",
+        "1",
+        "--python",
+        str(ROOT / "__main__.py"),
+        "--",
+        *arguments,
+    ]
 
 
 #: A job, as a worker reads it.
-JOB = {"settings": Maybe(Each(TABLE, TEXT), null=True), "dataset": PATH, "again": Maybe(FLAG), "repeat": Maybe(WHOLE),
-       "blend": Maybe(PATH, null=True), "scene": Maybe(TEXT, null=True), "threads": Maybe(COUNT, null=True),
-       "shared": Maybe(Each(TABLE, TEXT)),
-       "pairs": Maybe(Each({"id": TEXT, "settings": Each(TABLE, TEXT)}))}
+JOB = {
+    "settings": Maybe(Each(TABLE, TEXT), null=True),
+    "dataset": PATH,
+    "again": Maybe(FLAG),
+    "repeat": Maybe(WHOLE),
+    "blend": Maybe(PATH, null=True),
+    "scene": Maybe(TEXT, null=True),
+    "threads": Maybe(COUNT, null=True),
+    "shared": Maybe(Each(TABLE, TEXT)),
+    "pairs": Maybe(Each({"id": TEXT, "settings": Each(TABLE, TEXT)})),
+}
 
 
 def read_job(file: Path) -> dict[str, Any]:
@@ -59,15 +75,26 @@ def read_job(file: Path) -> dict[str, Any]:
 def read_planned_pairs(job: Mapping[str, Any]) -> list[PlannedPair]:
     """The planned pairs of a job, each with its own settings beside those that all share."""
     restore, shared = Restorer(), job.get("shared", {})
-    return [PlannedPair(checked_id(pair["id"], "The job"), restore(with_shared(pair["settings"], shared), "job"), 0.0)
-            for pair in job["pairs"]]
+    return [
+        PlannedPair(checked_id(pair["id"], "The job"), restore(with_shared(pair["settings"], shared), "job"), 0.0)
+        for pair in job["pairs"]
+    ]
 
 
 class Job:
     """A render job on disk, for the worker to read; ``remove`` it when the worker has ended."""
 
-    def __init__(self, dataset: Path, settings: Settings | None = None, *, pairs: Sequence[PlannedPair] = (),
-                 scene: str | None = None, again: bool = False, threads: int | None = None, repeat: int = 0) -> None:
+    def __init__(
+        self,
+        dataset: Path,
+        settings: Settings | None = None,
+        *,
+        pairs: Sequence[PlannedPair] = (),
+        scene: str | None = None,
+        again: bool = False,
+        threads: int | None = None,
+        repeat: int = 0,
+    ) -> None:
         """Write the job file: the pairs of a description, or planned pairs, where any may fail.
 
         With ``scene`` the caller saves the .blend to ``blend``. ``threads`` takes the place of quality.threads. Pairs
@@ -79,11 +106,17 @@ class Job:
         self.file = self.folder / "job.json"
         shared = find_shared(pair.settings for pair in pairs)
         with explain_disk_errors("write a job to", self.folder):
-            job: Mapping[str, Any] = {"settings": settings, "dataset": str(dataset), "again": again, "repeat": repeat,
-                                      "blend": str(self.blend) if scene else None, "scene": scene, "threads": threads,
-                                      "shared": shared,
-                                      "pairs": [{"id": pair.id, "settings": without_shared(pair.settings, shared)}
-                                                for pair in pairs]}
+            job: Mapping[str, Any] = {
+                "settings": settings,
+                "dataset": str(dataset),
+                "again": again,
+                "repeat": repeat,
+                "blend": str(self.blend) if scene else None,
+                "scene": scene,
+                "threads": threads,
+                "shared": shared,
+                "pairs": [{"id": pair.id, "settings": without_shared(pair.settings, shared)} for pair in pairs],
+            }
             self.file.write_text(json.dumps(job), encoding="utf-8")
 
     def discard(self) -> None:
@@ -117,8 +150,7 @@ def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[
     finally:
         job.remove()
     if failure or not folders:
-        raise IcyMoonError(failure or f"Blender ended without a result (status {process.returncode}): "
-                           f"{process.cause}")
+        raise IcyMoonError(failure or f"Blender ended without a result (status {process.returncode}): {process.cause}")
     return folders
 
 

@@ -44,20 +44,31 @@ def write_manifest(dataset: Path, failed: Mapping[str, str]) -> dict[str, Any]:
     there, unreadable = _read_pairs(frozen, dataset)
     taken = [facts.get("seconds", {}) for facts in there.values()]
     manifest = {
-        "format": FORMAT, "version": VERSION, "icymoon": version(), "planned_by": frozen.version, "plan": frozen.text,
-        "plan_file": PLAN, "pairs": len(frozen.pairs), "complete": len(there),
+        "format": FORMAT,
+        "version": VERSION,
+        "icymoon": version(),
+        "planned_by": frozen.version,
+        "plan": frozen.text,
+        "plan_file": PLAN,
+        "pairs": len(frozen.pairs),
+        "complete": len(there),
         "missing": [pair.id for pair in frozen.pairs if pair.id not in there],
         "set_aside": unreadable | {name: why for name, why in failed.items() if name not in there},
         "seeds": sorted({int(pair.settings.dataset.seed) for pair in frozen.pairs}),
         "versions": _counts([json.dumps(facts.get("versions")) for facts in there.values()]),
         "devices": _counts([facts.get("device", "") for facts in there.values()]),
         "platforms": _counts([facts.get("platform", "") for facts in there.values()]),
-        "seconds": {step: round(sum(each.get(step, 0.0) for each in taken), 3)
-                    for step in sorted({step for each in taken for step in each})},
+        "seconds": {
+            step: round(sum(each.get(step, 0.0) for each in taken), 3)
+            for step in sorted({step for each in taken for step in each})
+        },
         "bytes": sum(file["bytes"] for facts in there.values() for file in facts["files"].values()),
         "peak_memory_mib": max((facts.get("peak_memory_mib") or 0.0 for facts in there.values()), default=None),
-        "checksums_sha256": {f"pairs/{name}/{file}": fact["sha256"] for name, facts in there.items()
-                             for file, fact in facts["files"].items()},
+        "checksums_sha256": {
+            f"pairs/{name}/{file}": fact["sha256"]
+            for name, facts in there.items()
+            for file, fact in facts["files"].items()
+        },
     }
     write_json(dataset / MANIFEST, manifest)
     return manifest

@@ -14,16 +14,32 @@ _VERTEX, _PIXEL, _FILE_BYTE = 300, 400, 10
 def describe_shortage(settings: Settings) -> str:
     """A sentence that names what needs most memory in complete settings, and how to reduce it."""
     rig, mesh, terrain, source = (settings[topic] for topic in ("rig", "mesh", "terrain", "source"))
-    needs = [(_PIXEL * rig["width_px"] * rig["height_px"],
-              f"images of {rig['width_px']} x {rig['height_px']} pixels; lower rig.width_px and rig.height_px")]
+    needs = [
+        (
+            _PIXEL * rig["width_px"] * rig["height_px"],
+            f"images of {rig['width_px']} x {rig['height_px']} pixels; lower rig.width_px and rig.height_px",
+        )
+    ]
     if source["kind"] in ("MESH", "HEIGHT_MAP"):
         path = Path(str(source["file"]))
-        needs.append((_FILE_BYTE * (path.stat().st_size if path.is_file() else 0),
-                      f"the ground in {path}; cut out the part that you need, or make it coarser"))
+        needs.append(
+            (
+                _FILE_BYTE * (path.stat().st_size if path.is_file() else 0),
+                f"the ground in {path}; cut out the part that you need, or make it coarser",
+            )
+        )
     if source["kind"] == "PROCEDURAL" and mesh["kind"] == "GRADED":
-        needs.append((_VERTEX * mesh["most"],
-                      f"a ground of up to {mesh['most']} vertices; lower mesh.most or raise mesh.error_px"))
+        needs.append(
+            (
+                _VERTEX * mesh["most"],
+                f"a ground of up to {mesh['most']} vertices; lower mesh.most or raise mesh.error_px",
+            )
+        )
     else:
-        needs.append((_VERTEX * terrain["resolution"]**2, f"a ground of {terrain['resolution']} x "
-                      f"{terrain['resolution']} vertices; lower terrain.resolution"))
+        needs.append(
+            (
+                _VERTEX * terrain["resolution"] ** 2,
+                f"a ground of {terrain['resolution']} x {terrain['resolution']} vertices; lower terrain.resolution",
+            )
+        )
     return f"There is not enough memory for this scene, most of it for {max(needs)[1]}."

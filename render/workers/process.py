@@ -57,9 +57,11 @@ class ProcessOutput:
         of_traceback = None
         for position, line in enumerate(lines):
             if _TRACEBACK in line:
-                of_traceback = next((each for each in lines[position + 1:] if not each[0].isspace()), None)
-        return of_traceback or next((line for line in reversed(lines) if not _FAREWELL.fullmatch(line)),
-                                    lines[-1] if lines else "it printed nothing")
+                of_traceback = next((each for each in lines[position + 1 :] if not each[0].isspace()), None)
+        return of_traceback or next(
+            (line for line in reversed(lines) if not _FAREWELL.fullmatch(line)),
+            lines[-1] if lines else "it printed nothing",
+        )
 
 
 @contextmanager
@@ -82,8 +84,7 @@ class Process(ProcessOutput):
         try:
             self._process = system.start_ours(command, environment)
         except OSError as error:
-            raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; "
-                               "check its path.") from None
+            raise IcyMoonError(f"Cannot start {command[0]}: {error.strerror or error}; check its path.") from None
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._reader = threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True)
         self._reader.start()

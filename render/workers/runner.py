@@ -40,8 +40,12 @@ _STEP_S, _WAIT_S = 0.05, 1.0
 _LOOK_S = 5.0
 #: The messages of workers that are read here.
 _MESSAGES: dict[str, Shape] = {
-    "progress": {"pair": Maybe(TEXT), "of_pair": Maybe(NUMBER)}, "pair": {"id": TEXT}, "warning": {"message": TEXT},
-    "error": {"message": TEXT, "pair": Maybe(TEXT), "crash": Maybe(FLAG)}, "done": {}}
+    "progress": {"pair": Maybe(TEXT), "of_pair": Maybe(NUMBER)},
+    "pair": {"id": TEXT},
+    "warning": {"message": TEXT},
+    "error": {"message": TEXT, "pair": Maybe(TEXT), "crash": Maybe(FLAG)},
+    "done": {},
+}
 
 
 @dataclass(frozen=True)
@@ -150,8 +154,9 @@ class Runner:
     def _enqueue(self, missing: list[PlannedPair]) -> None:
         """Cut the missing pairs that nobody else renders into jobs."""
         busy = self._claims.find_claimed_elsewhere()
-        jobs = cut_into_jobs([pair for pair in missing if pair.id not in busy], self._options.count,
-                             self._options.most_scenes)
+        jobs = cut_into_jobs(
+            [pair for pair in missing if pair.id not in busy], self._options.count, self._options.most_scenes
+        )
         self._queue.extend(jobs)
 
     def _step(self) -> None:
@@ -206,8 +211,10 @@ class Runner:
         taken = {worker.place for worker in self._running}
         place = next(place for place in range(len(taken) + 1) if place not in taken)
         try:
-            process = Process(blender_command(self._options.blender, "worker", str(job.file)), add_cards(
-                None, choose_one(self._options.cards, place, self._options.count)))
+            process = Process(
+                blender_command(self._options.blender, "worker", str(job.file)),
+                add_cards(None, choose_one(self._options.cards, place, self._options.count)),
+            )
         except IcyMoonError:
             job.discard()
             raise
@@ -257,8 +264,14 @@ class Runner:
     def _report_pair(self, name: str, message: dict[str, Any] | None = None) -> None:
         if name not in self._complete:
             self._complete.add(name)
-            facts = {"folder": str(folder_of_pair(self._dataset, name)), "rendered": False, **(message or {}),
-                     "id": name, "done": len(self._complete), "total": len(self._pairs)}
+            facts = {
+                "folder": str(folder_of_pair(self._dataset, name)),
+                "rendered": False,
+                **(message or {}),
+                "id": name,
+                "done": len(self._complete),
+                "total": len(self._pairs),
+            }
             facts.pop("type", None)
             self._send("pair", **facts)
             self._report_progress()
@@ -281,5 +294,10 @@ class Runner:
         if waiting:
             holder = self._claims.describe_holder(waiting[0].id)
             text += f"; others render {len(waiting)}, such as {waiting[0].id} by {holder}"
-        self._send("progress", fraction=round(min(1.0, fraction), 6), done=len(self._complete), total=len(self._pairs),
-                   message=text)
+        self._send(
+            "progress",
+            fraction=round(min(1.0, fraction), 6),
+            done=len(self._complete),
+            total=len(self._pairs),
+            message=text,
+        )

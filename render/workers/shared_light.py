@@ -52,9 +52,15 @@ class KeptLight:
 
     def to_json(self, share: float) -> dict[str, Any]:
         """The statement of ``pair.json`` about it, with its share of the light in the images."""
-        return {"file": self.file, "sha256": self.sha256, "samples": self.light.samples, "share": round(share, 5),
-                "noise_of_baked": round(self.light.noise, 5), "noise": round(self.light.noise * share, 5),
-                "cpu_seconds_of_bake": round(self.light.cpu_seconds, 3)}
+        return {
+            "file": self.file,
+            "sha256": self.sha256,
+            "samples": self.light.samples,
+            "share": round(share, 5),
+            "noise_of_baked": round(self.light.noise, 5),
+            "noise": round(self.light.noise * share, 5),
+            "cpu_seconds_of_bake": round(self.light.cpu_seconds, 3),
+        }
 
 
 def find_stated(pair_json: Mapping[str, Any]) -> list[LightFile]:
@@ -151,8 +157,11 @@ class SharedLight:
         if key in self._known:
             candidates.append(self._known[key])
         if stated := self.claims.find_stated_light(key):
-            candidates.append(LightFile(baked_file.name_of(key, stated["sha256"]), key, stated["sha256"],
-                                        float(stated["cpu_seconds"])))
+            candidates.append(
+                LightFile(
+                    baked_file.name_of(key, stated["sha256"]), key, stated["sha256"], float(stated["cpu_seconds"])
+                )
+            )
         for file in candidates:
             path = self._dataset / LIGHT / file.name
             light = baked_file.read(path, key, file.checksum, vertices, rocks)

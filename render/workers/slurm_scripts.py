@@ -87,15 +87,18 @@ def array_ranges(numbers: Sequence[int]) -> str:
 def _refuse_lines(text: str) -> None:
     """Raise IcyMoonError if a text would end the line of the script that it stands in, and what follows be run."""
     if _CONTROL.search(text):
-        raise IcyMoonError(f"{text!r} contains a line break or another control character, which a job script cannot "
-                           "contain; choose another path or option.")
+        raise IcyMoonError(
+            f"{text!r} contains a line break or another control character, which a job script cannot "
+            "contain; choose another path or option."
+        )
 
 
 def _quoted(folder: Path) -> str:
     """A folder as sbatch reads it in an option: one word, nothing in it an escape or one of its % patterns."""
     if "\\" in str(folder):
-        raise IcyMoonError(f"{folder} contains a backslash, after which SLURM does not replace %A and %a; choose "
-                           "another folder.")
+        raise IcyMoonError(
+            f"{folder} contains a backslash, after which SLURM does not replace %A and %a; choose another folder."
+        )
     return '"' + str(folder).replace('"', '\\"').replace("%", "%%") + '"'
 
 
@@ -108,20 +111,42 @@ def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, pytho
     for text in (str(dataset), python, blender, request.memory, request.time, *request.options):
         _refuse_lines(text)
     missing = {pair.id for pair in frozen.find_missing(dataset)}
-    open_shards = [number for number in range(1, request.shards + 1)
-                   if any(pair.id in missing for pair in shard(frozen.pairs, number, request.shards))]
+    open_shards = [
+        number
+        for number in range(1, request.shards + 1)
+        if any(pair.id in missing for pair in shard(frozen.pairs, number, request.shards))
+    ]
     if not open_shards:
         return None
     folder = dataset / SLURM_FOLDER
     file = folder / "job.sh"
-    quoted = [shlex.quote(word) for word in python_command(python, "work", str(dataset), "--blender", blender, "--json",
-                                                           "--workers", "1")]
-    command = [*quoted, "--threads-per-worker", '"${SLURM_CPUS_PER_TASK:-1}"', "--shard",
-               f'"${{SLURM_ARRAY_TASK_ID}}/{request.shards}"']
+    quoted = [
+        shlex.quote(word)
+        for word in python_command(python, "work", str(dataset), "--blender", blender, "--json", "--workers", "1")
+    ]
+    command = [
+        *quoted,
+        "--threads-per-worker",
+        '"${SLURM_CPUS_PER_TASK:-1}"',
+        "--shard",
+        f'"${{SLURM_ARRAY_TASK_ID}}/{request.shards}"',
+    ]
     limit = f"%{request.at_once}" if request.at_once else ""
-    write_text(file, _SCRIPT.format(
-        pairs=len(missing), dataset=dataset, shards=request.shards, file=shlex.quote(str(file)),
-        array=array_ranges(open_shards) + limit, cpus=request.cpus, memory=request.memory, time=request.time,
-        log=f"{_quoted(folder)}/%A_%a.log", options="".join(f"#SBATCH {option}\n" for option in request.options),
-        restarts=MOST_RESTARTS, command=" ".join(command)))
+    write_text(
+        file,
+        _SCRIPT.format(
+            pairs=len(missing),
+            dataset=dataset,
+            shards=request.shards,
+            file=shlex.quote(str(file)),
+            array=array_ranges(open_shards) + limit,
+            cpus=request.cpus,
+            memory=request.memory,
+            time=request.time,
+            log=f"{_quoted(folder)}/%A_%a.log",
+            options="".join(f"#SBATCH {option}\n" for option in request.options),
+            restarts=MOST_RESTARTS,
+            command=" ".join(command),
+        ),
+    )
     return file

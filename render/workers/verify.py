@@ -85,8 +85,10 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
     has_plan = os.path.lexists(dataset / PLAN)
     planned = {pair.id: pair for pair in read_frozen_plan(dataset).pairs} if has_plan else _find_unplanned(dataset)
     if remove_broken and not has_plan:
-        raise IcyMoonError(f"{dataset} has no {PLAN}, so icymoon batch could not make again what --remove takes away; "
-                           "run verify without it, and remove yourself what you do not need.")
+        raise IcyMoonError(
+            f"{dataset} has no {PLAN}, so icymoon batch could not make again what --remove takes away; "
+            "run verify without it, and remove yourself what you do not need."
+        )
     working = Claims(dataset).find_claimed_elsewhere()
     problems: list[Problem] = []
     complete, shared = 0, _Shared(VouchedLight(dataset))
@@ -106,23 +108,39 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
         if not remove_ours(path, dataset) and path.name not in told:
             why = find_reason_to_keep(path, dataset) or "the disk does not allow it"
             problems.append(Problem("kept", path.name, f"{path} is not removed: {why}; look at it yourself."))
-    notes = [*_note_missing_light(dataset, stated), *([] if has_plan else [
-        f"{dataset} has no {PLAN}, so each pair is compared with what it states itself, and missing pairs are not "
-        "found."])]
+    notes = [
+        *_note_missing_light(dataset, stated),
+        *(
+            []
+            if has_plan
+            else [
+                f"{dataset} has no {PLAN}, so each pair is compared with what it states itself, and missing "
+                "pairs are not "
+                "found."
+            ]
+        ),
+    ]
     return Findings(len(planned), complete, tuple(problems), tuple(notes), has_plan)
 
 
 def _find_unplanned(dataset: Path) -> dict[str, None]:
     """The ids of the pairs of a data set that has no plan, as of ``icymoon render``."""
-    found = dict.fromkeys(path.name for path in sorted(folder_of_pairs(dataset).glob("*"))
-                          if is_of_a_pair(path) and not is_unfinished(path))
+    found = dict.fromkeys(
+        path.name
+        for path in sorted(folder_of_pairs(dataset).glob("*"))
+        if is_of_a_pair(path) and not is_unfinished(path)
+    )
     renamed = [path.parent for path in list_put_there(folder_of_pairs(dataset), "*/pair.json")]
     if not found and renamed:
-        raise IcyMoonError(_describe_misplaced(renamed[0]) or f"{renamed[0]} has the name of no pair, and its "
-                           "pair.json cannot be read; remove it.")
+        raise IcyMoonError(
+            _describe_misplaced(renamed[0])
+            or f"{renamed[0]} has the name of no pair, and its pair.json cannot be read; remove it."
+        )
     if not found:
-        raise IcyMoonError(f"{dataset} has no {PLAN} and no pairs; give the folder of a data set, which icymoon batch "
-                           "or icymoon render made.")
+        raise IcyMoonError(
+            f"{dataset} has no {PLAN} and no pairs; give the folder of a data set, which icymoon batch "
+            "or icymoon render made."
+        )
     return found
 
 
@@ -146,15 +164,18 @@ class _Shared:
         self.light = light
         self.restore, self.count = Restorer(), make_counter()
         #: Name, topic and key of the settings that can change a rendered pixel.
-        self.names = [(f"{topic}.{setting.key}", topic, setting.key) for topic, setting in all_settings()
-                      if counts(setting)]
+        self.names = [
+            (f"{topic}.{setting.key}", topic, setting.key) for topic, setting in all_settings() if counts(setting)
+        ]
 
 
 def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared: _Shared) -> Iterator[Problem]:
     name = folder.name
     if link := _find_link(folder):
-        text = (f"{link} is a link, which is no part of a pair; put what it leads to in its place, or remove it and "
-                f"{_again(planned)}.")
+        text = (
+            f"{link} is a link, which is no part of a pair; put what it leads to in its place, or remove it and "
+            f"{_again(planned)}."
+        )
         strange = _find_strange(folder) if link.parent == folder else ()
         yield Problem("foreign", name, " ".join([text, *strange]))
         return
@@ -173,9 +194,13 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
     shared.light.add(folder, data)
     try:
         pair = read_pair(folder) if data is None else check_pair(folder, data, shared.restore)
-        texts = [*(() if intact else _find_damage(pair)),
-                 *(f"{clause}; move the folder away and {_again(planned)}."
-                   for clause in _find_contradictions(pair, planned, shared))]
+        texts = [
+            *(() if intact else _find_damage(pair)),
+            *(
+                f"{clause}; move the folder away and {_again(planned)}."
+                for clause in _find_contradictions(pair, planned, shared)
+            ),
+        ]
     except IcyMoonError as error:
         texts = [str(error)]
     for text in texts:
@@ -196,8 +221,9 @@ def _find_strange(folder: Path) -> Iterator[str]:
     """Files in a pair's folder that we did not write and that are no links, in one sentence."""
     if names := [name for name in list_foreign(folder) if not (folder / name).is_symlink()]:
         more = f" and {len(names) - 1} more are" if names[1:] else " is"
-        yield (f"{folder / names[0]}{more} not Icy Moon's; move {'them' if names[1:] else 'it'} out of the pair's "
-               "folder.")
+        yield (
+            f"{folder / names[0]}{more} not Icy Moon's; move {'them' if names[1:] else 'it'} out of the pair's folder."
+        )
 
 
 def _find_link(folder: Path) -> Path | None:
@@ -221,9 +247,14 @@ def _has_rendered_files(folder: Path, data: Any) -> bool:
     Raises OSError where that cannot be told.
     """
     try:
-        return not find_fault(data, _FILES_SHAPE) and bool(data["files"]) and all(
-            is_regular(folder / name) and sha256(folder / name) == fact["sha256"]
-            for name, fact in data["files"].items())
+        return (
+            not find_fault(data, _FILES_SHAPE)
+            and bool(data["files"])
+            and all(
+                is_regular(folder / name) and sha256(folder / name) == fact["sha256"]
+                for name, fact in data["files"].items()
+            )
+        )
     except (FileNotFoundError, NotADirectoryError, ValueError):
         return False
 
@@ -258,19 +289,26 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
         yield f"{path} is of pair {pair.id}, not {wanted.id}"
     # Which part of relief is in the id depends on other topics.
     unequal = {topic for topic in wanted.settings if pair.settings.get(topic) != wanted.settings[topic]}
-    others = [(name, pair.settings[topic][key], wanted.settings[topic][key]) for name, topic, key in shared.names
-              if (topic in unequal or key == "relief")
-              and value_in_id(name, pair.settings) != value_in_id(name, wanted.settings)]
+    others = [
+        (name, pair.settings[topic][key], wanted.settings[topic][key])
+        for name, topic, key in shared.names
+        if (topic in unequal or key == "relief")
+        and value_in_id(name, pair.settings) != value_in_id(name, wanted.settings)
+    ]
     if others:
-        texts = [f"{name} is {quote(there)} and was planned as {quote(asked)}"
-                 for name, there, asked in others[:_MOST_NAMED]]
+        texts = [
+            f"{name} is {quote(there)} and was planned as {quote(asked)}" for name, there, asked in others[:_MOST_NAMED]
+        ]
         more = [f"{count_of(len(others) - _MOST_NAMED, 'more setting')}"] * (len(others) > _MOST_NAMED)
         yield f"{path}: {'; '.join([*texts, *more])}, so its settings do not give the id {wanted.id}"
     own, blur = str(pair.data.get("own_files_sha256", "")), blur_identity(wanted.settings)
     if edited and planned:
         yield f"{path} states that the scene was edited by hand, and {PLAN} plans no such pair"
-    elif not edited and not others and not any(
-            wanted.id == digest(wanted.settings, own + each + blur, shared.count) for each in _STAND_INS):
+    elif (
+        not edited
+        and not others
+        and not any(wanted.id == digest(wanted.settings, own + each + blur, shared.count) for each in _STAND_INS)
+    ):
         yield f"{path}: its settings and own files do not give the id {wanted.id}"
     seeds = pair.data.get("seeds", {})
     if seeds.get("render") != wanted.render_seed:
@@ -282,8 +320,10 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
         sizes = read_sizes(file)
         if not sizes:
             yield f"{file} is no whole EXR image"
-        yield from (f"{file} has {columns} x {rows} pixels, and its settings give {wide} x {high}"
-                    for columns, rows in sizes - {(wide, high)})
+        yield from (
+            f"{file} has {columns} x {rows} pixels, and its settings give {wide} x {high}"
+            for columns, rows in sizes - {(wide, high)}
+        )
 
 
 def _find_stated_light(light: VouchedLight) -> dict[LightFile, list[str]]:
@@ -298,21 +338,27 @@ def _find_stated_light(light: VouchedLight) -> dict[LightFile, list[str]]:
 def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> Iterator[str]:
     """A sentence that baked light is missing, if it is; the images that were rendered with it are still whole."""
     folder = dataset / LIGHT
-    gone = {} if folder.is_symlink() else {file: pairs for file, pairs in stated.items()
-                                           if not os.path.lexists(folder / file.name)}
+    gone = (
+        {}
+        if folder.is_symlink()
+        else {file: pairs for file, pairs in stated.items() if not os.path.lexists(folder / file.name)}
+    )
     if gone:
         first, pairs = min(file.name for file in gone), {pair for each in gone.values() for pair in each}
         more = f" and {len(gone) - 1} more are" if len(gone) > 1 else " is"
-        yield (f"{folder / first}{more} missing, the baked light of {count_of(len(pairs), 'pair')}; their images do "
-               "not need it any more, and later pairs of the same ground bake it again.")
+        yield (
+            f"{folder / first}{more} missing, the baked light of {count_of(len(pairs), 'pair')}; their images do "
+            "not need it any more, and later pairs of the same ground bake it again."
+        )
 
 
 def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set[str]) -> Iterator[Problem]:
     """Problems of baked light: of its files, and of the statements of pairs about it."""
     folder = dataset / LIGHT
     if folder.is_symlink():
-        yield Problem("foreign", LIGHT, f"{folder} is a link, so its light counts as absent; put what it leads to in "
-                      "its place.")
+        yield Problem(
+            "foreign", LIGHT, f"{folder} is a link, so its light counts as absent; put what it leads to in its place."
+        )
         return
     checksums: dict[str, str] = {}
     for path in list_put_there(folder):
@@ -324,23 +370,38 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
         elif parts:
             checksums[path.name] = checksum = sha256(path)
             if not checksum.startswith(parts[1]):
-                yield Problem("broken", path.name, f"{path} is not what was baked: its name states another content.",
-                              path)
+                yield Problem(
+                    "broken", path.name, f"{path} is not what was baked: its name states another content.", path
+                )
             elif parts[0] not in working and not any(file.name == path.name for file in stated):
                 yield Problem("light", path.name, f"No pair states the light {path}, so it is not used; remove it.")
         elif not is_unfinished(path):
             yield Problem("foreign", path.name, f"{path} is no baked light.")
     for file, pairs in stated.items():
         if checksums.get(file.name, file.checksum) != file.checksum:
-            who, which = ((f"pair {pairs[0]} was", "the pair") if len(pairs) == 1 else
-                          (f"{len(pairs)} pairs such as {pairs[0]} were", "one of them"))
-            yield Problem("light", file.name, f"{folder / file.name} has another content now, and {who} rendered with "
-                          f"it; to bake it again, move {which} away and run icymoon batch.")
+            who, which = (
+                (f"pair {pairs[0]} was", "the pair")
+                if len(pairs) == 1
+                else (f"{len(pairs)} pairs such as {pairs[0]} were", "one of them")
+            )
+            yield Problem(
+                "light",
+                file.name,
+                f"{folder / file.name} has another content now, and {who} rendered with "
+                f"it; to bake it again, move {which} away and run icymoon batch.",
+            )
     for key in sorted({file.key for file in stated}):
         first, *more = sorted((pairs[0], file.checksum) for file, pairs in stated.items() if file.key == key)
-        yield from (Problem("light", key, f"Pair {pair} was rendered with other light than pair {first[0]}, although "
-                            "their ground and light are the same; move one of them away and run icymoon batch.")
-                    for pair, checksum in more if checksum != first[1])
+        yield from (
+            Problem(
+                "light",
+                key,
+                f"Pair {pair} was rendered with other light than pair {first[0]}, although "
+                "their ground and light are the same; move one of them away and run icymoon batch.",
+            )
+            for pair, checksum in more
+            if checksum != first[1]
+        )
 
 
 def _is_edited(folder: Path) -> bool:
@@ -351,8 +412,7 @@ def _is_edited(folder: Path) -> bool:
         return False
 
 
-def _check_other_files(dataset: Path, planned: Collection[str], working: set[str], has_plan: bool
-                       ) -> Iterator[Problem]:
+def _check_other_files(dataset: Path, planned: Collection[str], working: set[str], has_plan: bool) -> Iterator[Problem]:
     """Problems of files in the folder that belong to no planned pair."""
     for path in list_put_there(folder_of_pairs(dataset)):
         name = path.name.split(".")[0]
@@ -363,11 +423,18 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
             elif name not in working:
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif name not in planned and is_of_a_pair(path) and _is_edited(path):
-            yield Problem("edited", path.name, f"Pair {path} was edited by hand: its settings do not determine its "
-                          "images, and no plan has it.")
+            yield Problem(
+                "edited",
+                path.name,
+                f"Pair {path} was edited by hand: its settings do not determine its images, and no plan has it.",
+            )
         elif name not in planned or path.name != name:
-            yield Problem("foreign", path.name, _describe_misplaced(path) or (
-                f"{path} is {'not of this plan' if has_plan else 'no pair'}; move it out of the data set."))
+            yield Problem(
+                "foreign",
+                path.name,
+                _describe_misplaced(path)
+                or (f"{path} is {'not of this plan' if has_plan else 'no pair'}; move it out of the data set."),
+            )
     for path in list_put_there(dataset / CLAIMS_FOLDER):
         if is_unfinished(path):
             if path.name.split(".")[0] not in working:

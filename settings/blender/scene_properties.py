@@ -56,8 +56,13 @@ def make_property(setting: Setting, **other: Any) -> Any:
             common |= {"subtype": setting.subtype, "options": compat.path_options()}
         return bpy.props.StringProperty(**common | other)
     low, high = setting.soft or (setting.minimum, setting.maximum)
-    common |= {"min": setting.minimum, "max": setting.maximum, "soft_min": low, "soft_max": high,
-               "subtype": setting.subtype}
+    common |= {
+        "min": setting.minimum,
+        "max": setting.maximum,
+        "soft_min": low,
+        "soft_max": high,
+        "subtype": setting.subtype,
+    }
     if setting.kind == "int":
         return bpy.props.IntProperty(**common | other)
     unit = {"DISTANCE": "LENGTH", "DISTANCE_CAMERA": "CAMERA"}.get(setting.subtype, "NONE")
@@ -68,8 +73,11 @@ def _make_scene_property(topic: str, setting: Setting) -> Any:
     """The property of a setting of the scene, which announces its changes."""
     if setting.kind != "list":
         return make_property(setting, update=make_update(setting.effect))
-    entry = _register_group(f"ICYMOON_PG_{topic}_{setting.key}", setting.description,
-                            {s.key: _make_scene_property(topic, s) for s in setting.entries})
+    entry = _register_group(
+        f"ICYMOON_PG_{topic}_{setting.key}",
+        setting.description,
+        {s.key: _make_scene_property(topic, s) for s in setting.entries},
+    )
     return bpy.props.CollectionProperty(type=entry, name=setting.label, description=setting.description)
 
 
@@ -79,46 +87,99 @@ _classes: list[type] = []
 def _make_variations() -> Any:
     """The property of what varies over the pairs of a data set, which is beside the settings and none of them."""
     update = make_update("run")
-    tick = _register_group("ICYMOON_PG_tick", "A value of a choice", {
-        "on": bpy.props.BoolProperty(name="On", default=True, update=update, description="Use this value")})
-    varied = _register_group("ICYMOON_PG_varied", "A setting that varies", {
-        "setting": bpy.props.StringProperty(name="Setting", update=update, description="Which setting varies"),
-        "ticks": bpy.props.CollectionProperty(type=tick, name="Values", description="The values of a choice"),
-        **varied_fields(update=update)})
-    group = _register_group("ICYMOON_PG_variations", "What varies over the pairs of a data set", {
-        "varied": bpy.props.CollectionProperty(type=varied, name="Varied Settings",
-                                               description="The settings that vary"),
-        "active": bpy.props.IntProperty(name="Selected Setting", min=0, description="Which one the sidebar shows"),
-        "combine": bpy.props.EnumProperty(name="Combine", update=update, description="Which pairs are made", items=(
-            (COMBINATIONS[0], "Every Combination", "Each value of one setting with each value of the others"),
-            (COMBINATIONS[1], "One at a Time", "The scene as it is, then each value alone"),
-            (COMBINATIONS[2], "Sobol Draws", "A number of pairs that fill the space of all settings evenly"))),
-        "draws": bpy.props.IntProperty(name="Draws", default=16, min=1, soft_max=256, max=100000, update=update,
-                                       description="Number of Sobol draws; 2, 4, 8, 16, … fill the space evenly"),
-        "seeds": bpy.props.IntProperty(name="Variations by Seed", default=1, min=1, soft_max=20, max=100000,
-                                       update=update, description="Number of grounds of the same kind: that of the "
-                                                                  "present seed, then others")})
-    return bpy.props.PointerProperty(type=group, name="Variations",
-                                     description="What varies over the pairs of a data set")
+    tick = _register_group(
+        "ICYMOON_PG_tick",
+        "A value of a choice",
+        {"on": bpy.props.BoolProperty(name="On", default=True, update=update, description="Use this value")},
+    )
+    varied = _register_group(
+        "ICYMOON_PG_varied",
+        "A setting that varies",
+        {
+            "setting": bpy.props.StringProperty(name="Setting", update=update, description="Which setting varies"),
+            "ticks": bpy.props.CollectionProperty(type=tick, name="Values", description="The values of a choice"),
+            **varied_fields(update=update),
+        },
+    )
+    group = _register_group(
+        "ICYMOON_PG_variations",
+        "What varies over the pairs of a data set",
+        {
+            "varied": bpy.props.CollectionProperty(
+                type=varied, name="Varied Settings", description="The settings that vary"
+            ),
+            "active": bpy.props.IntProperty(name="Selected Setting", min=0, description="Which one the sidebar shows"),
+            "combine": bpy.props.EnumProperty(
+                name="Combine",
+                update=update,
+                description="Which pairs are made",
+                items=(
+                    (COMBINATIONS[0], "Every Combination", "Each value of one setting with each value of the others"),
+                    (COMBINATIONS[1], "One at a Time", "The scene as it is, then each value alone"),
+                    (COMBINATIONS[2], "Sobol Draws", "A number of pairs that fill the space of all settings evenly"),
+                ),
+            ),
+            "draws": bpy.props.IntProperty(
+                name="Draws",
+                default=16,
+                min=1,
+                soft_max=256,
+                max=100000,
+                update=update,
+                description="Number of Sobol draws; 2, 4, 8, 16, … fill the space evenly",
+            ),
+            "seeds": bpy.props.IntProperty(
+                name="Variations by Seed",
+                default=1,
+                min=1,
+                soft_max=20,
+                max=100000,
+                update=update,
+                description="Number of grounds of the same kind: that of the present seed, then others",
+            ),
+        },
+    )
+    return bpy.props.PointerProperty(
+        type=group, name="Variations", description="What varies over the pairs of a data set"
+    )
 
 
 def varied_fields(**common: Any) -> dict[str, Any]:
     """The properties of the values of a number that varies, the same in the list and in the dialog."""
     ends = (("first", "From", "The first value"), ("last", "To", "The last value"))
-    shown = {shown_as(end, precision): bpy.props.FloatProperty(
-        name=name, description=description, precision=precision, options={"HIDDEN", "SKIP_SAVE"}, **make_mirror(end))
-        for end, name, description in ends for precision in sorted({s.precision for _, s in all_settings()})}
+    shown = {
+        shown_as(end, precision): bpy.props.FloatProperty(
+            name=name, description=description, precision=precision, options={"HIDDEN", "SKIP_SAVE"}, **make_mirror(end)
+        )
+        for end, name, description in ends
+        for precision in sorted({s.precision for _, s in all_settings()})
+    }
     return {
         "first": bpy.props.FloatProperty(name="From", precision=6, description="The first value", **common),
-        "last": bpy.props.FloatProperty(name="To", precision=6, description="The last value", **common), **shown,
+        "last": bpy.props.FloatProperty(name="To", precision=6, description="The last value", **common),
+        **shown,
         "first_whole": bpy.props.IntProperty(name="From", description="The first value", **common),
         "last_whole": bpy.props.IntProperty(name="To", description="The last value", **common),
-        "count": bpy.props.IntProperty(name="Values", default=5, min=2, soft_max=20, max=1000,
-                                       description="Number of values, with both ends", **common),
-        "spacing": bpy.props.EnumProperty(name="Spacing", description="Distance between the values", items=(
-            (SPACINGS[0], "Even Steps", "The same difference between two values"),
-            (SPACINGS[1], "Even Ratios", "The same ratio of two values, as in 1, 2, 4, 8"),
-            (SPACINGS[2], "Random", "Random values between the ends")), **common)}
+        "count": bpy.props.IntProperty(
+            name="Values",
+            default=5,
+            min=2,
+            soft_max=20,
+            max=1000,
+            description="Number of values, with both ends",
+            **common,
+        ),
+        "spacing": bpy.props.EnumProperty(
+            name="Spacing",
+            description="Distance between the values",
+            items=(
+                (SPACINGS[0], "Even Steps", "The same difference between two values"),
+                (SPACINGS[1], "Even Ratios", "The same ratio of two values, as in 1, 2, 4, 8"),
+                (SPACINGS[2], "Random", "Random values between the ends"),
+            ),
+            **common,
+        ),
+    }
 
 
 def shown_as(end: str, precision: int) -> str:
@@ -185,31 +246,50 @@ def register() -> None:
     pointers: dict[str, Any] = {}
     for topic in TOPICS.values():
         members = {s.key: _make_scene_property(topic.key, s) for s in topic.settings}
-        members |= {f"{s.key}_active": bpy.props.IntProperty(name=f"Selected of {s.label}", min=0,
-                                                               description="The entry that the sidebar shows")
-                    for s in topic.settings if s.kind == "list"}
+        members |= {
+            f"{s.key}_active": bpy.props.IntProperty(
+                name=f"Selected of {s.label}", min=0, description="The entry that the sidebar shows"
+            )
+            for s in topic.settings
+            if s.kind == "list"
+        }
         group = _register_group(f"ICYMOON_PG_{topic.key}", topic.description, members)
-        pointers[topic.key] = bpy.props.PointerProperty(type=group, name=topic.label,
-                                                        description=topic.description)
-    pointers["results"] = bpy.props.StringProperty(name="Results", options={"HIDDEN"},
-                                                   description="The last evaluation and its settings")
-    pointers["pairs"] = bpy.props.StringProperty(name="Rendered Pairs", options={"HIDDEN"},
-                                                 description="Ids of the pairs that were rendered last")
+        pointers[topic.key] = bpy.props.PointerProperty(type=group, name=topic.label, description=topic.description)
+    pointers["results"] = bpy.props.StringProperty(
+        name="Results", options={"HIDDEN"}, description="The last evaluation and its settings"
+    )
+    pointers["pairs"] = bpy.props.StringProperty(
+        name="Rendered Pairs", options={"HIDDEN"}, description="Ids of the pairs that were rendered last"
+    )
     pointers["preset"] = bpy.props.StringProperty(name="Preset", description="The scene preset that was loaded last")
     pointers["live"] = bpy.props.BoolProperty(
-        name="Live Preview", default=True, update=make_update(EFFECTS[0]),
-        description="Show changed settings at once in the built scene. The ground is coarse until Build Scene")
+        name="Live Preview",
+        default=True,
+        update=make_update(EFFECTS[0]),
+        description="Show changed settings at once in the built scene. The ground is coarse until Build Scene",
+    )
     pointers["follow"] = bpy.props.BoolProperty(
-        name="Keep Image Up to Date", default=True,
-        description="Develop the shown camera image again when the camera response changes")
+        name="Keep Image Up to Date",
+        default=True,
+        description="Develop the shown camera image again when the camera response changes",
+    )
     pointers["error_range_m"] = bpy.props.FloatProperty(
-        name="Full Colour at", default=1.0, min=0.02, max=1000.0, soft_max=10.0, subtype="DISTANCE", unit="LENGTH",
-        precision=2, update=make_update(COLOURS),
-        description="Depth error with the full colour. Below 1 cm is white, and the scale between is logarithmic")
+        name="Full Colour at",
+        default=1.0,
+        min=0.02,
+        max=1000.0,
+        soft_max=10.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+        precision=2,
+        update=make_update(COLOURS),
+        description="Depth error with the full colour. Below 1 cm is white, and the scale between is logarithmic",
+    )
     pointers["variations"] = _make_variations()
     root = _register_group("ICYMOON_PG_description", "All settings of an Icy Moon scene", pointers)
     bpy.types.Scene.icymoon = bpy.props.PointerProperty(
-        type=root, name="Icy Moon", description="All settings of an Icy Moon scene")
+        type=root, name="Icy Moon", description="All settings of an Icy Moon scene"
+    )
     for handlers in _UNDO:
         handlers.append(_forget_displayed)
 
@@ -230,15 +310,20 @@ def read_settings(group: Any) -> Settings:
     the scene has settings of a landform whose package this Blender lacks.
     """
     if left := find_left_landforms(group):
-        raise IcyMoonError(f"This scene has settings of {', '.join(left)}, a landform of a package that is not "
-                           "installed in this Blender; install it, or make a new scene.")
+        raise IcyMoonError(
+            f"This scene has settings of {', '.join(left)}, a landform of a package that is not "
+            "installed in this Blender; install it, or make a new scene."
+        )
     return check(read_unchecked(group), "This scene")
 
 
 def find_left_landforms(group: Any) -> list[str]:
     """The landforms of plug-ins that are not installed here but have settings in the scene, other than 0."""
-    return sorted(name for name, values in compat.stored_groups(group).items() if name.startswith(PREFIX)
-                  and name not in TOPICS and any(values.values()))
+    return sorted(
+        name
+        for name, values in compat.stored_groups(group).items()
+        if name.startswith(PREFIX) and name not in TOPICS and any(values.values())
+    )
 
 
 def read_for_display(group: Any) -> Settings:
@@ -262,8 +347,14 @@ def _forget_displayed(*_: Any) -> None:
 
 def read_unchecked(group: Any) -> Settings:
     """The complete settings without a check: to show them, not to pass them to a process."""
-    return with_releases(typed({topic: {s.key: _read_property(s, getattr(getattr(group, topic), s.key))
-                                        for s in TOPICS[topic].settings} for topic in TOPICS}))
+    return with_releases(
+        typed(
+            {
+                topic: {s.key: _read_property(s, getattr(getattr(group, topic), s.key)) for s in TOPICS[topic].settings}
+                for topic in TOPICS
+            }
+        )
+    )
 
 
 def _read_property(setting: Setting, value: Any) -> Value:

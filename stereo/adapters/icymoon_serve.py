@@ -34,8 +34,9 @@ _WRONG_SIGN = 0.99
 _MIB = 2**20
 
 
-def serve(disparity: Callable[[np.ndarray, np.ndarray, Any], Any], name: str = "",
-          facts: Callable[[], dict[str, Any]] = dict) -> None:
+def serve(
+    disparity: Callable[[np.ndarray, np.ndarray, Any], Any], name: str = "", facts: Callable[[], dict[str, Any]] = dict
+) -> None:
     """Answer Icy Moon's pairs with ``disparity(left, right, camera)`` until Icy Moon ends.
 
     ``left`` and ``right`` are uint8 RGB (H, W, 3). ``camera`` has ``focal_px``, ``cx_px``, ``cy_px`` (from the outer
@@ -45,8 +46,10 @@ def serve(disparity: Callable[[np.ndarray, np.ndarray, Any], Any], name: str = "
     nothing was measured. An exception fails this pair only. The report states ``name`` and what ``facts()`` returns.
     """
     if sys.stdin is None or sys.stdin.isatty():
-        sys.exit(f"{sys.argv[0]} is started by Icy Moon: give it to evaluate with --method "
-                 f"'NAME=resident:command=python {sys.argv[0]}'.")
+        sys.exit(
+            f"{sys.argv[0]} is started by Icy Moon: give it to evaluate with --method "
+            f"'NAME=resident:command=python {sys.argv[0]}'."
+        )
     requests, answers = _take_streams()
     lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_read, args=(requests, lines), daemon=True).start()
@@ -78,8 +81,10 @@ def as_disparity(found: Any, shape: tuple[int, ...]) -> np.ndarray:
     if found.dtype.kind not in "fiu":
         raise ValueError(f"the disparity map has values of type {found.dtype}; return numbers")
     if found.shape != tuple(shape):
-        raise ValueError(f"the disparity map has the shape {found.shape}, the images have {tuple(shape)}; return one "
-                         "of the size of the left image")
+        raise ValueError(
+            f"the disparity map has the shape {found.shape}, the images have {tuple(shape)}; return one "
+            "of the size of the left image"
+        )
     finite = found[np.isfinite(found)]
     if not finite.size:
         raise ValueError("the disparity map has no finite number; the network or its parameters are damaged")

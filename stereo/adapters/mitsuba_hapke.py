@@ -47,7 +47,7 @@ def brdf(q: dict[str, Any], wi: Any, wo: Any) -> Any:
     tan_theta = math.tan(math.radians(q["theta_bar_deg"]))
     if tan_theta > 1e-5:
         mu_n, mu_f, shadowing = _rough(wi, wo, mu_n, mu_f, tan_theta)
-        chi = 1 / math.sqrt(1 + math.pi * tan_theta ** 2)
+        chi = 1 / math.sqrt(1 + math.pi * tan_theta**2)
     shadowing = shadowing / dr.maximum(mu_n + mu_f, 1e-12)
     multiple = (_h_function(chi * mu_n / q["k"], q) * _h_function(chi * mu_f / q["k"], q)) - 1
     return q["k"] * q["w"] / (4 * math.pi) * (single + multiple) * backscatter * shadowing
@@ -62,12 +62,11 @@ def _rough(wi: Any, wo: Any, mu_n: Any, mu_f: Any, tan_theta: float) -> tuple[An
     flat_i, flat_o = (mi.Vector2f(v.x, v.y) / dr.maximum(sin, 1e-7) for v, sin in ((wi, sin_i), (wo, sin_o)))
     apart, together = dr.norm(flat_i - flat_o), dr.maximum(dr.norm(flat_i + flat_o), 1e-7)
     tan_psi = apart / together
-    side, turned, f = (tan_psi ** 2 / (1 + tan_psi ** 2), dr.atan2(apart, together) * 2 / math.pi,
-                       dr.exp(-2 * tan_psi))
+    side, turned, f = (tan_psi**2 / (1 + tan_psi**2), dr.atan2(apart, together) * 2 / math.pi, dr.exp(-2 * tan_psi))
     sin_n, sin_f = dr.minimum(sin_i, sin_o), dr.maximum(sin_i, sin_o)
     slope_n, slope_f = (mu / (dr.maximum(sin, 1e-7) * tan_theta) for mu, sin in ((mu_n, sin_n), (mu_f, sin_f)))
     e1_n, e1_f = (dr.exp(-2 / math.pi * dr.minimum(slope, 100.0)) for slope in (slope_n, slope_f))
-    e2_n, e2_f = (dr.exp(-dr.minimum(slope, 20.0) ** 2 / math.pi) for slope in (slope_n, slope_f))
+    e2_n, e2_f = (dr.exp(-(dr.minimum(slope, 20.0) ** 2) / math.pi) for slope in (slope_n, slope_f))
     tilt_n, tilt_f = sin_n * tan_theta, sin_f * tan_theta
     eta_n, eta_f = mu_n + tilt_n * e2_n / (2 - e1_n), mu_f + tilt_f * e2_f / (2 - e1_f)
     whole = dr.maximum(2 - e1_f - turned * e1_n, 1e-7)
@@ -97,11 +96,13 @@ def register() -> None:
 
 def _read_parameters(props: Any) -> dict[str, Any]:
     return {name: float(props.get(name, _DEFAULTS.get(name, 0.0))) for name in _NAMES} | {
-        "h_function": int(props.get("h_function", 2002))}
+        "h_function": int(props.get("h_function", 2002))
+    }
 
 
-def register_law(plugin: str, read: Callable[[Any], dict[str, Any]],
-                 law: Callable[[dict[str, Any], Any, Any], Any]) -> None:
+def register_law(
+    plugin: str, read: Callable[[Any], dict[str, Any]], law: Callable[[dict[str, Any], Any, Any], Any]
+) -> None:
     """Make a BSDF known as ``plugin``: its parameters are read from properties, ``law`` is as ``brdf`` above."""
     import drjit as dr
     import mitsuba as mi

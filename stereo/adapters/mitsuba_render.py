@@ -42,8 +42,12 @@ def render(scene_file: Path, samples: int, seed: int) -> tuple[np.ndarray, np.nd
     local = np.stack(np.broadcast_arrays(x[None, :], y[:, None], 1.0), axis=-1).reshape(-1, 3)
     length = np.linalg.norm(local, axis=1)
     way = (local / length[:, None]) @ pose[:3, :3].T
-    found = scene.ray_intersect(mi.Ray3f(mi.Point3f(*(np.full(len(way), axis, np.float32) for axis in pose[:3, 3])),
-                                         mi.Vector3f(*way.T.astype(np.float32))))
+    found = scene.ray_intersect(
+        mi.Ray3f(
+            mi.Point3f(*(np.full(len(way), axis, np.float32) for axis in pose[:3, 3])),
+            mi.Vector3f(*way.T.astype(np.float32)),
+        )
+    )
     distance = np.array(found.t, np.float64)
     # The Sun's disk, 1e9 m away, is no ground.
     depth = np.where(np.isfinite(distance) & (distance < 1e8), distance / length, np.nan)
@@ -55,7 +59,7 @@ def main(arguments: list[str]) -> int:
     if not arguments:
         sys.exit(__doc__)
     file = Path(arguments[0])
-    samples, seed = (int(number) for number in (*arguments[1:3], *("64", "1")[len(arguments) - 1:]))
+    samples, seed = (int(number) for number in (*arguments[1:3], *("64", "1")[len(arguments) - 1 :]))
     radiance, depth = render(file, samples, seed)
     np.save(file.with_name(f"{file.stem}_radiance.npy"), radiance)
     np.save(file.with_name(f"{file.stem}_depth.npy"), depth)

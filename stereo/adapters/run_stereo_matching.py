@@ -55,9 +55,11 @@ def _refuse_pickles() -> None:
     @functools.wraps(load)
     def load_parameters(*arguments: Any, **options: Any) -> Any:
         if options.get("weights_only") is False:
-            raise RuntimeError(f"{arguments[0] if arguments else 'the checkpoint'} contains more than parameters, "
-                               "which may be code, so it is not read; save its parameters alone: "
-                               "torch.save(model.state_dict(), FILE)")
+            raise RuntimeError(
+                f"{arguments[0] if arguments else 'the checkpoint'} contains more than parameters, "
+                "which may be code, so it is not read; save its parameters alone: "
+                "torch.save(model.state_dict(), FILE)"
+            )
         return load(*arguments, **{**options, "weights_only": True})
 
     torch.load = load_parameters
@@ -70,8 +72,9 @@ def _load(options: argparse.Namespace) -> Any:
         return stereo_matching.pipeline("stereo-matching", model=options.model, device=options.device)
     known = stereo_matching.MODEL_REGISTRY
     config = known.get_config_cls(options.model).from_variant(options.model)
-    model = known.get_model_cls(options.model).from_pretrained(options.checkpoint, device=options.device,
-                                                              variant=config.variant)
+    model = known.get_model_cls(options.model).from_pretrained(
+        options.checkpoint, device=options.device, variant=config.variant
+    )
     processor = stereo_matching.StereoProcessor.from_config(config)
     return stereo_matching.StereoPipeline(model=model, processor=processor, device=options.device)
 

@@ -18,10 +18,20 @@ from .data_files import numbers_of, read_fields
 _CENTRE = 0.5
 #: Two statements of a principal point are one within this: files round to thousandths of a pixel.
 _SAME_PX = 0.1
-_OURS = {"camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIVE, "cx_px": NUMBER, "cy_px": NUMBER,
-                    "baseline_m": POSITIVE, "margin_x_px": Maybe(COUNT), "margin_y_px": Maybe(COUNT),
-                    "toe_in_deg": Maybe(NUMBER)},
-         "saturation_radiance": Maybe(NUMBER, null=True)}
+_OURS = {
+    "camera": {
+        "width_px": PIXELS,
+        "height_px": PIXELS,
+        "focal_px": POSITIVE,
+        "cx_px": NUMBER,
+        "cy_px": NUMBER,
+        "baseline_m": POSITIVE,
+        "margin_x_px": Maybe(COUNT),
+        "margin_y_px": Maybe(COUNT),
+        "toe_in_deg": Maybe(NUMBER),
+    },
+    "saturation_radiance": Maybe(NUMBER, null=True),
+}
 #: First number of Sintel's files of cameras.
 _SINTEL_MARK = 202021.25
 #: Largest relative difference of the focal lengths of rectified images, for digits that were left out.
@@ -45,10 +55,18 @@ def kitti_camera(path: Path, names: tuple[str, str], width: int, height: int) ->
     left, right = (numbers_of(path, fields, name, 12) for name in names)
     baseline = (left[3] - right[3]) / left[0] if left[0] else 0.0
     _check(path, left[0], baseline)
-    _check_square(path, left[0], {f"{name} in y" if k == 5 else f"{name} in x": matrix[k]
-                                  for name, matrix in zip(names, (left, right), strict=True) for k in (0, 5)})
-    return StereoCamera(width, height, left[0], left[2] + _CENTRE, left[6] + _CENTRE, baseline,
-                        doffs_px=right[2] - left[2])
+    _check_square(
+        path,
+        left[0],
+        {
+            f"{name} in y" if k == 5 else f"{name} in x": matrix[k]
+            for name, matrix in zip(names, (left, right), strict=True)
+            for k in (0, 5)
+        },
+    )
+    return StereoCamera(
+        width, height, left[0], left[2] + _CENTRE, left[6] + _CENTRE, baseline, doffs_px=right[2] - left[2]
+    )
 
 
 def middlebury_camera(path: Path, width: int, height: int) -> StereoCamera:
@@ -60,18 +78,22 @@ def middlebury_camera(path: Path, width: int, height: int) -> StereoCamera:
     right = numbers_of(path, fields, "cam1", 9) if "cam1" in fields else matrix
     _check_square(path, matrix[0], {"cam0 in y": matrix[4], "cam1 in x": right[0], "cam1 in y": right[4]})
     doffs = _principal_offset(path, fields, matrix[2])
-    stated = [_whole(path, fields, key) if key in fields else size
-              for key, size in (("width", width), ("height", height))]
-    return StereoCamera(stated[0], stated[1], matrix[0], matrix[2] + _CENTRE, matrix[5] + _CENTRE, baseline,
-                        doffs_px=doffs)
+    stated = [
+        _whole(path, fields, key) if key in fields else size for key, size in (("width", width), ("height", height))
+    ]
+    return StereoCamera(
+        stated[0], stated[1], matrix[0], matrix[2] + _CENTRE, matrix[5] + _CENTRE, baseline, doffs_px=doffs
+    )
 
 
 def _check_square(path: Path, focal_px: float, others: Mapping[str, float]) -> None:
     """Raise IcyMoonError if one of the ``others`` differs from ``focal_px``, the focal length of the left eye in x."""
     for name, value in others.items():
         if abs(value - focal_px) > _SAME_FOCAL * focal_px:
-            raise IcyMoonError(f"{path} states the focal length {value:g} px of {name}, and {focal_px:g} px of the "
-                               "left eye in x; rectify the images to square pixels and one focal length.")
+            raise IcyMoonError(
+                f"{path} states the focal length {value:g} px of {name}, and {focal_px:g} px of the "
+                "left eye in x; rectify the images to square pixels and one focal length."
+            )
 
 
 def _principal_offset(path: Path, fields: dict[str, str], left_px: float) -> float:
@@ -82,8 +104,10 @@ def _principal_offset(path: Path, fields: dict[str, str], left_px: float) -> flo
         return by_cameras or 0.0
     doffs = numbers_of(path, fields, "doffs", 1)[0]
     if by_cameras is not None and abs(by_cameras - doffs) > _SAME_PX:
-        raise IcyMoonError(f"{path} states doffs {doffs:g} px, and the principal points of cam0 and cam1 are "
-                           f"{by_cameras:g} px apart; correct the one that is wrong.")
+        raise IcyMoonError(
+            f"{path} states doffs {doffs:g} px, and the principal points of cam0 and cam1 are "
+            f"{by_cameras:g} px apart; correct the one that is wrong."
+        )
     return doffs
 
 

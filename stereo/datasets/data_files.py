@@ -108,8 +108,10 @@ def _parse_tiff_image(foreign: ForeignBytes) -> Encoded:
     image = tiff.read_directories(foreign)[0]
     orientation = image.number(274, UPRIGHT)
     if orientation != UPRIGHT:
-        raise RefusedError(f"states the orientation {orientation}, by which some programs turn it and others do not; "
-                           "save it as PNG, as the calibration has it.")
+        raise RefusedError(
+            f"states the orientation {orientation}, by which some programs turn it and others do not; "
+            "save it as PNG, as the calibration has it."
+        )
     height, width = image.shape
     # A palette stands for three bands; OpenCV widens small numbers.
     value_bytes = max(4, image.number(277, 1)) * max(1, -(-image.number(258, 8) // 8))
@@ -132,8 +134,9 @@ def read_map(file: MapFile) -> np.ndarray:
     if file.sintel:
         values, usual = _read_sintel(file.path), 1.0
     else:
-        values, usual = read(file.path, lambda foreign: _parse_map(foreign, file), "a whole map", _AGAIN,
-                             memory=MOST_IMAGE_MEMORY)
+        values, usual = read(
+            file.path, lambda foreign: _parse_map(foreign, file), "a whole map", _AGAIN, memory=MOST_IMAGE_MEMORY
+        )
     if values.ndim != 2:
         raise IcyMoonError(f"{file.path} has the shape {values.shape}; give one number per pixel, rows and columns.")
     values = values.astype(np.float64)
@@ -165,20 +168,29 @@ def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[np.ndarray, float]
 
 def _describe_png(file: MapFile) -> str:
     """How a map stands in a PNG."""
-    return ("16-bit PNG of 256 steps per px" if file.kind == "disparity" else
-            "16-bit PNG with its steps per metre as truth.steps in pairs.toml")
+    return (
+        "16-bit PNG of 256 steps per px"
+        if file.kind == "disparity"
+        else "16-bit PNG with its steps per metre as truth.steps in pairs.toml"
+    )
 
 
 def _steps_of(image: np.ndarray, file: MapFile) -> np.ndarray:
     """The numbers of a PNG: of 8 bits only where their steps are stated, since such a file may be a mere picture."""
     if image.ndim != 2:
-        raise RefusedError("is a picture, not a map: it has colours; write one number per pixel, as PFM or "
-                           f"{_describe_png(file)}.")
+        raise RefusedError(
+            f"is a picture, not a map: it has colours; write one number per pixel, as PFM or {_describe_png(file)}."
+        )
     if image.dtype == np.uint8 and file.steps is None:
-        raise RefusedError("is a picture, not a map, unless it is known what it counts; "
-                           + ("write 256 steps per px with 16 bits, or PFM." if file.predicted else
-                              f"state its steps per {'px' if file.kind == 'disparity' else 'metre'} as truth.steps in "
-                              "pairs.toml."))
+        raise RefusedError(
+            "is a picture, not a map, unless it is known what it counts; "
+            + (
+                "write 256 steps per px with 16 bits, or PFM."
+                if file.predicted
+                else f"state its steps per {'px' if file.kind == 'disparity' else 'metre'} as truth.steps in "
+                "pairs.toml."
+            )
+        )
     return image
 
 

@@ -68,8 +68,14 @@ class ForeignPair:
     def files(self) -> tuple[Path, ...]:
         """All files that its numbers depend on."""
         right = (self.truth_right.path,) if self.truth_right else ()
-        return (self.left, self.right, self.truth.path, *right, *(self.mask.files if self.mask else ()),
-                *self.calibration)
+        return (
+            self.left,
+            self.right,
+            self.truth.path,
+            *right,
+            *(self.mask.files if self.mask else ()),
+            *self.calibration,
+        )
 
     def content(self) -> list[Any]:
         """What its numbers depend on: the checksums of its files, empty for one that cannot be read."""
@@ -88,13 +94,17 @@ class ForeignPair:
         turned = find_turned((self.left, self.right))
         if left.shape[:2] != right.shape[:2]:
             refuse_turned(turned)
-            raise IcyMoonError(f"{self.left} is {describe_size(left)}, and {self.right} is {describe_size(right)}; "
-                               "give two rectified images of one size.")
+            raise IcyMoonError(
+                f"{self.left} is {describe_size(left)}, and {self.right} is {describe_size(right)}; "
+                "give two rectified images of one size."
+            )
         camera = self.camera_reader(left.shape[1], left.shape[0])
         if (camera.width_px, camera.height_px) != left.shape[1::-1]:
-            raise IcyMoonError(f"{self.left} is {describe_size(left)}, and "
-                               f"{(self.calibration or (self.folder,))[0]} is for {camera.width_px} x "
-                               f"{camera.height_px} px; give the calibration of these images.")
+            raise IcyMoonError(
+                f"{self.left} is {describe_size(left)}, and "
+                f"{(self.calibration or (self.folder,))[0]} is for {camera.width_px} x "
+                f"{camera.height_px} px; give the calibration of these images."
+            )
         grey = to_grey(left), to_grey(right)
         places = find_places(*grey)
         disparity, markers, notes, warnings = self._true_disparity(camera, left, places, turned)
@@ -121,8 +131,9 @@ class ForeignPair:
         level = np.clip(radiance / (self.white or float(radiance.max()) or 1.0), 0, 1)
         return np.asarray(np.rint(255 * level).astype(np.uint8))
 
-    def _true_disparity(self, camera: StereoCamera, image: np.ndarray, places: Places, turned: Mapping[Path, int]
-                        ) -> tuple[np.ndarray, tuple[float, ...], list[str], list[str]]:
+    def _true_disparity(
+        self, camera: StereoCamera, image: np.ndarray, places: Places, turned: Mapping[Path, int]
+    ) -> tuple[np.ndarray, tuple[float, ...], list[str], list[str]]:
         """The true disparity of the left eye, the numbers that stand for unknown ones, notes on how it was read, and
         warnings about it.
 
@@ -131,13 +142,18 @@ class ForeignPair:
         values, kind = self._values(self.truth, camera, image, turned), self.truth.kind
         markers = find_markers(values, kind, camera, places)
         values[np.isin(values, markers)] = np.nan
-        notes = [f"{self.truth.path}: many pixels have {_describe_marker(value, kind)} to the bit, far from all others "
-                 "and not as the images show it, so it was taken for unknown." for value in markers]
+        notes = [
+            f"{self.truth.path}: many pixels have {_describe_marker(value, kind)} to the bit, far from all others "
+            "and not as the images show it, so it was taken for unknown."
+            for value in markers
+        ]
         if turned:
             if not is_confirmed(values, kind, camera, places):
                 refuse_turned(turned)
-            notes.append("Images state an EXIF orientation by which viewers turn them; their pixels were taken as they "
-                         "are stored, which the truth confirms.")
+            notes.append(
+                "Images state an EXIF orientation by which viewers turn them; their pixels were taken as they "
+                "are stored, which the truth confirms."
+            )
         warnings = check_truth(self, values, camera, places)
         disparity, doubts = self._possible(_as_disparity(values, kind, camera))
         return disparity, markers, notes, [*warnings, *doubts]
@@ -152,14 +168,18 @@ class ForeignPair:
             return disparity, []
         width, what = disparity.shape[1], "depths" if self.truth.kind == "depth" else "disparities"
         if not np.isfinite(disparity[fits]).any():
-            raise IcyMoonError(f"{self.truth.path} has {what} by which no point is in both images of {width} px; "
-                               "correct them, or the steps, the focal length or the baseline that are stated.")
+            raise IcyMoonError(
+                f"{self.truth.path} has {what} by which no point is in both images of {width} px; "
+                "correct them, or the steps, the focal length or the baseline that are stated."
+            )
         return np.where(fits, disparity, np.nan), [
             f"{self.truth.path} has {what} by which points are {width} px and more apart in images of that width, "
-            f"which cannot be; these {100 * np.mean(~fits):.2g} % of the pixels were taken for unknown."]
+            f"which cannot be; these {100 * np.mean(~fits):.2g} % of the pixels were taken for unknown."
+        ]
 
-    def _values(self, file: MapFile, camera: StereoCamera, image: np.ndarray,
-                turned: Mapping[Path, int] = MappingProxyType({})) -> np.ndarray:
+    def _values(
+        self, file: MapFile, camera: StereoCamera, image: np.ndarray, turned: Mapping[Path, int] = MappingProxyType({})
+    ) -> np.ndarray:
         """The depths along the optical axis, or the disparities, of a map."""
         values = read_map(file)
         if values.shape != image.shape[:2]:
@@ -170,8 +190,14 @@ class ForeignPair:
         known = np.isfinite(values)
         return -values if self.either_sign and known.any() and np.mean(values[known] < 0) >= WRONG_SIGN else values
 
-    def _visible(self, disparity: np.ndarray, truth: np.ndarray, camera: StereoCamera, image: np.ndarray,
-                 markers: tuple[float, ...]) -> tuple[np.ndarray, bool, list[str]]:
+    def _visible(
+        self,
+        disparity: np.ndarray,
+        truth: np.ndarray,
+        camera: StereoCamera,
+        image: np.ndarray,
+        markers: tuple[float, ...],
+    ) -> tuple[np.ndarray, bool, list[str]]:
         """Where the right eye sees the point of a pixel too, whether that is known of more than the frame, and warnings
         about it; ``markers`` stand for unknown values in the truth."""
         inside = np.isfinite(truth) & is_in_frame(matching_column(disparity))
@@ -186,30 +212,56 @@ class ForeignPair:
             return visible_in_right(truth, other, camera), True, warnings
         return inside, False, []
 
-    def _facts(self, camera: StereoCamera, truth: np.ndarray, visible: np.ndarray | None,
-               notes: Sequence[str], warnings: Sequence[str]) -> dict[str, Any]:
+    def _facts(
+        self,
+        camera: StereoCamera,
+        truth: np.ndarray,
+        visible: np.ndarray | None,
+        notes: Sequence[str],
+        warnings: Sequence[str],
+    ) -> dict[str, Any]:
         known = np.isfinite(truth)
-        return {"pair": self.name, "width_px": camera.width_px, "height_px": camera.height_px,
-                "focal_baseline_px_m": camera.focal_baseline_px_m, "baseline_m": camera.baseline_m,
-                "doffs_px": camera.doffs_px, "image_bits": 8, "linear": self.linear, "layout": self.layout,
-                "scene": f"{self.layout} {self.scene}", "true": float(known.mean()),
-                "visible": None if visible is None else float(visible.sum() / known.sum()),
-                "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))],
-                "notes": [self._missing(visible is not None), *self.notes, *notes],
-                "warnings": list(warnings), "settings": {}, "rendered": {}, "noise": None,
-                "occlusion": MASK if self.mask else ESTIMATED if visible is not None else None,
-                "self_check": _UNCHECKED.to_json()}
+        return {
+            "pair": self.name,
+            "width_px": camera.width_px,
+            "height_px": camera.height_px,
+            "focal_baseline_px_m": camera.focal_baseline_px_m,
+            "baseline_m": camera.baseline_m,
+            "doffs_px": camera.doffs_px,
+            "image_bits": 8,
+            "linear": self.linear,
+            "layout": self.layout,
+            "scene": f"{self.layout} {self.scene}",
+            "true": float(known.mean()),
+            "visible": None if visible is None else float(visible.sum() / known.sum()),
+            "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))],
+            "notes": [self._missing(visible is not None), *self.notes, *notes],
+            "warnings": list(warnings),
+            "settings": {},
+            "rendered": {},
+            "noise": None,
+            "occlusion": MASK if self.mask else ESTIMATED if visible is not None else None,
+            "self_check": _UNCHECKED.to_json(),
+        }
 
     def _doubt_rows(self) -> list[str]:
         offset = self.row_offset_reader() if self.row_offset_reader else 0.0
-        return [f"Rows of matching pixels differ by up to {offset:g} px (dymax in calib.txt), which matchers here do "
-                "not search."] if offset > _LEVEL_PX else []
+        return (
+            [
+                f"Rows of matching pixels differ by up to {offset:g} px (dymax in calib.txt), which matchers here do "
+                "not search."
+            ]
+            if offset > _LEVEL_PX
+            else []
+        )
 
     def _missing(self, occlusion_known: bool) -> str:
         """The errors and metrics that such a pair cannot have, in a sentence or two."""
         hidden = "" if occlusion_known else " Without a mask of hidden pixels there are no metrics of visible pixels."
-        return (f"{self.layout}: without normals, labels and the direction of the Sun there are no errors by slope, "
-                f"light and material.{hidden}")
+        return (
+            f"{self.layout}: without normals, labels and the direction of the Sun there are no errors by slope, "
+            f"light and material.{hidden}"
+        )
 
 
 @dataclass(frozen=True)

@@ -55,9 +55,12 @@ def check_truth(pair: Files, values: np.ndarray, camera: StereoCamera, places: P
     if not known.any():
         raise IcyMoonError(f"{path} has no known value in any pixel; give the file with the truth.")
     if np.mean(values[known] < 0) >= WRONG_SIGN:
-        raise IcyMoonError(f"{path} has negative disparities (left column minus right column must be positive); negate "
-                           "them (truth.steps = -1 in pairs.toml), or exchange the images." if kind == "disparity" else
-                           f"{path} has negative depths; negate them (truth.steps = -1 in pairs.toml).")
+        raise IcyMoonError(
+            f"{path} has negative disparities (left column minus right column must be positive); negate "
+            "them (truth.steps = -1 in pairs.toml), or exchange the images."
+            if kind == "disparity"
+            else f"{path} has negative depths; negate them (truth.steps = -1 in pairs.toml)."
+        )
     fault = find_fault(values, kind, camera, places)
     if fault is None or fault.kind == "nothing":
         misfit = find_misfit(values, kind, camera, places)
@@ -66,9 +69,11 @@ def check_truth(pair: Files, values: np.ndarray, camera: StereoCamera, places: P
     if fault is None:
         return []
     if fault.kind == "nothing":
-        return [f"{path} does not fit the images: of the places that are found in both of them, "
-                f"{100 * fault.stated_share:.0f} % are where it puts them. It fits no better {_list_tried()}; look at "
-                "it beside the images."]
+        return [
+            f"{path} does not fit the images: of the places that are found in both of them, "
+            f"{100 * fault.stated_share:.0f} % are where it puts them. It fits no better {_list_tried()}; look at "
+            "it beside the images."
+        ]
     if fault.kind == "swapped":
         raise IcyMoonError(f"{pair.left} and {pair.right} fit the truth only the other way round; exchange the images.")
     raise IcyMoonError(f"{path} {_describe(fault, kind)}{_describe_other_causes(fault, kind)}.")
@@ -81,22 +86,28 @@ def _describe_other_causes(fault: Fault, kind: str) -> str:
     if kind == "disparity":
         return ", or state truth.steps in pairs.toml"
     size, large = _size_of(fault)
-    return (", or state truth.steps in pairs.toml, unless camera.focal_px or camera.baseline_m there is "
-            f"{size:g} times too {'small' if large else 'large'}, which looks the same; then correct that")
+    return (
+        ", or state truth.steps in pairs.toml, unless camera.focal_px or camera.baseline_m there is "
+        f"{size:g} times too {'small' if large else 'large'}, which looks the same; then correct that"
+    )
 
 
 def _describe_misfit(fault: Fault, kind: str, camera: StereoCamera) -> str:
     """The end of a sentence about a map that nearly fits, without a full stop."""
     if fault.kind == "zoom":
-        return (f"fits the images better as the map of a camera with a focal length of about "
-                f"{round(fault.factor * camera.focal_px, -1):g} px at the same place, and {camera.focal_px:g} px are "
-                "stated; give the map of the left image's own camera, or correct the focal length")
+        return (
+            f"fits the images better as the map of a camera with a focal length of about "
+            f"{round(fault.factor * camera.focal_px, -1):g} px at the same place, and {camera.focal_px:g} px are "
+            "stated; give the map of the left image's own camera, or correct the focal length"
+        )
     share = abs(fault.factor - 1)
     what = "depths" if kind == "depth" else "disparities"
     other = "" if kind == "disparity" else ", or the focal length or the baseline is off by as much"
-    return (f"fits the images better with another scale: its {what} seem to be about {100 * share:.0f} % too "
-            f"{'large' if fault.factor > 1 else 'small'}{other}; look at the unit and at the calibration"
-            ", as all errors in metres are off by that")
+    return (
+        f"fits the images better with another scale: its {what} seem to be about {100 * share:.0f} % too "
+        f"{'large' if fault.factor > 1 else 'small'}{other}; look at the unit and at the calibration"
+        ", as all errors in metres are off by that"
+    )
 
 
 def _size_of(fault: Fault) -> tuple[float, bool]:
@@ -111,13 +122,17 @@ def doubt_camera(camera: StereoCamera) -> list[str]:
     found = []
     least, most = _BASELINES_M
     if not least <= camera.baseline_m <= most:
-        found.append(f"The baseline is {camera.baseline_m:g} m, outside of {least:g} to {most:g} m, and all depths are "
-                     "in proportion to it; look whether it is stated in metres (in mm in Middlebury's calib.txt).")
+        found.append(
+            f"The baseline is {camera.baseline_m:g} m, outside of {least:g} to {most:g} m, and all depths are "
+            "in proportion to it; look whether it is stated in metres (in mm in Middlebury's calib.txt)."
+        )
     least, most = (share * camera.width_px for share in _FOCAL_SHARES)
     if not least <= camera.focal_px <= most:
-        found.append(f"The focal length is {camera.focal_px:g} px, outside of {least:g} to {most:g} px for images of "
-                     f"{camera.width_px} px, and all depths are in proportion to it; look whether it is stated in px "
-                     "of these images.")
+        found.append(
+            f"The focal length is {camera.focal_px:g} px, outside of {least:g} to {most:g} px for images of "
+            f"{camera.width_px} px, and all depths are in proportion to it; look whether it is stated in px "
+            "of these images."
+        )
     return found
 
 
@@ -128,8 +143,10 @@ def doubt_brightness(left: np.ndarray, right: np.ndarray) -> list[str]:
         return []
     times = f"{max(means) / min(means):.1f} times" if min(means) > 0 else "infinitely"
     which = "left" if means[0] > means[1] else "right"
-    return [f"The {which} image is {times} as bright as the other, and matchers compare values; look whether both have "
-            "the same exposure, and as many of their bits in use."]
+    return [
+        f"The {which} image is {times} as bright as the other, and matchers compare values; look whether both have "
+        "the same exposure, and as many of their bits in use."
+    ]
 
 
 def _list_tried() -> str:
@@ -143,18 +160,20 @@ def _describe(fault: Fault, kind: str) -> str:
     what = "depths" if kind == "depth" else "disparities"
     if fault.kind == "factor":
         size, large = _size_of(fault)
-        return (f"has {what} that are {size:g} times too {'large; divide' if large else 'small; multiply'} them by "
-                f"{size:g}")
+        return (
+            f"has {what} that are {size:g} times too {'large; divide' if large else 'small; multiply'} them by {size:g}"
+        )
     return {
-        "ray": "has distances along the ray, not depths along the optical axis; state truth.along = \"ray\" in "
-               "pairs.toml",
+        "ray": 'has distances along the ray, not depths along the optical axis; state truth.along = "ray" in '
+        "pairs.toml",
         "depth": "has depths in metres, not disparities; state it as truth.depth in pairs.toml",
         "disparity": "has disparities in px, not depths; state it as truth.disparity in pairs.toml",
         "inverse": f"has 1 / depth in 1/m, not {what}; write depths in metres",
         "upside_down": "is upside down beside the images; write its rows in the other order",
         "mirrored": "is mirrored from left to right beside the images; write its columns in the other order",
         "turned": "is turned by 180° beside the images; turn it",
-        "right_eye": "is the map of the right eye; give the left one's"}[fault.kind]
+        "right_eye": "is the map of the right eye; give the left one's",
+    }[fault.kind]
 
 
 def round_factor(size: float) -> float:
@@ -186,12 +205,14 @@ def check_prediction(path: Path, disparity: np.ndarray, true_depth: np.ndarray, 
         if _is_unit(ratio, 1 / factor):
             raise IcyMoonError(f"{path} has disparities of images of {share} the width; multiply them by {factor}.")
     if _is_unit(ratio, 1 / true_disparity.shape[1]):
-        raise IcyMoonError(f"{path} has disparities as shares of the width; multiply them by "
-                           f"{true_disparity.shape[1]}.")
+        raise IcyMoonError(
+            f"{path} has disparities as shares of the width; multiply them by {true_disparity.shape[1]}."
+        )
     if _is_unit(disparity[both] / true_depth[both], 1.0) and not _is_unit(ratio, 1.0):
         raise IcyMoonError(f"{path} has depths in metres; give disparities in px of the left image.")
-    fault = find_fault(np.where(usable(disparity), disparity, np.nan), "disparity", camera,
-                       known_places(true_disparity))
+    fault = find_fault(
+        np.where(usable(disparity), disparity, np.nan), "disparity", camera, known_places(true_disparity)
+    )
     if fault is not None and fault.kind in ("depth", "inverse"):
         what = "depths" if fault.kind == "depth" else "1 / depth"
         raise IcyMoonError(f"{path} has {what}; give disparities in px of the left image.")
@@ -199,21 +220,27 @@ def check_prediction(path: Path, disparity: np.ndarray, true_depth: np.ndarray, 
         raise IcyMoonError(f"{path} {_describe(fault, 'disparity')}.")
 
 
-def check_map_size(path: Path, shape: tuple[int, ...], wanted: tuple[int, ...], kind: str, beside: str = "the pair is"
-                   ) -> None:
+def check_map_size(
+    path: Path, shape: tuple[int, ...], wanted: tuple[int, ...], kind: str, beside: str = "the pair is"
+) -> None:
     """Raise IcyMoonError if a map of ``kind`` "depth" or "disparity" has a ``shape`` other than ``wanted``. ``beside``
     names the data with that shape. The message proposes the likely change of size."""
     if shape != wanted:
-        raise IcyMoonError(f"{path} is {shape[1]} x {shape[0]} px, and {beside} {wanted[1]} x {wanted[0]} px; "
-                           f"{_find_resize(shape, wanted, kind)}.")
+        raise IcyMoonError(
+            f"{path} is {shape[1]} x {shape[0]} px, and {beside} {wanted[1]} x {wanted[0]} px; "
+            f"{_find_resize(shape, wanted, kind)}."
+        )
 
 
 def _find_resize(shape: tuple[int, ...], wanted: tuple[int, ...], kind: str) -> str:
     share = Fraction(shape[1], wanted[1])
     if Fraction(shape[0], wanted[0]) == share and 1 in (share.numerator, share.denominator):
         change = "enlarge" if share < 1 else "reduce"
-        numbers = "keep its depths as they are" if kind == "depth" else (
-            f"multiply its disparities by {1 / share}" if share < 1 else f"divide its disparities by {share}")
+        numbers = (
+            "keep its depths as they are"
+            if kind == "depth"
+            else (f"multiply its disparities by {1 / share}" if share < 1 else f"divide its disparities by {share}")
+        )
         return f"{change} the map to that size and {numbers}"
     if shape == wanted[::-1]:
         return "exchange its rows and columns"
@@ -221,5 +248,4 @@ def _find_resize(shape: tuple[int, ...], wanted: tuple[int, ...], kind: str) -> 
 
 
 def _is_unit(ratio: np.ndarray, factor: float) -> bool:
-    return bool(abs(np.median(ratio) / factor - 1) <= _NEAR
-                and np.mean(np.abs(ratio / factor - 1) <= _TIGHT) >= 0.5)
+    return bool(abs(np.median(ratio) / factor - 1) <= _NEAR and np.mean(np.abs(ratio / factor - 1) <= _TIGHT) >= 0.5)

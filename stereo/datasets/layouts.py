@@ -56,8 +56,10 @@ def find_foreign_pairs(path: Path) -> list[FoundPair]:
     for pair in found:
         other = names.setdefault(pair.name, pair)
         if other is not pair:
-            raise IcyMoonError(f"{other.left} and {pair.left} would both be called {pair.name}; rename the "
-                               "files or the folder of one of them.")
+            raise IcyMoonError(
+                f"{other.left} and {pair.left} would both be called {pair.name}; rename the "
+                "files or the folder of one of them."
+            )
     return found
 
 
@@ -65,8 +67,16 @@ def _kitti(path: Path) -> list[FoundPair]:
     root = next((folder for folder in (path, path / "training") if (folder / "image_2").is_dir()), None)
     if root is None or not (root / "disp_occ_0").is_dir():
         return []
-    return list(_kitti_pairs(root, "KITTI 2015", ("image_2", "image_3"), ("disp_occ_0", "disp_noc_0"),
-                             "calib_cam_to_cam", ("P_rect_02", "P_rect_03")))
+    return list(
+        _kitti_pairs(
+            root,
+            "KITTI 2015",
+            ("image_2", "image_3"),
+            ("disp_occ_0", "disp_noc_0"),
+            "calib_cam_to_cam",
+            ("P_rect_02", "P_rect_03"),
+        )
+    )
 
 
 def _kitti_2012(path: Path) -> list[FoundPair]:
@@ -79,28 +89,49 @@ def _kitti_2012(path: Path) -> list[FoundPair]:
     return []
 
 
-def _kitti_pairs(root: Path, layout: str, eyes: tuple[str, str], truths: tuple[str, str], calibration: str,
-                 matrices: tuple[str, str]) -> Iterator[FoundPair]:
+def _kitti_pairs(
+    root: Path, layout: str, eyes: tuple[str, str], truths: tuple[str, str], calibration: str, matrices: tuple[str, str]
+) -> Iterator[FoundPair]:
     for image in list_put_there(root / eyes[0], "*_10.png"):
         if _KITTI_FRAME.fullmatch(image.name):
-            yield find_pair(image.stem, root, image,
-                            partial(_kitti_pair, root, image, layout, eyes[1], truths, calibration, matrices))
+            yield find_pair(
+                image.stem,
+                root,
+                image,
+                partial(_kitti_pair, root, image, layout, eyes[1], truths, calibration, matrices),
+            )
 
 
-def _kitti_pair(root: Path, image: Path, layout: str, right: str, truths: tuple[str, str], calibration: str,
-                matrices: tuple[str, str]) -> ForeignPair:
+def _kitti_pair(
+    root: Path,
+    image: Path,
+    layout: str,
+    right: str,
+    truths: tuple[str, str],
+    calibration: str,
+    matrices: tuple[str, str],
+) -> ForeignPair:
     camera = find_inside(root, Path(calibration, f"{image.name[:6]}.txt"))
     nocc = root / truths[1] / image.name
     return ForeignPair(
-        image.stem, root, layout, image.stem, find_inside(root, image.relative_to(root)),
-        find_inside(root, Path(right, image.name)), MapFile(find_inside(root, Path(truths[0], image.name))),
-        partial(calibrations.kitti_camera, camera, matrices), (camera,),
-        mask=Mask("known", (find_inside(root, Path(truths[1], image.name)),)) if nocc.exists() else None)
+        image.stem,
+        root,
+        layout,
+        image.stem,
+        find_inside(root, image.relative_to(root)),
+        find_inside(root, Path(right, image.name)),
+        MapFile(find_inside(root, Path(truths[0], image.name))),
+        partial(calibrations.kitti_camera, camera, matrices),
+        (camera,),
+        mask=Mask("known", (find_inside(root, Path(truths[1], image.name)),)) if nocc.exists() else None,
+    )
 
 
 def _middlebury(path: Path) -> list[FoundPair]:
-    return [find_pair(_folder_name(path, folder), folder, folder / "im0.png", partial(_middlebury_pair, path, folder))
-            for folder in _folders_with(path, "im0.png")]
+    return [
+        find_pair(_folder_name(path, folder), folder, folder / "im0.png", partial(_middlebury_pair, path, folder))
+        for folder in _folders_with(path, "im0.png")
+    ]
 
 
 def _folders_with(path: Path, name: str) -> list[Path]:
@@ -123,13 +154,20 @@ def _middlebury_pair(root: Path, folder: Path) -> ForeignPair:
     mask = folder / "mask0nocc.png"
     name = _folder_name(root, folder)
     return ForeignPair(
-        name, folder, "Middlebury", name, left,
-        find_inside(folder, "im1.png"), MapFile(find_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
-        partial(calibrations.middlebury_camera, calibration), (calibration,),
+        name,
+        folder,
+        "Middlebury",
+        name,
+        left,
+        find_inside(folder, "im1.png"),
+        MapFile(find_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
+        partial(calibrations.middlebury_camera, calibration),
+        (calibration,),
         MapFile(find_inside(folder, right)) if (folder / right).exists() else None,
         Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None,
         row_offset_reader=partial(calibrations.row_offset_px, calibration),
-        disparities_reader=partial(calibrations.stated_disparities, calibration))
+        disparities_reader=partial(calibrations.stated_disparities, calibration),
+    )
 
 
 def _sceneflow(path: Path) -> list[FoundPair]:
@@ -152,11 +190,18 @@ def _sceneflow_pair(root: Path, rendering: str, inner: Path, name: str) -> Forei
     truth, truth_right = (Path("disparity", part).with_suffix(".pfm") for part in (inner, other))
     focal = _SCENEFLOW_SHORT_PX if any(part.startswith("15mm") for part in inner.parts) else _SCENEFLOW_FOCAL_PX
     return ForeignPair(
-        name, root, "SceneFlow", "-".join(scene.parts), find_inside(root, Path(rendering) / inner),
-        find_inside(root, Path(rendering) / other), MapFile(find_inside(root, truth)),
+        name,
+        root,
+        "SceneFlow",
+        "-".join(scene.parts),
+        find_inside(root, Path(rendering) / inner),
+        find_inside(root, Path(rendering) / other),
+        MapFile(find_inside(root, truth)),
         partial(calibrations.given_camera, focal, *_SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE),
         truth_right=MapFile(find_inside(root, truth_right)) if (root / truth_right).exists() else None,
-        either_sign=True, notes=("The unit of length of SceneFlow is not the metre: its baseline is 1.",))
+        either_sign=True,
+        notes=("The unit of length of SceneFlow is not the metre: its baseline is 1.",),
+    )
 
 
 def _root_of(path: Path, passes: tuple[str, ...]) -> tuple[Path, list[str]]:
@@ -164,8 +209,9 @@ def _root_of(path: Path, passes: tuple[str, ...]) -> tuple[Path, list[str]]:
     or the first of the others."""
     if path.name in passes:
         return path.parent, [path.name]
-    root = next((folder for folder in (path, path / "training") if any((folder / name).is_dir() for name in passes)),
-                path)
+    root = next(
+        (folder for folder in (path, path / "training") if any((folder / name).is_dir() for name in passes)), path
+    )
     return root, [name for name in passes if (root / name).is_dir()]
 
 
@@ -174,8 +220,10 @@ def _sintel(path: Path) -> list[FoundPair]:
     if not passes or not (root / "disparities").is_dir():
         return []
     if not (root / "camdata_left").is_dir():
-        raise IcyMoonError(f"{root / 'camdata_left'} is missing, and without its focal lengths disparities give no "
-                           "depths; add this folder of Sintel's depth data.")
+        raise IcyMoonError(
+            f"{root / 'camdata_left'} is missing, and without its focal lengths disparities give no "
+            "depths; add this folder of Sintel's depth data."
+        )
     found = []
     for image in list_put_there(root / passes[0], "*/*.png"):
         inner = image.relative_to(root / passes[0])
@@ -189,11 +237,17 @@ def _sintel_pair(root: Path, rendering: str, inner: Path, name: str) -> ForeignP
     masks = [Path(folder, inner) for folder in ("occlusions", "outofframe") if (root / folder / inner).exists()]
     calibration = find_inside(root, camera)
     return ForeignPair(
-        name, root, "Sintel", inner.parent.name, find_inside(root, Path(rendering) / inner),
+        name,
+        root,
+        "Sintel",
+        inner.parent.name,
+        find_inside(root, Path(rendering) / inner),
         find_inside(root, Path(rendering.replace("left", "right")) / inner),
         MapFile(find_inside(root, Path("disparities") / inner), sintel=True),
-        partial(calibrations.sintel_camera, calibration, _SINTEL_BASELINE_M), (calibration,),
-        mask=Mask("hidden", tuple(find_inside(root, each) for each in masks)) if masks else None)
+        partial(calibrations.sintel_camera, calibration, _SINTEL_BASELINE_M),
+        (calibration,),
+        mask=Mask("hidden", tuple(find_inside(root, each) for each in masks)) if masks else None,
+    )
 
 
 def _guiss(path: Path) -> list[FoundPair]:
@@ -210,8 +264,15 @@ def _guiss(path: Path) -> list[FoundPair]:
 
 def _guiss_pair(root: Path, depth: Path, left: Path, right: Path, name: str) -> ForeignPair:
     return ForeignPair(
-        name, root, "GUISS", "-".join(depth.parent.parts) or depth.name, find_inside(root, left.relative_to(root)),
-        find_inside(root, right.relative_to(root)), MapFile(find_inside(root, depth), "depth"), _guiss_camera)
+        name,
+        root,
+        "GUISS",
+        "-".join(depth.parent.parts) or depth.name,
+        find_inside(root, left.relative_to(root)),
+        find_inside(root, right.relative_to(root)),
+        MapFile(find_inside(root, depth), "depth"),
+        _guiss_camera,
+    )
 
 
 def _guiss_camera(width: int, height: int) -> StereoCamera:
@@ -219,30 +280,45 @@ def _guiss_camera(width: int, height: int) -> StereoCamera:
 
 
 def _our_exports(path: Path) -> list[FoundPair]:
-    return [find_pair(_folder_name(path, folder), folder, folder / "left.png", partial(_our_export, path, folder))
-            for folder in _folders_with(path, "calibration.json")]
+    return [
+        find_pair(_folder_name(path, folder), folder, folder / "left.png", partial(_our_export, path, folder))
+        for folder in _folders_with(path, "calibration.json")
+    ]
 
 
 def _our_export(root: Path, folder: Path) -> ForeignPair:
     calibration = find_inside(root, folder.relative_to(root) / "calibration.json")
     if (folder / "extrinsics.yml").exists():
-        raise IcyMoonError(f"{folder} was exported with --format raw, which is not rectified; export it as png16, "
-                           "pfm, kitti or middlebury.")
+        raise IcyMoonError(
+            f"{folder} was exported with --format raw, which is not rectified; export it as png16, "
+            "pfm, kitti or middlebury."
+        )
     kind = "pfm" if (folder / "left.pfm").exists() else "png"
     if not (folder / f"disparity_left.{kind}").exists():
-        raise IcyMoonError(f"{folder} has no disparity_left.{kind}, as png8 cannot hold it; export it as png16, "
-                           "pfm, kitti or middlebury.")
+        raise IcyMoonError(
+            f"{folder} has no disparity_left.{kind}, as png8 cannot hold it; export it as png16, "
+            "pfm, kitti or middlebury."
+        )
     name = _folder_name(root, folder)
     camera: CameraReader = partial(calibrations.our_camera, calibration)
     return ForeignPair(
-        name, folder, f"Our export {'pfm' if kind == 'pfm' else 'png16'}", name,
-        find_inside(folder, f"left.{kind}"), find_inside(folder, f"right.{kind}"),
-        MapFile(find_inside(folder, f"disparity_left.{kind}")), camera, (calibration,),
+        name,
+        folder,
+        f"Our export {'pfm' if kind == 'pfm' else 'png16'}",
+        name,
+        find_inside(folder, f"left.{kind}"),
+        find_inside(folder, f"right.{kind}"),
+        MapFile(find_inside(folder, f"disparity_left.{kind}")),
+        camera,
+        (calibration,),
         MapFile(find_inside(folder, f"disparity_right.{kind}")),
-        white=calibrations.saturation_radiance(calibration) if kind == "pfm" else None, linear=True)
+        white=calibrations.saturation_radiance(calibration) if kind == "pfm" else None,
+        linear=True,
+    )
 
 
 FINDERS: tuple[Finder, ...] = (plain_pairs, _kitti, _kitti_2012, _middlebury, _sceneflow, _sintel, _our_exports, _guiss)
 #: The supported layouts, in words.
-KNOWN = (f"KITTI 2012 or 2015, Middlebury, ETH3D, SceneFlow, Sintel, GUISS, our own exports, or a folder with "
-         f"{PLAIN_FILE}")
+KNOWN = (
+    f"KITTI 2012 or 2015, Middlebury, ETH3D, SceneFlow, Sintel, GUISS, our own exports, or a folder with {PLAIN_FILE}"
+)

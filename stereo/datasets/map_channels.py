@@ -15,8 +15,25 @@ from ...support.foreign_bytes import RefusedError
 #: in the passes of ``_NO_MAPS``: directions, places, colours and labels.
 _WORDS = {"depth": ("depth", "disparity"), "disparity": ("disparity", "depth")}
 _COMPONENTS = ("Z", "Y", "V", "R")
-_NO_MAPS = ("normal", "position", "vector", "uv", "image", "combined", "rgb", "colour", "color", "diff", "gloss",
-            "emit", "index", "crypto", "shadow", "ao", "mist")
+_NO_MAPS = (
+    "normal",
+    "position",
+    "vector",
+    "uv",
+    "image",
+    "combined",
+    "rgb",
+    "colour",
+    "color",
+    "diff",
+    "gloss",
+    "emit",
+    "index",
+    "crypto",
+    "shadow",
+    "ao",
+    "mist",
+)
 #: Number of names that a sentence quotes.
 _SHOWN = 6
 #: Components of a vector, which are no maps if there are two or more; of a picture; and its opacity.
@@ -35,13 +52,20 @@ def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> 
     scalars = [name for name in names if name.rpartition(".")[2] != _OPACITY and not _is_of_vector(name, names)]
     for group in _candidates(scalars, kind):
         if len(group) > 1:
-            raise RefusedError(f"has several channels that may hold the {_plural(kind)}, {_listed(group)}; "
-                               + (f"keep one of them, as {kind}.Y." if predicted else
-                                  "state one of them as truth.channel in pairs.toml."))
+            raise RefusedError(
+                f"has several channels that may hold the {_plural(kind)}, {_listed(group)}; "
+                + (
+                    f"keep one of them, as {kind}.Y."
+                    if predicted
+                    else "state one of them as truth.channel in pairs.toml."
+                )
+            )
         if group:
             return group[0]
-    raise RefusedError(f"has the channels {_listed(names)}, and none is called as one with {_plural(kind)}; "
-                       f"{_ask_for_channel(kind, predicted)}")
+    raise RefusedError(
+        f"has the channels {_listed(names)}, and none is called as one with {_plural(kind)}; "
+        f"{_ask_for_channel(kind, predicted)}"
+    )
 
 
 def colours_beside(name: str, names: Sequence[str]) -> list[str]:
@@ -53,20 +77,27 @@ def colours_beside(name: str, names: Sequence[str]) -> list[str]:
 
 def refuse_picture(name: str, names: Sequence[str], kind: str, predicted: bool = False) -> None:
     """Raise RefusedError, since a channel is one of different colours: a map may come as three equal ones only."""
-    raise RefusedError(f"has the channels {_listed(names)}, of which {shorten(name)} is a colour of a picture and none "
-                       f"is called as one with {_plural(kind)}; {_ask_for_channel(kind, predicted)}")
+    raise RefusedError(
+        f"has the channels {_listed(names)}, of which {shorten(name)} is a colour of a picture and none "
+        f"is called as one with {_plural(kind)}; {_ask_for_channel(kind, predicted)}"
+    )
 
 
 def _ask_for_channel(kind: str, predicted: bool) -> str:
-    return (f"write them as the channel {kind}.Y." if predicted else
-            f"write the {_plural(kind)} as the channel {kind}.Y, or state theirs as truth.channel in pairs.toml.")
+    return (
+        f"write them as the channel {kind}.Y."
+        if predicted
+        else f"write the {_plural(kind)} as the channel {kind}.Y, or state theirs as truth.channel in pairs.toml."
+    )
 
 
 def find_stated(names: Sequence[str], stated: str) -> str:
     """The one of ``names`` that ``truth.channel`` states. Raises RefusedError if it is not among them."""
     if stated not in names:
-        raise RefusedError(f"has no {shorten(stated)}, which truth.channel in pairs.toml states, but "
-                           f"{_listed(names)}; state one of these.")
+        raise RefusedError(
+            f"has no {shorten(stated)}, which truth.channel in pairs.toml states, but "
+            f"{_listed(names)}; state one of these."
+        )
     return stated
 
 
@@ -76,8 +107,10 @@ def choose_array(names: Sequence[str], kind: str, predicted: bool = False) -> st
         return kind
     if len(names) == 1:
         return names[0]
-    raise RefusedError(f"contains the arrays {_listed(names)}; call the one with the {_plural(kind)} {kind}"
-                       + ("." if predicted else ", or state it as truth.channel in pairs.toml."))
+    raise RefusedError(
+        f"contains the arrays {_listed(names)}; call the one with the {_plural(kind)} {kind}"
+        + ("." if predicted else ", or state it as truth.channel in pairs.toml.")
+    )
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -93,10 +126,17 @@ def _plural(kind: str) -> str:
 def _candidates(names: Sequence[str], kind: str) -> list[list[str]]:
     """Groups of channels of different layers that may hold the map, the likeliest group first."""
     other_words = [name for name in names if not any(layer.startswith(_NO_MAPS) for layer in _words(name)[:-1])]
-    return [*(_one_of_each_picture([name for name in names if fits(word, name)])
-              for word in _WORDS[kind] for fits in (_is_called, _begins_as)),
-            *(_one_of_each_picture([name for name in other_words if name.split(".")[-1] == component])
-              for component in _COMPONENTS)]
+    return [
+        *(
+            _one_of_each_picture([name for name in names if fits(word, name)])
+            for word in _WORDS[kind]
+            for fits in (_is_called, _begins_as)
+        ),
+        *(
+            _one_of_each_picture([name for name in other_words if name.split(".")[-1] == component])
+            for component in _COMPONENTS
+        ),
+    ]
 
 
 def _is_called(word: str, name: str) -> bool:

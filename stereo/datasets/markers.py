@@ -23,8 +23,11 @@ def find_markers(values: np.ndarray, kind: str, camera: StereoCamera, places: Pl
     Such a value is the nearest or the farthest one, is the same to the bit in many pixels, and lies far beyond all
     others, or is the only negative disparity. If the images fit there, it is a real surface: a wall.
     """
-    return tuple(value for nearest in (False, True)
-                 if (value := _find_plateau(values, kind, camera, places, nearest)) is not None)
+    return tuple(
+        value
+        for nearest in (False, True)
+        if (value := _find_plateau(values, kind, camera, places, nearest)) is not None
+    )
 
 
 def _find_plateau(values: np.ndarray, kind: str, camera: StereoCamera, places: Places, nearest: bool) -> float | None:

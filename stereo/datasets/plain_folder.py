@@ -46,13 +46,32 @@ _ALONG = Kind('"axis" or "ray"', lambda value: value in ("axis", "ray"))
 _SIZE = Kind("a number from 1e-9 to 1e9", lambda value: POSITIVE.fits(value) and 1e-9 <= value <= 1e9)
 _SHAPE: dict[str, dict[str, Any]] = {
     "images": {"left": TEXT, "right": TEXT, "linear": Maybe(FLAG)},
-    "truth": {"disparity": Maybe(TEXT), "depth": Maybe(TEXT), "steps": Maybe(_NOT_ZERO), "right": Maybe(TEXT),
-              "visible": Maybe(TEXT), "along": Maybe(_ALONG), "channel": Maybe(TEXT)},
-    "camera": {"focal_px": _SIZE, "baseline_m": _SIZE, "cx_px": Maybe(NUMBER), "cy_px": Maybe(NUMBER),
-               "doffs_px": Maybe(NUMBER)}}
+    "truth": {
+        "disparity": Maybe(TEXT),
+        "depth": Maybe(TEXT),
+        "steps": Maybe(_NOT_ZERO),
+        "right": Maybe(TEXT),
+        "visible": Maybe(TEXT),
+        "along": Maybe(_ALONG),
+        "channel": Maybe(TEXT),
+    },
+    "camera": {
+        "focal_px": _SIZE,
+        "baseline_m": _SIZE,
+        "cx_px": Maybe(NUMBER),
+        "cy_px": Maybe(NUMBER),
+        "doffs_px": Maybe(NUMBER),
+    },
+}
 #: The keys of the patterns of files.
-_KEYS = {"left": "images.left", "right": "images.right", "disparity": "truth.disparity", "depth": "truth.depth",
-         "truth_right": "truth.right", "visible": "truth.visible"}
+_KEYS = {
+    "left": "images.left",
+    "right": "images.right",
+    "disparity": "truth.disparity",
+    "depth": "truth.depth",
+    "truth_right": "truth.right",
+    "visible": "truth.visible",
+}
 _FIX = "write it as the manual's page on foreign data shows"
 
 
@@ -65,27 +84,49 @@ def plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
         return []
     path = find_inside(root, FILE)
     data = parse_pairs_toml(path)
-    patterns = {key: _checked_pattern(path, key, data[table][key]) for table, key in (
-        ("images", "left"), ("images", "right"), ("truth", "disparity"), ("truth", "depth"), ("truth", "right"),
-        ("truth", "visible")) if key in data[table] and not (table == "truth" and key == "right")}
+    patterns = {
+        key: _checked_pattern(path, key, data[table][key])
+        for table, key in (
+            ("images", "left"),
+            ("images", "right"),
+            ("truth", "disparity"),
+            ("truth", "depth"),
+            ("truth", "right"),
+            ("truth", "visible"),
+        )
+        if key in data[table] and not (table == "truth" and key == "right")
+    }
     if "right" in data["truth"]:
         patterns["truth_right"] = _checked_pattern(path, "right", data["truth"]["right"])
     kinds = [kind for kind in ("disparity", "depth") if kind in patterns]
     if len(kinds) != 1:
-        raise IcyMoonError(f"{path}: the table truth names {'disparity and depth' if kinds else 'no files'}; name "
-                           "either disparity or depth in it.")
+        raise IcyMoonError(
+            f"{path}: the table truth names {'disparity and depth' if kinds else 'no files'}; name "
+            "either disparity or depth in it."
+        )
     if patterns.get("truth_right") == patterns[kinds[0]]:
-        raise IcyMoonError(f"{path}: truth.right names the files of truth.{kinds[0]}, which are of the left eye; name "
-                           "those of the right eye, or leave it out.")
+        raise IcyMoonError(
+            f"{path}: truth.right names the files of truth.{kinds[0]}, which are of the left eye; name "
+            "those of the right eye, or leave it out."
+        )
     names = _names(root, patterns["left"])
     if not names:
         raise IcyMoonError(f"{path}: there is no file {patterns['left']}; correct images.left.")
     for key, pattern in patterns.items():  # files of single pairs may be missing, which costs these only
         if not any(os.path.lexists(root / pattern.replace(_PLACE, name)) for name in names):
-            raise IcyMoonError(f"{path}: there is no file {pattern} of any pair, such as "
-                               f"{pattern.replace(_PLACE, names[0])}; correct {_KEYS[key]}.")
-    return [find_pair(safe_name(name), root, root / patterns["left"].replace(_PLACE, name),
-                      partial(_pair, root, path, name, kinds[0], patterns, data)) for name in names]
+            raise IcyMoonError(
+                f"{path}: there is no file {pattern} of any pair, such as "
+                f"{pattern.replace(_PLACE, names[0])}; correct {_KEYS[key]}."
+            )
+    return [
+        find_pair(
+            safe_name(name),
+            root,
+            root / patterns["left"].replace(_PLACE, name),
+            partial(_pair, root, path, name, kinds[0], patterns, data),
+        )
+        for name in names
+    ]
 
 
 def parse_pairs_toml(path: Path) -> dict[str, Any]:
@@ -107,14 +148,19 @@ def parse_pairs_toml(path: Path) -> dict[str, Any]:
 def _checked_pattern(path: Path, key: str, pattern: str) -> str:
     parts = PurePosixPath(pattern).parts
     if not pattern or ".." in parts or PurePosixPath(pattern).is_absolute() or any(each in pattern for each in "\\:\0"):
-        raise IcyMoonError(f"{path}: {key} is {pattern[:60]!r}, and only files in this folder are read; write a path "
-                           "in it, with / between folders.")
+        raise IcyMoonError(
+            f"{path}: {key} is {pattern[:60]!r}, and only files in this folder are read; write a path "
+            "in it, with / between folders."
+        )
     if _PLACE not in pattern:
-        raise IcyMoonError(f"{path}: {key} is {pattern[:60]!r}, the same file for all pairs; write {_PLACE} where the "
-                           "name of the pair stands.")
+        raise IcyMoonError(
+            f"{path}: {key} is {pattern[:60]!r}, the same file for all pairs; write {_PLACE} where the "
+            "name of the pair stands."
+        )
     if _PLACE * 2 in pattern:
-        raise IcyMoonError(f"{path}: {key} is {pattern[:60]!r}, with {_PLACE} twice without anything between; write it "
-                           "once there.")
+        raise IcyMoonError(
+            f"{path}: {key} is {pattern[:60]!r}, with {_PLACE} twice without anything between; write it once there."
+        )
     return pattern
 
 
@@ -136,12 +182,28 @@ def _pair(root: Path, path: Path, name: str, kind: str, patterns: dict[str, str]
     if along_ray and kind != "depth":
         raise IcyMoonError(f"{path}: truth.along is of depths, and there are disparities; leave it out.")
     return ForeignPair(
-        safe_name(name), root, "Plain folder", name, file("left"), file("right"),
-        MapFile(file(kind), kind, steps, along_ray, channel=channel), partial(_camera, data["camera"]), (path,),
+        safe_name(name),
+        root,
+        "Plain folder",
+        name,
+        file("left"),
+        file("right"),
+        MapFile(file(kind), kind, steps, along_ray, channel=channel),
+        partial(_camera, data["camera"]),
+        (path,),
         MapFile(file("truth_right"), kind, steps, along_ray, channel=channel) if "truth_right" in patterns else None,
-        Mask("seen", (file("visible"),)) if "visible" in patterns else None, linear=data["images"].get("linear", False))
+        Mask("seen", (file("visible"),)) if "visible" in patterns else None,
+        linear=data["images"].get("linear", False),
+    )
 
 
 def _camera(stated: dict[str, float], width: int, height: int) -> StereoCamera:
-    return StereoCamera(width, height, stated["focal_px"], stated.get("cx_px", width / 2),
-                        stated.get("cy_px", height / 2), stated["baseline_m"], doffs_px=stated.get("doffs_px", 0.0))
+    return StereoCamera(
+        width,
+        height,
+        stated["focal_px"],
+        stated.get("cx_px", width / 2),
+        stated.get("cy_px", height / 2),
+        stated["baseline_m"],
+        doffs_px=stated.get("doffs_px", 0.0),
+    )

@@ -41,8 +41,10 @@ def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequenc
     for text in texts:
         name, equals, folder = text.partition("=")
         if not (equals and folder and _NAME.fullmatch(name)):
-            raise IcyMoonError(f"--predictions {text}: write it as NAME=FOLDER, as in mynet=results/mynet; a name "
-                               "begins with a letter or digit.")
+            raise IcyMoonError(
+                f"--predictions {text}: write it as NAME=FOLDER, as in mynet=results/mynet; a name "
+                "begins with a letter or digit."
+            )
         if describe_method(name) in map(describe_method, (*taken, *(method.label for method in found))):
             raise IcyMoonError(f"--predictions {text}: there is already a method {name}; choose another name.")
         root = Path(folder).expanduser().absolute()
@@ -73,8 +75,9 @@ def find_prediction(method: Method, pair: str) -> Path:
         fix = f"rename {other.name} to {pair}{other.suffix}" if other else f"add {pair}.pfm, or .png, .npy or .exr"
         raise IcyMoonError(f"{root} has no disparity of the pair {pair}; {fix}.")
     if len(found) > 1:
-        raise IcyMoonError(f"{root} has {' and '.join(path.name for path in found)} of the pair {pair}; keep one of "
-                           "them.")
+        raise IcyMoonError(
+            f"{root} has {' and '.join(path.name for path in found)} of the pair {pair}; keep one of them."
+        )
     return find_inside(root, found[0].relative_to(root))
 
 
@@ -87,8 +90,11 @@ def _find_misnamed(root: Path, pair: str) -> Path | None:
     several do."""
     named = re.compile(rf"(?<![A-Za-z0-9]){re.escape(pair)}(?![A-Za-z0-9])")
     try:
-        found = [path for path in islice(root.iterdir(), _LOOKED_THROUGH)
-                 if path.suffix in ENDINGS and named.search(path.stem) and not is_of_file_manager(path.name)]
+        found = [
+            path
+            for path in islice(root.iterdir(), _LOOKED_THROUGH)
+            if path.suffix in ENDINGS and named.search(path.stem) and not is_of_file_manager(path.name)
+        ]
     except OSError:
         return None
     return found[0] if len(found) == 1 else None
@@ -104,5 +110,11 @@ def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dic
     check_prediction(path, disparity, prepared.truth, prepared.pair.camera)
     found = usable(disparity) & is_possible(disparity)
     return np.where(found, disparity, np.nan).astype(np.float32), {
-        "method": PREDICTION, "options": options_of(method), **dict.fromkeys(COSTS), "arrays": {}, "counts": {},
-        "facts": {}, "search": None}
+        "method": PREDICTION,
+        "options": options_of(method),
+        **dict.fromkeys(COSTS),
+        "arrays": {},
+        "counts": {},
+        "facts": {},
+        "search": None,
+    }

@@ -23,6 +23,8 @@ def find_turned(images: Sequence[Path]) -> dict[Path, int]:
 def refuse_turned(turned: Mapping[Path, int]) -> None:
     """Raise IcyMoonError with the fix if there are images ``turned``, see ``find_turned``."""
     for path, orientation in turned.items():
-        raise IcyMoonError(f"{path} states the EXIF orientation {orientation}, by which viewers turn it, and the truth "
-                           "does not confirm its pixels as they are stored; save it turned, as mogrify -auto-orient "
-                           "does, or without the tag, whichever the truth is for.")
+        raise IcyMoonError(
+            f"{path} states the EXIF orientation {orientation}, by which viewers turn it, and the truth "
+            "does not confirm its pixels as they are stored; save it turned, as mogrify -auto-orient "
+            "does, or without the tag, whichever the truth is for."
+        )

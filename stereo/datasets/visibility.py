@@ -53,33 +53,42 @@ def read_mask(mask: Mask, disparity: np.ndarray) -> np.ndarray:
             _check_numbers(first, masks[0])
         seen = masks[0] == _SEEN if mask.kind == "seen" else np.logical_and.reduce([each == 0 for each in masks])
     if seen.shape != disparity.shape:
-        raise IcyMoonError(f"{first} is {describe_size(seen)}, and the images are {describe_size(disparity)}; give a "
-                           "mask of these images.")
+        raise IcyMoonError(
+            f"{first} is {describe_size(seen)}, and the images are {describe_size(disparity)}; give a "
+            "mask of these images."
+        )
     better = find_better_reading(seen, disparity)
     if better is not None:
         raise IcyMoonError(f"{first} fits the truth only {better}; write it so.")
     if not (seen & is_in_frame(matching_column(disparity))).any():
-        raise IcyMoonError(f"{first} marks no pixel that by the truth is in both images; give the mask of what the "
-                           "right eye sees too, or leave it out.")
+        raise IcyMoonError(
+            f"{first} marks no pixel that by the truth is in both images; give the mask of what the "
+            "right eye sees too, or leave it out."
+        )
     return np.asarray(seen)
 
 
 def _check_numbers(path: Path, mask: np.ndarray) -> None:
     levels = np.unique(mask)
     if len(levels) > len(_NUMBERS) and np.mean(~np.isin(mask, _NUMBERS)) > _OTHERS:
-        raise IcyMoonError(f"{path} has many numbers between 0 and {_SEEN} and is no mask; write {_SEEN} where the "
-                           "right eye sees the point too and 0 elsewhere.")
+        raise IcyMoonError(
+            f"{path} has many numbers between 0 and {_SEEN} and is no mask; write {_SEEN} where the "
+            "right eye sees the point too and 0 elsewhere."
+        )
     if 0 < levels[-1] < _SEEN:
-        raise IcyMoonError(f"{path} has numbers up to {levels[-1]}, and {_SEEN} marks what the right eye sees too; "
-                           f"write {_SEEN} there.")
+        raise IcyMoonError(
+            f"{path} has numbers up to {levels[-1]}, and {_SEEN} marks what the right eye sees too; "
+            f"write {_SEEN} there."
+        )
 
 
 def find_better_reading(seen: np.ndarray, disparity: np.ndarray) -> str | None:
     """Another reading, in words, of ``seen``, a Boolean mask (H, W) of the pixels that the right eye sees, if it fits
     the left eye's true ``disparity`` (H, W), px, far better. None if no reading does or nearly nothing is hidden."""
     known = np.isfinite(disparity)
-    hidden = known & ~(is_in_frame(matching_column(disparity))
-                       & ~find_hidden(disparity, seen_from_other(disparity, "left"), "left"))
+    hidden = known & ~(
+        is_in_frame(matching_column(disparity)) & ~find_hidden(disparity, seen_from_other(disparity, "left"), "left")
+    )
     if hidden.sum() < _FEWEST:
         return None
     shares = {words: overlap(known & ~reading, hidden) for words, reading in _readings(seen)}
@@ -115,16 +124,20 @@ def check_right_truth(file: MapFile, values: np.ndarray, camera: StereoCamera, d
     if fault is None:
         return []
     if fault.kind == "nothing":
-        return [f"{file.path} does not fit the left eye's truth: only {100 * fault.stated_share:.0f} % of its "
-                f"{what} are those that the left eye's give; look at both maps."]
+        return [
+            f"{file.path} does not fit the left eye's truth: only {100 * fault.stated_share:.0f} % of its "
+            f"{what} are those that the left eye's give; look at both maps."
+        ]
     how = KINDS[fault.kind]
     if fault.kind == "factor":
         size = round_factor(max(fault.factor, 1 / fault.factor))
         how = f"with {what} {'divided' if fault.factor > 1 else 'multiplied'} by {size:g}"
     elif fault.kind == "right_eye":
         how = "as the map of the left eye"
-    raise IcyMoonError(f"{file.path} fits the left eye's truth only {how}; write what the right eye sees, in the unit "
-                       "and order of the left eye's map.")
+    raise IcyMoonError(
+        f"{file.path} fits the left eye's truth only {how}; write what the right eye sees, in the unit "
+        "and order of the left eye's map."
+    )
 
 
 def find_fault_of_right(values: np.ndarray, kind: str, camera: StereoCamera, disparity: np.ndarray) -> Fault | None:

@@ -42,9 +42,13 @@ def find_scoop(pair: Pair, pose: np.ndarray, random: np.random.Generator) -> Sco
     arm, joints = arm_of(pair.settings, site_m), commanded_rad(pair.settings.arm)
     solid = arm_solids(pair.settings.arm)[SCOOP]
     middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
-    return Scoop(pair.camera.cropped(instance) == links[SCOOP]["instance"],
-                 pose @ np.array(links[SCOOP]["link_to_left"], np.float64), forward(arm, joints)[-1],
-                 sample_surface(solid.vertices, solid.triangles, _MODEL_POINTS, random), middle)
+    return Scoop(
+        pair.camera.cropped(instance) == links[SCOOP]["instance"],
+        pose @ np.array(links[SCOOP]["link_to_left"], np.float64),
+        forward(arm, joints)[-1],
+        sample_surface(solid.vertices, solid.triangles, _MODEL_POINTS, random),
+        middle,
+    )
 
 
 def stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
@@ -53,12 +57,15 @@ def stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
     if not pair.data.get("lander") or pair.settings.lander.kind != "PARAMETRIC":
         return None
     told = commanded_rad(pair.settings.arm)
-    return {name: dict(zip(JOINTS, np.round(np.degrees(angles), 6).tolist(), strict=True))
-            for name, angles in (("commanded", told), ("fault", real_rad(pair.settings.arm) - told))}
+    return {
+        name: dict(zip(JOINTS, np.round(np.degrees(angles), 6).tolist(), strict=True))
+        for name, angles in (("commanded", told), ("fault", real_rad(pair.settings.arm) - told))
+    }
 
 
-def locate(scoop: Scoop, depth_m: np.ndarray, pair: Pair, pose: np.ndarray,
-           random: np.random.Generator) -> dict[str, Any]:
+def locate(
+    scoop: Scoop, depth_m: np.ndarray, pair: Pair, pose: np.ndarray, random: np.random.Generator
+) -> dict[str, Any]:
     """Where a planar depth (H, W) finds the scoop, seen from a left eye that is taken to have this ``pose``.
 
     ``error_mm`` at its middle and ``error_deg`` from the true pose, ``apart_mm`` of the true pose from the commanded
@@ -69,8 +76,14 @@ def locate(scoop: Scoop, depth_m: np.ndarray, pair: Pair, pose: np.ndarray,
     points, _ = points_of(np.where(scoop.mask, depth_m, np.nan), pair.camera.rectified, pose)
     pixels = int(scoop.mask.sum())
     found = find_pose(scoop.model, points, scoop.commanded, pose[:3, 3], random)
-    numbers: dict[str, Any] = {"apart_mm": apart, "pixels": pixels, "known": len(points) / pixels if pixels else None,
-                               "error_mm": None, "error_deg": None, "found_mm": None}
+    numbers: dict[str, Any] = {
+        "apart_mm": apart,
+        "pixels": pixels,
+        "known": len(points) / pixels if pixels else None,
+        "error_mm": None,
+        "error_deg": None,
+        "found_mm": None,
+    }
     if found is None:
         return numbers
     error_mm, error_deg = pose_error(found.pose, scoop.true, scoop.middle)

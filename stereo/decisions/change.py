@@ -56,8 +56,9 @@ def measure_change(before_m: np.ndarray, after_m: np.ndarray, region: np.ndarray
     if not lowered.size or known.mean() < _LEAST_KNOWN:
         return None
     found = lowered[known]
-    return Change(float(found.mean() * lowered.size * cell_m ** 2), float(np.quantile(found, _DEEPEST)),
-                  float(known.mean()))
+    return Change(
+        float(found.mean() * lowered.size * cell_m**2), float(np.quantile(found, _DEEPEST)), float(known.mean())
+    )
 
 
 def local_sigma(error_m: np.ndarray, cell_m: float, diameter_m: float) -> np.ndarray:
@@ -92,23 +93,33 @@ class Detection:
         is no such cell."""
         known = np.isfinite(self.changed_m) & np.isfinite(true_m) & np.isfinite(self.level_m)
         more, same = known & (np.abs(true_m) > self.level_m), known & (np.abs(true_m) < UNCHANGED_M)
-        return {"level_m": float(np.median(self.level_m[known])) if known.any() else None,
-                "noticed": float(self.significant[more].mean()) if more.any() else None,
-                "false_alarm": float(self.significant[same].mean()) if same.any() else None}
+        return {
+            "level_m": float(np.median(self.level_m[known])) if known.any() else None,
+            "noticed": float(self.significant[more].mean()) if more.any() else None,
+            "false_alarm": float(self.significant[same].mean()) if same.any() else None,
+        }
 
 
-def detect(before_m: np.ndarray, after_m: np.ndarray, truth_before_m: np.ndarray, truth_after_m: np.ndarray,
-           cell_m: float, diameter_m: float) -> Detection:
+def detect(
+    before_m: np.ndarray,
+    after_m: np.ndarray,
+    truth_before_m: np.ndarray,
+    truth_after_m: np.ndarray,
+    cell_m: float,
+    diameter_m: float,
+) -> Detection:
     """Which cells changed beyond the errors of two elevation models (rows, columns) against their truths."""
-    sigmas = [local_sigma(found - true, cell_m, diameter_m)
-              for found, true in ((before_m, truth_before_m), (after_m, truth_after_m))]
+    sigmas = [
+        local_sigma(found - true, cell_m, diameter_m)
+        for found, true in ((before_m, truth_before_m), (after_m, truth_after_m))
+    ]
     return Detection(find_level(*sigmas), before_m - after_m)
 
 
 def volume_sigma(area_m2: float, sigma_m: float, correlation_m: float) -> float:
     """The standard deviation of a volume, m3, over an area whose differences have ``sigma_m`` and the correlation
     exp(-r²/2L²): they are as good as A / (2πL²) independent ones, at least one (Wheaton et al. 2010)."""
-    together = min(2 * math.pi * correlation_m ** 2, area_m2)
+    together = min(2 * math.pi * correlation_m**2, area_m2)
     return area_m2 * sigma_m * math.sqrt(together / area_m2)
 
 

@@ -47,7 +47,8 @@ class Grid:
         row = np.floor((self.north_m - position_m[:, 1]) / self.cell_m)
         inside = (column >= 0) & (column < self.columns) & (row >= 0) & (row < self.rows)
         return np.where(inside, np.where(inside, row, 0) * self.columns + np.where(inside, column, 0), -1).astype(
-            np.intp)
+            np.intp
+        )
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,7 @@ def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> np.ndarray:
 
     ``fix`` is an imperative without a full stop. Raises IcyMoonError for a file that is missing, damaged, or another.
     """
+
     def parse(foreign: ForeignBytes) -> np.ndarray:
         found = parse_npy(foreign, "fb")
         if found.shape != shape or found.dtype not in (np.float32, np.bool_):
@@ -96,8 +98,14 @@ def points_of(depth_m: np.ndarray, camera: StereoCamera, pose: np.ndarray) -> tu
     """
     index = np.flatnonzero(np.isfinite(depth_m))
     row, column = np.divmod(index, depth_m.shape[1])
-    rays = np.stack([(column + 0.5 - camera.cx_px) / camera.focal_px, (row + 0.5 - camera.cy_px) / camera.focal_px,
-                     np.ones(len(index))], axis=1)
+    rays = np.stack(
+        [
+            (column + 0.5 - camera.cx_px) / camera.focal_px,
+            (row + 0.5 - camera.cy_px) / camera.focal_px,
+            np.ones(len(index)),
+        ],
+        axis=1,
+    )
     return (rays * depth_m.ravel()[index, None]) @ pose[:3, :3].T + pose[:3, 3], index
 
 
@@ -140,8 +148,13 @@ def height_errors(found: Dem, truth_m: np.ndarray, over: np.ndarray) -> dict[str
     if not known.size:
         return {"bias_m": None, "rmse_m": None, "nmad_m": None, "le90_m": None, "completeness": share}
     spread = _NORMAL * np.median(np.abs(known - np.median(known)))
-    return {"bias_m": float(known.mean()), "rmse_m": float(np.sqrt((known ** 2).mean())), "nmad_m": float(spread),
-            "le90_m": float(np.quantile(np.abs(known), 0.9)), "completeness": share}
+    return {
+        "bias_m": float(known.mean()),
+        "rmse_m": float(np.sqrt((known**2).mean())),
+        "nmad_m": float(spread),
+        "le90_m": float(np.quantile(np.abs(known), 0.9)),
+        "completeness": share,
+    }
 
 
 def grid_of(stated: Mapping[str, Any]) -> Grid:
@@ -151,7 +164,8 @@ def grid_of(stated: Mapping[str, Any]) -> Grid:
     """
     shape, origin = stated["shape"], stated["origin_m"]
     if len(shape) != 2 or len(origin) != 2 or not all(0 < side <= _MOST_CELLS for side in shape):
-        raise IcyMoonError(f"pair.json states no workspace of at most {_MOST_CELLS} cells a side; render the pair "
-                           "again.")
+        raise IcyMoonError(
+            f"pair.json states no workspace of at most {_MOST_CELLS} cells a side; render the pair again."
+        )
     (rows, columns), (west, north) = shape, origin
     return Grid(float(stated["cell_m"]), int(rows), int(columns), float(west), float(north))

@@ -29,8 +29,8 @@ class Planes:
 def disc(diameter_m: float, cell_m: float) -> np.ndarray:
     """Cells, 1.0 or 0.0, of a disc on a square of an odd number of cells; its centre always is."""
     reach = max(0, int(np.floor(diameter_m / 2 / cell_m + 1e-9)))
-    north, east = np.mgrid[-reach:reach + 1, -reach:reach + 1] * cell_m
-    return np.asarray((east ** 2 + north ** 2 <= (diameter_m / 2) ** 2 * (1 + 1e-9)), np.float64)
+    north, east = np.mgrid[-reach : reach + 1, -reach : reach + 1] * cell_m
+    return np.asarray((east**2 + north**2 <= (diameter_m / 2) ** 2 * (1 + 1e-9)), np.float64)
 
 
 def sums(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -42,7 +42,9 @@ def fit_planes(height_m: np.ndarray, cell_m: float, diameter_m: float) -> Planes
     """The planes under discs of a diameter, through the heights that are not NaN."""
     shape = disc(diameter_m, cell_m)
     reach = shape.shape[0] // 2
-    v, u = np.mgrid[-reach:reach + 1, -reach:reach + 1] * cell_m  # row 0 is north: v points south, slopes do not care
+    v, u = (
+        np.mgrid[-reach : reach + 1, -reach : reach + 1] * cell_m
+    )  # row 0 is north: v points south, slopes do not care
     known = np.isfinite(height_m)
     middle = float(np.mean(height_m[known])) if known.any() else 0.0
     mask, z = known.astype(np.float64), np.where(known, height_m - middle, 0.0)
@@ -57,8 +59,12 @@ def fit_planes(height_m: np.ndarray, cell_m: float, diameter_m: float) -> Planes
     a, b = (cuz * cvv - cvz * cuv) / safe, (cvz * cuu - cuz * cuv) / safe
     residual = np.maximum(czz - a * cuz - b * cvz, 0.0)
     at_centre = (sz - a * su - b * sv) / count + middle
-    return Planes(*(np.where(fits, each, np.nan) for each in (
-        np.degrees(np.arctan(np.hypot(a, b))), np.sqrt(residual / count), at_centre)))
+    return Planes(
+        *(
+            np.where(fits, each, np.nan)
+            for each in (np.degrees(np.arctan(np.hypot(a, b))), np.sqrt(residual / count), at_centre)
+        )
+    )
 
 
 def share_under(mask: np.ndarray, cell_m: float, diameter_m: float, among: np.ndarray | None = None) -> np.ndarray:

@@ -38,14 +38,22 @@ def find_faults(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequenc
     names = list(dict.fromkeys(joint for faults in off.values() if len(faults) == 1 for joint in faults))
     found = []
     for label in labels if names else ():
-        own = {row["pair"]: row["numbers"].get("scoop", {}).get("found_mm") for row in rows
-               if row["method"] == label and row["status"] == "ok" and row["pair"] in joints}
+        own = {
+            row["pair"]: row["numbers"].get("scoop", {}).get("found_mm")
+            for row in rows
+            if row["method"] == label and row["status"] == "ok" and row["pair"] in joints
+        }
         found += _find_by_method(label, names, own, joints, off)
     return found
 
 
-def _find_by_method(label: str, names: Sequence[str], own: Mapping[str, Any], joints: Mapping[str, Any],
-                    off: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any]]:
+def _find_by_method(
+    label: str,
+    names: Sequence[str],
+    own: Mapping[str, Any],
+    joints: Mapping[str, Any],
+    off: Mapping[str, Mapping[str, float]],
+) -> list[dict[str, Any]]:
     sound: dict[str, list[np.ndarray]] = {}
     for pair, place in own.items():
         if not off[pair] and place is not None:
@@ -60,21 +68,35 @@ def _find_by_method(label: str, names: Sequence[str], own: Mapping[str, Any], jo
                 middle = np.mean(sound[_told(joints[pair])], axis=0)
                 score = -math.inf if place is None else float(np.linalg.norm(np.array(place) - middle))
                 angles.setdefault(abs(off[pair][joint]), []).append(score)
-        found.append({"method": label, "joint": joint, **_rates(angles, scores, limit), "limit_mm": limit,
-                      "sound": len(scores),
-                      "false_alarms": float((scores > limit).mean()) if limit is not None else None,
-                      "note": "" if limit is not None else
-                      f"By {describe_method(label)} it cannot be given which fault is noticed: "
-                      f"{count_of(len(scores), 'pair')} without a fault, at "
-                      f"the commanded angles of those with one, show the scoop, and it takes {FEWEST_SOUND}; add some "
-                      "with other noise, as datasets/arm_faults has."})
+        found.append(
+            {
+                "method": label,
+                "joint": joint,
+                **_rates(angles, scores, limit),
+                "limit_mm": limit,
+                "sound": len(scores),
+                "false_alarms": float((scores > limit).mean()) if limit is not None else None,
+                "note": ""
+                if limit is not None
+                else f"By {describe_method(label)} it cannot be given which fault is noticed: "
+                f"{count_of(len(scores), 'pair')} without a fault, at "
+                f"the commanded angles of those with one, show the scoop, and it takes {FEWEST_SOUND}; add some "
+                "with other noise, as datasets/arm_faults has.",
+            }
+        )
     return found
 
 
 def _rates(angles: Mapping[float, Sequence[float]], sound: np.ndarray, limit: float | None) -> dict[str, Any]:
-    rates = [{"deg": angle, "pairs": len(scores), "roc_area": roc_area(np.array(scores), sound),
-              "noticed": None if limit is None else float((np.array(scores) > limit).mean())}
-             for angle, scores in sorted(angles.items())]
+    rates = [
+        {
+            "deg": angle,
+            "pairs": len(scores),
+            "roc_area": roc_area(np.array(scores), sound),
+            "noticed": None if limit is None else float((np.array(scores) > limit).mean()),
+        }
+        for angle, scores in sorted(angles.items())
+    ]
     surely: float | None = None
     for rate in reversed(rates):
         if rate["noticed"] != 1.0:

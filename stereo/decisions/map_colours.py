@@ -10,18 +10,39 @@ from .stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap
 #: Height error, metres, from which on its colour is the full one, as in the pictures of the report.
 FULL_M = 0.05
 #: Text of the legend for each kind of cell of a map.
-KINDS = {SUITABILITY: {"safe": "Safe by the rules, green", "unsafe": "Not safe, orange",
-                       "unknown": "Not known or out of reach, grey"},
-         SLOPE: {"gentle": "As gentle as the rules ask, green", "steep": "Up to twice as steep, yellow",
-                 "steeper": "Steeper, red", "unknown": "Not known, grey"},
-         HEIGHT_ERROR: {"high": "Too high, red", "low": "Too low, blue",
-                        "right": f"Within {100 * ERROR.low:g} cm, white", "unknown": "Not known, grey"}}
+KINDS = {
+    SUITABILITY: {
+        "safe": "Safe by the rules, green",
+        "unsafe": "Not safe, orange",
+        "unknown": "Not known or out of reach, grey",
+    },
+    SLOPE: {
+        "gentle": "As gentle as the rules ask, green",
+        "steep": "Up to twice as steep, yellow",
+        "steeper": "Steeper, red",
+        "unknown": "Not known, grey",
+    },
+    HEIGHT_ERROR: {
+        "high": "Too high, red",
+        "low": "Too low, blue",
+        "right": f"Within {100 * ERROR.low:g} cm, white",
+        "unknown": "Not known, grey",
+    },
+}
 #: Values and RGB colours between which colours are interpolated. The values are margins, and slopes divided by the
 #: slope of the rules. Two entries at almost the same value are the border between two kinds.
 _EDGE = 1e-9
-_STOPS = {SUITABILITY: ((-1.0, (160, 60, 0)), (-_EDGE, (244, 190, 140)), (0.0, (180, 225, 190)), (0.5, (0, 140, 90))),
-          SLOPE: ((0.0, (0, 120, 80)), (1.0, (180, 225, 190)), (1.0 + _EDGE, (250, 235, 150)), (2.0, (240, 200, 66)),
-                  (2.0 + _EDGE, (235, 130, 110)), (4.0, (150, 20, 20)))}
+_STOPS = {
+    SUITABILITY: ((-1.0, (160, 60, 0)), (-_EDGE, (244, 190, 140)), (0.0, (180, 225, 190)), (0.5, (0, 140, 90))),
+    SLOPE: (
+        (0.0, (0, 120, 80)),
+        (1.0, (180, 225, 190)),
+        (1.0 + _EDGE, (250, 235, 150)),
+        (2.0, (240, 200, 66)),
+        (2.0 + _EDGE, (235, 130, 110)),
+        (4.0, (150, 20, 20)),
+    ),
+}
 
 
 def colour_cells(stored: StoredMap) -> np.ndarray:

@@ -9,13 +9,23 @@ from .change import Detection
 from .workspace import Maps, Workspace
 
 #: What became of a cell: its name and its RGB colour, distinct for colour-blind eyes.
-OUTCOMES = (("safe and taken for safe", (0, 158, 115)), ("unsafe, but taken for safe", (213, 60, 0)),
-            ("safe, but lost", (240, 200, 66)), ("unsafe and known as that", (111, 127, 143)),
-            ("out of reach or beyond the map", (205, 211, 218)))
+OUTCOMES = (
+    ("safe and taken for safe", (0, 158, 115)),
+    ("unsafe, but taken for safe", (213, 60, 0)),
+    ("safe, but lost", (240, 200, 66)),
+    ("unsafe and known as that", (111, 127, 143)),
+    ("out of reach or beyond the map", (205, 211, 218)),
+)
 #: Names and BGR colours of the cells of a single map: safe, or the rule that fails first.
-CODES = (("safe", (0, 158, 115)), ("not known", (60, 66, 74)), ("too steep", (192, 105, 160)),
-         ("too rough", (213, 94, 0)), ("a rock too near", (120, 70, 40)), ("out of reach", (205, 211, 218)),
-         ("in shadow", (42, 90, 160)))
+CODES = (
+    ("safe", (0, 158, 115)),
+    ("not known", (60, 66, 74)),
+    ("too steep", (192, 105, 160)),
+    ("too rough", (213, 94, 0)),
+    ("a rock too near", (120, 70, 40)),
+    ("out of reach", (205, 211, 218)),
+    ("in shadow", (42, 90, 160)),
+)
 #: Height error, metres, with the full colour: from blue (too low) over white to red (too high).
 FULL_M = 0.05
 _LOW, _RIGHT, _HIGH, _UNKNOWN = (0x2B, 0x5F, 0xC4), (0xF4, 0xF4, 0xF4), (0xC4, 0x2B, 0x2B), (150, 150, 150)
@@ -54,8 +64,9 @@ def _signed_picture(metres: np.ndarray) -> np.ndarray:
     return _enlarged(np.where(np.isnan(metres)[..., None], _UNKNOWN, rgb).astype(np.uint8)[..., ::-1])
 
 
-def with_ring(picture: np.ndarray, place: list[int] | None, shape: tuple[int, ...], disc_m: float,
-              cell_m: float) -> np.ndarray:
+def with_ring(
+    picture: np.ndarray, place: list[int] | None, shape: tuple[int, ...], disc_m: float, cell_m: float
+) -> np.ndarray:
     """The picture with a ring around the site at a row and column of a map of this ``shape``; itself without one."""
     if place is None:
         return picture

@@ -43,13 +43,18 @@ def site_of(settings: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _name_of(settings: Mapping[str, Mapping[str, Any]], counts: Any) -> str:
-    kept = {f"{topic}.{key}": value for topic, values in settings.items() for key, value in values.items()
-            if topic in TOPICS and TOPICS[topic][key].effect in _SHAPE and counts(topic, key)}
+    kept = {
+        f"{topic}.{key}": value
+        for topic, values in settings.items()
+        for key, value in values.items()
+        if topic in TOPICS and TOPICS[topic][key].effect in _SHAPE and counts(topic, key)
+    }
     return json.dumps(kept, sort_keys=True)
 
 
-def find_progress(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequence[str], out: Path,
-                  disc_m: float) -> list[dict[str, Any]]:
+def find_progress(
+    rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequence[str], out: Path, disc_m: float
+) -> list[dict[str, Any]]:
     """For each series of states and each method the ``steps`` and the errors of a volume by null pairs.
 
     A step has ``state``, ``true_m3``, ``found_m3``, ``error_m3``, ``depth_m`` and ``known``; ``level_m``, ``noticed``
@@ -72,8 +77,9 @@ def find_progress(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Seque
     return found
 
 
-def _progress(states: Sequence[_Entry], label: str, rows: Sequence[_Entry], dug: Sequence[_Entry], out: Path,
-              disc_m: float) -> dict[str, Any]:
+def _progress(
+    states: Sequence[_Entry], label: str, rows: Sequence[_Entry], dug: Sequence[_Entry], out: Path, disc_m: float
+) -> dict[str, Any]:
     own = {row["pair"]: row for row in rows if row["method"] == label and row["status"] == "ok"}
     first, name, steps, notes = states[0], describe_method(label), [], []
     for state in filter(_is_dug, states[1:]):
@@ -82,18 +88,29 @@ def _progress(states: Sequence[_Entry], label: str, rows: Sequence[_Entry], dug:
         notes += [f"By {name} there is no volume of state {step['state']}: {step['missing']}."] * bool(step["missing"])
     noise, why = _noise(states, dug, own, out)
     notes += [f"By {name} the smallest volume noticed cannot be given: {why}."] * bool(why)
-    return {"pair": first["pair"], "method": label, "steps": steps, "notes": notes,
-            "bias_m3": noise and noise.bias_m3, "sigma_m3": noise and noise.sigma_m3,
-            "smallest_m3": noise and noise.smallest_m3, "bounds_m3": noise and list(noise.bounds_m3),
-            "null_pairs": noise.pairs if noise else 0}
+    return {
+        "pair": first["pair"],
+        "method": label,
+        "steps": steps,
+        "notes": notes,
+        "bias_m3": noise and noise.bias_m3,
+        "sigma_m3": noise and noise.sigma_m3,
+        "smallest_m3": noise and noise.smallest_m3,
+        "bounds_m3": noise and list(noise.bounds_m3),
+        "null_pairs": noise.pairs if noise else 0,
+    }
 
 
 def _step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, disc_m: float) -> dict[str, Any]:
     """A method's result for a state; ``missing`` is the reason for a missing volume, or empty."""
     true = _left_region_m3(state) - _left_region_m3(first)
-    step: dict[str, Any] = {"pair": state["pair"], "state": int(state["excavation"]["state"]), "true_m3": true,
-                            **dict.fromkeys(("found_m3", "error_m3", "depth_m", "known", "level_m", "noticed",
-                                             "false_alarm", "map")), "missing": ""}
+    step: dict[str, Any] = {
+        "pair": state["pair"],
+        "state": int(state["excavation"]["state"]),
+        "true_m3": true,
+        **dict.fromkeys(("found_m3", "error_m3", "depth_m", "known", "level_m", "noticed", "false_alarm", "map")),
+        "missing": "",
+    }
     lost = [fact["pair"] for fact in (first, state) if fact["pair"] not in own]
     if lost:
         return step | {"missing": f"pair {lost[0]} failed or contradicts itself"}
@@ -103,8 +120,12 @@ def _step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, di
     if change is None:
         step["missing"] = f"only {100 * known:.0f} % of the cells of the region that is dug are known in both states"
     else:
-        step |= {"found_m3": change.volume_m3, "error_m3": change.volume_m3 - true, "depth_m": change.depth_m,
-                 "known": change.known}
+        step |= {
+            "found_m3": change.volume_m3,
+            "error_m3": change.volume_m3 - true,
+            "depth_m": change.depth_m,
+            "known": change.known,
+        }
     return step | _detected(own, first, state, out, disc_m)
 
 
@@ -117,8 +138,9 @@ def _detected(own: Mapping[str, _Entry], first: _Entry, state: _Entry, out: Path
     return {**found.score(true_before - true_after), "map": drawn.as_posix()}
 
 
-def _noise(states: Sequence[_Entry], dug: Sequence[_Entry], own: Mapping[str, _Entry],
-           out: Path) -> tuple[Noise | None, str]:
+def _noise(
+    states: Sequence[_Entry], dug: Sequence[_Entry], own: Mapping[str, _Entry], out: Path
+) -> tuple[Noise | None, str]:
     """The noise of a volume over the region that is dug, by null pairs; or None, and the reason in words.
 
     Null pairs are the pairs of this site in which nothing had been dug. Only pairs with the same cells can be
@@ -134,14 +156,17 @@ def _noise(states: Sequence[_Entry], dug: Sequence[_Entry], own: Mapping[str, _E
                 same.append(fact)
     group = max(groups, key=len, default=[])
     region = states[-1]["excavation"]["region_m"]
-    volumes = [change.volume_m3 for fact in group[1:]
-               if (change := _between(own, group[0], fact, region, out)[0]) is not None]
+    volumes = [
+        change.volume_m3 for fact in group[1:] if (change := _between(own, group[0], fact, region, out)[0]) is not None
+    ]
     if len(volumes) >= FEWEST_NULLS:
         return find_noise(volumes), ""
     there = f"{count_of(len(group), 'pair')} of this site show{'s' * (len(group) == 1)}"
-    return None, (f"{there} it with nothing dug and noise of the render of their own, {len(volumes)} of them can be "
-                  f"compared with the first, and it takes {FEWEST_NULLS}; render state 0 again with another "
-                  "Sun or camera, as datasets/excavation_nulls does, and decide on both data sets together")
+    return None, (
+        f"{there} it with nothing dug and noise of the render of their own, {len(volumes)} of them can be "
+        f"compared with the first, and it takes {FEWEST_NULLS}; render state 0 again with another "
+        "Sun or camera, as datasets/excavation_nulls does, and decide on both data sets together"
+    )
 
 
 def _is_dug(fact: _Entry) -> bool:
@@ -157,8 +182,9 @@ def _left_region_m3(state: _Entry) -> float:
     return -float(state["excavation"]["change_in_region_by_state_m3"][-1])
 
 
-def _between(own: Mapping[str, _Entry], first: _Entry, state: _Entry, region_m: Sequence[float],
-             out: Path) -> tuple[Change | None, float]:
+def _between(
+    own: Mapping[str, _Entry], first: _Entry, state: _Entry, region_m: Sequence[float], out: Path
+) -> tuple[Change | None, float]:
     """The change from one pair to another, None if too little is known, and the share of the region that is."""
     heights = [_read(out, fact, own[fact["pair"]]["images"]["dem"]) for fact in (first, state)]
     grid = Grid(first["cell_m"], first["rows"], first["columns"], *first["origin_m"])

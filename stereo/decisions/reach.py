@@ -16,15 +16,18 @@ def has_arm(settings: Settings) -> bool:
     return settings.lander.kind == "PARAMETRIC"
 
 
-def find_margins(settings: Settings, site_m: float, east_m: np.ndarray, north_m: np.ndarray,
-                 height_m: np.ndarray) -> np.ndarray:
+def find_margins(
+    settings: Settings, site_m: float, east_m: np.ndarray, north_m: np.ndarray, height_m: np.ndarray
+) -> np.ndarray:
     """The smallest distance of a joint to its limit, degrees (rows, columns); NaN out of reach or of unknown height.
 
     ``site_m`` is the height of the ground under the left camera, on which the lander stands.
     """
     known = np.isfinite(height_m)
     found = np.full(height_m.shape, np.nan)
-    found[known] = (np.degrees(find_joint_margin(arm_of(settings, site_m), east_m[known], north_m[known],
-                                                 height_m[known]))
-                    if has_arm(settings) else _ANYWHERE_DEG)
+    found[known] = (
+        np.degrees(find_joint_margin(arm_of(settings, site_m), east_m[known], north_m[known], height_m[known]))
+        if has_arm(settings)
+        else _ANYWHERE_DEG
+    )
     return found

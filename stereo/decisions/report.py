@@ -33,9 +33,12 @@ from .stored_maps import TRUE_DEPTH
 FORMAT = "icymoon-decisions"
 VERSION = 1
 #: The files beside ``pairs/``, and how each begins.
-OPENINGS = {"decisions.jsonl": b'{"pair": ', "decisions.csv": b"pair,method,status,",
-            "decisions.json": b'{\n "format": "icymoon-decisions',
-            "decisions.html": b'<!DOCTYPE html>\n<html lang="en">\n<head>\n'}
+OPENINGS = {
+    "decisions.jsonl": b'{"pair": ',
+    "decisions.csv": b"pair,method,status,",
+    "decisions.json": b'{\n "format": "icymoon-decisions',
+    "decisions.html": b'<!DOCTYPE html>\n<html lang="en">\n<head>\n',
+}
 #: Most pairs whose maps the page contains.
 MOST_PAIRS = 12
 _MM = 1000.0
@@ -46,40 +49,58 @@ _FEW_KNOWN = 0.5
 #: Share of the ground in reach that is hardly any of it: what a smaller part of it is tells little.
 _HARDLY = 0.005
 #: The numbers of a row, by their path in it: the columns of the tables.
-DEM = (Column("dem.bias_m", "Bias", "mm", 1, "mean height error of the cells in reach that the left image shows"),
-       Column("dem.rmse_m", "RMSE", "mm", 1, "root mean square height error"),
-       Column("dem.nmad_m", "NMAD", "mm", 1, "1.4826 times the median distance from the median error"),
-       Column("dem.le90_m", "LE90", "mm", 1, "90 % of the heights are this near to the truth"),
-       Column("dem.completeness", "Known", "%", 1, "share of these cells with a height"),
-       Column("dem.reached_completeness", "Known in reach", "%", 1, "share of all cells in reach with a height"),
-       Column("dem.slope_rmse_deg", "Slope", "°", 2, "root mean square error of the slope under the footprint"),
-       Column("dem.roughness_rmse_m", "Roughness", "mm", 1, "root mean square error of the roughness"))
-SITES = (Column("sites.taken", "Taken", "%", 1, "share of the cells in reach that are taken for safe"),
-         Column("sites.false_safe", "Of these unsafe", "%", 1, "of the cells taken for safe, those that are not"),
-         Column("sites.safe_lost", "Safe lost", "%", 1, "of the safe cells, those that are not taken"),
-         Column("sites.average_precision", "AP", "", 2, "average precision of the margin; a coin has the base rate"),
-         Column("sites.roc_area", "ROC area", "", 2, "area under the ROC curve; 0.5 for a coin"),
-         Column("sites.regret", "Regret", "", 2, "margin of the best site less that of the chosen one; 1 if unsafe"),
-         Column("sites.unsafe_choice", "Choice unsafe", "%", 0, "pairs where the chosen site is not safe"),
-         Column("sites.no_site", "None chosen", "%", 0, "pairs where none is chosen although there is one"))
-OTHERS = (Column("pads.false_safe", "Pads: unsafe", "%", 1, "of the places taken for safe, those that are not"),
-          Column("pads.safe_lost", "Pads: lost", "%", 1, "of the places safe for a pad, those that are not taken"),
-          Column("cpu_s.match", "Matching", "s", 2, "processor seconds a pair"),
-          Column("cpu_s.decide", "Decisions", "s", 3, "processor seconds a pair"))
+DEM = (
+    Column("dem.bias_m", "Bias", "mm", 1, "mean height error of the cells in reach that the left image shows"),
+    Column("dem.rmse_m", "RMSE", "mm", 1, "root mean square height error"),
+    Column("dem.nmad_m", "NMAD", "mm", 1, "1.4826 times the median distance from the median error"),
+    Column("dem.le90_m", "LE90", "mm", 1, "90 % of the heights are this near to the truth"),
+    Column("dem.completeness", "Known", "%", 1, "share of these cells with a height"),
+    Column("dem.reached_completeness", "Known in reach", "%", 1, "share of all cells in reach with a height"),
+    Column("dem.slope_rmse_deg", "Slope", "°", 2, "root mean square error of the slope under the footprint"),
+    Column("dem.roughness_rmse_m", "Roughness", "mm", 1, "root mean square error of the roughness"),
+)
+SITES = (
+    Column("sites.taken", "Taken", "%", 1, "share of the cells in reach that are taken for safe"),
+    Column("sites.false_safe", "Of these unsafe", "%", 1, "of the cells taken for safe, those that are not"),
+    Column("sites.safe_lost", "Safe lost", "%", 1, "of the safe cells, those that are not taken"),
+    Column("sites.average_precision", "AP", "", 2, "average precision of the margin; a coin has the base rate"),
+    Column("sites.roc_area", "ROC area", "", 2, "area under the ROC curve; 0.5 for a coin"),
+    Column("sites.regret", "Regret", "", 2, "margin of the best site less that of the chosen one; 1 if unsafe"),
+    Column("sites.unsafe_choice", "Choice unsafe", "%", 0, "pairs where the chosen site is not safe"),
+    Column("sites.no_site", "None chosen", "%", 0, "pairs where none is chosen although there is one"),
+)
+OTHERS = (
+    Column("pads.false_safe", "Pads: unsafe", "%", 1, "of the places taken for safe, those that are not"),
+    Column("pads.safe_lost", "Pads: lost", "%", 1, "of the places safe for a pad, those that are not taken"),
+    Column("cpu_s.match", "Matching", "s", 2, "processor seconds a pair"),
+    Column("cpu_s.decide", "Decisions", "s", 3, "processor seconds a pair"),
+)
 SCOOP_COLUMNS = (
     Column("scoop.error_mm", "Error (mm)", "", 1, "of the middle of the scoop, from its true place"),
     Column("scoop.error_deg", "Turn", "°", 2, "of the scoop from its true direction"),
     Column("scoop.known", "Known", "%", 1, "share of the scoop's pixels with a depth"),
-    Column("dem.beside_rmse_m", "RMSE beside", "mm", 1, "root mean square height error that the pixels left out around "
-           "the lander would have"),
+    Column(
+        "dem.beside_rmse_m",
+        "RMSE beside",
+        "mm",
+        1,
+        "root mean square height error that the pixels left out around the lander would have",
+    ),
     Column("dem.beside_bias_m", "Bias beside", "mm", 1, "their mean height error"),
-    Column("dem.beside_share", "Lost beside", "%", 1, "of the cells in reach that the left image shows, those that "
-           "only the pixels left out know"))
+    Column(
+        "dem.beside_share",
+        "Lost beside",
+        "%",
+        1,
+        "of the cells in reach that the left image shows, those that only the pixels left out know",
+    ),
+)
 COLUMNS = (*DEM, *SITES, *OTHERS, *SCOOP_COLUMNS)
 #: Numbers from 0 to 1 beside those in %.
 _SHARES = ("sites.average_precision", "sites.roc_area", "sites.regret")
-_INTERVALS = (f"of shares from 2 scenes on, of other means from {FEWEST_FOR_MEAN} scenes on, approximate below "
-              f"{FEWEST_EXACT}")
+_INTERVALS = (
+    f"of shares from 2 scenes on, of other means from {FEWEST_FOR_MEAN} scenes on, approximate below {FEWEST_EXACT}"
+)
 #: By what methods are compared; less is better but for those of _MORE.
 _COMPARED = ("sites.false_safe", "sites.safe_lost", "sites.average_precision", "dem.rmse_m")
 _MORE = ("sites.average_precision",)
@@ -93,10 +114,17 @@ def value_of(row: Mapping[str, Any], column: Column) -> float:
     return math.nan if value is None else float(value)
 
 
-def write_decisions(out: Path, rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]],
-                    labels: Sequence[str], rules: Rules, progress: Sequence[Mapping[str, Any]],
-                    faults: Sequence[Mapping[str, Any]], failed: Sequence[Mapping[str, Any]],
-                    provenance: Mapping[str, Any]) -> dict[str, Any]:
+def write_decisions(
+    out: Path,
+    rows: Sequence[Mapping[str, Any]],
+    facts: Sequence[Mapping[str, Any]],
+    labels: Sequence[str],
+    rules: Rules,
+    progress: Sequence[Mapping[str, Any]],
+    faults: Sequence[Mapping[str, Any]],
+    failed: Sequence[Mapping[str, Any]],
+    provenance: Mapping[str, Any],
+) -> dict[str, Any]:
     """Write ``decisions.csv``, ``.json`` and ``.html``; return what is in the JSON.
 
     ``rows`` are of all pairs by all ``labels``, pair by pair. Pairs that contradict themselves count in no mean.
@@ -104,22 +132,39 @@ def write_decisions(out: Path, rows: Sequence[Mapping[str, Any]], facts: Sequenc
     summary = summarise(rows, facts, labels)
     found = compare_methods(rows, facts, labels, int(provenance["seed"]))
     head = [*head_sentences(summary, facts), *_volume_sentences(progress), *_fault_sentences(faults)]
-    notes = [*find_notes(rows, facts), *(note for entry in progress for note in entry["notes"]),
-             *dict.fromkeys(entry["note"] for entry in faults if entry["note"])]
-    report = {"format": FORMAT, "version": VERSION, "head": head, "summary": summary,
-              "comparisons": found, "progress": list(progress), "faults": list(faults),
-              "rules": rules.to_json(), "failed": list(failed), "notes": notes,
-              "provenance": {**provenance, "icymoon": version(), "created": datetime.now(UTC).isoformat(" ", "seconds"),
-                             "intervals": f"95 %, over scenes: {_INTERVALS}"},
-              "rows": list(rows)}
+    notes = [
+        *find_notes(rows, facts),
+        *(note for entry in progress for note in entry["notes"]),
+        *dict.fromkeys(entry["note"] for entry in faults if entry["note"]),
+    ]
+    report = {
+        "format": FORMAT,
+        "version": VERSION,
+        "head": head,
+        "summary": summary,
+        "comparisons": found,
+        "progress": list(progress),
+        "faults": list(faults),
+        "rules": rules.to_json(),
+        "failed": list(failed),
+        "notes": notes,
+        "provenance": {
+            **provenance,
+            "icymoon": version(),
+            "created": datetime.now(UTC).isoformat(" ", "seconds"),
+            "intervals": f"95 %, over scenes: {_INTERVALS}",
+        },
+        "rows": list(rows),
+    }
     write_text(out / "decisions.csv", _csv_text(rows))
     write_json(out / "decisions.json", report)
     write_text(out / "decisions.html", _page(report, rows, facts, labels, rules, out))
     return report
 
 
-def _matrix(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], label: str
-            ) -> tuple[np.ndarray, np.ndarray]:
+def _matrix(
+    rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], label: str
+) -> tuple[np.ndarray, np.ndarray]:
     """Numbers (pairs, columns) of a method on the pairs that count, and the scene of each."""
     scene_of = {fact["pair"]: fact["scene"] for fact in facts}
     own = [row for row in rows if row["method"] == label and row["status"] == "ok" and row["pair"] in scene_of]
@@ -128,8 +173,9 @@ def _matrix(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]
     return values, np.array([names.index(scene_of[row["pair"]]) for row in own], np.intp)
 
 
-def summarise(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]],
-              labels: Sequence[str]) -> list[dict[str, Any]]:
+def summarise(
+    rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], labels: Sequence[str]
+) -> list[dict[str, Any]]:
     """A table per method: means over pairs by column, their 95 % ``intervals`` over scenes, ``pairs``, ``scenes``,
     the mean ``base_rate`` and the mean ``roc`` curve."""
     result = []
@@ -139,17 +185,26 @@ def summarise(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, An
         curves = [each["roc"] for each in own if each["roc"] is not None]
         rates = [each["base_rate"] for each in own if each["base_rate"] is not None]
         defined = ~np.isnan(values)
-        means = np.divide(np.where(defined, values, 0.0).sum(axis=0), defined.sum(axis=0),
-                          out=np.full(len(COLUMNS), np.nan), where=defined.any(axis=0))
+        means = np.divide(
+            np.where(defined, values, 0.0).sum(axis=0),
+            defined.sum(axis=0),
+            out=np.full(len(COLUMNS), np.nan),
+            where=defined.any(axis=0),
+        )
         bounds = intervals(values, scenes, np.array([is_share(column) for column in COLUMNS]))
-        result.append({"method": label, "pairs": len(values), "scenes": len(np.unique(scenes)),
-                       "base_rate": float(np.mean(rates)) if rates else None,
-                       "roc": np.mean(curves, axis=0).tolist() if curves else None,
-                       "chosen": int(sum(each["chosen"] is not None for each in own)),
-                       "unsafe_chosen": int(sum(each["unsafe_choice"] == 1 for each in own)),
-                       **{column.key: _none(means[k]) for k, column in enumerate(COLUMNS)},
-                       "intervals": {column.key: [_none(bound) for bound in bounds[k]]
-                                     for k, column in enumerate(COLUMNS)}})
+        result.append(
+            {
+                "method": label,
+                "pairs": len(values),
+                "scenes": len(np.unique(scenes)),
+                "base_rate": float(np.mean(rates)) if rates else None,
+                "roc": np.mean(curves, axis=0).tolist() if curves else None,
+                "chosen": int(sum(each["chosen"] is not None for each in own)),
+                "unsafe_chosen": int(sum(each["unsafe_choice"] == 1 for each in own)),
+                **{column.key: _none(means[k]) for k, column in enumerate(COLUMNS)},
+                "intervals": {column.key: [_none(bound) for bound in bounds[k]] for k, column in enumerate(COLUMNS)},
+            }
+        )
     return result
 
 
@@ -162,8 +217,9 @@ def _none(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def compare_methods(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], labels: Sequence[str],
-                    seed: int) -> list[dict[str, Any]]:
+def compare_methods(
+    rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], labels: Sequence[str], seed: int
+) -> list[dict[str, Any]]:
     """Which matchers differ by a decision in the typical scene: paired over scenes, as one family for each number, see
     ``inference.typical_scene``. Only what was found, the better one first, with the typical difference."""
     matchers = list(labels[1:])
@@ -185,18 +241,32 @@ def compare_methods(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[s
         for k, (i, j) in enumerate(chosen):
             if family.found[k]:
                 first = (family.typical[k] < 0) != (key in _MORE)
-                found.append({"metric": key, "better": matchers[i if first else j],
-                              "worse": matchers[j if first else i], "typical": abs(float(family.typical[k])),
-                              "typical_interval": sorted(abs(float(each)) for each in (family.low[k], family.high[k])),
-                              "p": float(family.p[k]), "scenes": int(family.scenes[k])})
+                found.append(
+                    {
+                        "metric": key,
+                        "better": matchers[i if first else j],
+                        "worse": matchers[j if first else i],
+                        "typical": abs(float(family.typical[k])),
+                        "typical_interval": sorted(abs(float(each)) for each in (family.low[k], family.high[k])),
+                        "p": float(family.p[k]),
+                        "scenes": int(family.scenes[k]),
+                    }
+                )
     return found
 
 
 def head_sentences(summary: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]]) -> list[str]:
     """What an engineer asks first, a sentence per method, and only what the numbers carry."""
     heights = sorted({round(float(fact["sun_elevation_deg"])) for fact in facts})
-    sun = "" if not heights else (f", with the Sun at {heights[0]}°" if len(heights) == 1 else
-                                  f", with the Sun at {heights[0]}° to {heights[-1]}°")
+    sun = (
+        ""
+        if not heights
+        else (
+            f", with the Sun at {heights[0]}°"
+            if len(heights) == 1
+            else f", with the Sun at {heights[0]}° to {heights[-1]}°"
+        )
+    )
     return [sentence for entry in summary if (sentence := _head(entry, sun))]
 
 
@@ -212,10 +282,12 @@ def _head(entry: Mapping[str, Any], sun: str) -> str:
         there = "" if entry["base_rate"] is None else f", although {_of_100(entry['base_rate'])} of 100 are safe"
         return f"With {name}{sun}, {much} site looks safe{there} ({scenes})."
     between = _between(entry, "sites.false_safe")
-    return (f"With {name}{sun}, {_of_100(unsafe)} of 100 sites that look safe are not{between}"
-            f"{'' if lost is None else f', and {_of_100(lost)} of 100 safe ones are lost'}; it would choose a site in "
-            f"{entry['chosen']} of {count_of(entry['pairs'], 'pair')}, an unsafe one in "
-            f"{entry['unsafe_chosen']} ({scenes}).")
+    return (
+        f"With {name}{sun}, {_of_100(unsafe)} of 100 sites that look safe are not{between}"
+        f"{'' if lost is None else f', and {_of_100(lost)} of 100 safe ones are lost'}; it would choose a site in "
+        f"{entry['chosen']} of {count_of(entry['pairs'], 'pair')}, an unsafe one in "
+        f"{entry['unsafe_chosen']} ({scenes})."
+    )
 
 
 def _between(entry: Mapping[str, Any], key: str) -> str:
@@ -233,8 +305,10 @@ def _volume_sentences(progress: Sequence[Mapping[str, Any]]) -> list[str]:
         if entry["smallest_m3"] is not None and entry["method"] != TRUE_DEPTH:
             least, low, high = (show_rounded(_LITRES * value) for value in (entry["smallest_m3"], *entry["bounds_m3"]))
             nulls = count_of(entry["null_pairs"], "pair")
-            said.append(f"With {describe_method(entry['method'])}, a dug volume is noticed from {least} L "
-                        f"on (between {low} and {high} L, from {nulls} with nothing dug).")
+            said.append(
+                f"With {describe_method(entry['method'])}, a dug volume is noticed from {least} L "
+                f"on (between {low} and {high} L, from {nulls} with nothing dug)."
+            )
     return said
 
 
@@ -244,11 +318,19 @@ def _fault_sentences(faults: Sequence[Mapping[str, Any]]) -> list[str]:
     for method in dict.fromkeys(entry["method"] for entry in faults):
         own = [entry for entry in faults if entry["method"] == method and entry["limit_mm"] is not None]
         if own and method != TRUE_DEPTH:
-            joints = ", ".join(f"{entry['joint']} " + (
-                f"from {entry['noticed_from_deg']:g}°" if entry["noticed_from_deg"] is not None
-                else f"not always, up to {entry['angles'][-1]['deg']:g}°") for entry in own)
-            found.append(f"With {describe_method(method)}, these faults of a joint are noticed: {joints} (limit "
-                         f"from {count_of(own[0]['sound'], 'pair')} without a fault).")
+            joints = ", ".join(
+                f"{entry['joint']} "
+                + (
+                    f"from {entry['noticed_from_deg']:g}°"
+                    if entry["noticed_from_deg"] is not None
+                    else f"not always, up to {entry['angles'][-1]['deg']:g}°"
+                )
+                for entry in own
+            )
+            found.append(
+                f"With {describe_method(method)}, these faults of a joint are noticed: {joints} (limit "
+                f"from {count_of(own[0]['sound'], 'pair')} without a fault)."
+            )
     return found
 
 
@@ -261,39 +343,55 @@ def find_notes(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, A
     notes, all_pairs = [], count_of(len(facts), "pair")
     unseen = sum(not fact["exact"] for fact in facts)
     if unseen:
-        notes.append(f"In {unseen} of {all_pairs} there are no true heights (workspace.cell_m is 0), so the truth is "
-                     "the true depth of both eyes: ground that neither eye sees is not known, and counts nowhere.")
+        notes.append(
+            f"In {unseen} of {all_pairs} there are no true heights (workspace.cell_m is 0), so the truth is "
+            "the true depth of both eyes: ground that neither eye sees is not known, and counts nowhere."
+        )
     shown = [row["numbers"]["dem"]["completeness"] for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]]
     hidden = shown.count(None)
     if hidden:
-        notes.append(f"The left image of {hidden} of {all_pairs} shows no cell in reach, so no site is found in "
-                     "them, whatever the matcher; aim the camera at the workspace to judge sites.")
+        notes.append(
+            f"The left image of {hidden} of {all_pairs} shows no cell in reach, so no site is found in "
+            "them, whatever the matcher; aim the camera at the workspace to judge sites."
+        )
     known = [share for share in shown if share is not None]
     if known and np.mean(known) < _FEW_KNOWN:
-        notes.append(f"Cells have too few pixels of these images: even the true depth knows only "
-                     f"{100 * np.mean(known):.0f} % of those that the left image shows; raise workspace.cell_m, or "
-                     "--cell-m for pairs without true heights.")
+        notes.append(
+            f"Cells have too few pixels of these images: even the true depth knows only "
+            f"{100 * np.mean(known):.0f} % of those that the left image shows; raise workspace.cell_m, or "
+            "--cell-m for pairs without true heights."
+        )
     noises = [fact.get("noise") or {} for fact in facts]
     by_bake = sum(noise.get("verdict") == DECIDES and noise.get("larger") == BAKE for noise in noises)
     if by_noise := sum(noise.get("verdict") == DECIDES for noise in noises) - by_bake:
-        notes.append(f"Noise of the render decides the result in {by_noise} of {all_pairs}: heights are rougher "
-                     "than those of a camera's own noise, and sites look less safe; raise quality.samples.")
+        notes.append(
+            f"Noise of the render decides the result in {by_noise} of {all_pairs}: heights are rougher "
+            "than those of a camera's own noise, and sites look less safe; raise quality.samples."
+        )
     if by_bake:
-        notes.append(f"Noise of baked light decides the result in {by_bake} of {all_pairs}: matchers take it for "
-                     "texture, so heights look better than they are; raise quality.bake_samples.")
+        notes.append(
+            f"Noise of baked light decides the result in {by_bake} of {all_pairs}: matchers take it for "
+            "texture, so heights look better than they are; raise quality.bake_samples."
+        )
     if unknown := sum(noise.get("verdict") == UNKNOWN for noise in noises):
-        notes.append(f"The noise of baked light is unknown in {unknown} of {all_pairs}, which an older version of Icy "
-                     "Moon rendered: heights may look better than they are; render them again into another data set.")
+        notes.append(
+            f"The noise of baked light is unknown in {unknown} of {all_pairs}, which an older version of Icy "
+            "Moon rendered: heights may look better than they are; render them again into another data set."
+        )
     suspect = sorted({row["pair"] for row in rows if row["status"] == "suspect"})
     if suspect:
-        notes.append(f"No mean contains {count_of(len(suspect), 'pair')} whose eyes contradict each other or the "
-                     f"truth: {', '.join(suspect[:5])}.")
+        notes.append(
+            f"No mean contains {count_of(len(suspect), 'pair')} whose eyes contradict each other or the "
+            f"truth: {', '.join(suspect[:5])}."
+        )
     if not all(fact.get("arm") for fact in facts):
         notes.append("No arm is stated, so all ground is taken for ground in reach.")
     empty = {row["pair"] for row in rows if row["numbers"] and not row["numbers"]["sites"]["cells"][0]}
     if empty:
-        notes.append(f"In {len(empty)} of {all_pairs} no cell of the workspace is in reach and known, so "
-                     "there is nothing to decide; move the workspace, the arm or the camera.")
+        notes.append(
+            f"In {len(empty)} of {all_pairs} no cell of the workspace is in reach and known, so "
+            "there is nothing to decide; move the workspace, the arm or the camera."
+        )
     notes += dict.fromkeys(said for fact in facts for said in (fact.get("excavation") or {}).get("advice", []))
     scenes = len({fact["scene"] for fact in facts})
     matchers = len({row["method"] for row in rows} - {TRUE_DEPTH})
@@ -311,30 +409,62 @@ def _csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
     for row in rows:
         rate = row["numbers"]["sites"]["base_rate"] if row["numbers"] else None
         numbers = [value_of(row, column) for column in COLUMNS]
-        writer.writerow([escape_cell(row["pair"]), escape_cell(row["method"]), row["status"],
-                         "" if rate is None else f"{rate:.6g}",
-                         *("" if math.isnan(number) else f"{number:.6g}" for number in numbers)])
+        writer.writerow(
+            [
+                escape_cell(row["pair"]),
+                escape_cell(row["method"]),
+                row["status"],
+                "" if rate is None else f"{rate:.6g}",
+                *("" if math.isnan(number) else f"{number:.6g}" for number in numbers),
+            ]
+        )
     return stream.getvalue()
 
 
-def _page(report: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]],
-          labels: Sequence[str], rules: Rules, out: Path) -> str:
+def _page(
+    report: Mapping[str, Any],
+    rows: Sequence[Mapping[str, Any]],
+    facts: Sequence[Mapping[str, Any]],
+    labels: Sequence[str],
+    rules: Rules,
+    out: Path,
+) -> str:
     sources = parse_toml(read_text(SHIPPED))["sources"]
     shipped = {part: parse_toml(read_text(SHIPPED))[part] for part in rules.to_json()}
-    stated = [(f"{part}.{key}", value, sources[f"{part}.{key}"] if shipped[part][key] == value else "Stated by --rules")
-              for part, table in rules.to_json().items() for key, value in table.items()]
+    stated = [
+        (f"{part}.{key}", value, sources[f"{part}.{key}"] if shipped[part][key] == value else "Stated by --rules")
+        for part, table in rules.to_json().items()
+        for key, value in table.items()
+    ]
     titles = {column.key: column.title for column in COLUMNS}
     return read_template("decisions.html.j2", Path(__file__).parent).render(
-        report=report, groups=(("Sites", SITES), ("Elevation model", DEM), ("Landing pads and cost", OTHERS),
-                *((("The arm", SCOOP_COLUMNS),) if _has_scoop(rows) else ())),
-        cell=format_cell, bounds=_bounds, apart=_apart,
+        report=report,
+        groups=(
+            ("Sites", SITES),
+            ("Elevation model", DEM),
+            ("Landing pads and cost", OTHERS),
+            *((("The arm", SCOOP_COLUMNS),) if _has_scoop(rows) else ()),
+        ),
+        cell=format_cell,
+        bounds=_bounds,
+        apart=_apart,
         how=_INTERVALS if any(entry["scenes"] > 1 for entry in report["summary"]) else "",
-        titles=titles, roc=_draw_roc(report["summary"]), rules=stated,
-        changes=[{"entry": entry, "step": step, "map": embed_picture(out / step["map"], 10_000)}
-                 for entry in report["progress"] for step in entry["steps"][-1:] if step["map"]],
+        titles=titles,
+        roc=_draw_roc(report["summary"]),
+        rules=stated,
+        changes=[
+            {"entry": entry, "step": step, "map": embed_picture(out / step["map"], 10_000)}
+            for entry in report["progress"]
+            for step in entry["steps"][-1:]
+            if step["map"]
+        ],
         fault_angles=sorted({angle["deg"] for entry in report["faults"] for angle in entry["angles"]}),
-        outcomes=pictures.OUTCOMES, codes=pictures.CODES, full_mm=pictures.FULL_M * _MM,
-        pairs=[_pair_section(fact, rows, out) for fact in facts[:MOST_PAIRS]], more=max(0, len(facts) - MOST_PAIRS))
+        outcomes=pictures.OUTCOMES,
+        codes=pictures.CODES,
+        full_mm=pictures.FULL_M * _MM,
+        pairs=[_pair_section(fact, rows, out) for fact in facts[:MOST_PAIRS]],
+        more=max(0, len(facts) - MOST_PAIRS),
+    )
 
 
 def _has_scoop(rows: Sequence[Mapping[str, Any]]) -> bool:
@@ -367,11 +497,19 @@ def _apart(found: Mapping[str, Any]) -> str:
 
 def _pair_section(fact: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], out: Path) -> dict[str, Any]:
     own = [row for row in rows if row["pair"] == fact["pair"] and row["images"]]
-    return {"fact": fact, "left": embed_picture(out / fact["images"]["left"], fact["height_px"], linear=True),
-            "truth": embed_picture(out / fact["images"]["truth"], 10_000),
-            "methods": [{"row": row, "sites": row["numbers"]["sites"],
-                         **{kind: embed_picture(out / row["images"][kind], 10_000) for kind in ("outcome", "error")}}
-                        for row in own]}
+    return {
+        "fact": fact,
+        "left": embed_picture(out / fact["images"]["left"], fact["height_px"], linear=True),
+        "truth": embed_picture(out / fact["images"]["truth"], 10_000),
+        "methods": [
+            {
+                "row": row,
+                "sites": row["numbers"]["sites"],
+                **{kind: embed_picture(out / row["images"][kind], 10_000) for kind in ("outcome", "error")},
+            }
+            for row in own
+        ],
+    }
 
 
 def _draw_roc(summary: Sequence[Mapping[str, Any]]) -> str:
@@ -383,8 +521,13 @@ def _draw_roc(summary: Sequence[Mapping[str, Any]]) -> str:
         drawn = [entry for entry in summary if entry["roc"] is not None]
         for k, entry in enumerate(drawn):
             truth = entry is summary[0]
-            axis.plot(ROC_AT, entry["roc"], label=describe_method(entry["method"])[:24],
-                      linestyle="--" if truth else "-", color="#6f7f8f" if truth else COLOURS[(k - 1) % len(COLOURS)])
+            axis.plot(
+                ROC_AT,
+                entry["roc"],
+                label=describe_method(entry["method"])[:24],
+                linestyle="--" if truth else "-",
+                color="#6f7f8f" if truth else COLOURS[(k - 1) % len(COLOURS)],
+            )
         axis.set_xlabel("Unsafe cells taken for safe (share)")
         axis.set_ylabel("Safe cells taken (share)")
         add_legend(figure, axis, 3)

@@ -86,6 +86,8 @@ def _checked(path: Path, part: str, key: str, value: Any) -> float:
         raise IcyMoonError(f"{path} states {shorten(f'{part}.{key}')}, which is no rule; {nearest(key, names)}")
     most = 1.0 if key in _SHARES else 90.0 if key.endswith("_deg") else math.inf
     if not NUMBER.fits(value) or not 0 < value <= most:
-        raise IcyMoonError(f"{path}: {part}.{key} is {quote(value)}; give a number above 0"
-                           f"{'' if most == math.inf else f' and at most {most:g}'}.")
+        raise IcyMoonError(
+            f"{path}: {part}.{key} is {quote(value)}; give a number above 0"
+            f"{'' if most == math.inf else f' and at most {most:g}'}."
+        )
     return float(value)

@@ -58,8 +58,9 @@ def sample_surface(vertices: np.ndarray, triangles: np.ndarray, count: int, rand
     return np.hstack([points, cross[which] / area[which, None]])
 
 
-def find_pose(model: np.ndarray, points: np.ndarray, commanded: np.ndarray, eye: np.ndarray,
-              random: np.random.Generator) -> PoseFound | None:
+def find_pose(
+    model: np.ndarray, points: np.ndarray, commanded: np.ndarray, eye: np.ndarray, random: np.random.Generator
+) -> PoseFound | None:
     """The pose of a link whose surface is ``model`` (n, 6: points and normals in its own frame), from the points (m, 3)
     that an ``eye`` (3,) sees of it, starting at the ``commanded`` pose (4, 4). None if there are too few points.
     """
@@ -82,7 +83,7 @@ def find_pose(model: np.ndarray, points: np.ndarray, commanded: np.ndarray, eye:
 
 def _best_start(surface: np.ndarray, points: np.ndarray) -> np.ndarray:
     """The motion (4, 4) of a surface (n, 6) from which steps reach the pose that fits points (m, 3) best."""
-    few = points[::math.ceil(len(points) / _FEW_POINTS)]
+    few = points[:: math.ceil(len(points) / _FEW_POINTS)]
     moved = pose(None, np.median(points, axis=0))
     turns = [turn(sign * axis, math.radians(_TURN_DEG)) for axis in np.eye(3) for sign in (-1.0, 1.0)]
     starts = [np.eye(4), moved, *(moved @ pose(each, np.zeros(3)) for each in turns)]
@@ -107,23 +108,23 @@ def _drawn(surface: np.ndarray, points: np.ndarray, motion: np.ndarray, steps: i
 def _misfit(surface: np.ndarray, points: np.ndarray) -> float:
     """Distance of points (m, 3) from a surface (n, 6), RMS in m, each limited to ``_FAR_M``."""
     place = surface[:, :3]
-    squared = (place ** 2).sum(axis=1) - 2 * points @ place.T
-    apart = squared.min(axis=1) + (points ** 2).sum(axis=1)
-    return float(np.sqrt(np.clip(apart, 0.0, _FAR_M ** 2).mean()))
+    squared = (place**2).sum(axis=1) - 2 * points @ place.T
+    apart = squared.min(axis=1) + (points**2).sum(axis=1)
+    return float(np.sqrt(np.clip(apart, 0.0, _FAR_M**2).mean()))
 
 
 def _step(surface: np.ndarray, points: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, float]:
     """The motion (4, 4) of a surface (n, 6), after the ``motion`` that it has had, that brings it nearer to points
     (m, 3) and to the commanded pose; and the points' distance from it, RMS."""
     place, normal = surface[:, :3], surface[:, 3:]
-    squared = (place ** 2).sum(axis=1) - 2 * points @ place.T
+    squared = (place**2).sum(axis=1) - 2 * points @ place.T
     nearest = squared.argmin(axis=1)
     place, normal = place[nearest], normal[nearest]
     apart = np.linalg.norm(points - place, axis=1)
     kept = apart <= max(_OUTLIER * float(np.median(apart)), _NEAR_M)
     place, normal = place[kept], normal[kept]
     residual = ((points[kept] - place) * normal).sum(axis=1)
-    left = float(np.sqrt((residual ** 2).mean()))
+    left = float(np.sqrt((residual**2).mean()))
     rows = np.hstack([np.cross(place, normal), normal])
     certainty = 1 / (_TOGETHER * max(left, _NOISE_M) ** 2)
     off = np.append(_turn_vector(motion[:3, :3]), motion[:3, 3])
@@ -135,8 +136,10 @@ def _step(surface: np.ndarray, points: np.ndarray, motion: np.ndarray) -> tuple[
 
 def _turn_vector(rotation: np.ndarray) -> np.ndarray:
     """The axis of a rotation (3, 3) times its angle, rad; below half a turn."""
-    sines = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
-                      rotation[1, 0] - rotation[0, 1]]) / 2
+    sines = (
+        np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
+        / 2
+    )
     sine = float(np.linalg.norm(sines))
     return sines * (math.atan2(sine, (np.trace(rotation) - 1) / 2) / sine) if sine else sines
 
@@ -155,6 +158,10 @@ def pose_error(found: np.ndarray, true: np.ndarray, point: np.ndarray) -> tuple[
     apart = (found[:3, :3] - true[:3, :3]) @ point + found[:3, 3] - true[:3, 3]
     apart_by = found[:3, :3] @ true[:3, :3].T
     # By the sine too: the arc cosine of a small angle loses half its digits.
-    sine = np.linalg.norm([apart_by[2, 1] - apart_by[1, 2], apart_by[0, 2] - apart_by[2, 0],
-                           apart_by[1, 0] - apart_by[0, 1]]) / 2
+    sine = (
+        np.linalg.norm(
+            [apart_by[2, 1] - apart_by[1, 2], apart_by[0, 2] - apart_by[2, 0], apart_by[1, 0] - apart_by[0, 1]]
+        )
+        / 2
+    )
     return 1000 * float(np.linalg.norm(apart)), math.degrees(math.atan2(float(sine), (np.trace(apart_by) - 1) / 2))

@@ -14,8 +14,19 @@ from .sites import Sites, choose
 #: The shares of unsafe cells taken for safe at which a ROC curve is given.
 ROC_AT = tuple(float(each) for each in np.linspace(0, 1, 51))
 #: The numbers of ``score_sites`` in this order.
-NUMBERS = ("base_rate", "taken", "precision", "recall", "average_precision", "roc_area", "false_safe", "safe_lost",
-           "regret", "unsafe_choice", "no_site")
+NUMBERS = (
+    "base_rate",
+    "taken",
+    "precision",
+    "recall",
+    "average_precision",
+    "roc_area",
+    "false_safe",
+    "safe_lost",
+    "regret",
+    "unsafe_choice",
+    "no_site",
+)
 
 
 def score_sites(found: Sites, truth: Sites, among: np.ndarray) -> dict[str, Any]:
@@ -34,9 +45,13 @@ def score_sites(found: Sites, truth: Sites, among: np.ndarray) -> dict[str, Any]
     safe, taken, margin = truth.safe[among], found.safe[among], found.margin[among]
     both = int((safe & taken).sum())
     result: dict[str, Any] = {
-        "base_rate": _ratio(safe.sum(), safe.size), "taken": _ratio(taken.sum(), safe.size),
-        "precision": _ratio(both, taken.sum()), "recall": _ratio(both, safe.sum()),
-        "false_safe": _ratio(taken.sum() - both, taken.sum()), "safe_lost": _ratio(safe.sum() - both, safe.sum())}
+        "base_rate": _ratio(safe.sum(), safe.size),
+        "taken": _ratio(taken.sum(), safe.size),
+        "precision": _ratio(both, taken.sum()),
+        "recall": _ratio(both, safe.sum()),
+        "false_safe": _ratio(taken.sum() - both, taken.sum()),
+        "safe_lost": _ratio(safe.sum() - both, safe.sum()),
+    }
     result |= rank_scores(margin, safe) | _choice(found, truth, among)
     return result | {"cells": [int(safe.size), int(safe.sum()), int(taken.sum()), both]}
 
@@ -56,8 +71,11 @@ def rank_scores(score: np.ndarray, positive: np.ndarray) -> dict[str, Any]:
     precision = hits / (ends + 1)
     area = float((np.diff(false, prepend=0.0) * (recall + np.append(0.0, recall[:-1])) / 2).sum())
     curve = np.interp(ROC_AT, np.append(0.0, false), np.append(0.0, recall))
-    return {"average_precision": float((np.diff(recall, prepend=0.0) * precision).sum()), "roc_area": area,
-            "roc": [round(float(each), 4) for each in curve]}
+    return {
+        "average_precision": float((np.diff(recall, prepend=0.0) * precision).sum()),
+        "roc_area": area,
+        "roc": [round(float(each), 4) for each in curve],
+    }
 
 
 def _choice(found: Sites, truth: Sites, among: np.ndarray) -> dict[str, Any]:

@@ -64,8 +64,9 @@ def find_rocks(height_m: np.ndarray, cell_m: float, rules: SiteRules) -> np.ndar
     return rocks
 
 
-def measure_layers(dem: Dem, joint_margin_deg: np.ndarray, lit: np.ndarray, rules: SiteRules,
-                   rocks: np.ndarray | None = None) -> Layers:
+def measure_layers(
+    dem: Dem, joint_margin_deg: np.ndarray, lit: np.ndarray, rules: SiteRules, rocks: np.ndarray | None = None
+) -> Layers:
     """The layers of an elevation model.
 
     ``lit`` (rows, columns) is the share of each cell that is in light, NaN where unknown. ``joint_margin_deg`` is the
@@ -75,21 +76,33 @@ def measure_layers(dem: Dem, joint_margin_deg: np.ndarray, lit: np.ndarray, rule
     cell = dem.grid.cell_m
     planes = fit_planes(dem.height_m, cell, rules.disc_m)
     rocks = find_rocks(dem.height_m, cell, rules) if rocks is None else rocks
-    return Layers(share_under(dem.known, cell, rules.disc_m), planes.slope_deg, planes.roughness_m,
-                  distance_to(rocks, cell), joint_margin_deg,
-                  share_under(lit, cell, rules.disc_m, np.isfinite(lit)))
+    return Layers(
+        share_under(dem.known, cell, rules.disc_m),
+        planes.slope_deg,
+        planes.roughness_m,
+        distance_to(rocks, cell),
+        joint_margin_deg,
+        share_under(lit, cell, rules.disc_m, np.isfinite(lit)),
+    )
 
 
 def judge(layers: Layers, rules: SiteRules) -> Sites:
     """The suitability map of layers by rules."""
-    margins = [_at_least(layers.known_share, rules.known_share), _at_most(layers.slope_deg, rules.slope_deg),
-               _at_most(layers.roughness_m, rules.roughness_m),
-               _at_least(layers.rock_distance_m, rules.rock_distance_m),
-               _at_least(layers.joint_margin_deg, rules.joint_margin_deg), _at_least(layers.lit_share, rules.lit_share)]
+    margins = [
+        _at_least(layers.known_share, rules.known_share),
+        _at_most(layers.slope_deg, rules.slope_deg),
+        _at_most(layers.roughness_m, rules.roughness_m),
+        _at_least(layers.rock_distance_m, rules.rock_distance_m),
+        _at_least(layers.joint_margin_deg, rules.joint_margin_deg),
+        _at_least(layers.lit_share, rules.lit_share),
+    ]
     stack = np.stack([np.where(np.isnan(each), -np.inf, each) for each in margins])
     fails = stack < 0
-    return Sites(np.minimum(stack.min(axis=0), 1.0),
-                 np.where(fails.any(axis=0), 1 + fails.argmax(axis=0), SAFE).astype(np.uint8), layers)
+    return Sites(
+        np.minimum(stack.min(axis=0), 1.0),
+        np.where(fails.any(axis=0), 1 + fails.argmax(axis=0), SAFE).astype(np.uint8),
+        layers,
+    )
 
 
 def _at_most(value: np.ndarray, limit: float) -> np.ndarray:
@@ -139,8 +152,9 @@ def _shifted(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
     result = np.full(values.shape, -np.inf)
     height, width = values.shape
     if abs(rows) < height and abs(columns) < width:
-        result[max(0, -rows):height - max(0, rows), max(0, -columns):width - max(0, columns)] = values[
-            max(0, rows):height - max(0, -rows), max(0, columns):width - max(0, -columns)]
+        result[max(0, -rows) : height - max(0, rows), max(0, -columns) : width - max(0, columns)] = values[
+            max(0, rows) : height - max(0, -rows), max(0, columns) : width - max(0, -columns)
+        ]
     return result
 
 

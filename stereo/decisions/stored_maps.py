@@ -19,11 +19,25 @@ SUITABILITY, SLOPE, HEIGHT_ERROR = "SUITABILITY", "SLOPE", "HEIGHT_ERROR"
 #: The row of the true depth, which shows the cost of the rules, the cells and unseen ground alone.
 TRUE_DEPTH = "true depth"
 _FIX = "press Decide Where to Dig again"
-_REPORT = {"rules": {"site": {"slope_deg": POSITIVE, "disc_m": POSITIVE}},
-           "rows": Each({"pair": FILE_NAME, "method": TEXT, "images": Each(TEXT, TEXT), "numbers": Maybe(
-               {"sites": {"chosen": Maybe(Each(COUNT), null=True)}}, null=True)})}
-_FACTS = {"arm": FLAG, "cell_m": POSITIVE, "rows": COUNT, "columns": COUNT, "origin_m": Each(NUMBER),
-          "images": Each(TEXT, TEXT)}
+_REPORT = {
+    "rules": {"site": {"slope_deg": POSITIVE, "disc_m": POSITIVE}},
+    "rows": Each(
+        {
+            "pair": FILE_NAME,
+            "method": TEXT,
+            "images": Each(TEXT, TEXT),
+            "numbers": Maybe({"sites": {"chosen": Maybe(Each(COUNT), null=True)}}, null=True),
+        }
+    ),
+}
+_FACTS = {
+    "arm": FLAG,
+    "cell_m": POSITIVE,
+    "rows": COUNT,
+    "columns": COUNT,
+    "origin_m": Each(NUMBER),
+    "images": Each(TEXT, TEXT),
+}
 #: Most bytes of ``decisions.json`` that a window reads, and most cells along a side, as ``icymoon decide`` makes them.
 _MOST_BYTES, _MOST_CELLS = 2**27, 4096
 
@@ -70,8 +84,16 @@ def read_map(folder: Path, pair: str, method: str, kind: str) -> StoredMap:
     grid, site = _grid_of(facts, path), report["rules"]["site"]
     truth = _read_cells(folder, facts["images"], "truth_dem", grid)
     reach = _read_cells(folder, facts["images"], "reach", grid) > 0 if facts["arm"] else None
-    return StoredMap(kind, grid, _values(folder, row["images"], kind, grid, truth), truth, reach,
-                     _place(row["numbers"]["sites"].get("chosen"), grid), site["disc_m"], site["slope_deg"])
+    return StoredMap(
+        kind,
+        grid,
+        _values(folder, row["images"], kind, grid, truth),
+        truth,
+        reach,
+        _place(row["numbers"]["sites"].get("chosen"), grid),
+        site["disc_m"],
+        site["slope_deg"],
+    )
 
 
 def _read_report(folder: Path) -> dict[str, Any]:
@@ -123,8 +145,12 @@ def outlines(cells: np.ndarray) -> list[np.ndarray]:
     inner = padded[1:-1, 1:-1]
     after: dict[tuple[int, int], list[tuple[int, int]]] = {}
     # The neighbour that is not true, then both ends of the edge towards it, with the true cell to the right.
-    for other, start, end in ((padded[:-2, 1:-1], (0, 0), (0, 1)), (padded[1:-1, 2:], (0, 1), (1, 1)),
-                              (padded[2:, 1:-1], (1, 1), (1, 0)), (padded[1:-1, :-2], (1, 0), (0, 0))):
+    for other, start, end in (
+        (padded[:-2, 1:-1], (0, 0), (0, 1)),
+        (padded[1:-1, 2:], (0, 1), (1, 1)),
+        (padded[2:, 1:-1], (1, 1), (1, 0)),
+        (padded[1:-1, :-2], (1, 0), (0, 0)),
+    ):
         for row, column in np.argwhere(inner & ~other).tolist():
             after.setdefault((row + start[0], column + start[1]), []).append((row + end[0], column + end[1]))
     found = []

@@ -1,5 +1,4 @@
-"""The workspace of a pair: its cells, its true heights, and the decisions that follow from the truth and from a depth.
-"""
+"""The workspace of a pair: its cells, its true heights, and the decisions from the truth and from a depth."""
 
 from __future__ import annotations
 
@@ -72,8 +71,10 @@ def open_workspace(prepared: Prepared, rules: Rules, cell_m: float | None = None
     """
     pair, pose = prepared.pair, prepared.pair.rectified_pose("left")
     if not isinstance(pair, Pair) or pose is None:
-        raise IcyMoonError(f"{prepared.pair.folder} does not state the place of its camera on a site; decisions need a "
-                           "pair that was rendered here.")
+        raise IcyMoonError(
+            f"{prepared.pair.folder} does not state the place of its camera on a site; decisions need a "
+            "pair that was rendered here."
+        )
     known = np.where(_is_ground(prepared), prepared.truth, np.nan)
     seen_points, _ = points_of(known, pair.camera.rectified, pose)
     if not len(seen_points):
@@ -91,15 +92,25 @@ def open_workspace(prepared: Prepared, rules: Rules, cell_m: float | None = None
     layers = measure_layers(dem, margin, cast_light(dem.height_m, grid.cell_m, toward_sun(pair)), rules.site, rocks)
     maps = Maps(dem, judge(layers, rules.site), _pads(dem, rules))
     inside = share_under(np.ones(dem.height_m.shape, bool), grid.cell_m, rules.site.disc_m) > _WHOLE
-    return Workspace(prepared, pair, pose, rules, bool(stated), grid_points(seen_points, grid, 1).known, inside,
-                     inside & (margin >= rules.site.joint_margin_deg), maps)
+    return Workspace(
+        prepared,
+        pair,
+        pose,
+        rules,
+        bool(stated),
+        grid_points(seen_points, grid, 1).known,
+        inside,
+        inside & (margin >= rules.site.joint_margin_deg),
+        maps,
+    )
 
 
 def toward_sun(pair: Pair) -> np.ndarray:
     """Unit vector from the site to the Sun. Raises IcyMoonError if the pair does not contain it."""
     if pair.sun is None:
-        raise IcyMoonError(f"{pair.folder / 'pair.json'} does not contain the direction of the Sun; render the pair "
-                           "again.")
+        raise IcyMoonError(
+            f"{pair.folder / 'pair.json'} does not contain the direction of the Sun; render the pair again."
+        )
     return pair.sun.direction
 
 
@@ -131,14 +142,19 @@ def compare(workspace: Workspace, found: Maps) -> dict[str, Any]:
     for name in ("slope_deg", "roughness_m"):
         off = (getattr(found.sites.layers, name) - getattr(truth.sites.layers, name))[among]
         off = off[np.isfinite(off)]
-        errors[f"{name.partition('_')[0]}_rmse{name[name.rindex('_'):]}"] = (
-            float(np.sqrt((off ** 2).mean())) if off.size else None)
-    return {"dem": errors, "sites": score_sites(found.sites, truth.sites, among),
-            "pads": _score_pads(found.pads, truth.pads, truth.dem.known & workspace.inside)}
+        errors[f"{name.partition('_')[0]}_rmse{name[name.rindex('_') :]}"] = (
+            float(np.sqrt((off**2).mean())) if off.size else None
+        )
+    return {
+        "dem": errors,
+        "sites": score_sites(found.sites, truth.sites, among),
+        "pads": _score_pads(found.pads, truth.pads, truth.dem.known & workspace.inside),
+    }
 
 
-def compare_beside_lander(workspace: Workspace, found: Maps, depth_m: np.ndarray,
-                          pose: np.ndarray) -> dict[str, float | None]:
+def compare_beside_lander(
+    workspace: Workspace, found: Maps, depth_m: np.ndarray, pose: np.ndarray
+) -> dict[str, float | None]:
     """The effect of leaving out the pixels beside the lander, over the seen cells in reach.
 
     ``beside_rmse_m``: of the heights that these pixels alone give; ``beside_bias_m`` of them; ``beside_share``: the
@@ -152,8 +168,11 @@ def compare_beside_lander(workspace: Workspace, found: Maps, depth_m: np.ndarray
     among = workspace.reached & workspace.seen & truth.known
     errors = height_errors(dem, truth.height_m, among)
     only = dem.known & ~found.dem.known & among
-    return {"beside_rmse_m": errors["rmse_m"], "beside_bias_m": errors["bias_m"],
-            "beside_share": float(only.sum() / among.sum()) if among.any() else None}
+    return {
+        "beside_rmse_m": errors["rmse_m"],
+        "beside_bias_m": errors["bias_m"],
+        "beside_share": float(only.sum() / among.sum()) if among.any() else None,
+    }
 
 
 def disturb(pose: np.ndarray, error_mm: float, error_deg: float, random: np.random.Generator) -> np.ndarray:
@@ -172,16 +191,19 @@ def disturb(pose: np.ndarray, error_mm: float, error_deg: float, random: np.rand
 
 def _margins(pair: Pair, pose: np.ndarray, dem: Dem) -> np.ndarray:
     """The arm's margins, of a lander whose camera has this ``pose``."""
-    return find_margins(pair.settings, float(pose[2, 3]) - pair.settings.rig.height_m, *dem.grid.centres(),
-                        dem.height_m)
+    return find_margins(
+        pair.settings, float(pose[2, 3]) - pair.settings.rig.height_m, *dem.grid.centres(), dem.height_m
+    )
 
 
 def _score_pads(found: np.ndarray, truth: np.ndarray, among: np.ndarray) -> dict[str, float | None]:
     fits, taken = truth[among] == 0, found[among] == 0
     both = float((fits & taken).sum())
-    return {"base_rate": float(fits.mean()) if fits.size else None,
-            "false_safe": (taken.sum() - both) / float(taken.sum()) if taken.any() else None,
-            "safe_lost": (fits.sum() - both) / float(fits.sum()) if fits.any() else None}
+    return {
+        "base_rate": float(fits.mean()) if fits.size else None,
+        "false_safe": (taken.sum() - both) / float(taken.sum()) if taken.any() else None,
+        "safe_lost": (fits.sum() - both) / float(fits.sum()) if fits.any() else None,
+    }
 
 
 def _pads(dem: Dem, rules: Rules) -> np.ndarray:
@@ -204,7 +226,7 @@ def _lit_pixels(workspace: Workspace) -> np.ndarray:
     """1.0 or 0.0 (H, W): the left image is brighter than a share of the median of its ground."""
     image = workspace.prepared.left
     grey = (image if image.ndim == 2 else image.mean(axis=2)).astype(np.float64)
-    level = grey ** 2 if workspace.prepared.facts["settings"].sensor.encoding == "SQUARE_ROOT" else grey
+    level = grey**2 if workspace.prepared.facts["settings"].sensor.encoding == "SQUARE_ROOT" else grey
     ground = workspace.prepared.known & _is_ground(workspace.prepared)
     return (level > workspace.rules.site.lit_level * np.median(level[ground])).astype(np.float64)
 

@@ -20,18 +20,34 @@ _CHECK = (str(ROOT / "__main__.py"), "stereo", "check")
 #: A file of this name lies in an environment until it is complete.
 _UNFINISHED = "unfinished"
 #: Words in the output of pip, and the message for the user; if none fits, the last line of the output is reported.
-_REASONS = (("CERTIFICATE_VERIFY_FAILED", "the server's certificate is not trusted here, as behind a proxy that reads "
-             "what is sent; give pip the proxy's certificate (PIP_CERT=file.pem) and press Install again."),
-            ("ProxyError", "the proxy did not answer; check the proxy of this system and press Install again."),
-            ("Failed to establish a new connection", "the package server cannot be reached; check the network and "
-             "press Install again."),
-            ("No space left on device", f"the disk is full; the evaluator needs {DISK_MB} MB."),
-            ("DO NOT MATCH THE HASHES", "a downloaded package is not the one that Icy Moon was released with (its hash "
-             "differs), so nothing is installed; press Install again, and report it if that does not help."),
-            ("No matching distribution", "a package has no build for this Python and system; make your own "
-             "environment as the manual describes, and give its Python in the preferences."),
-            ("choose another Python", "pip did not install the packages there; look for settings of pip such as "
-             "PIP_TARGET in pip.conf and in environment variables, and press Install again."))
+_REASONS = (
+    (
+        "CERTIFICATE_VERIFY_FAILED",
+        "the server's certificate is not trusted here, as behind a proxy that reads "
+        "what is sent; give pip the proxy's certificate (PIP_CERT=file.pem) and press Install again.",
+    ),
+    ("ProxyError", "the proxy did not answer; check the proxy of this system and press Install again."),
+    (
+        "Failed to establish a new connection",
+        "the package server cannot be reached; check the network and press Install again.",
+    ),
+    ("No space left on device", f"the disk is full; the evaluator needs {DISK_MB} MB."),
+    (
+        "DO NOT MATCH THE HASHES",
+        "a downloaded package is not the one that Icy Moon was released with (its hash "
+        "differs), so nothing is installed; press Install again, and report it if that does not help.",
+    ),
+    (
+        "No matching distribution",
+        "a package has no build for this Python and system; make your own "
+        "environment as the manual describes, and give its Python in the preferences.",
+    ),
+    (
+        "choose another Python",
+        "pip did not install the packages there; look for settings of pip such as "
+        "PIP_TARGET in pip.conf and in environment variables, and press Install again.",
+    ),
+)
 
 
 def main(arguments: list[str]) -> int:
@@ -63,12 +79,26 @@ def _make_environment(folder: str) -> bool:
     """Make the environment; after an error, which is reported as a message, return False."""
     python = system.venv_python(Path(folder))
     # -I: Python then ignores a venv or pip in the current folder, which may belong to any .blend file.
-    steps = (("Making the environment", [sys.executable, "-I", "-m", "venv", folder]),
-             ("Downloading and installing packages",
-              [str(python), "-I", "-m", "pip", "install", "--disable-pip-version-check", "--require-hashes",
-               "--only-binary=:all:", "-r", str(LOCK)]),
-             # A file or an environment variable may have made pip install elsewhere.
-             ("Looking at what is installed", [str(python), "-I", *_CHECK]))
+    steps = (
+        ("Making the environment", [sys.executable, "-I", "-m", "venv", folder]),
+        (
+            "Downloading and installing packages",
+            [
+                str(python),
+                "-I",
+                "-m",
+                "pip",
+                "install",
+                "--disable-pip-version-check",
+                "--require-hashes",
+                "--only-binary=:all:",
+                "-r",
+                str(LOCK),
+            ],
+        ),
+        # A file or an environment variable may have made pip install elsewhere.
+        ("Looking at what is installed", [str(python), "-I", *_CHECK]),
+    )
     for k, (text, command) in enumerate(steps):
         emit("progress", fraction=0.05 + 0.2 * k, message=text)
         done = system.run(command)

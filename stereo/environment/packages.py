@@ -20,9 +20,14 @@ PYTHON = (3, 11)
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 #: Module -> (name for pip, oldest version that works, first major version that is not tested).
-PACKAGES = {"numpy": ("numpy", (1, 26), 3), "cv2": ("opencv-contrib-python-headless", (4, 11), 6),
-            "OpenEXR": ("OpenEXR", (3, 3), 4), "jinja2": ("Jinja2", (3, 1), 4),
-            "matplotlib": ("matplotlib", (3, 8), 4), "rich": ("rich", (15, 0), 16)}
+PACKAGES = {
+    "numpy": ("numpy", (1, 26), 3),
+    "cv2": ("opencv-contrib-python-headless", (4, 11), 6),
+    "OpenEXR": ("OpenEXR", (3, 3), 4),
+    "jinja2": ("Jinja2", (3, 1), 4),
+    "matplotlib": ("matplotlib", (3, 8), 4),
+    "rich": ("rich", (15, 0), 16),
+}
 
 
 def check_packages() -> dict[str, Any]:
@@ -40,8 +45,11 @@ def find_versions() -> dict[str, str | None]:
     The required packages are imported, since an installed package may fail to load. torch is slow to load and serves
     the learned matchers only, so it is looked up without an import.
     """
-    return {"python": platform.python_version(), **{module: _import_package(module)[0] for module in PACKAGES},
-            "torch": _installed_version("torch")}
+    return {
+        "python": platform.python_version(),
+        **{module: _import_package(module)[0] for module in PACKAGES},
+        "torch": _installed_version("torch"),
+    }
 
 
 def is_in_blender() -> bool:
@@ -53,8 +61,10 @@ def is_in_blender() -> bool:
 def require(*modules: str) -> None:
     """Raise IcyMoonError with the fix unless all of ``modules`` load in this Python."""
     if "OpenEXR" in modules and is_in_blender():
-        raise IcyMoonError("This needs OpenCV and OpenEXR, which crash inside Blender; press Evaluate in the sidebar, "
-                           "or run it in a Python of its own, such as python -m icymoon evaluate DATASET.")
+        raise IcyMoonError(
+            "This needs OpenCV and OpenEXR, which crash inside Blender; press Evaluate in the sidebar, "
+            "or run it in a Python of its own, such as python -m icymoon evaluate DATASET."
+        )
     problems = [problem for _, problem in map(_import_package, modules) if problem]
     if problems:
         raise IcyMoonError(f"{sys.executable} lacks {', '.join(problems)}; {_install_advice()}")
@@ -96,7 +106,9 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 def _install_advice() -> str:
     if bundled_wheels.find_folder():
-        return ("these came with Icy Moon, and another extension may have replaced them: install Icy Moon again, or "
-                "disable that extension.")
+        return (
+            "these came with Icy Moon, and another extension may have replaced them: install Icy Moon again, or "
+            "disable that extension."
+        )
     names = " ".join(f'"{requirement(module)}"' for module in PACKAGES)
     return f"run {sys.executable} -m pip install {names}, or choose another Python."

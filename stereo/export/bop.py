@@ -52,8 +52,9 @@ class _Models:
             low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
             self.centres[number] = (low + high) / 2
             places = (solid.vertices - self.centres[number]) * MILLIMETRES
-            write_triangles(folder / f"obj_{number:06d}.ply", places, solid.triangles,
-                            _vertex_normals(solid), (f"link {link}",))
+            write_triangles(
+                folder / f"obj_{number:06d}.ply", places, solid.triangles, _vertex_normals(solid), (f"link {link}",)
+            )
             self.facts[str(number)] = _facts(places)
             write_json(folder / "models_info.json", self.facts)
         return self.numbers[key]
@@ -66,8 +67,11 @@ def _facts(places: np.ndarray) -> dict[str, float]:
     directions = np.random.default_rng(0).normal(size=(2000, 3))
     ends = np.unique((places @ directions.T).argmax(axis=0))
     diameter = max(float(np.linalg.norm(places[ends] - places[k], axis=1).max()) for k in ends)
-    return {"diameter": diameter, **{f"min_{axis}": float(low[k]) for k, axis in enumerate("xyz")},
-            **{f"size_{axis}": float(size[k]) for k, axis in enumerate("xyz")}}
+    return {
+        "diameter": diameter,
+        **{f"min_{axis}": float(low[k]) for k, axis in enumerate("xyz")},
+        **{f"size_{axis}": float(size[k]) for k, axis in enumerate("xyz")},
+    }
 
 
 def _vertex_normals(solid: Solid) -> np.ndarray:
@@ -88,8 +92,9 @@ def write_bop(each: Each, out: Path) -> None:
         nonlocal models, scenes
         lander = pair.pair.data.get("lander")
         if not lander:
-            raise IcyMoonError(f"{pair.pair.folder}: shows no lander, whose links BOP's layout is of; render it with "
-                               "lander.kind.")
+            raise IcyMoonError(
+                f"{pair.pair.folder}: shows no lander, whose links BOP's layout is of; render it with lander.kind."
+            )
         image = str(len(scenes["left"]["camera"]))
         losses: list[Loss] = []
         solids = solids_of(pair.settings, lander["pads_m"])
@@ -100,8 +105,10 @@ def write_bop(each: Each, out: Path) -> None:
                 folder = part / "test" / f"{number:06d}"
                 losses += _write_image(pair, eye, folder, int(image))
                 poses, facts = _write_links(pair, eye, folder, int(image), with_this, solids, part / "models")
-                described[eye] = {name: scenes[eye][name] | {image: content} for name, content in (
-                    ("camera", _camera(pair, eye)), ("gt", poses), ("gt_info", facts))}
+                described[eye] = {
+                    name: scenes[eye][name] | {image: content}
+                    for name, content in (("camera", _camera(pair, eye)), ("gt", poses), ("gt_info", facts))
+                }
                 for name, content in described[eye].items():
                     write_json(folder / f"scene_{name}.json", content)
         models, scenes = with_this, described  # what a pair that failed would have added is nowhere
@@ -133,8 +140,9 @@ def _camera(pair: Loaded, eye: str) -> dict[str, Any]:
     return found
 
 
-def _write_links(pair: Loaded, eye: str, folder: Path, image: int, models: _Models,
-                 solids: dict[str, Solid], shapes: Path) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def _write_links(
+    pair: Loaded, eye: str, folder: Path, image: int, models: _Models, solids: dict[str, Solid], shapes: Path
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Write the masks of the links in an image, and new models to ``shapes``; poses and the facts of pixels."""
     poses, facts = [], []
     instance, depth = pair.views[eye].instance, pair.depth[eye]
@@ -155,9 +163,14 @@ def _write_links(pair: Loaded, eye: str, folder: Path, image: int, models: _Mode
 
 def _pixels(whole: np.ndarray, seen: np.ndarray, depth: np.ndarray) -> dict[str, Any]:
     every = int(whole.sum())
-    return {"bbox_obj": _box(whole), "bbox_visib": _box(seen), "px_count_all": every,
-            "px_count_valid": int((whole & np.isfinite(depth)).sum()), "px_count_visib": int(seen.sum()),
-            "visib_fract": float(seen.sum() / every) if every else 0.0}
+    return {
+        "bbox_obj": _box(whole),
+        "bbox_visib": _box(seen),
+        "px_count_all": every,
+        "px_count_valid": int((whole & np.isfinite(depth)).sum()),
+        "px_count_visib": int(seen.sum()),
+        "visib_fract": float(seen.sum() / every) if every else 0.0,
+    }
 
 
 def _box(mask: np.ndarray) -> list[int]:

@@ -31,16 +31,18 @@ def pose_of(pair: Loaded, eye: str) -> np.ndarray:
     """The matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair does not contain it."""
     pose = pair.pair.rectified_pose(eye)
     if pose is None:
-        raise IcyMoonError(f"{pair.pair.folder / 'pair.json'} does not contain the pose of the cameras; render the "
-                           "pair again.")
+        raise IcyMoonError(
+            f"{pair.pair.folder / 'pair.json'} does not contain the pose of the cameras; render the pair again."
+        )
     return pose
 
 
 def rays_of(camera: StereoCamera) -> np.ndarray:
     """Directions (H, W, 3) of the pixels' centres in the camera's axes, with z = 1: times planar depth, points."""
-    v, u = np.mgrid[:camera.height_px, :camera.width_px] + 0.5
-    return np.stack([(u - camera.cx_px) / camera.focal_px, (v - camera.cy_px) / camera.focal_px, np.ones_like(u)],
-                    axis=-1)
+    v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
+    return np.stack(
+        [(u - camera.cx_px) / camera.focal_px, (v - camera.cy_px) / camera.focal_px, np.ones_like(u)], axis=-1
+    )
 
 
 def write_cahvor(pair: Loaded, out: Path) -> None:
@@ -55,12 +57,18 @@ def write_cahvor(pair: Loaded, out: Path) -> None:
     for eye in EYES:
         pose = pose_of(pair, eye)
         named: dict[str, tuple[np.ndarray, tuple[float, ...], np.ndarray]] = {
-            eye: (images.for_files(eye), (), np.eye(3))}
+            eye: (images.for_files(eye), (), np.eye(3))
+        }
         if any(k) or camera.toe_in_deg:
             named[f"{eye}_sensor"] = (getattr(images, f"detected_{eye}"), k, camera.eye_rotation(eye))
         for name, (image, distortion, turn) in named.items():
-            model = from_pinhole(_centre_matrix(camera), turn @ pose[:3, :3].T, pose[:3, 3],
-                                 (camera.width_px, camera.height_px), distortion)
+            model = from_pinhole(
+                _centre_matrix(camera),
+                turn @ pose[:3, :3].T,
+                pose[:3, 3],
+                (camera.width_px, camera.height_px),
+                distortion,
+            )
             write_png(folder / f"{name}.png", to_8_bit(image, images.bits, images.encoding))
             write_text(folder / f"{name}.cahvor", cahvor_text(model))
             write_text(folder / f"{name}.lbl", pds_text(model, FRAME))
@@ -109,14 +117,21 @@ def write_colmap(each: Each, out: Path) -> None:
 
 def _scene_of(pair: Loaded) -> str:
     parts = [part(pair.pair.settings) for part in (changes.geometry, changes.look, changes.light)]
-    return json.dumps([parts, pair.pair.data.get("own_files_sha256", ""), pair.pair.data.get("edited_by_hand", False)
-                       and pair.pair.id])
+    return json.dumps(
+        [
+            parts,
+            pair.pair.data.get("own_files_sha256", ""),
+            pair.pair.data.get("edited_by_hand", False) and pair.pair.id,
+        ]
+    )
 
 
 def _add_pair(model: _Model, pair: Loaded, folder: Path) -> None:
     camera = pair.pair.camera
-    line = (f"PINHOLE {camera.width_px} {camera.height_px} {camera.focal_px!r} {camera.focal_px!r} {camera.cx_px!r} "
-            f"{camera.cy_px!r}")
+    line = (
+        f"PINHOLE {camera.width_px} {camera.height_px} {camera.focal_px!r} {camera.focal_px!r} {camera.cx_px!r} "
+        f"{camera.cy_px!r}"
+    )
     number = model.cameras.setdefault(line, len(model.cameras) + 1)
     rows, columns, right_columns = _chosen(pair)
     points = _points(pair, rows, columns)
@@ -129,14 +144,27 @@ def _add_pair(model: _Model, pair: Loaded, folder: Path) -> None:
         pose = pose_of(pair, eye)
         rotation = pose[:3, :3].T
         placed = [*quaternion(rotation), *(-rotation @ pose[:3, 3])]
-        model.images += [f"{first_image + k} {' '.join(map(repr, map(float, placed)))} {number} {name}",
-                         " ".join(f"{float(x)!r} {float(y) + 0.5!r} {first_point + n}" for n, (x, y) in enumerate(
-                             zip(where[eye], rows, strict=True)))]
-        model.frames.append({
-            "file_path": f"images/{name}", "transform_matrix": (pose @ np.diag([1.0, -1.0, -1.0, 1.0])).tolist(),
-            "camera_model": "OPENCV", "w": camera.width_px, "h": camera.height_px, "fl_x": camera.focal_px,
-            "fl_y": camera.focal_px, "cx": camera.cx_px, "cy": camera.cy_px,
-            **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0)})
+        model.images += [
+            f"{first_image + k} {' '.join(map(repr, map(float, placed)))} {number} {name}",
+            " ".join(
+                f"{float(x)!r} {float(y) + 0.5!r} {first_point + n}"
+                for n, (x, y) in enumerate(zip(where[eye], rows, strict=True))
+            ),
+        ]
+        model.frames.append(
+            {
+                "file_path": f"images/{name}",
+                "transform_matrix": (pose @ np.diag([1.0, -1.0, -1.0, 1.0])).tolist(),
+                "camera_model": "OPENCV",
+                "w": camera.width_px,
+                "h": camera.height_px,
+                "fl_x": camera.focal_px,
+                "fl_y": camera.focal_px,
+                "cx": camera.cx_px,
+                "cy": camera.cy_px,
+                **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0),
+            }
+        )
     for n, point in enumerate(points):
         blue, green, red = np.broadcast_to(seen["left"][rows[n], columns[n]], 3).tolist()
         place = " ".join(map(repr, map(float, point)))
@@ -162,9 +190,17 @@ def _points(pair: Loaded, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
 def quaternion(rotation: np.ndarray) -> np.ndarray:
     """w, x, y, z of a rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack 2000, JGCD 23, 1085)."""
     m = rotation
-    k = np.array([[m[0, 0] - m[1, 1] - m[2, 2], 0, 0, 0], [m[0, 1] + m[1, 0], m[1, 1] - m[0, 0] - m[2, 2], 0, 0],
-                  [m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], m[2, 2] - m[0, 0] - m[1, 1], 0],
-                  [m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], m.trace()]]) / 3
+    k = (
+        np.array(
+            [
+                [m[0, 0] - m[1, 1] - m[2, 2], 0, 0, 0],
+                [m[0, 1] + m[1, 0], m[1, 1] - m[0, 0] - m[2, 2], 0, 0],
+                [m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], m[2, 2] - m[0, 0] - m[1, 1], 0],
+                [m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], m.trace()],
+            ]
+        )
+        / 3
+    )
     _, vectors = np.linalg.eigh(k)
     x, y, z, w = vectors[:, -1]
     return np.array([w, x, y, z]) * (1 if w >= 0 else -1)

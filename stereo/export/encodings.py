@@ -34,8 +34,10 @@ def in_steps(values: np.ndarray, scale: float, what: str, unit: str) -> tuple[np
         fits = (steps >= 1) & (steps <= _MOST_STEPS)  # False for NaN
     known = np.isfinite(values)
     lost = int((known & ~fits).sum())
-    why = (f"outside of {1 / scale:.3g} to {_MOST_STEPS / scale:.6g} {unit}, all that 16 bits hold at {scale:g} steps "
-           f"per {unit}")
+    why = (
+        f"outside of {1 / scale:.3g} to {_MOST_STEPS / scale:.6g} {unit}, all that 16 bits hold at {scale:g} steps "
+        f"per {unit}"
+    )
     return np.where(fits, steps, 0).astype(np.uint16), [Loss(what, lost / int(known.sum()), why)] if lost else []
 
 

@@ -36,8 +36,14 @@ FORMATS = ("dem", "ply", "obj", "usd", "gltf")
 Hear = Callable[[Message], None]
 
 
-def export_ground(pairs: Sequence[Pair], out: Path, kind: str, blender: str, cell_m: float | None = None,
-                  hear: Hear = lambda message: None) -> list[Path]:
+def export_ground(
+    pairs: Sequence[Pair],
+    out: Path,
+    kind: str,
+    blender: str,
+    cell_m: float | None = None,
+    hear: Hear = lambda message: None,
+) -> list[Path]:
     """Write the ground of pairs, ``kind`` one of ``FORMATS``, and return the folders.
 
     ``cell_m`` is the size of the cells of ``dem``, by default a 1024th of the ground. Raises IcyMoonError for a pair
@@ -48,8 +54,14 @@ def export_ground(pairs: Sequence[Pair], out: Path, kind: str, blender: str, cel
     return write_grounds([PlannedPair(pair.id, pair.settings, 0.0) for pair in pairs], out, kind, blender, cell_m, hear)
 
 
-def write_grounds(planned: Sequence[PlannedPair], out: Path, kind: str, blender: str, cell_m: float | None = None,
-                  hear: Hear = lambda message: None) -> list[Path]:
+def write_grounds(
+    planned: Sequence[PlannedPair],
+    out: Path,
+    kind: str,
+    blender: str,
+    cell_m: float | None = None,
+    hear: Hear = lambda message: None,
+) -> list[Path]:
     """The same of planned pairs."""
     if cell_m is not None and not (kind == "dem" and math.isfinite(cell_m) and cell_m > 0):
         raise IcyMoonError(f"The size of a cell is {cell_m:g} m; give a size above 0, and for dem only.")
@@ -79,17 +91,26 @@ def read_geometry(folder: Path) -> dict[str, Any]:
 
 def _key(settings: Settings, kind: str) -> str:
     """A text that is equal for pairs with equal files: maps have albedo, and no lander."""
-    shown = kind == "dem" or any(settings[topic]["relief"] != "BUMP" and settings[topic]["grain_amplitude_m"] > 0
-                                 for topic in surface_topics(settings))
-    return json.dumps([changes.scene(settings), changes.materials(settings) if shown else None,
-                       changes.lander(settings) if kind != "dem" else None])
+    shown = kind == "dem" or any(
+        settings[topic]["relief"] != "BUMP" and settings[topic]["grain_amplitude_m"] > 0
+        for topic in surface_topics(settings)
+    )
+    return json.dumps(
+        [
+            changes.scene(settings),
+            changes.materials(settings) if shown else None,
+            changes.lander(settings) if kind != "dem" else None,
+        ]
+    )
 
 
 def refuse_edited(pair: Pair) -> None:
     """Raise IcyMoonError for a pair whose settings are not all that it shows."""
     if pair.data.get("edited_by_hand"):
-        raise IcyMoonError(f"{pair.folder} was edited by hand, so its meshes cannot be built again from its settings; "
-                           "export a pair that was rendered from settings.")
+        raise IcyMoonError(
+            f"{pair.folder} was edited by hand, so its meshes cannot be built again from its settings; "
+            "export a pair that was rendered from settings."
+        )
 
 
 def build_geometry(planned: Sequence[PlannedPair], out: Path, blender: str, hear: Hear, *arguments: str) -> None:

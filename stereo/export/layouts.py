@@ -58,8 +58,13 @@ THINGS = (ROCK, LANDER)
 _VISIBLE, _HIDDEN = 255, 128
 
 
-def export(paths: Sequence[Path], kind: str, out: Path,
-           response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None) -> list[str]:
+def export(
+    paths: Sequence[Path],
+    kind: str,
+    out: Path,
+    response: Mapping[str, Mapping[str, Any]] | None = None,
+    on_event: Event = lambda event: None,
+) -> list[str]:
     """Write all pairs at ``paths`` to ``out`` in the layout ``kind``, a key of FORMATS or the name of a plug-in; return
     a sentence per failure.
 
@@ -125,8 +130,15 @@ class _Pairs:
             except Exception as error:
                 self._tell_failure(error, folder)
                 continue
-            self._tell({"type": "progress", "fraction": done / len(self._folders), "done": done,
-                        "total": len(self._folders), "message": folder.name})
+            self._tell(
+                {
+                    "type": "progress",
+                    "fraction": done / len(self._folders),
+                    "done": done,
+                    "total": len(self._folders),
+                    "message": folder.name,
+                }
+            )
 
     def write_map_places(self, out: Path) -> None:
         """Write ``map_coordinates.json`` if the ground of any pair is from a map: where their frames lie on it."""
@@ -152,9 +164,14 @@ def _write_8_bit(path: Path, pair: Loaded, eye: str) -> None:
 
 
 def _calibration(pair: Loaded) -> dict[str, Any]:
-    return {"pair": pair.pair.id, "camera": pair.pair.camera.rectified.to_json(),
-            "poses_camera_to_world": pair.pair.rectified_poses, "sensor": pair.settings.sensor,
-            **exposure_facts(pair.images), "self_check": pair.check.to_json()}
+    return {
+        "pair": pair.pair.id,
+        "camera": pair.pair.camera.rectified.to_json(),
+        "poses_camera_to_world": pair.pair.rectified_poses,
+        "sensor": pair.settings.sensor,
+        **exposure_facts(pair.images),
+        "self_check": pair.check.to_json(),
+    }
 
 
 def _write_png8(pair: Loaded, out: Path) -> None:
@@ -174,8 +191,10 @@ def _write_png16(pair: Loaded, out: Path) -> list[Loss]:
     maps: dict[str, np.ndarray] = {}
     losses: list[Loss] = []
     for eye in EYES:
-        for what, values, scale, unit in (("disparity", _disparity(pair, eye), KITTI_SCALE, "px"),
-                                          ("depth", pair.depth[eye], MILLIMETRES, "m")):
+        for what, values, scale, unit in (
+            ("disparity", _disparity(pair, eye), KITTI_SCALE, "px"),
+            ("depth", pair.depth[eye], MILLIMETRES, "m"),
+        ):
             maps[f"{what}_{eye}"], lost = in_steps(values, scale, what, unit)
             losses += lost
     refuse_losses(pair, losses)
@@ -186,15 +205,21 @@ def _write_png16(pair: Loaded, out: Path) -> list[Loss]:
         instance = pair.views[eye].instance
         if instance is not None:
             write_png(folder / f"instance_{eye}.png", np.searchsorted(labels, instance).astype(np.uint16))
-    write_json(folder / "calibration.json", _calibration(pair) | {
-        "disparity_steps_per_px": KITTI_SCALE, "depth_steps_per_m": MILLIMETRES,
-        "instance_labels": {str(k): int(label) for k, label in enumerate(labels)}})
+    write_json(
+        folder / "calibration.json",
+        _calibration(pair)
+        | {
+            "disparity_steps_per_px": KITTI_SCALE,
+            "depth_steps_per_m": MILLIMETRES,
+            "instance_labels": {str(k): int(label) for k, label in enumerate(labels)},
+        },
+    )
     return losses
 
 
 def _image_16_bit(pair: Loaded, eye: str) -> np.ndarray:
     """The image of ``_write_8_bit`` in 16 bits."""
-    level = _image(pair, eye) / (2.0 ** pair.images.bits - 1)
+    level = _image(pair, eye) / (2.0**pair.images.bits - 1)
     level = np.sqrt(level) if pair.images.encoding == "SQUARE_ROOT" else level
     return np.asarray(np.rint(65535 * level).astype(np.uint16))
 
@@ -267,10 +292,15 @@ def _write_middlebury(pair: Loaded, out: Path) -> None:
 
 def middlebury_camera_text(camera: StereoCamera) -> str:
     """The camera in the lines of Middlebury's ``calib.txt``: pixels from the centre of the first one, lengths in mm."""
-    eyes = "".join(f"cam{eye}=[{camera.focal_px:.9g} 0 {camera.cx_px - 0.5 + eye * camera.doffs_px:.9g}; "
-                   f"0 {camera.focal_px:.9g} {camera.cy_px - 0.5:.9g}; 0 0 1]\n" for eye in (0, 1))
-    return (f"{eyes}doffs={camera.doffs_px:.9g}\nbaseline={1000 * camera.baseline_m:.9g}\n"
-            f"width={camera.width_px}\nheight={camera.height_px}\n")
+    eyes = "".join(
+        f"cam{eye}=[{camera.focal_px:.9g} 0 {camera.cx_px - 0.5 + eye * camera.doffs_px:.9g}; "
+        f"0 {camera.focal_px:.9g} {camera.cy_px - 0.5:.9g}; 0 0 1]\n"
+        for eye in (0, 1)
+    )
+    return (
+        f"{eyes}doffs={camera.doffs_px:.9g}\nbaseline={1000 * camera.baseline_m:.9g}\n"
+        f"width={camera.width_px}\nheight={camera.height_px}\n"
+    )
 
 
 def _middlebury_calibration(pair: Loaded) -> str:
@@ -278,8 +308,10 @@ def _middlebury_calibration(pair: Loaded) -> str:
     disparity = _disparity(pair, "left")
     known = disparity[np.isfinite(disparity)]
     low, high = (int(np.floor(known.min())), int(np.ceil(known.max()))) if known.size else (0, 0)
-    return (f"{middlebury_camera_text(pair.pair.camera)}ndisp={high + 1}\nisint=0\n"
-            f"vmin={low}\nvmax={high}\ndyavg=0\ndymax=0\n")
+    return (
+        f"{middlebury_camera_text(pair.pair.camera)}ndisp={high + 1}\nisint=0\n"
+        f"vmin={low}\nvmax={high}\ndyavg=0\ndymax=0\n"
+    )
 
 
 def _write_coco(each: Each, out: Path) -> None:
@@ -289,8 +321,10 @@ def _write_coco(each: Each, out: Path) -> None:
     def fill(part: Path) -> None:
         # Masks go to the disk pair by pair, so that many pairs do not fill the memory.
         with part.open("w", encoding="utf-8", newline="\n") as stream:
-            stream.write(f'{{"info": {json.dumps({"description": "Icy Moon"})},\n"categories": '
-                         f'{json.dumps(categories)},\n"annotations": [')
+            stream.write(
+                f'{{"info": {json.dumps({"description": "Icy Moon"})},\n"categories": '
+                f'{json.dumps(categories)},\n"annotations": ['
+            )
             count = 0
 
             def write(pair: Loaded) -> None:
@@ -299,15 +333,27 @@ def _write_coco(each: Each, out: Path) -> None:
                 with filled(out) as folder:
                     for eye, name in names.items():
                         _write_8_bit(folder / "images" / name, pair, eye)
-                    every = {eye: list(coco_annotations(pair.views[eye].instance, pair.views[eye].semantic))
-                             for eye in EYES}
+                    every = {
+                        eye: list(coco_annotations(pair.views[eye].instance, pair.views[eye].semantic)) for eye in EYES
+                    }
                 for eye, name in names.items():
-                    images.append({"id": len(images) + 1, "file_name": name, "width": camera.width_px,
-                                   "height": camera.height_px, "pair": pair.pair.folder.name, "eye": eye})
+                    images.append(
+                        {
+                            "id": len(images) + 1,
+                            "file_name": name,
+                            "width": camera.width_px,
+                            "height": camera.height_px,
+                            "pair": pair.pair.folder.name,
+                            "eye": eye,
+                        }
+                    )
                     for annotation in every[eye]:
                         count += 1
-                        stream.write(("," if count > 1 else "") + "\n" + json.dumps(
-                            {"id": count, "image_id": len(images), **annotation}))
+                        stream.write(
+                            ("," if count > 1 else "")
+                            + "\n"
+                            + json.dumps({"id": count, "image_id": len(images), **annotation})
+                        )
 
             each(write)
             stream.write(f'\n],\n"images": {json.dumps(images)}}}\n')
@@ -333,13 +379,19 @@ def coco_annotations(instance: np.ndarray | None, semantic: np.ndarray | None) -
             continue
         columns, rows = pixels // height, pixels % height
         left, top = int(columns.min()), int(rows.min())
-        yield {"category_id": category, "label": label, "iscrowd": 0, "area": len(pixels),
-               "bbox": [left, top, int(columns.max()) - left + 1, int(rows.max()) - top + 1],
-               "segmentation": {"size": [height, width], "counts": run_lengths(pixels, height * width)}}
+        yield {
+            "category_id": category,
+            "label": label,
+            "iscrowd": 0,
+            "area": len(pixels),
+            "bbox": [left, top, int(columns.max()) - left + 1, int(rows.max()) - top + 1],
+            "segmentation": {"size": [height, width], "counts": run_lengths(pixels, height * width)},
+        }
 
 
 def _pair_by_pair(write: Callable[[Loaded, Path], Sequence[Loss] | None]) -> Format:
     """A layout in which each pair is written on its own, to a folder that is there if it is whole."""
+
     def write_whole(pair: Loaded, out: Path) -> Sequence[Loss] | None:
         with filled(out, pair.pair.folder.name) as part:
             return write(pair, part)
@@ -348,11 +400,23 @@ def _pair_by_pair(write: Callable[[Loaded, Path], Sequence[Loss] | None]) -> For
 
 
 FORMATS: dict[str, Format] = {
-    "png8": _pair_by_pair(_write_png8), "png16": _pair_by_pair(_write_png16), "pfm": _pair_by_pair(_write_pfm),
-    "kitti": _write_kitti, "middlebury": _pair_by_pair(_write_middlebury), "coco": _write_coco, "bop": write_bop,
-    "raw": _pair_by_pair(write_raw), "cahvor": _pair_by_pair(write_cahvor), "colmap": write_colmap,
-    "fits": _pair_by_pair(write_fits), "tiff": _pair_by_pair(write_tiff), "ros2": write_ros2,
-    "webdataset": write_webdataset, "sceneflow": write_sceneflow, "parquet-index": write_parquet_index}
+    "png8": _pair_by_pair(_write_png8),
+    "png16": _pair_by_pair(_write_png16),
+    "pfm": _pair_by_pair(_write_pfm),
+    "kitti": _write_kitti,
+    "middlebury": _pair_by_pair(_write_middlebury),
+    "coco": _write_coco,
+    "bop": write_bop,
+    "raw": _pair_by_pair(write_raw),
+    "cahvor": _pair_by_pair(write_cahvor),
+    "colmap": write_colmap,
+    "fits": _pair_by_pair(write_fits),
+    "tiff": _pair_by_pair(write_tiff),
+    "ros2": write_ros2,
+    "webdataset": write_webdataset,
+    "sceneflow": write_sceneflow,
+    "parquet-index": write_parquet_index,
+}
 
 
 def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
@@ -369,8 +433,17 @@ def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
             yield {"pair": folder.name, "ok": False, "problems": [describe_error(error, folder)]}
             continue
         stream = io.BytesIO()
-        np.savez_compressed(stream, **{f"{name}_{eye}": values for eye in EYES for name, values in (
-            ("disparity", _disparity(pair, eye).astype(np.float32)),
-            ("depth", pair.depth[eye].astype(np.float32)), ("visible", pair.visible[eye]))})
+        np.savez_compressed(
+            stream,
+            **{
+                f"{name}_{eye}": values
+                for eye in EYES
+                for name, values in (
+                    ("disparity", _disparity(pair, eye).astype(np.float32)),
+                    ("depth", pair.depth[eye].astype(np.float32)),
+                    ("visible", pair.visible[eye]),
+                )
+            },
+        )
         write_bytes(out / folder.name / "truth.npz", stream.getvalue())
         yield {"pair": folder.name, **pair.check.to_json()}

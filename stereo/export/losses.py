@@ -33,8 +33,10 @@ def refuse_losses(pair: Loaded, losses: Sequence[Loss]) -> None:
     """Raise IcyMoonError if most of the true disparities of a pair would be lost; call it before files are written."""
     for loss in losses:
         if loss.what == "disparity" and loss.share > MOST_LOST:
-            raise IcyMoonError(f"{pair.pair.folder}: {100 * loss.share:.0f} % of its true disparities are {loss.why}; "
-                               f"export it as {_WHOLE[loss.what].replace(' and ', ' or ')}.")
+            raise IcyMoonError(
+                f"{pair.pair.folder}: {100 * loss.share:.0f} % of its true disparities are {loss.why}; "
+                f"export it as {_WHOLE[loss.what].replace(' and ', ' or ')}."
+            )
 
 
 @dataclass
@@ -54,5 +56,7 @@ class Losses:
         for (what, why), found in self._found.items():
             share, name = max(found)
             written = f"{100 * share:.2g} %" if share < 0.995 else "all"
-            yield (f"In {len(found)} of {count_of(pairs, 'pair')} up to {written} of the true {what} is lost (pair "
-                   f"{name}): it is {why}. {_WHOLE[what]} hold all of it.")
+            yield (
+                f"In {len(found)} of {count_of(pairs, 'pair')} up to {written} of the true {what} is lost (pair "
+                f"{name}): it is {why}. {_WHOLE[what]} hold all of it."
+            )

@@ -55,8 +55,9 @@ _PLUGINS = {"HAPKE": ("mitsuba_hapke.py",), "SNOW": ("mitsuba_hapke.py", "mitsub
 Plugin = dict[str, Any]
 
 
-def export_mitsuba(pairs: Sequence[Pair], out: Path, blender: str,
-                   hear: Callable[[Message], None] = lambda message: None) -> list[Path]:
+def export_mitsuba(
+    pairs: Sequence[Pair], out: Path, blender: str, hear: Callable[[Message], None] = lambda message: None
+) -> list[Path]:
     """Write the scenes of pairs to ``<out>/<pair>/`` and return these folders.
 
     Raises IcyMoonError if a pair cannot be exported: one that was edited by hand, or has no pinhole camera.
@@ -70,11 +71,15 @@ def export_mitsuba(pairs: Sequence[Pair], out: Path, blender: str,
 def _refuse(pair: Pair) -> None:
     refuse_edited(pair)
     if pair.camera.toe_in_deg or pair.camera.rendered_px != (pair.camera.width_px, pair.camera.height_px):
-        raise IcyMoonError(f"{pair.folder} has toe-in or overscan, which this export has not; render it without "
-                           "rig.toe_in_deg and rig.overscan.")
+        raise IcyMoonError(
+            f"{pair.folder} has toe-in or overscan, which this export has not; render it without "
+            "rig.toe_in_deg and rig.overscan."
+        )
     if pair.settings.light.sun_distance_m:
-        raise IcyMoonError(f"{pair.folder} is lit by a lamp near the ground, which this export has not; render it "
-                           "without light.sun_distance_m.")
+        raise IcyMoonError(
+            f"{pair.folder} is lit by a lamp near the ground, which this export has not; render it "
+            "without light.sun_distance_m."
+        )
 
 
 def write_scene(pair: Pair, folder: Path) -> Path:
@@ -86,15 +91,27 @@ def write_scene(pair: Pair, folder: Path) -> Path:
     for name in dict.fromkeys(name for model, names in _PLUGINS.items() if model in models for name in names):
         shutil.copyfile(ROOT / "stereo" / "adapters" / name, folder / name)
     shared: dict[str, Plugin] = {
-        "integrator": {"type": "path", "max_depth": int(settings.quality.diffuse_bounces) + 2, "rr_depth": _ALWAYS,
-                       "hide_emitters": True},
+        "integrator": {
+            "type": "path",
+            "max_depth": int(settings.quality.diffuse_bounces) + 2,
+            "rr_depth": _ALWAYS,
+            "hide_emitters": True,
+        },
         **{kind: {"type": "ply", "filename": f"{kind}.ply", "bsdf": _surface(settings, kind)} for kind in meshes},
-        **_lights(pair, shown, folder)}
+        **_lights(pair, shown, folder),
+    }
     for eye in EYES:
         write_text(folder / f"scene_{eye}.xml", _to_xml({**shared, "sensor": _camera(pair, eye)}))
-    write_json(folder / "export.json", {"pair": pair.id, "meshes": meshes, "left_out": left_out,
-                                        "unit": "W/(m² sr)",
-                                        **({"map": place} if (place := map_facts(pair.data.get("ground"))) else {})})
+    write_json(
+        folder / "export.json",
+        {
+            "pair": pair.id,
+            "meshes": meshes,
+            "left_out": left_out,
+            "unit": "W/(m² sr)",
+            **({"map": place} if (place := map_facts(pair.data.get("ground"))) else {}),
+        },
+    )
     return folder
 
 
@@ -133,23 +150,37 @@ def _surface(settings: Settings, kind: str) -> Plugin:
     if surface.model != "HAPKE":
         return {"type": "diffuse", "reflectance": [float(surface.albedo)] * 3}
     hapke = settings.hapke
-    return {"type": "icymoon_hapke", **{key: float(hapke[key]) for key in (
-        "w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_deg")},
-        "k": float(porosity_factor(hapke.filling_factor)), "h_function": int(hapke.h_function)}
+    return {
+        "type": "icymoon_hapke",
+        **{key: float(hapke[key]) for key in ("w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_deg")},
+        "k": float(porosity_factor(hapke.filling_factor)),
+        "h_function": int(hapke.h_function),
+    }
 
 
 def _camera(pair: Pair, eye: str) -> Plugin:
     """Mitsuba's camera looks along z with x to the left and y up; a pair's camera has x to the right and y down."""
     camera = pair.camera
     pose = np.array(pair.data["poses_camera_to_world"][eye]) @ np.diag([-1.0, -1.0, 1.0, 1.0])
-    return {"type": "perspective", "fov_axis": "x",
-            "fov": math.degrees(2 * math.atan(camera.width_px / 2 / camera.focal_px)),
-            "principal_point_offset_x": camera.cx_px / camera.width_px - 0.5,
-            "principal_point_offset_y": camera.cy_px / camera.height_px - 0.5,
-            "near_clip": 1e-3, "far_clip": 1e7, "to_world": pose,
-            "sampler": {"type": "independent", "sample_count": int(pair.settings.quality.samples)},
-            "film": {"type": "hdrfilm", "width": camera.width_px, "height": camera.height_px, "pixel_format": "rgb",
-                     "component_format": "float32", "rfilter": {"type": "gaussian", "stddev": _FILTER_PX}}}
+    return {
+        "type": "perspective",
+        "fov_axis": "x",
+        "fov": math.degrees(2 * math.atan(camera.width_px / 2 / camera.focal_px)),
+        "principal_point_offset_x": camera.cx_px / camera.width_px - 0.5,
+        "principal_point_offset_y": camera.cy_px / camera.height_px - 0.5,
+        "near_clip": 1e-3,
+        "far_clip": 1e7,
+        "to_world": pose,
+        "sampler": {"type": "independent", "sample_count": int(pair.settings.quality.samples)},
+        "film": {
+            "type": "hdrfilm",
+            "width": camera.width_px,
+            "height": camera.height_px,
+            "pixel_format": "rgb",
+            "component_format": "float32",
+            "rfilter": {"type": "gaussian", "stddev": _FILTER_PX},
+        },
+    }
 
 
 def _lights(pair: Pair, shown: Sky, folder: Path) -> dict[str, Plugin]:
@@ -173,8 +204,11 @@ def _sun(direction: np.ndarray, energy: float, diameter_deg: float) -> Plugin:
     matrix = np.eye(4)
     matrix[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1) @ np.diag([*[_SUN_M * math.tan(half)] * 2, 1.0])
     matrix[:3, 3] = -_SUN_M * z
-    return {"type": "disk", "to_world": matrix,
-            "emitter": {"type": "area", "radiance": [energy / (math.pi * math.sin(half) ** 2)] * 3}}
+    return {
+        "type": "disk",
+        "to_world": matrix,
+        "emitter": {"type": "area", "radiance": [energy / (math.pi * math.sin(half) ** 2)] * 3},
+    }
 
 
 #: From the axes of Mitsuba's map of the sky, whose y is up, to ours.
@@ -202,8 +236,16 @@ def _sky_map(seen: VisibleCap) -> np.ndarray:
     return radiance
 
 
-_KINDS = {"integrator": "integrator", "sensor": "sensor", "sampler": "sampler", "film": "film", "rfilter": "rfilter",
-          "bsdf": "bsdf", "emitter": "emitter", "planet": "emitter"}
+_KINDS = {
+    "integrator": "integrator",
+    "sensor": "sensor",
+    "sampler": "sampler",
+    "film": "film",
+    "rfilter": "rfilter",
+    "bsdf": "bsdf",
+    "emitter": "emitter",
+    "planet": "emitter",
+}
 
 
 def _to_xml(scene: dict[str, Plugin]) -> str:
@@ -230,12 +272,12 @@ def _value_xml(key: str, value: Any, depth: int) -> list[str]:
         return _plugin_xml(_KINDS[key], value, key, depth)
     if isinstance(value, np.ndarray):
         numbers = " ".join(f"{number:.17g}" for number in value.ravel())
-        return [f"{space}<transform {name}><matrix value=\"{numbers}\"/></transform>"]
+        return [f'{space}<transform {name}><matrix value="{numbers}"/></transform>']
     if isinstance(value, bool):
-        return [f"{space}<boolean {name} value=\"{str(value).lower()}\"/>"]
+        return [f'{space}<boolean {name} value="{str(value).lower()}"/>']
     if isinstance(value, list):
         kind = "vector" if key == "direction" else "rgb"
-        return [f"{space}<{kind} {name} value=\"{' '.join(f'{number:.17g}' for number in value)}\"/>"]
+        return [f'{space}<{kind} {name} value="{" ".join(f"{number:.17g}" for number in value)}"/>']
     kind = {str: "string", int: "integer", float: "float"}[type(value)]
     shown = f"{value:.17g}" if kind == "float" else str(value)
     return [f"{space}<{kind} {name} value={quoteattr(shown)}/>"]

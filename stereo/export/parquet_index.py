@@ -32,8 +32,9 @@ def write_parquet_index(each: Each, out: Path) -> None:
         import pyarrow
         import pyarrow.parquet as parquet
     except ImportError as error:
-        raise IcyMoonError(f"The export parquet-index needs the package pyarrow ({error}); pip install "
-                           '"icymoon[parquet]".') from None
+        raise IcyMoonError(
+            f'The export parquet-index needs the package pyarrow ({error}); pip install "icymoon[parquet]".'
+        ) from None
 
     rows: list[dict[str, Any]] = []
     described: list[Settings] = []
@@ -41,13 +42,23 @@ def write_parquet_index(each: Each, out: Path) -> None:
     def add(pair: Loaded) -> None:
         folder = os.path.relpath(pair.pair.folder.resolve(), out.resolve())
         camera = pair.pair.camera
-        rows.append({**describe_row(pair, split_of_pair(pair.pair)), "folder": Path(folder).as_posix(),
-                     "cx_px": camera.cx_px, "cy_px": camera.cy_px, "doffs_px": camera.doffs_px})
+        rows.append(
+            {
+                **describe_row(pair, split_of_pair(pair.pair)),
+                "folder": Path(folder).as_posix(),
+                "cx_px": camera.cx_px,
+                "cy_px": camera.cy_px,
+                "doffs_px": camera.doffs_px,
+            }
+        )
         described.append(pair.pair.settings)
 
     each(add)
-    varied = [(topic, s.key) for topic, s in all_settings()
-              if any(settings[topic][s.key] != described[0][topic][s.key] for settings in described)]
+    varied = [
+        (topic, s.key)
+        for topic, s in all_settings()
+        if any(settings[topic][s.key] != described[0][topic][s.key] for settings in described)
+    ]
     for row, settings in zip(rows, described, strict=True):
         row.update({f"{topic}.{key}": _plain(settings[topic][key]) for topic, key in varied})
     table = pyarrow.Table.from_pylist(rows)

@@ -58,16 +58,27 @@ def pair_for_plugins(pair: Loaded) -> ExportedPair:
     camera = pair.pair.camera
     arrays: dict[str, Any] = {}
     for eye in ("left", "right"):
-        arrays |= {f"radiance_{eye}": np.array(pair.views[eye].radiance), f"depth_{eye}_m": np.array(pair.depth[eye]),
-                   f"disparity_{eye}_px": np.array(camera.disparity(pair.depth[eye])),
-                   f"visible_{eye}": np.array(pair.visible[eye])}
+        arrays |= {
+            f"radiance_{eye}": np.array(pair.views[eye].radiance),
+            f"depth_{eye}_m": np.array(pair.depth[eye]),
+            f"disparity_{eye}_px": np.array(camera.disparity(pair.depth[eye])),
+            f"visible_{eye}": np.array(pair.visible[eye]),
+        }
     for name in ("semantic", "instance"):
         labels = getattr(pair.views["left"], name)
         arrays[f"{name}_left"] = None if labels is None else np.array(labels)
     return ExportedPair(
-        pair.pair.folder.name, np.array(pair.images.seen("left")), np.array(pair.images.seen("right")),
-        pair.images.bits, **arrays, focal_px=camera.focal_px, cx_px=camera.cx_px, cy_px=camera.cy_px,
-        baseline_m=camera.baseline_m, settings={topic: dict(values) for topic, values in pair.settings.items()})
+        pair.pair.folder.name,
+        np.array(pair.images.seen("left")),
+        np.array(pair.images.seen("right")),
+        pair.images.bits,
+        **arrays,
+        focal_px=camera.focal_px,
+        cx_px=camera.cx_px,
+        cy_px=camera.cy_px,
+        baseline_m=camera.baseline_m,
+        settings={topic: dict(values) for topic, values in pair.settings.items()},
+    )
 
 
 class PluginExport:
@@ -86,8 +97,10 @@ class PluginExport:
             with explained(self.plugin):
                 self._write(pair, folder)
             if not any(path.is_file() for path in folder.rglob("*")):
-                raise IcyMoonError(f"{self.plugin.title} wrote no file for {pair.name}; write into the folder that "
-                                   "write_pair is given.")
+                raise IcyMoonError(
+                    f"{self.plugin.title} wrote no file for {pair.name}; write into the folder that "
+                    "write_pair is given."
+                )
         return sorted(path for path in (out / pair.name).rglob("*") if path.is_file())
 
     def finish(self, names: list[str], out: Path) -> None:

@@ -15,8 +15,21 @@ from ..measure.result_row import depth_of
 
 #: Most points of one pair; of a larger image every second, third and so on row and column is taken.
 MOST_POINTS = 60_000
-_LAYOUT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("nx", "<f4"), ("ny", "<f4"), ("nz", "<f4"),
-                    ("red", "u1"), ("green", "u1"), ("blue", "u1"), ("error_m", "<f4"), ("size_m", "<f4")])
+_LAYOUT = np.dtype(
+    [
+        ("x", "<f4"),
+        ("y", "<f4"),
+        ("z", "<f4"),
+        ("nx", "<f4"),
+        ("ny", "<f4"),
+        ("nz", "<f4"),
+        ("red", "u1"),
+        ("green", "u1"),
+        ("blue", "u1"),
+        ("error_m", "<f4"),
+        ("size_m", "<f4"),
+    ]
+)
 _KINDS = {"f4": "float", "u1": "uchar"}
 
 
@@ -30,10 +43,16 @@ def write_points(path: Path, prepared: Prepared, disparity: np.ndarray) -> None:
     points = measured_points(prepared, disparity)
     properties = [f"property {_KINDS[_LAYOUT[name].str[1:]]} {name}" for name in _LAYOUT.names or ()]
     place = prepared.facts.get("map")
-    header = ["ply", "format binary_little_endian 1.0", "comment Icy Moon: error_m is measured minus true depth",
-              *([f"comment map {json.dumps(place)}"] if place else []),
-              f"comment missing {missing_points(prepared, disparity)}",
-              f"element vertex {len(points)}", *properties, "end_header"]
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        "comment Icy Moon: error_m is measured minus true depth",
+        *([f"comment map {json.dumps(place)}"] if place else []),
+        f"comment missing {missing_points(prepared, disparity)}",
+        f"element vertex {len(points)}",
+        *properties,
+        "end_header",
+    ]
     write_bytes(path, "".join(f"{line}\n" for line in header).encode("ascii") + points.tobytes())
 
 
@@ -48,8 +67,14 @@ def measured_points(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
     known = np.isfinite(depth)
     depth, truth = depth[known], truth[known]
     # Pixel centres, in OpenCV's axes: x right, y down, z along the optical axis.
-    rays = np.stack([(columns[known] + 0.5 - camera.cx_px) / camera.focal_px,
-                     (rows[known] + 0.5 - camera.cy_px) / camera.focal_px, np.ones(depth.size)], axis=1)
+    rays = np.stack(
+        [
+            (columns[known] + 0.5 - camera.cx_px) / camera.focal_px,
+            (rows[known] + 0.5 - camera.cy_px) / camera.focal_px,
+            np.ones(depth.size),
+        ],
+        axis=1,
+    )
     position = (rays * depth[:, None]) @ pose[:3, :3].T + pose[:3, 3]
     toward = -(rays / np.linalg.norm(rays, axis=1, keepdims=True)) @ pose[:3, :3].T
     points = np.zeros(depth.size, _LAYOUT)

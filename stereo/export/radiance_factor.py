@@ -50,15 +50,20 @@ def photometry_of(pair: Loaded, eye: str) -> Photometry:
     sunlight falls on it, or if its light is no Sun but a lamp nearby."""
     sun, pose = pair.pair.sun, pair.pair.rectified_pose(eye)
     if sun is None or pose is None:
-        raise IcyMoonError(f"{pair.pair.folder / 'pair.json'} does not contain the Sun and the camera's pose; render "
-                           "the pair again.")
+        raise IcyMoonError(
+            f"{pair.pair.folder / 'pair.json'} does not contain the Sun and the camera's pose; render the pair again."
+        )
     irradiance = sun.irradiance_wm2 * float(pair.settings.light[LIGHT_GROUPS["Sun"]])
     if not irradiance > 0:
-        raise IcyMoonError(f"{pair.pair.folder}: no sunlight falls on this scene, so I/F is not defined; raise "
-                           "light.sun_irradiance_wm2 or light.sun_scale.")
+        raise IcyMoonError(
+            f"{pair.pair.folder}: no sunlight falls on this scene, so I/F is not defined; raise "
+            "light.sun_irradiance_wm2 or light.sun_scale."
+        )
     if sun.distance_m:
-        raise IcyMoonError(f"{pair.pair.folder}: light falls off from a lamp at light.sun_distance_m, so there is no "
-                           "one irradiance, and I/F is not defined; render with the Sun (light.sun_distance_m 0).")
+        raise IcyMoonError(
+            f"{pair.pair.folder}: light falls off from a lamp at light.sun_distance_m, so there is no "
+            "one irradiance, and I/F is not defined; render with the Sun (light.sun_distance_m 0)."
+        )
     by_band = irradiance * sun_colour(float(pair.pair.settings.light.sun_temperature_k))
     view, camera, depth = pair.views[eye], pair.pair.camera, pair.depth[eye]
     rays = rays_of(camera)
@@ -72,17 +77,20 @@ def photometry_of(pair: Loaded, eye: str) -> Photometry:
     normal, toward = view.normal, np.asarray(sun.direction)
     radiance = np.asarray(scaled_radiance(view, pair.pair, pair.settings.light), np.float64)
     return Photometry(
-        irradiance, np.where(known[..., None], math.pi * radiance / by_band, np.nan),
+        irradiance,
+        np.where(known[..., None], math.pi * radiance / by_band, np.nan),
         none if normal is None else where_known(angle_deg(normal, toward)),
-        none if normal is None else where_known(angle_deg(normal, back)), where_known(angle_deg(back, toward)))
+        none if normal is None else where_known(angle_deg(normal, back)),
+        where_known(angle_deg(back, toward)),
+    )
 
 
 def angle_deg(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Degrees between vectors (..., 3) of any length: compact files round normals, whose cosines near 1 tell no angle.
-    """
+    """Degrees between vectors (..., 3) of any length. Cosines near 1 of rounded normals tell no angle."""
     first = one.astype(np.float64)
-    return np.asarray(np.degrees(np.arctan2(np.linalg.norm(np.cross(first, other), axis=-1),
-                                            (first * other).sum(axis=-1))))
+    return np.asarray(
+        np.degrees(np.arctan2(np.linalg.norm(np.cross(first, other), axis=-1), (first * other).sum(axis=-1)))
+    )
 
 
 def write_fits(pair: Loaded, out: Path) -> None:
@@ -92,18 +100,23 @@ def write_fits(pair: Loaded, out: Path) -> None:
     for eye in EYES:
         found = photometry_of(pair, eye)
         cards: dict[str, tuple[Any, str]] = {
-            "OBJECT": (str(pair.settings.light.body), "body"), "PAIR": (pair.pair.id, "id of the pair"),
-            "EYE": (eye, "camera"), "FOCALPX": (camera.focal_px, "[px] focal length"),
+            "OBJECT": (str(pair.settings.light.body), "body"),
+            "PAIR": (pair.pair.id, "id of the pair"),
+            "EYE": (eye, "camera"),
+            "FOCALPX": (camera.focal_px, "[px] focal length"),
             "CXPX": (camera.cx_px, "[px] principal point from the left edge"),
             "CYPX": (camera.height_px - camera.cy_px, "[px] principal point from the bottom edge"),
             "BASELINE": (camera.baseline_m, "[m] distance of the eyes"),
             "SUNIRRAD": (found.irradiance_wm2, "[W/m2] E of pi L / E"),
-            **{f"BAND{k}": (name, "plane") for k, name in enumerate(BANDS, 1)}}
-        images = [Image("RADIANCE FACTOR", found.radiance_factor, "", cards),
-                  Image("INCIDENCE", found.incidence_deg, "deg", comment=_OF_FACET.format("Sun")),
-                  Image("EMISSION", found.emission_deg, "deg", comment=_OF_FACET.format("camera")),
-                  Image("PHASE", found.phase_deg, "deg", comment="from the Sun to the camera"),
-                  Image("DEPTH", pair.depth[eye], "m", comment="along the optical axis")]
+            **{f"BAND{k}": (name, "plane") for k, name in enumerate(BANDS, 1)},
+        }
+        images = [
+            Image("RADIANCE FACTOR", found.radiance_factor, "", cards),
+            Image("INCIDENCE", found.incidence_deg, "deg", comment=_OF_FACET.format("Sun")),
+            Image("EMISSION", found.emission_deg, "deg", comment=_OF_FACET.format("camera")),
+            Image("PHASE", found.phase_deg, "deg", comment="from the Sun to the camera"),
+            Image("DEPTH", pair.depth[eye], "m", comment="along the optical axis"),
+        ]
         write_bytes(out / pair.pair.folder.name / f"{eye}.fits", encode_fits(images))
 
 
@@ -114,7 +127,8 @@ def write_tiff(pair: Loaded, out: Path) -> None:
     for eye in EYES:
         found = photometry_of(pair, eye)
         angles = np.stack([found.incidence_deg, found.emission_deg, found.phase_deg], axis=-1)
-        write_bytes(folder / f"{eye}_radiance_factor.tif", encode_tiff(
-            found.radiance_factor.astype(np.float32), description="I/F: " + ", ".join(BANDS)))
-        write_bytes(folder / f"{eye}_geometry.tif", encode_tiff(
-            angles.astype(np.float32), description=_GEOMETRY))
+        write_bytes(
+            folder / f"{eye}_radiance_factor.tif",
+            encode_tiff(found.radiance_factor.astype(np.float32), description="I/F: " + ", ".join(BANDS)),
+        )
+        write_bytes(folder / f"{eye}_geometry.tif", encode_tiff(angles.astype(np.float32), description=_GEOMETRY))

@@ -36,14 +36,22 @@ def write_raw(pair: Loaded, out: Path) -> None:
     write_text(folder / "intrinsics.yml", _yaml({key: opencv[key] for key in intrinsic}))
     write_text(folder / "extrinsics.yml", _yaml({k: v for k, v in opencv.items() if k not in intrinsic}))
     eyes = camera.eyes_json()
-    write_json(folder / "calibration.json", {
-        "pair": pair.pair.id, "width_px": camera.width_px, "height_px": camera.height_px,
-        "toe_in_deg": camera.toe_in_deg, "pixel_centre": "(u + 0.5, v + 0.5)",
-        "eyes": {eye: eyes[eye] | {"distortion": dict(zip(COEFFICIENTS, distortion, strict=True))}
-                 for eye in EYES},
-        "opencv": {"pixel_centre": "(u, v)"} | {key: value.tolist() for key, value in opencv.items()},
-        "poses_camera_to_world": pair.pair.data.get("poses_camera_to_world"), "sensor": pair.settings.sensor,
-        **exposure_facts(pair.images), "self_check": pair.check.to_json()})
+    write_json(
+        folder / "calibration.json",
+        {
+            "pair": pair.pair.id,
+            "width_px": camera.width_px,
+            "height_px": camera.height_px,
+            "toe_in_deg": camera.toe_in_deg,
+            "pixel_centre": "(u + 0.5, v + 0.5)",
+            "eyes": {eye: eyes[eye] | {"distortion": dict(zip(COEFFICIENTS, distortion, strict=True))} for eye in EYES},
+            "opencv": {"pixel_centre": "(u, v)"} | {key: value.tolist() for key, value in opencv.items()},
+            "poses_camera_to_world": pair.pair.data.get("poses_camera_to_world"),
+            "sensor": pair.settings.sensor,
+            **exposure_facts(pair.images),
+            "self_check": pair.check.to_json(),
+        },
+    )
 
 
 def opencv_calibration(camera: StereoCamera, distortion: tuple[float, ...]) -> dict[str, np.ndarray]:
@@ -61,11 +69,29 @@ def opencv_calibration(camera: StereoCamera, distortion: tuple[float, ...]) -> d
     inverse = np.linalg.inv(matrix)
     fundamental = inverse.T @ essential @ inverse
     projections = [np.column_stack([matrix, matrix @ [-along, 0.0, 0.0]]) for along in (0.0, camera.baseline_m)]
-    to_space = np.array([[1, 0, 0, -matrix[0, 2]], [0, 1, 0, -matrix[1, 2]], [0, 0, 0, camera.focal_px],
-                         [0, 0, 1 / camera.baseline_m, 0]])
-    return {"M1": matrix, "D1": np.array([distortion]), "M2": matrix, "D2": np.array([distortion]), "R": rotation,
-            "T": shift[:, None], "E": essential, "F": fundamental, "R1": first.T, "R2": second.T,
-            "P1": projections[0], "P2": projections[1], "Q": to_space}
+    to_space = np.array(
+        [
+            [1, 0, 0, -matrix[0, 2]],
+            [0, 1, 0, -matrix[1, 2]],
+            [0, 0, 0, camera.focal_px],
+            [0, 0, 1 / camera.baseline_m, 0],
+        ]
+    )
+    return {
+        "M1": matrix,
+        "D1": np.array([distortion]),
+        "M2": matrix,
+        "D2": np.array([distortion]),
+        "R": rotation,
+        "T": shift[:, None],
+        "E": essential,
+        "F": fundamental,
+        "R1": first.T,
+        "R2": second.T,
+        "P1": projections[0],
+        "P2": projections[1],
+        "Q": to_space,
+    }
 
 
 def _yaml(values: dict[str, Any]) -> str:

@@ -80,38 +80,76 @@ def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, An
         rows, columns = pixels.shape[:2]
         data = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
         return kinds["sensor_msgs/msg/Image"](
-            header=header(frame), height=rows, width=columns, encoding=encoding, is_bigendian=0,
-            step=pixels[0].size * pixels.dtype.itemsize, data=np.frombuffer(data.tobytes(), np.uint8))
+            header=header(frame),
+            height=rows,
+            width=columns,
+            encoding=encoding,
+            is_bigendian=0,
+            step=pixels[0].size * pixels.dtype.itemsize,
+            data=np.frombuffer(data.tobytes(), np.uint8),
+        )
 
     for k, eye in enumerate(EYES):
         numbers = getattr(pair.images, eye)
         eight = pair.images.bits == 8
-        yield f"/stereo/{eye}/image_rect", image(
-            to_8_bit(numbers, 8, pair.images.encoding) if eight else numbers.astype(np.uint16),
-            "mono8" if eight else "mono16", FRAMES["left"])
+        yield (
+            f"/stereo/{eye}/image_rect",
+            image(
+                to_8_bit(numbers, 8, pair.images.encoding) if eight else numbers.astype(np.uint16),
+                "mono8" if eight else "mono16",
+                FRAMES["left"],
+            ),
+        )
         if pair.images.is_mosaic:
             colours = pair.images.seen(eye)
-            yield f"/stereo/{eye}/image_rect_color", image(
-                to_8_bit(colours, 8, pair.images.encoding) if eight else colours.astype(np.uint16),
-                "rgb8" if eight else "rgb16", FRAMES["left"])
+            yield (
+                f"/stereo/{eye}/image_rect_color",
+                image(
+                    to_8_bit(colours, 8, pair.images.encoding) if eight else colours.astype(np.uint16),
+                    "rgb8" if eight else "rgb16",
+                    FRAMES["left"],
+                ),
+            )
         # The principal point is counted from the centre of the first pixel there.
         matrix = np.array(camera.matrix)
         matrix[:2, 2] -= 0.5
         projection = np.column_stack([matrix, [-camera.focal_baseline_px_m * k, 0.0, 0.0]])
-        yield f"/stereo/{eye}/camera_info", kinds["sensor_msgs/msg/CameraInfo"](
-            header=header(FRAMES["left"]), height=camera.height_px, width=camera.width_px,
-            distortion_model="plumb_bob", d=np.zeros(5), k=matrix.ravel(), r=np.eye(3).ravel(), p=projection.ravel(),
-            binning_x=0, binning_y=0, roi=kinds["sensor_msgs/msg/RegionOfInterest"](
-                x_offset=0, y_offset=0, height=0, width=0, do_rectify=False))
+        yield (
+            f"/stereo/{eye}/camera_info",
+            kinds["sensor_msgs/msg/CameraInfo"](
+                header=header(FRAMES["left"]),
+                height=camera.height_px,
+                width=camera.width_px,
+                distortion_model="plumb_bob",
+                d=np.zeros(5),
+                k=matrix.ravel(),
+                r=np.eye(3).ravel(),
+                p=projection.ravel(),
+                binning_x=0,
+                binning_y=0,
+                roi=kinds["sensor_msgs/msg/RegionOfInterest"](
+                    x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
+                ),
+            ),
+        )
     disparity = camera.disparity(depth)
     known = np.isfinite(disparity)
     least, most = (float(disparity[known].min()), float(disparity[known].max())) if known.any() else (0.0, 0.0)
-    yield "/stereo/disparity", kinds["stereo_msgs/msg/DisparityImage"](
-        header=header(FRAMES["left"]), image=image(np.where(known, disparity, np.nan).astype(np.float32), "32FC1",
-                                                   FRAMES["left"]),
-        f=camera.focal_px, t=camera.baseline_m, valid_window=kinds["sensor_msgs/msg/RegionOfInterest"](
-            x_offset=0, y_offset=0, height=camera.height_px, width=camera.width_px, do_rectify=False),
-        min_disparity=least, max_disparity=most, delta_d=0.0)
+    yield (
+        "/stereo/disparity",
+        kinds["stereo_msgs/msg/DisparityImage"](
+            header=header(FRAMES["left"]),
+            image=image(np.where(known, disparity, np.nan).astype(np.float32), "32FC1", FRAMES["left"]),
+            f=camera.focal_px,
+            t=camera.baseline_m,
+            valid_window=kinds["sensor_msgs/msg/RegionOfInterest"](
+                x_offset=0, y_offset=0, height=camera.height_px, width=camera.width_px, do_rectify=False
+            ),
+            min_disparity=least,
+            max_disparity=most,
+            delta_d=0.0,
+        ),
+    )
     yield "/stereo/points2", _cloud(pair, kinds, header(FRAMES["left"]))
     yield "/tf", _transforms(pair, kinds, header)
 
@@ -120,11 +158,21 @@ def _cloud(pair: Loaded, kinds: Any, header: Any) -> Any:
     """The true points of the left pixels, in the left camera's axes, NaN for none, as an organised cloud."""
     camera, depth = pair.pair.camera, pair.depth["left"]
     points = (rays_of(camera) * depth[..., None]).astype("<f4")
-    fields = [kinds["sensor_msgs/msg/PointField"](name=name, offset=4 * k, datatype=7, count=1)
-              for k, name in enumerate("xyz")]
+    fields = [
+        kinds["sensor_msgs/msg/PointField"](name=name, offset=4 * k, datatype=7, count=1)
+        for k, name in enumerate("xyz")
+    ]
     return kinds["sensor_msgs/msg/PointCloud2"](
-        header=header, height=camera.height_px, width=camera.width_px, fields=fields, is_bigendian=False, point_step=12,
-        row_step=12 * camera.width_px, data=np.frombuffer(points.tobytes(), np.uint8), is_dense=False)
+        header=header,
+        height=camera.height_px,
+        width=camera.width_px,
+        fields=fields,
+        is_bigendian=False,
+        point_step=12,
+        row_step=12 * camera.width_px,
+        data=np.frombuffer(points.tobytes(), np.uint8),
+        is_dense=False,
+    )
 
 
 def _transforms(pair: Loaded, kinds: Any, header: Callable[[str], Any]) -> Any:
@@ -134,8 +182,14 @@ def _transforms(pair: Loaded, kinds: Any, header: Callable[[str], Any]) -> Any:
         pose = pose_of(pair, eye)
         w, x, y, z = map(float, quaternion(pose[:3, :3]))
         along = dict(zip("xyz", map(float, pose[:3, 3]), strict=True))
-        found.append(kinds["geometry_msgs/msg/TransformStamped"](
-            header=header(WORLD), child_frame_id=FRAMES[eye], transform=kinds["geometry_msgs/msg/Transform"](
-                translation=kinds["geometry_msgs/msg/Vector3"](**along),
-                rotation=kinds["geometry_msgs/msg/Quaternion"](x=x, y=y, z=z, w=w))))
+        found.append(
+            kinds["geometry_msgs/msg/TransformStamped"](
+                header=header(WORLD),
+                child_frame_id=FRAMES[eye],
+                transform=kinds["geometry_msgs/msg/Transform"](
+                    translation=kinds["geometry_msgs/msg/Vector3"](**along),
+                    rotation=kinds["geometry_msgs/msg/Quaternion"](x=x, y=y, z=z, w=w),
+                ),
+            )
+        )
     return kinds["tf2_msgs/msg/TFMessage"](transforms=found)

@@ -41,8 +41,20 @@ SHARD_BYTES = 1_000_000_000
 UNKNOWN_PX = 1e5
 #: Words that loaders replace in whole paths to find the other files of a pair.
 _REPLACED = ("left", "right", "disparity", "frames_cleanpass", "frames_finalpass", ".png")
-_COLUMNS = ("key", "shard", "split", "scene", "width_px", "height_px", "focal_px", "baseline_m", "sun_elevation_deg",
-            "seed", "depth_median_m", "occluded_share")
+_COLUMNS = (
+    "key",
+    "shard",
+    "split",
+    "scene",
+    "width_px",
+    "height_px",
+    "focal_px",
+    "baseline_m",
+    "sun_elevation_deg",
+    "seed",
+    "depth_median_m",
+    "occluded_share",
+)
 
 
 @dataclass
@@ -70,12 +82,19 @@ def describe_row(pair: Loaded, split: str) -> dict[str, Any]:
     depth, camera = pair.depth["left"], pair.pair.camera
     known = np.isfinite(depth)
     occluded = known & ~pair.visible["left"]
-    return {"key": pair.pair.id, "split": split, "scene": scene_of(pair.pair),
-            "width_px": camera.width_px, "height_px": camera.height_px, "focal_px": camera.focal_px,
-            "baseline_m": camera.baseline_m, "sun_elevation_deg": _sun_elevation_deg(pair),
-            "seed": pair.settings.dataset.seed,
-            "depth_median_m": round(float(np.median(depth[known])), 4) if known.any() else None,
-            "occluded_share": round(float(occluded.sum() / max(1, known.sum())), 4)}
+    return {
+        "key": pair.pair.id,
+        "split": split,
+        "scene": scene_of(pair.pair),
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
+        "focal_px": camera.focal_px,
+        "baseline_m": camera.baseline_m,
+        "sun_elevation_deg": _sun_elevation_deg(pair),
+        "seed": pair.settings.dataset.seed,
+        "depth_median_m": round(float(np.median(depth[known])), 4) if known.any() else None,
+        "occluded_share": round(float(occluded.sum() / max(1, known.sum())), 4),
+    }
 
 
 def _sun_elevation_deg(pair: Loaded) -> float | None:
@@ -108,9 +127,18 @@ def write_webdataset(each: Each, out: Path) -> None:
         raise
     names = shards.close()
     index.write(out)
-    write_text(out / "README.md", _card(index, "WebDataset shards", (
-        "`wds.WebDataset(\"train-{000000..N}.tar\").decode(\"pil\").to_tuple(\"left.png\", \"right.png\", "
-        "\"disparity.png\")` reads it. Disparity in px is the value of `disparity.png` divided by 256; 0 is unknown.")))
+    write_text(
+        out / "README.md",
+        _card(
+            index,
+            "WebDataset shards",
+            (
+                '`wds.WebDataset("train-{000000..N}.tar").decode("pil").to_tuple("left.png", "right.png", '
+                '"disparity.png")` reads it. Disparity in px is the value of `disparity.png` divided by 256; 0 '
+                "is unknown."
+            ),
+        ),
+    )
     write_json(out / "croissant.json", _croissant(out, names))
 
 
@@ -145,8 +173,13 @@ class _Shards:
             self._count[split] += 1
             self._out.mkdir(parents=True, exist_ok=True)
             part = part_of(self._out / name)
-            self._open[split] = name, part, tarfile.open(  # noqa: SIM115
-                part, "w", format=tarfile.USTAR_FORMAT, encoding="utf-8")
+            self._open[split] = (
+                name,
+                part,
+                tarfile.open(  # noqa: SIM115
+                    part, "w", format=tarfile.USTAR_FORMAT, encoding="utf-8"
+                ),
+            )
         name, part, archive = self._open[split]
         with explain_disk_errors("write to", part):  # an archive that was torn cannot go on with the next pair
             for suffix, content in files.items():
@@ -188,8 +221,10 @@ def write_sceneflow(each: Each, out: Path) -> None:
     """
     path = str(out.absolute())
     if word := next((word for word in _REPLACED if word in path), ""):
-        raise IcyMoonError(f"{out}: loaders replace the word {word} wherever it is in a path, so they would not find "
-                           "the files; choose a folder without it.")
+        raise IcyMoonError(
+            f"{out}: loaders replace the word {word} wherever it is in a path, so they would not find "
+            "the files; choose a folder without it."
+        )
     index, root = _Index(), out / "FlyingThings3D"
     numbers: dict[str, Counter[str]] = {}
     folders: dict[str, dict[str, str]] = {"TRAIN": {}, "TEST": {}}
@@ -209,8 +244,10 @@ def write_sceneflow(each: Each, out: Path) -> None:
                 for passed in ("frames_cleanpass", "frames_finalpass"):
                     write_bytes(part / passed / split / "A" / folder / eye / f"{number}.png", content)
                 disparity = pair.pair.camera.disparity(pair.depth[eye])
-                write_pfm(part / "disparity" / split / "A" / folder / eye / f"{number}.pfm",
-                          np.where(np.isfinite(disparity), disparity, UNKNOWN_PX))
+                write_pfm(
+                    part / "disparity" / split / "A" / folder / eye / f"{number}.pfm",
+                    np.where(np.isfinite(disparity), disparity, UNKNOWN_PX),
+                )
         frame[folder] += 1
         if split == "TEST":
             tested.append(f"{split}/A/{folder}/left/{number}.pfm")
@@ -219,9 +256,18 @@ def write_sceneflow(each: Each, out: Path) -> None:
     each(write)
     write_text(out / "flyingthings_validation.txt", "".join(f"{line}\n" for line in tested))
     index.write(out)
-    write_text(out / "README.md", _card(index, "the layout of SceneFlow's FlyingThings3D", (
-        "RAFT-Stereo reads `FlyingThings3D` from its folder of data; IGEV-Stereo takes the folder `FlyingThings3D` "
-        "itself for its `sceneflow`.")))
+    write_text(
+        out / "README.md",
+        _card(
+            index,
+            "the layout of SceneFlow's FlyingThings3D",
+            (
+                "RAFT-Stereo reads `FlyingThings3D` from its folder of data; IGEV-Stereo takes the folder "
+                "`FlyingThings3D` "
+                "itself for its `sceneflow`."
+            ),
+        ),
+    )
 
 
 def _card(index: _Index, layout: str, how: str) -> str:
@@ -234,44 +280,93 @@ def _card(index: _Index, layout: str, how: str) -> str:
     suns = [row["sun_elevation_deg"] for row in rows if row["sun_elevation_deg"] != ""]
     spread = f"The median depth of a pair is {min(depths):g} to {max(depths):g} m.\n" if depths else ""
     spread += f"The Sun stands {min(suns):g} to {max(suns):g} degrees above the horizon.\n" if suns else ""
-    return (f"# Stereo pairs of icy moons\n\nMade by Icy Moon {version()}, a simulator; no image here is a photograph. "
-            f"{count_of(len(rows), 'pair')} in {layout}. {how}\n\n| split | pairs | scenes |\n|---|---|---|\n"
-            f"{table}\n{spread}\nA scene, the shape of its ground and rocks, is in one split only. Disparity is exact "
-            "at pixel centres, left column minus right column; sky has none. `index.csv` lists the pairs. What the "
-            "surfaces, the light and the cameras are like, with sources, is in the `pair.json` of the pairs that this "
-            "was made of; what the simulator leaves out is in its manual, *Limits*.\n")
+    return (
+        f"# Stereo pairs of icy moons\n\nMade by Icy Moon {version()}, a simulator; no image here is a photograph. "
+        f"{count_of(len(rows), 'pair')} in {layout}. {how}\n\n| split | pairs | scenes |\n|---|---|---|\n"
+        f"{table}\n{spread}\nA scene, the shape of its ground and rocks, is in one split only. Disparity is exact "
+        "at pixel centres, left column minus right column; sky has none. `index.csv` lists the pairs. What the "
+        "surfaces, the light and the cameras are like, with sources, is in the `pair.json` of the pairs that this "
+        "was made of; what the simulator leaves out is in its manual, *Limits*.\n"
+    )
 
 
 def _croissant(out: Path, shards: list[str]) -> dict[str, Any]:
     """Metadata in Croissant 1.0 (mlcommons.org/croissant/1.0): the index as records, the shards as files."""
+
     def file(name: str, kind: str) -> dict[str, Any]:
         digest = hashlib.sha256()
         with (out / name).open("rb") as stream:
             while block := stream.read(1 << 20):
                 digest.update(block)
-        return {"@type": "cr:FileObject", "@id": name, "name": name, "contentUrl": name, "encodingFormat": kind,
-                "sha256": digest.hexdigest()}
+        return {
+            "@type": "cr:FileObject",
+            "@id": name,
+            "name": name,
+            "contentUrl": name,
+            "encodingFormat": kind,
+            "sha256": digest.hexdigest(),
+        }
 
-    kinds = {"key": "sc:Text", "shard": "sc:Text", "split": "sc:Text", "scene": "sc:Text", "width_px": "sc:Integer",
-             "height_px": "sc:Integer", "seed": "sc:Integer"}
-    fields = [{"@type": "cr:Field", "@id": f"pairs/{name}", "name": name, "dataType": kinds.get(name, "sc:Float"),
-               "source": {"fileObject": {"@id": "index.csv"}, "extract": {"column": name}}} for name in _COLUMNS]
+    kinds = {
+        "key": "sc:Text",
+        "shard": "sc:Text",
+        "split": "sc:Text",
+        "scene": "sc:Text",
+        "width_px": "sc:Integer",
+        "height_px": "sc:Integer",
+        "seed": "sc:Integer",
+    }
+    fields = [
+        {
+            "@type": "cr:Field",
+            "@id": f"pairs/{name}",
+            "name": name,
+            "dataType": kinds.get(name, "sc:Float"),
+            "source": {"fileObject": {"@id": "index.csv"}, "extract": {"column": name}},
+        }
+        for name in _COLUMNS
+    ]
     return {
-        "@context": {"@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
-                     "cr": "http://mlcommons.org/croissant/", "dct": "http://purl.org/dc/terms/",
-                     "citeAs": "cr:citeAs", "column": "cr:column", "conformsTo": "dct:conformsTo",
-                     "data": {"@id": "cr:data", "@type": "@json"},
-                     "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
-                     "examples": {"@id": "cr:examples", "@type": "@json"}, "extract": "cr:extract", "field": "cr:field",
-                     "fileObject": "cr:fileObject", "fileProperty": "cr:fileProperty", "fileSet": "cr:fileSet",
-                     "format": "cr:format", "includes": "cr:includes", "isLiveDataset": "cr:isLiveDataset",
-                     "jsonPath": "cr:jsonPath", "key": "cr:key", "md5": "cr:md5", "parentField": "cr:parentField",
-                     "path": "cr:path", "recordSet": "cr:recordSet", "references": "cr:references", "regex": "cr:regex",
-                     "repeated": "cr:repeated", "replace": "cr:replace", "separator": "cr:separator",
-                     "source": "cr:source", "subField": "cr:subField", "transform": "cr:transform"},
-        "@type": "sc:Dataset", "conformsTo": "http://mlcommons.org/croissant/1.0", "name": "icymoon-stereo",
+        "@context": {
+            "@language": "en",
+            "@vocab": "https://schema.org/",
+            "sc": "https://schema.org/",
+            "cr": "http://mlcommons.org/croissant/",
+            "dct": "http://purl.org/dc/terms/",
+            "citeAs": "cr:citeAs",
+            "column": "cr:column",
+            "conformsTo": "dct:conformsTo",
+            "data": {"@id": "cr:data", "@type": "@json"},
+            "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+            "examples": {"@id": "cr:examples", "@type": "@json"},
+            "extract": "cr:extract",
+            "field": "cr:field",
+            "fileObject": "cr:fileObject",
+            "fileProperty": "cr:fileProperty",
+            "fileSet": "cr:fileSet",
+            "format": "cr:format",
+            "includes": "cr:includes",
+            "isLiveDataset": "cr:isLiveDataset",
+            "jsonPath": "cr:jsonPath",
+            "key": "cr:key",
+            "md5": "cr:md5",
+            "parentField": "cr:parentField",
+            "path": "cr:path",
+            "recordSet": "cr:recordSet",
+            "references": "cr:references",
+            "regex": "cr:regex",
+            "repeated": "cr:repeated",
+            "replace": "cr:replace",
+            "separator": "cr:separator",
+            "source": "cr:source",
+            "subField": "cr:subField",
+            "transform": "cr:transform",
+        },
+        "@type": "sc:Dataset",
+        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "name": "icymoon-stereo",
         "description": f"Stereo pairs of icy moons with exact disparity, made by Icy Moon {version()}.",
         "version": "1.0.0",
         "distribution": [file("index.csv", "text/csv"), *(file(name, "application/x-tar") for name in shards)],
-        "recordSet": [{"@type": "cr:RecordSet", "@id": "pairs", "name": "pairs", "field": fields}]}
-
+        "recordSet": [{"@type": "cr:RecordSet", "@id": "pairs", "name": "pairs", "field": fields}],
+    }

@@ -78,11 +78,17 @@ class _Decoder:
         self.owner = os.getpid()
         try:
             self._process = system.start(
-                python_command(sys.executable, "decode"), system.KEEPS_MEMORY | clean_environment() | _ENVIRONMENT,
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+                python_command(sys.executable, "decode"),
+                system.KEEPS_MEMORY | clean_environment() | _ENVIRONMENT,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+            )
         except OSError as error:
-            raise RefusedError(f"needs a process to be decoded, which cannot be started "
-                               f"({error.strerror or error}); end other programs.") from None
+            raise RefusedError(
+                f"needs a process to be decoded, which cannot be started "
+                f"({error.strerror or error}); end other programs."
+            ) from None
 
     def ask(self, request: Mapping[str, Any], content: bytes, most_bytes: int) -> np.ndarray | str:
         """The pixels, or the error in words. Raises _DiedError if it has ended, TimeoutError if it takes too long."""
@@ -98,8 +104,13 @@ class _Decoder:
                 return found
         raise TimeoutError
 
-    def _talk(self, request: Mapping[str, Any], content: bytes, most_bytes: int,
-              answer: queue.SimpleQueue[np.ndarray | str | None]) -> None:
+    def _talk(
+        self,
+        request: Mapping[str, Any],
+        content: bytes,
+        most_bytes: int,
+        answer: queue.SimpleQueue[np.ndarray | str | None],
+    ) -> None:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         try:
@@ -131,8 +142,12 @@ def _read_answer(stream: IO[bytes], most_bytes: int) -> np.ndarray | str:
     if "error" in answer:
         return str(answer["error"])[:200]
     shape, dtype = answer["shape"], np.dtype(answer["type"])
-    if dtype.str[1:] not in _TYPES or not all(type(each) is int and each > 0 for each in shape) or len(shape) not in (
-            2, 3) or math.prod(shape) * dtype.itemsize > most_bytes:
+    if (
+        dtype.str[1:] not in _TYPES
+        or not all(type(each) is int and each > 0 for each in shape)
+        or len(shape) not in (2, 3)
+        or math.prod(shape) * dtype.itemsize > most_bytes
+    ):
         raise ValueError("pixels of another kind")
     pixels = np.empty(shape, dtype)
     rest = pixels.data.cast("B")

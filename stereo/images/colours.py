@@ -25,11 +25,13 @@ _STRIP_PX = 44  # height of the colour bar under a picture, at size 1
 VIRIDIS = (
     "44015446085c471063481769481d6f482475472a7a46307e453781433d844142873f48893d4e8a3a538b38598c355e8d33638d31688e"
     "2e6d8e2c718e2a768e297b8e27808e25848e23898e218e8d20928c1f978b1e9c891fa18821a58524aa8328ae802eb37c35b7793dbc74"
-    "46c06f50c46a5ac86465cb5e70cf577cd25089d54895d840a2da37b0dd2fbddf26cae11fd8e219e5e419f1e51dfde725")
+    "46c06f50c46a5ac86465cb5e70cf577cd25089d54895d840a2da37b0dd2fbddf26cae11fd8e219e5e419f1e51dfde725"
+)
 MAGMA = (
     "00000402020b0504160907200e0b2b140e361a104221114e29115a311165390f6e420f754a107952137c5a167e6219806a1c81721f81"
     "792282812581892881912b81992d80a1307eaa337db2357bba3878c23b75ca3e72d2426fd9466be04c67e75263ec5860f1605df4695c"
-    "f7725cf97b5dfb8560fc8e64fd9869fea16efeaa74feb47bfebd82fec68afecf92fed89afde2a3fdebacfcf4b6fcfdbf")
+    "f7725cf97b5dfb8560fc8e64fd9869fea16efeaa74feb47bfebd82fec68afecf92fed89afde2a3fdebacfcf4b6fcfdbf"
+)
 
 
 @lru_cache(maxsize=2)
@@ -101,8 +103,9 @@ def true_depth_picture(truth: np.ndarray, scale: Scale) -> np.ndarray:
 
 def error_picture(prediction: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """BGR picture of |prediction - truth| on the scale ERROR; SKY_GREY and INVALID_GREY elsewhere."""
-    return ERROR.colours(np.abs(prediction - truth),
-                         {INVALID_GREY: ~np.isfinite(prediction), SKY_GREY: ~np.isfinite(truth)})
+    return ERROR.colours(
+        np.abs(prediction - truth), {INVALID_GREY: ~np.isfinite(prediction), SKY_GREY: ~np.isfinite(truth)}
+    )
 
 
 #: RGB of a measurement that is too near, too far and right.
@@ -120,8 +123,16 @@ def signed_colours(error_m: np.ndarray, full_m: float = ERROR.high) -> np.ndarra
 
 
 #: Colours, BGR, of a pixel's outcome: accepted first, then the reasons for a rejection.
-_OUTCOMES = ((235, 206, 166), (128, 128, 128), (0, 94, 213), (160, 105, 192), (0, 159, 230), (115, 158, 0),
-             (66, 66, 66), (66, 228, 240))
+_OUTCOMES = (
+    (235, 206, 166),
+    (128, 128, 128),
+    (0, 94, 213),
+    (160, 105, 192),
+    (0, 159, 230),
+    (115, 158, 0),
+    (66, 66, 66),
+    (66, 228, 240),
+)
 
 
 def outcome_picture(flags: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
@@ -134,8 +145,11 @@ def outcome_picture(flags: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 def outcome_legend(counts: Mapping[str, int]) -> list[tuple[str, str, float]]:
     """(name, CSS colour, share) of each outcome that occurs; ``counts``: pixels by name, in the order of the flags."""
     total = sum(counts.values())
-    return [(name, "rgb({2},{1},{0})".format(*_OUTCOMES[k % len(_OUTCOMES)]), count / total)
-            for k, (name, count) in enumerate(counts.items()) if count]
+    return [
+        (name, "rgb({2},{1},{0})".format(*_OUTCOMES[k % len(_OUTCOMES)]), count / total)
+        for k, (name, count) in enumerate(counts.items())
+        if count
+    ]
 
 
 def with_bar(picture: np.ndarray, scale: Scale) -> np.ndarray:
@@ -145,21 +159,23 @@ def with_bar(picture: np.ndarray, scale: Scale) -> np.ndarray:
 
 def bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, paper: int = 255) -> np.ndarray:
     """A scale's colour bar with ticks and title: BGR (``_STRIP_PX`` times ``size``, ``width``, 3), in these greys."""
+
     def px(length: float) -> int:
         return round(length * size)
 
     strip = np.full((px(_STRIP_PX), width, 3), paper, np.uint8)
     left = min(px(8), width // 4)
     right = width - 1 - left
-    strip[px(4):px(16), left:right + 1] = _levels(scale.colormap)[
-        np.rint(np.linspace(0, 255, right - left + 1)).astype(np.intp)]
+    strip[px(4) : px(16), left : right + 1] = _levels(scale.colormap)[
+        np.rint(np.linspace(0, 255, right - left + 1)).astype(np.intp)
+    ]
     letter, free_from = 8 * size, 0
     for tick in scale.ticks:
         text = f"{tick:g}"
         column = left + round(float(scale.position(tick)) * (right - left))
         extent = text_width(text, letter)
         start = min(max(column - extent // 2, 2), width - extent - 2)
-        strip[px(16):px(19), min(column, width - px(1)):][:, :px(1)] = ink
+        strip[px(16) : px(19), min(column, width - px(1)) :][:, : px(1)] = ink
         if start >= free_from:  # a small picture has no room for all numbers
             put_text(strip, text, start, px(28), letter, ink)
             free_from = start + extent + px(4)
@@ -171,7 +187,7 @@ def _ticks(low: float, high: float) -> tuple[float, ...]:
     """Round numbers between low and high: 1, 3 or 1, 2, 5 times powers of ten, or equal steps if too few fit."""
     digits = (1, 3) if high >= 100 * low else (1, 2, 5)
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    series = tuple(t for t in (m * 10.0 ** d for d in decades for m in digits) if low <= t <= high)
+    series = tuple(t for t in (m * 10.0**d for d in decades for m in digits) if low <= t <= high)
     if len(series) >= 4:
         return series
     rough = (high - low) / 4

@@ -48,8 +48,9 @@ class Crops:
         left = read_view(pair.image("left"), "left", _unneeded(groups), rows)
         light = {"left": left, "right": read_light(pair.image("right"), "right", groups, rows)}
         channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
-        seconds = exposure_of_level(self._level(pair, settings) if settings.sensor.auto_exposure else 0.0,
-                                    channels.rate, settings.sensor)
+        seconds = exposure_of_level(
+            self._level(pair, settings) if settings.sensor.auto_exposure else 0.0, channels.rate, settings.sensor
+        )
         fixed = Settings(settings | {"sensor": settings.sensor | {"auto_exposure": False, "exposure_s": seconds}})
         images = develop(pair, _columns(light["left"], crop.columns), _columns(light["right"], crop.columns), fixed)
         # The right eye's truth is needed only if no rays have found the points that are hidden from it.
@@ -93,8 +94,12 @@ def _is_local(pair: Pair, settings: Settings) -> bool:
     camera, sensor = pair.camera, settings.sensor
     if any(pair.image(eye) != pair.truth(eye) for eye in EYES):
         return False  # blurred: the truth is in separate files
-    plain: bool = (camera.rendered_px == (camera.width_px, camera.height_px) and sensor.colour == "MONO"
-                   and sensor.band_weights == "EQUAL" and not any(_spread(sensor, key) for key in _SPREADS))
+    plain: bool = (
+        camera.rendered_px == (camera.width_px, camera.height_px)
+        and sensor.colour == "MONO"
+        and sensor.band_weights == "EQUAL"
+        and not any(_spread(sensor, key) for key in _SPREADS)
+    )
     return plain and all(lens_of(camera, settings.rig, eye) is None for eye in EYES)
 
 

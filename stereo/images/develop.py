@@ -119,8 +119,10 @@ def scaled_radiance(view: Light, pair: Pair, light: LightSettings) -> np.ndarray
         return view.radiance * np.float32(scales["Sun"]) if scales["Sun"] != 1 else view.radiance
     changed = {group: scale for group, scale in scales.items() if scale != 1 and group in view.groups}
     if changed and pair.settings.quality.denoiser != "NONE":
-        raise IcyMoonError(f"{pair.folder} was denoised, but its light groups were not; render it with "
-                           f"quality.denoiser NONE to change light.{LIGHT_GROUPS[next(iter(changed))]}.")
+        raise IcyMoonError(
+            f"{pair.folder} was denoised, but its light groups were not; render it with "
+            f"quality.denoiser NONE to change light.{LIGHT_GROUPS[next(iter(changed))]}."
+        )
     radiance = view.radiance
     for group, scale in changed.items():
         radiance = radiance + np.float32(scale - 1) * view.groups[group]
@@ -139,14 +141,22 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
     channels = Channels(settings.light, sensor, pitch_m)
     rate = channels.rate
     lenses = {eye: lens_of(pair.camera, rig, eye) for eye in EYES}
-    scaled = {eye: channels.planes(scaled_radiance(view, pair, settings.light))
-              for eye, view in (("left", left), ("right", right))}
+    scaled = {
+        eye: channels.planes(scaled_radiance(view, pair, settings.light))
+        for eye, view in (("left", left), ("right", right))
+    }
     seed = int(pair.settings.dataset.seed)
     camera = pair.camera
     blocked = {eye: blocked_share(sensor, rig, (camera.height_px, camera.width_px), seed, eye) for eye in EYES}
-    light = {eye: channels.at_pixels([
-        apply_lens(apply_deposits(_on_sensor(plane, camera, lenses[eye]), blocked[eye], sensor), sensor)
-        for plane in scaled[eye]]) for eye in EYES}
+    light = {
+        eye: channels.at_pixels(
+            [
+                apply_lens(apply_deposits(_on_sensor(plane, camera, lenses[eye]), blocked[eye], sensor), sensor)
+                for plane in scaled[eye]
+            ]
+        )
+        for eye in EYES
+    }
     metered = exposure_s(channels.balanced(light["left"]), rate, sensor)
     times = brackets.exposure_times(metered, sensor)
     image = {eye: _exposures(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
@@ -163,19 +173,39 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
     colours: dict[str, np.ndarray] = {}
     if sensor.colour == "BAYER":
         black = black_dn(sensor) if len(frames) == 1 else 0.0
-        colours = {eye: _rectified(channels.colours(numbers, bits, black), lenses[eye])
-                   for eye, numbers in detected.items()}
+        colours = {
+            eye: _rectified(channels.colours(numbers, bits, black), lenses[eye]) for eye, numbers in detected.items()
+        }
         final = {eye: np.rint(grey_of(image, sensor)).astype(np.uint16) for eye, image in colours.items()}
     else:
         final = {eye: _rectified(numbers, lenses[eye]) for eye, numbers in detected.items()}
-    return Images(final["left"], final["right"], detected["left"], detected["right"], bits, frames, metered,
-                  gain_dn_per_e(sensor), rate, full_s / rate if rate else float("inf"),
-                  saturated, str(sensor.encoding),
-                  (*developing_warnings(settings, pair.settings, times),
-                   *exposure_warnings(metered, saturated, sensor), *channels.warnings),
-                  colours.get("left"), colours.get("right"), tuple(channels.gains.tolist()) if colours else (),
-                  {eye: _rectified(np.rint(share * 255.0).astype(np.uint8), lenses[eye])
-                   for eye, share in blocked.items() if share is not None})
+    return Images(
+        final["left"],
+        final["right"],
+        detected["left"],
+        detected["right"],
+        bits,
+        frames,
+        metered,
+        gain_dn_per_e(sensor),
+        rate,
+        full_s / rate if rate else float("inf"),
+        saturated,
+        str(sensor.encoding),
+        (
+            *developing_warnings(settings, pair.settings, times),
+            *exposure_warnings(metered, saturated, sensor),
+            *channels.warnings,
+        ),
+        colours.get("left"),
+        colours.get("right"),
+        tuple(channels.gains.tolist()) if colours else (),
+        {
+            eye: _rectified(np.rint(share * 255.0).astype(np.uint8), lenses[eye])
+            for eye, share in blocked.items()
+            if share is not None
+        },
+    )
 
 
 class Channels:
@@ -198,8 +228,10 @@ class Channels:
         if sensor.colour == "BAYER":
             self.gains = white_gains(white, sensor)
             if sensor.white_balance != "NONE" and self.rate > 0 and not can_balance(white):
-                self.warnings = ("There is no white balance, because a filter passes next to no light; check the "
-                                 "wavelengths of the filters, or set sensor.white_balance to NONE.",)
+                self.warnings = (
+                    "There is no white balance, because a filter passes next to no light; check the "
+                    "wavelengths of the filters, or set sensor.white_balance to NONE.",
+                )
 
     def planes(self, radiance: np.ndarray) -> list[np.ndarray]:
         """Signal of each channel from a radiance (H, W, 3), float64 (H, W); times ``rate``, electrons per second."""
@@ -227,8 +259,9 @@ class Channels:
 
     def matcher_level(self, radiance: np.ndarray, top: float) -> np.ndarray:
         """The grey image (H, W) of matchers, 1 at its top, without noise; ``top`` is Images.saturation_radiance."""
-        seen = [np.clip(gain * plane / top, 0.0, 1.0)
-                for gain, plane in zip(self.gains, self.planes(radiance), strict=True)]
+        seen = [
+            np.clip(gain * plane / top, 0.0, 1.0) for gain, plane in zip(self.gains, self.planes(radiance), strict=True)
+        ]
         return seen[0] if len(seen) == 1 else grey_of(np.stack(seen, axis=-1), self._sensor)
 
 
@@ -240,16 +273,20 @@ def _on_sensor(light: np.ndarray, camera: StereoCamera, lens: Lens | None) -> np
     return camera.cropped(light) if lens is None else lens.distort(light)
 
 
-def _exposures(light: np.ndarray, times: list[float], rate: float, settings: Settings,
-               stream: tuple[int, str, str], pitch_m: float) -> list[np.ndarray]:
+def _exposures(
+    light: np.ndarray, times: list[float], rate: float, settings: Settings, stream: tuple[int, str, str], pitch_m: float
+) -> list[np.ndarray]:
     """Digital numbers of one eye, exposed for each of ``times``."""
     sensor, seed = settings.sensor, int(settings.sensor.noise_seed)
     shape = light.shape[0], light.shape[1]
     pattern = draw_pattern(stream[0], stream[2], shape, sensor)
     numbers = []
     for k, seconds in enumerate(times):
-        freed = draw_hits(sensor, shape, pitch_m, seconds, noise_generator(
-            *stream, seed, k, 1)) if sensor.radiation_flux_cm2_s > 0 else 0.0
+        freed = (
+            draw_hits(sensor, shape, pitch_m, seconds, noise_generator(*stream, seed, k, 1))
+            if sensor.radiation_flux_cm2_s > 0
+            else 0.0
+        )
         charge = electrons(light, seconds, rate, sensor, noise_generator(*stream, seed, k, 0), pattern, freed)
         numbers.append(digital_numbers(charge, sensor))
     return numbers
@@ -257,19 +294,27 @@ def _exposures(light: np.ndarray, times: list[float], rate: float, settings: Set
 
 def exposure_facts(images: Images) -> Mapping[str, Any]:
     """The exposure of a pair, for reports; None for infinite values."""
-    return {"exposure_s": images.exposure_s, "exposures_s": [frame.seconds for frame in images.frames],
-            "gain_dn_per_e": images.gain_dn_per_e, "electrons_per_s_per_radiance": images.electron_rate,
-            "saturation_radiance": images.saturation_radiance if math.isfinite(images.saturation_radiance) else None,
-            "saturated": images.saturated,
-            **({"white_gains": list(images.white_gains)} if images.white_gains else {}),
-            **({"blocked_share": {eye: float(share.mean()) / 255 for eye, share in images.blocked.items()}}
-               if images.blocked else {}),
-            "image_bits": images.bits, "warnings": list(images.warnings)}
+    return {
+        "exposure_s": images.exposure_s,
+        "exposures_s": [frame.seconds for frame in images.frames],
+        "gain_dn_per_e": images.gain_dn_per_e,
+        "electrons_per_s_per_radiance": images.electron_rate,
+        "saturation_radiance": images.saturation_radiance if math.isfinite(images.saturation_radiance) else None,
+        "saturated": images.saturated,
+        **({"white_gains": list(images.white_gains)} if images.white_gains else {}),
+        **(
+            {"blocked_share": {eye: float(share.mean()) / 255 for eye, share in images.blocked.items()}}
+            if images.blocked
+            else {}
+        ),
+        "image_bits": images.bits,
+        "warnings": list(images.warnings),
+    }
 
 
 def to_8_bit(numbers: np.ndarray, bits: int, encoding: str = "LINEAR") -> np.ndarray:
     """uint8 of digital numbers of ``bits`` bits; both ends of the range stay at the ends."""
     if bits == 8 and encoding == "LINEAR":
         return numbers.astype(np.uint8)
-    level = numbers / (2.0 ** bits - 1)
+    level = numbers / (2.0**bits - 1)
     return np.rint(255.0 * (np.sqrt(level) if encoding == "SQUARE_ROOT" else level)).astype(np.uint8)

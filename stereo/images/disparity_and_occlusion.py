@@ -24,8 +24,9 @@ def scene_depth(view: Truth) -> np.ndarray:
     return np.where(view.semantic == PLANET, np.nan, view.depth)
 
 
-def visible_in_right(left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera,
-                     hidden: np.ndarray | None = None) -> np.ndarray:
+def visible_in_right(
+    left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera, hidden: np.ndarray | None = None
+) -> np.ndarray:
     """Boolean (H, W): the point that a left pixel sees is inside the right image and not hidden there.
 
     Both depths are planar metres, NaN for sky; sky is not visible. ``hidden``, Boolean (H, W), marks the points that
@@ -34,14 +35,16 @@ def visible_in_right(left_depth: np.ndarray, right_depth: np.ndarray, camera: St
     return _visible(left_depth, right_depth, camera, "left", hidden)
 
 
-def visible_in_left(left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera,
-                    hidden: np.ndarray | None = None) -> np.ndarray:
+def visible_in_left(
+    left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera, hidden: np.ndarray | None = None
+) -> np.ndarray:
     """The same for the pixels of the right image."""
     return _visible(right_depth, left_depth, camera, "right", hidden)
 
 
-def _visible(depth: np.ndarray, other_depth: np.ndarray, camera: StereoCamera, eye: str,
-             hidden: np.ndarray | None) -> np.ndarray:
+def _visible(
+    depth: np.ndarray, other_depth: np.ndarray, camera: StereoCamera, eye: str, hidden: np.ndarray | None
+) -> np.ndarray:
     disparity = camera.disparity(depth)
     if hidden is None:
         hidden = find_hidden(disparity, camera.disparity(other_depth), eye)

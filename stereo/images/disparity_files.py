@@ -18,8 +18,13 @@ _VALUE, _HEADER = 8, 2**14
 def read_disparity(path: Path, shape: tuple[int, ...]) -> np.ndarray | None:
     """The float32 disparity that ``image_files.write_disparity`` stored; None if it is damaged or of another shape."""
     try:
-        stored = read(path, lambda foreign: parse_npz(foreign, {_NAME}), "a stored disparity", "evaluate again",
-                      memory=_VALUE * math.prod(shape) + _HEADER)
+        stored = read(
+            path,
+            lambda foreign: parse_npz(foreign, {_NAME}),
+            "a stored disparity",
+            "evaluate again",
+            memory=_VALUE * math.prod(shape) + _HEADER,
+        )
     except IcyMoonError:
         return None
     disparity = stored.get(_NAME)

@@ -108,8 +108,13 @@ def _truth(channels: _Channels, path: Path) -> Truth:
         depth = _find(channels, BEAUTY if with_light else TRUTH, "Depth", "Z", path).astype(np.float64)
     depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
     hidden = channels.get((TRUTH, HIDDEN, "X"))
-    return Truth(depth, _normal(channels, path), _instances(channels), _labels(channels, _SEMANTIC),
-                 None if hidden is None else hidden > 0)
+    return Truth(
+        depth,
+        _normal(channels, path),
+        _instances(channels),
+        _labels(channels, _SEMANTIC),
+        None if hidden is None else hidden > 0,
+    )
 
 
 def read_light(path: Path, eye: str | None = None, groups: bool = True, rows: range | None = None) -> Light:
@@ -126,14 +131,20 @@ def read_baked_error(path: Path, eye: str | None = None) -> dict[str, np.ndarray
     Raises IcyMoonError if the file is missing or damaged.
     """
     channels = _read_channels(path, eye, BAKED_ERROR_PASSES.values())
-    return {group: channels[BEAUTY, name, "X"].astype(np.float64) for group, name in BAKED_ERROR_AOVS.items()
-            if (BEAUTY, name, "X") in channels}
+    return {
+        group: channels[BEAUTY, name, "X"].astype(np.float64)
+        for group, name in BAKED_ERROR_AOVS.items()
+        if (BEAUTY, name, "X") in channels
+    }
 
 
 def _light(channels: _Channels, path: Path, groups: bool) -> Light:
     """The light, with or without its ``groups``. In files without an image it is their sum."""
-    found = {group: _radiance(channels, f"Combined_{group}", path) for group in LIGHT_GROUPS
-             if (BEAUTY, f"Combined_{group}", "R") in channels}
+    found = {
+        group: _radiance(channels, f"Combined_{group}", path)
+        for group in LIGHT_GROUPS
+        if (BEAUTY, f"Combined_{group}", "R") in channels
+    }
     is_sum = len(found) == len(LIGHT_GROUPS) and (BEAUTY, "Combined", "R") not in channels
     radiance = np.sum(list(found.values()), axis=0) if is_sum else _radiance(channels, "Combined", path)
     return Light(radiance, found if groups else {})
@@ -144,8 +155,9 @@ def _radiance(channels: _Channels, pass_name: str, path: Path) -> np.ndarray:
     return np.stack(bands, axis=-1).astype(np.float32, copy=False)
 
 
-def _read_channels(path: Path, eye: str | None, passes: Collection[str] = (), without: Collection[str] = (),
-                   rows: range | None = None) -> _Channels:
+def _read_channels(
+    path: Path, eye: str | None, passes: Collection[str] = (), without: Collection[str] = (), rows: range | None = None
+) -> _Channels:
     """The channels of an eye: all, or at least the ``passes`` (``LAYER.PASS``), or all except ``without``."""
     if not path.is_file():
         raise IcyMoonError(f"{path} is missing; {_FIX}.")
@@ -169,8 +181,9 @@ def _read_file(path: Path, parse: Callable[[ForeignBytes], Parsed]) -> Parsed:
     return read_foreign(path, parse, KIND, _FIX, most=MOST_BYTES)
 
 
-def _read_parts(path: Path, passes: Collection[str], without: Collection[str], rows: range | None
-                ) -> list[tuple[str, dict[str, np.ndarray]]]:
+def _read_parts(
+    path: Path, passes: Collection[str], without: Collection[str], rows: range | None
+) -> list[tuple[str, dict[str, np.ndarray]]]:
     """Of each part of a file the view that it states, if any, and its channels by name."""
     if rows is None:
         return _read_whole(path, passes, without)
@@ -179,12 +192,15 @@ def _read_parts(path: Path, passes: Collection[str], without: Collection[str], r
         file = folder / path.name
         file.write_bytes(data)
         found = _read_whole(file, (), ())
-    return [(view, {name: values[before:before + len(rows)] for name, values in channels.items()})
-            for view, channels in found]
+    return [
+        (view, {name: values[before : before + len(rows)] for name, values in channels.items()})
+        for view, channels in found
+    ]
 
 
-def _read_whole(path: Path, passes: Collection[str], without: Collection[str]
-                ) -> list[tuple[str, dict[str, np.ndarray]]]:
+def _read_whole(
+    path: Path, passes: Collection[str], without: Collection[str]
+) -> list[tuple[str, dict[str, np.ndarray]]]:
     if is_in_blender():
         return _decode(path, passes, without)
     try:
@@ -198,8 +214,10 @@ def _read_whole(path: Path, passes: Collection[str], without: Collection[str]
     # OpenEXR leaves out a part that it cannot decode, and reports that on standard output only.
     if len(parts) < parts_announced:
         raise IcyMoonError(f"{path} is damaged or incomplete; {_FIX}.")
-    return [(part.header.get("view") or "", {name: _full(channel.pixels) for name, channel in part.channels.items()})
-            for part in parts]
+    return [
+        (part.header.get("view") or "", {name: _full(channel.pixels) for name, channel in part.channels.items()})
+        for part in parts
+    ]
 
 
 def _full(values: np.ndarray) -> np.ndarray:
@@ -207,8 +225,7 @@ def _full(values: np.ndarray) -> np.ndarray:
     return values.astype(np.float32) if values.dtype == np.float16 else values
 
 
-def _decode(path: Path, passes: Collection[str], without: Collection[str]
-            ) -> list[tuple[str, dict[str, np.ndarray]]]:
+def _decode(path: Path, passes: Collection[str], without: Collection[str]) -> list[tuple[str, dict[str, np.ndarray]]]:
     """The same in numpy, for what Blender writes."""
     return _read_file(path, lambda foreign: list(decode_parts(_cut(foreign.content(), passes, without))))
 
@@ -241,15 +258,16 @@ def _find(channels: _Channels, layer: str, pass_name: str, component: str, path:
     try:
         return channels[layer, pass_name, component]
     except KeyError:
-        raise IcyMoonError(f"{path} has no channel {layer}.{pass_name}.{component}; "
-                           f"{_FIX}.") from None
+        raise IcyMoonError(f"{path} has no channel {layer}.{pass_name}.{component}; {_FIX}.") from None
 
 
 def _normal(channels: _Channels, path: Path) -> np.ndarray | None:
     """Normals of facets. The materials of the user's own objects do not write these; there it is the shading normal."""
-    found = [[_find(channels, TRUTH, name, axis, path) for axis in components]
-             for name, components in ((NORMAL_AOV, "RGB"), (NORMAL_AOV, "XYZ"), ("Normal", "XYZ"))
-             if (TRUTH, name, components[0]) in channels]
+    found = [
+        [_find(channels, TRUTH, name, axis, path) for axis in components]
+        for name, components in ((NORMAL_AOV, "RGB"), (NORMAL_AOV, "XYZ"), ("Normal", "XYZ"))
+        if (TRUTH, name, components[0]) in channels
+    ]
     if not found:
         return None
     normal = np.stack(found[0], axis=-1)

@@ -56,8 +56,16 @@ def parse_channels(foreign: ForeignBytes) -> list[Channel]:
         part_name = part.values.get(b"name", b"").decode() if len(parts) > 1 else ""
         for name, stated in part.channels.items():
             across, down = stated.steps
-            found.append(Channel(number, name, -(-columns // across), -(-rows // down),
-                                 np.dtype(f"<{_TYPES[stated.kind]}"), part_name))
+            found.append(
+                Channel(
+                    number,
+                    name,
+                    -(-columns // across),
+                    -(-rows // down),
+                    np.dtype(f"<{_TYPES[stated.kind]}"),
+                    part_name,
+                )
+            )
             foreign.budget.charge(found[-1].size_bytes, "channels")
     if not found:
         raise ValueError("it has no channels")

@@ -42,7 +42,7 @@ def write_sheet(pictures: Sequence[tuple[Path, str, str]], file: Path, most_byte
     height = max(cell.shape[0] for cell in cells)
     cells = [np.pad(cell, ((0, height - cell.shape[0]), (0, 0), (0, 0))) for cell in cells]
     cells += [np.zeros_like(cells[0])] * (-len(cells) % columns)
-    sheet = np.vstack([np.hstack(cells[k:k + columns]) for k in range(0, len(cells), columns)])
+    sheet = np.vstack([np.hstack(cells[k : k + columns]) for k in range(0, len(cells), columns)])
     for quality in _QUALITIES:
         content = encoded(sheet, ".jpg", quality)
         if len(content) <= most_bytes:

@@ -67,14 +67,18 @@ def read_png(path: Path, decode: Decode | None = None) -> np.ndarray:
     or too large; OpenCV would fill a truncated image with black.
     """
     most = None if decode else _MOST_OWN_PIXELS
-    return read(path, lambda foreign: (decode or decode_here)(parse_png(foreign, most)), "a whole PNG image", _AGAIN,
-                memory=MOST_IMAGE_MEMORY if decode else 8 * _MOST_OWN_PIXELS)
+    return read(
+        path,
+        lambda foreign: (decode or decode_here)(parse_png(foreign, most)),
+        "a whole PNG image",
+        _AGAIN,
+        memory=MOST_IMAGE_MEMORY if decode else 8 * _MOST_OWN_PIXELS,
+    )
 
 
 def read_picture(path: Path, decode: Decode = decode_here) -> np.ndarray:
     """A PNG, JPEG or WebP file, as from ``read_png``. Raises IcyMoonError if it is another, damaged or too large."""
-    return read(path, lambda foreign: decode(parse_picture(foreign)), "a whole image", _AGAIN,
-                memory=MOST_IMAGE_MEMORY)
+    return read(path, lambda foreign: decode(parse_picture(foreign)), "a whole image", _AGAIN, memory=MOST_IMAGE_MEMORY)
 
 
 def read_pfm(path: Path, colours: bool = False) -> np.ndarray:
@@ -83,8 +87,9 @@ def read_pfm(path: Path, colours: bool = False) -> np.ndarray:
     The sign of its scale gives the byte order; values are not scaled. Raises IcyMoonError if it is missing, of another
     kind, damaged or too large.
     """
-    return read(path, lambda foreign: parse_pfm(foreign, colours), "a whole PFM image", _AGAIN,
-                memory=MOST_IMAGE_MEMORY)
+    return read(
+        path, lambda foreign: parse_pfm(foreign, colours), "a whole PFM image", _AGAIN, memory=MOST_IMAGE_MEMORY
+    )
 
 
 def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> np.ndarray:
@@ -120,7 +125,7 @@ def _after_spaces(head: bytes, at: int) -> int:
     while at < len(head):
         if head[at] in _SPACES:
             at += 1
-        elif head[at:at + 1] == b"#" and head[at - 1:at] in (b"\r", b"\n"):
+        elif head[at : at + 1] == b"#" and head[at - 1 : at] in (b"\r", b"\n"):
             at = head.find(b"\n", at) + 1 or len(head)
         else:
             break
@@ -141,8 +146,10 @@ def _start_of_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> 
         if last.endswith(behind) and end < start <= len(head) and _is_gap(head[end:start], windows):
             found.append(start)
     if len(found) > 1:
-        raise RefusedError("can be read in two ways, as its lines end in two; write its header with one kind of line "
-                           "end, and nothing behind the pixels.")
+        raise RefusedError(
+            "can be read in two ways, as its lines end in two; write its header with one kind of line "
+            "end, and nothing behind the pixels."
+        )
     if not found:
         raise ValueError(f"{max(0, foreign.size - end - 1)} bytes follow its header, and its size needs {count}")
     return found[0]
@@ -152,7 +159,7 @@ def _is_gap(gap: bytes, windows: bool) -> bool:
     """Whether bytes may stand between the header of a PFM and its body; of a file with lines as of Windows, a single
     carriage return is half of a line end."""
     if len(gap) == 1:
-        return gap in (_SPACES[k:k + 1] for k in range(len(_SPACES))) and not (windows and gap == b"\r")
+        return gap in (_SPACES[k : k + 1] for k in range(len(_SPACES))) and not (windows and gap == b"\r")
     first, newline, rest = gap.partition(b"\n")
     if not newline or first.strip(b" \t\r"):
         return False
@@ -166,11 +173,15 @@ def write_npy(path: Path, values: np.ndarray) -> None:
     write_bytes(path, stream.getvalue())
 
 
-def write_disparity(path: Path, disparity: np.ndarray, arrays: Mapping[str, np.ndarray] | None = None,
-                    **facts: float) -> None:
+def write_disparity(
+    path: Path, disparity: np.ndarray, arrays: Mapping[str, np.ndarray] | None = None, **facts: float
+) -> None:
     """Write an npz with ``disparity`` (float32 px, NaN where invalid), named arrays and numbers, atomically."""
-    values = {"disparity": disparity.astype(np.float32), **(arrays or {}),
-              **{name: np.float64(value) for name, value in facts.items()}}
+    values = {
+        "disparity": disparity.astype(np.float32),
+        **(arrays or {}),
+        **{name: np.float64(value) for name, value in facts.items()},
+    }
     # In memory first: on a full disk a zip file raises a second error when it is closed.
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=_LEVEL) as archive:

@@ -36,12 +36,12 @@ _WEBP_OPACITY, _WEBP_MOST_PARTS = 0x10, 10_000
 _MOST_SEGMENTS, _MOST_SCANS, _MOST_FILL = 10_000, 100, 64
 #: Bytes of a scan that are looked through at once.
 _BLOCK = 2**16
-_START_OF_IMAGE, _END_OF_IMAGE, _START_OF_SCAN, _EXIF = 0xd8, 0xd9, 0xda, 0xe1
+_START_OF_IMAGE, _END_OF_IMAGE, _START_OF_SCAN, _EXIF = 0xD8, 0xD9, 0xDA, 0xE1
 #: With Huffman's codes, a block of 8 x 8 pixels has at least one bit, in one of at most two bands. OpenCV would fill
 #: missing blocks with grey.
-_PIXELS_PER_BYTE, _LAST_OF_HUFFMAN = 2 * 64 * 8, 0xc7
-_FRAMES = set(range(0xc0, 0xd0)) - {0xc4, 0xc8, 0xcc}
-_ALONE = {0x01, *range(0xd0, 0xd8)}  # markers without a length
+_PIXELS_PER_BYTE, _LAST_OF_HUFFMAN = 2 * 64 * 8, 0xC7
+_FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_ALONE = {0x01, *range(0xD0, 0xD8)}  # markers without a length
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,9 @@ def check_size(width: int, height: int, most_pixels: int | None = None) -> int:
     if width < 1 or height < 1:
         raise RefusedError(f"states {width} x {height} px, an image without pixels; make it again.")
     if width * height > most:
-        raise RefusedError(f"states {width} x {height} px, and {most} pixels are the most that is read; make it "
-                           "smaller.")
+        raise RefusedError(
+            f"states {width} x {height} px, and {most} pixels are the most that is read; make it smaller."
+        )
     return width * height
 
 
@@ -137,7 +138,7 @@ def parse_jpeg(foreign: ForeignBytes) -> Encoded:
             width, height, _ = frame
             if packs_blocks and cursor.at < width * height / _PIXELS_PER_BYTE:
                 raise ValueError(f"it has {cursor.at} bytes, fewer than its size needs")
-            return Encoded(data[:cursor.at], *frame, orientation)
+            return Encoded(data[: cursor.at], *frame, orientation)
         length = cursor.number(">H") - 2
         if kind in _FRAMES:
             if frame:
@@ -170,7 +171,7 @@ def _next_marker(cursor: Cursor) -> int:
         raise ValueError(f"no marker at byte {cursor.at - 1}")
     for _ in range(_MOST_FILL):
         kind = cursor.number("B")
-        if kind != 0xff:
+        if kind != 0xFF:
             return kind
     raise ValueError(f"no marker at byte {cursor.at - 1}")
 
@@ -181,9 +182,9 @@ def _end_of_scan(values: np.ndarray, at: int) -> int:
     Raises ValueError if no marker follows: the file was cut off.
     """
     for begin in range(at, len(values) - 1, _BLOCK):
-        block = values[begin:begin + _BLOCK + 1]
+        block = values[begin : begin + _BLOCK + 1]
         after = block[1:]
-        found = np.flatnonzero((block[:-1] == 0xff) & (after != 0) & (after != 0xff) & (after & 0xf8 != 0xd0))
+        found = np.flatnonzero((block[:-1] == 0xFF) & (after != 0) & (after != 0xFF) & (after & 0xF8 != 0xD0))
         if found.size:
             return begin + int(found[0])
     raise ValueError("it ends within its pixels")
@@ -231,8 +232,10 @@ def parse_webp(foreign: ForeignBytes) -> Encoded:
 def _packed(foreign: ForeignBytes) -> bytes:
     """The content of a file whose size in pixels is known only when it is read."""
     if foreign.size > _MOST_PACKED:
-        raise RefusedError(f"has {foreign.size / 1e6:.0f} MB, and {_MOST_PACKED / 1e6:.0f} MB are the most that is "
-                           "read of its kind; make it smaller.")
+        raise RefusedError(
+            f"has {foreign.size / 1e6:.0f} MB, and {_MOST_PACKED / 1e6:.0f} MB are the most that is "
+            "read of its kind; make it smaller."
+        )
     return foreign.content()
 
 

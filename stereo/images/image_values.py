@@ -14,7 +14,7 @@ def to_8_bit(image: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(image)
     scaled = np.empty(image.shape, np.uint8)
     for top in range(0, len(image), _ROWS):  # whole images would take eight bytes a value
-        scaled[top:top + _ROWS] = np.rint(image[top:top + _ROWS] / 257.0)
+        scaled[top : top + _ROWS] = np.rint(image[top : top + _ROWS] / 257.0)
     return scaled
 
 

@@ -56,8 +56,9 @@ class Lens:
         left, top = np.clip(np.floor(place).astype(np.intp), 0, [width - 2, height - 2]).transpose(2, 0, 1)
         right_share, bottom_share = place[..., 0] - left, place[..., 1] - top
         inverse = 1 / depth.astype(np.float64)
-        upper, lower = ((1 - right_share) * inverse[line, left] + right_share * inverse[line, left + 1]
-                        for line in (top, top + 1))
+        upper, lower = (
+            (1 - right_share) * inverse[line, left] + right_share * inverse[line, left + 1] for line in (top, top + 1)
+        )
         between = (1 - bottom_share) * upper + bottom_share * lower
         usable = inside & _within_surfaces(inverse)[top, left] & (between > 0)
         return np.where(usable, 1 / np.where(usable, between, 1.0), nearest)
@@ -66,8 +67,9 @@ class Lens:
     def sees(self) -> np.ndarray:
         """Boolean (H, W): the sensor sees this pixel of the rectified image."""
         height, width = self.sensor_in_rendered.shape[:2]
-        return (_inside(self.rectified_in_sensor, (width, height), 0.0)
-                & _inside(self.rectified_in_rendered, self.rendered_px, 0.0))
+        return _inside(self.rectified_in_sensor, (width, height), 0.0) & _inside(
+            self.rectified_in_rendered, self.rendered_px, 0.0
+        )
 
 
 def lens_of(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
@@ -91,8 +93,12 @@ def _lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
         return (normalised * camera.focal_px + principal - 0.5 + beside).astype(np.float32)
 
     rectified = _turned(points, camera.eye_rotation(eye), k) if camera.toe_in_deg else points
-    return Lens(columns_and_rows(undistort(points, k), margin), columns_and_rows(distort(rectified, k)),
-                columns_and_rows(rectified, margin), camera.rendered_px)
+    return Lens(
+        columns_and_rows(undistort(points, k), margin),
+        columns_and_rows(distort(rectified, k)),
+        columns_and_rows(rectified, margin),
+        camera.rendered_px,
+    )
 
 
 def _turned(points: np.ndarray, rotation: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
@@ -139,7 +145,12 @@ def _remapped(image: np.ndarray, where: np.ndarray, cubic: bool = False) -> np.n
 
     height, width = image.shape[:2]
     at = np.nan_to_num(where, nan=-1.0)
-    found = cv2.remap(image.astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_CUBIC if cubic else cv2.INTER_LINEAR,
-                      borderMode=cv2.BORDER_REPLICATE)
+    found = cv2.remap(
+        image.astype(np.float32),
+        at[..., 0],
+        at[..., 1],
+        cv2.INTER_CUBIC if cubic else cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
     found[~_inside(where, (width, height), 0.0)] = np.nan
     return np.asarray(found)

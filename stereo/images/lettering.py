@@ -10,18 +10,57 @@ _BASELINE, _CAP, _TOP = 2, 6, 9  # rows of the grid: below the letters, height o
 _GAP = 2  # columns between letters, and half a space
 #: Strokes of each character, as points with a digit for the column and a digit for the row, counted from below.
 _STROKES = {
-    "0": "120307183847433212", "1": "062822", "2": "0718384746 0242 4602", "3": "07183847463515 3544433212 1203",
-    "4": "32380444", "5": "480805354443321203", "6": "4738180703123243443505", "7": "084812",
-    "8": "15060718384746351504031232434435", "9": "45150607183847433212",
-    "a": "4642 4536160503123243", "b": "0802 0516364543321203", "c": "4536160503123243", "d": "4842 4536160503123243",
-    "e": "04444536160503123243", "f": "38281712 0636", "g": "4641301001 4536160503123243", "h": "0802 0516364542",
-    "i": "0602 0808", "j": "161100 1818", "k": "0802 0436 1532", "l": "0802", "m": "0602 0516263532 3546566562",
-    "n": "0602 0516364542", "o": "120305163645433212", "p": "0600 0516364543321203", "q": "4640 4536160503123243",
-    "r": "0602 051636", "s": "461605143443 4332 3202", "t": "18132232 0636", "u": "0603123243 4642", "v": "062246",
-    "w": "0612365266", "x": "0642 0246", "y": "0622 4610", "z": "06460242",
-    "D": "02083847433202", "L": "080242", "R": "02083847463505 2542", "T": "0848 2822", "N": "02084248",
-    "S": "4738180706153544433212 1203", ".": "0202", ",": "1201", "-": "0444", "|": "0900",
-    "(": "19070311", ")": "09171301", "+": "0444 2622", "/": "0048"}
+    "0": "120307183847433212",
+    "1": "062822",
+    "2": "0718384746 0242 4602",
+    "3": "07183847463515 3544433212 1203",
+    "4": "32380444",
+    "5": "480805354443321203",
+    "6": "4738180703123243443505",
+    "7": "084812",
+    "8": "15060718384746351504031232434435",
+    "9": "45150607183847433212",
+    "a": "4642 4536160503123243",
+    "b": "0802 0516364543321203",
+    "c": "4536160503123243",
+    "d": "4842 4536160503123243",
+    "e": "04444536160503123243",
+    "f": "38281712 0636",
+    "g": "4641301001 4536160503123243",
+    "h": "0802 0516364542",
+    "i": "0602 0808",
+    "j": "161100 1818",
+    "k": "0802 0436 1532",
+    "l": "0802",
+    "m": "0602 0516263532 3546566562",
+    "n": "0602 0516364542",
+    "o": "120305163645433212",
+    "p": "0600 0516364543321203",
+    "q": "4640 4536160503123243",
+    "r": "0602 051636",
+    "s": "461605143443 4332 3202",
+    "t": "18132232 0636",
+    "u": "0603123243 4642",
+    "v": "062246",
+    "w": "0612365266",
+    "x": "0642 0246",
+    "y": "0622 4610",
+    "z": "06460242",
+    "D": "02083847433202",
+    "L": "080242",
+    "R": "02083847463505 2542",
+    "T": "0848 2822",
+    "N": "02084248",
+    "S": "4738180706153544433212 1203",
+    ".": "0202",
+    ",": "1201",
+    "-": "0444",
+    "|": "0900",
+    "(": "19070311",
+    ")": "09171301",
+    "+": "0444 2622",
+    "/": "0048",
+}
 
 
 @lru_cache(maxsize=64)
@@ -33,8 +72,10 @@ def draw_text(text: str, height_px: float) -> np.ndarray:
     unit, across = height_px / _CAP, 1
     lines = []
     for character in text:
-        strokes = [np.array([(int(a), int(b)) for a, b in zip(s[::2], s[1::2], strict=True)], float)
-                   for s in _STROKES.get(character, "").split()]
+        strokes = [
+            np.array([(int(a), int(b)) for a, b in zip(s[::2], s[1::2], strict=True)], float)
+            for s in _STROKES.get(character, "").split()
+        ]
         lines += [points + np.array([across, 0]) for points in strokes]
         across += _GAP + int(max((points[:, 0].max() for points in strokes), default=_GAP))
     covered = np.zeros((round((_TOP + 1) * unit), max(1, round(across * unit))), np.float32)
@@ -64,9 +105,9 @@ def put_text(picture: np.ndarray, text: str, left: int, baseline: int, height_px
     """Write a text in a grey ``level`` onto a picture (H, W, 3) uint8, in place, cut at its edges."""
     covered = draw_text(text, height_px)
     top = baseline - round((_TOP + 0.5 - _BASELINE) * height_px / _CAP)
-    inside = covered[max(0, -top):, max(0, -left):]
-    part = picture[max(0, top):, max(0, left):][:inside.shape[0], :inside.shape[1]]
-    share = inside[:part.shape[0], :part.shape[1], None]
+    inside = covered[max(0, -top) :, max(0, -left) :]
+    part = picture[max(0, top) :, max(0, left) :][: inside.shape[0], : inside.shape[1]]
+    share = inside[: part.shape[0], : part.shape[1], None]
     part[:] = np.rint(part + share * (level - part.astype(np.float32)))
 
 

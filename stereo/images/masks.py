@@ -25,7 +25,7 @@ def fill_polygons(shape: tuple[int, int], outlines: Sequence[np.ndarray], finer:
     mask = np.zeros((shape[0] * finer, shape[1] * finer), np.uint8)
     for each in outlines:
         cv2.fillPoly(mask, [_fixed(np.asarray(each) * finer)], (1,), shift=_BITS)
-    return mask[finer // 2::finer, finer // 2::finer].astype(bool)
+    return mask[finer // 2 :: finer, finer // 2 :: finer].astype(bool)
 
 
 def fill_triangles(shape: tuple[int, int], corners: np.ndarray, faces: np.ndarray) -> np.ndarray:

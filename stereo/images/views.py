@@ -36,8 +36,9 @@ def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light
     _check_size(pair, image, light.radiance)
     _check_size(pair, truth, real.depth)
     real = _cropped(real, pair)
-    return light, View(*_on_parallel_rig(light, pair, eye), real.depth, real.normal, real.instance, real.semantic,
-                       real.hidden)
+    return light, View(
+        *_on_parallel_rig(light, pair, eye), real.depth, real.normal, real.instance, real.semantic, real.hidden
+    )
 
 
 def read_baked_error(pair: Pair, eye: str) -> dict[str, np.ndarray]:
@@ -79,6 +80,7 @@ def _turn_to_parallel(pair: Pair, eye: str) -> Callable[[np.ndarray], np.ndarray
 
 def _cropped(images: _Images, pair: Pair) -> _Images:
     """``images`` with all of its arrays cropped to the image without margins."""
+
     def crop(value: Any) -> Any:
         if isinstance(value, dict):
             return {key: crop(each) for key, each in value.items()}
@@ -90,5 +92,7 @@ def _cropped(images: _Images, pair: Pair) -> _Images:
 def _check_size(pair: Pair, path: Any, image: np.ndarray) -> None:
     height, width = image.shape[:2]
     if (width, height) != pair.camera.rendered_px:
-        raise IcyMoonError(f"{path} is {width} x {height} px, but its camera has {pair.camera.rendered_px[0]} x "
-                           f"{pair.camera.rendered_px[1]} px; render the pair again.")
+        raise IcyMoonError(
+            f"{path} is {width} x {height} px, but its camera has {pair.camera.rendered_px[0]} x "
+            f"{pair.camera.rendered_px[1]} px; render the pair again."
+        )

@@ -98,8 +98,9 @@ def _weights(scenes: int) -> np.ndarray:
 def _resamples(scenes: int, seed: int) -> np.ndarray:
     """How often each resample contains each scene (draws, scenes)."""
     random = generator(seed, "statistics", 2)
-    return np.stack([np.bincount(random.integers(0, scenes, scenes), minlength=scenes)
-                     for _ in range(_draws(_RESAMPLES, scenes))]).astype(float)
+    return np.stack(
+        [np.bincount(random.integers(0, scenes, scenes), minlength=scenes) for _ in range(_draws(_RESAMPLES, scenes))]
+    ).astype(float)
 
 
 def _share_bounds(sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
@@ -107,8 +108,13 @@ def _share_bounds(sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
     own, number = weights[:, 1:] @ sums, weights[:, 1:] @ counts
     added = weights[:, :1] * counts.max(axis=0)
     outside = (1 - LEVEL) / 2
-    return np.stack([np.quantile(own / (number + added), outside, axis=0),
-                     np.quantile((own + added) / (number + added), 1 - outside, axis=0)], axis=1)
+    return np.stack(
+        [
+            np.quantile(own / (number + added), outside, axis=0),
+            np.quantile((own + added) / (number + added), 1 - outside, axis=0),
+        ],
+        axis=1,
+    )
 
 
 @dataclass(frozen=True)
@@ -157,9 +163,10 @@ def _ratios(times: np.ndarray, sums: np.ndarray, counts: np.ndarray) -> tuple[np
     number = scenes * counts[0] if alike else times @ counts
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = total / number
-        mixed, squares = (total * counts[0], number * counts[0]) if alike else (times @ (sums * counts),
-                                                                               times @ counts ** 2)
-        square = times @ sums ** 2 - 2 * mean * mixed + mean ** 2 * squares
+        mixed, squares = (
+            (total * counts[0], number * counts[0]) if alike else (times @ (sums * counts), times @ counts**2)
+        )
+        square = times @ sums**2 - 2 * mean * mixed + mean**2 * squares
         return mean, np.sqrt(np.maximum(square, 0.0) * told / (told - 1)) / number
 
 

@@ -85,8 +85,12 @@ def compare(differences: np.ndarray, seed: int) -> Family:
     """
     columns = [_Column(differences[~np.isnan(differences[:, k]), k]) for k in range(differences.shape[1])]
     scenes = np.array([len(column.sums.values) for column in columns], int)
-    found = Family(scenes, np.array([column.typical for column in columns], float),
-                   *(np.full(len(columns), np.nan) for _ in range(4)), scenes_needed(len(columns)))
+    found = Family(
+        scenes,
+        np.array([column.typical for column in columns], float),
+        *(np.full(len(columns), np.nan) for _ in range(4)),
+        scenes_needed(len(columns)),
+    )
     tested = np.flatnonzero(scenes >= found.needed)
     if not tested.size:
         return found
@@ -135,8 +139,10 @@ class _Column:
         outside = math.ceil((self.sums.count - limit) / 2 - 1e-6)
         if outside < 1:
             return -math.inf, math.inf
-        return tuple(self.sums.at(place) * self.unit / 2  # type: ignore[return-value]
-                     for place in (outside - 1, self.sums.count - outside))
+        return tuple(
+            self.sums.at(place) * self.unit / 2  # type: ignore[return-value]
+            for place in (outside - 1, self.sums.count - outside)
+        )
 
 
 def _centred_ranks(differences: np.ndarray, columns: list[_Column]) -> np.ndarray:
@@ -156,8 +162,9 @@ def _flip(ranks: np.ndarray, seed: int) -> np.ndarray:
     """The absolute statistics (flips, comparisons) of random signs of the scenes of signed ranks."""
     number = np.float32 if len(ranks) < _MOST_SINGLE else np.float64
     used, signs = ranks.astype(number), _signs(len(ranks), seed)
-    return np.concatenate([np.abs(signs[start:start + _AT_ONCE].astype(number) @ used)
-                           for start in range(0, len(signs), _AT_ONCE)]).astype(np.float64)
+    return np.concatenate(
+        [np.abs(signs[start : start + _AT_ONCE].astype(number) @ used) for start in range(0, len(signs), _AT_ONCE)]
+    ).astype(np.float64)
 
 
 @lru_cache(maxsize=1)

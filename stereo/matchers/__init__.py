@@ -36,8 +36,14 @@ from .search_range import SearchRange
 
 #: Titles that readers see instead of the names of matchers, in tables, charts, sentences and in the window; and the
 #: needs of some matchers beside the evaluator.
-TITLES = {"bm": "StereoBM", "sgbm": "SGBM", "sgbm_wls": "SGBM with WLS", "jplv": "JPLV", "igev": "IGEV-Stereo",
-          "dsmnet": "DSMNet"}
+TITLES = {
+    "bm": "StereoBM",
+    "sgbm": "SGBM",
+    "sgbm_wls": "SGBM with WLS",
+    "jplv": "JPLV",
+    "igev": "IGEV-Stereo",
+    "dsmnet": "DSMNet",
+}
 NEEDS = {"igev": "PyTorch and a checkpoint", "dsmnet": "PyTorch and a checkpoint"}
 #: Our matchers; each is the module of this name. The user sets up the last ones, with a file or a program.
 MATCHERS = (*TITLES, "onnx", "resident", "stereo_matching", "external")
@@ -55,9 +61,14 @@ def matcher_names() -> tuple[str, ...]:
     return (*MATCHERS, *find_plugins().usable)
 
 
-def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str, Any] | None = None,
-          camera: StereoCamera | None = None, ranges: Mapping[str, SearchRange] | None = None
-          ) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+def match(
+    method: str,
+    left: np.ndarray,
+    right: np.ndarray,
+    options: Mapping[str, Any] | None = None,
+    camera: StereoCamera | None = None,
+    ranges: Mapping[str, SearchRange] | None = None,
+) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
     """Compute the disparity of the left image with the matcher ``method``.
 
     ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey (H, W) or colour
@@ -80,8 +91,10 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     prepare = _rgb if getattr(module, "COLOUR", False) else GREYS[complete.get("grey", "mean")]
     left, right = prepare(_check_image(left, "left")), prepare(_check_image(right, "right"))
     if left.shape[:2] != right.shape[:2]:
-        raise IcyMoonError(f"The left image is {describe_size(left)}, the right one {describe_size(right)}; "
-                           "give two images of the same size.")
+        raise IcyMoonError(
+            f"The left image is {describe_size(left)}, the right one {describe_size(right)}; "
+            "give two images of the same size."
+        )
     search = None
     if settle := getattr(module, "settle", None):
         complete, search = settle(complete, ranges or {}, left.shape)
@@ -93,11 +106,25 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     valid = (result.disparity > 0) & np.isfinite(result.disparity)
     if not valid.any() and not getattr(module, "SPARSE", False):
         what = "a positive number" if np.isfinite(result.disparity).any() else "a number"
-        raise IcyMoonError(f"{TITLES.get(method, method)} gave no pixel {what}; its checkpoint or program is damaged, "
-                           "or writes disparities with the wrong sign or unit.")
-    return (np.where(valid, result.disparity, np.nan).astype(np.float32), valid,
-            {"method": method, "options": complete, **dict.fromkeys(COSTS), **costs, **result.costs,
-             "arrays": result.arrays, "counts": result.counts, "facts": result.facts, "search": search})
+        raise IcyMoonError(
+            f"{TITLES.get(method, method)} gave no pixel {what}; its checkpoint or program is damaged, "
+            "or writes disparities with the wrong sign or unit."
+        )
+    return (
+        np.where(valid, result.disparity, np.nan).astype(np.float32),
+        valid,
+        {
+            "method": method,
+            "options": complete,
+            **dict.fromkeys(COSTS),
+            **costs,
+            **result.costs,
+            "arrays": result.arrays,
+            "counts": result.counts,
+            "facts": result.facts,
+            "search": search,
+        },
+    )
 
 
 def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -120,8 +147,10 @@ def complete_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
 def option_keys(method: str) -> list[str]:
     """The options of a matcher, with ``preset`` and the names that OpenCV's manual has for them. Raises IcyMoonError
     for an unknown matcher."""
-    return ["preset", *(name for option in _import_matcher(method).OPTIONS for name in (option.key, option.opencv)
-                        if name)]
+    return [
+        "preset",
+        *(name for option in _import_matcher(method).OPTIONS for name in (option.key, option.opencv) if name),
+    ]
 
 
 def files_of(method: str, options: Mapping[str, Any]) -> list[str]:
@@ -135,8 +164,10 @@ def describe_matcher(method: str) -> str:
     module = _import_matcher(method)
     lines = [f"{method}: {(module.__doc__ or '').strip().splitlines()[0]}"]
     lines += [f"  {option.key}={option.default} ({option.range}) {option.doc}" for option in module.OPTIONS]
-    lines += [f"  preset={name} " + " ".join(f"{key}={value}" for key, value in chosen.items())
-              for name, chosen in module.PRESETS.items()]
+    lines += [
+        f"  preset={name} " + " ".join(f"{key}={value}" for key, value in chosen.items())
+        for name, chosen in module.PRESETS.items()
+    ]
     return "\n".join(lines)
 
 

@@ -22,8 +22,7 @@ _LARGEST_SLANT = 0.75  # disparity change per pixel; beyond it the right image i
 _SETTLED_PX = 0.05  # a fit whose last step was longer has not converged
 
 
-def refine(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, window: int,
-           steps: int) -> np.ndarray:
+def refine(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, window: int, steps: int) -> np.ndarray:
     """Refine a disparity that is right to about half a pixel; float64 (H, W) px, NaN where invalid.
 
     ``left`` and ``right`` are (H, W) images, ``window`` the odd side of the square that is fitted. Where no fit is
@@ -40,8 +39,15 @@ def refine(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, window: i
         rows = slice(top, min(top + _ROWS, height - half))
         if np.isfinite(disparity[rows, columns]).any():
             result[rows, columns] = _fit(
-                left.astype(np.float32), gradient, fine, inverse[:, :, rows, columns], disparity[rows, columns],
-                (rows.start, columns.start), half, steps)
+                left.astype(np.float32),
+                gradient,
+                fine,
+                inverse[:, :, rows, columns],
+                disparity[rows, columns],
+                (rows.start, columns.start),
+                half,
+                steps,
+            )
     return result
 
 
@@ -55,10 +61,14 @@ def _inverse_normal_matrices(gradient: np.ndarray, half: int) -> np.ndarray:
         return cv2.sepFilter2D(power, cv2.CV_64F, along, down, borderType=cv2.BORDER_CONSTANT)
 
     one, u, v = moment(ones, ones), moment(offsets, ones), moment(ones, offsets)
-    uu, uv, vv = moment(offsets ** 2, ones), moment(offsets, offsets), moment(ones, offsets ** 2)
-    cofactors = np.array([[uu * vv - uv * uv, uv * v - u * vv, u * uv - uu * v],
-                          [uv * v - u * vv, one * vv - v * v, u * v - one * uv],
-                          [u * uv - uu * v, u * v - one * uv, one * uu - u * u]])
+    uu, uv, vv = moment(offsets**2, ones), moment(offsets, offsets), moment(ones, offsets**2)
+    cofactors = np.array(
+        [
+            [uu * vv - uv * uv, uv * v - u * vv, u * uv - uu * v],
+            [uv * v - u * vv, one * vv - v * v, u * v - one * uv],
+            [u * uv - uu * v, u * v - one * uv, one * uu - u * u],
+        ]
+    )
     determinant = one * cofactors[0, 0] + u * cofactors[0, 1] + v * cofactors[0, 2]
     # Windows without texture, or with all of it on one line, determine no plane.
     usable = determinant > 1e-6 * np.maximum(one, 1e-9) * np.maximum(uu, 1e-9) * np.maximum(vv, 1e-9)
@@ -74,12 +84,20 @@ def _resampled(image: np.ndarray) -> np.ndarray:
         distance = np.arange(2 * _TAPS) - (_TAPS - 1) - phase / _FINE
         weight = np.sinc(distance) * np.sinc(distance / _TAPS)
         for tap, share in enumerate((weight / weight.sum()).astype(np.float32)):
-            fine[:, :, phase] += share * padded[:, tap:tap + width]
+            fine[:, :, phase] += share * padded[:, tap : tap + width]
     return fine.reshape(height, width * _FINE)
 
 
-def _fit(left: np.ndarray, gradient: np.ndarray, fine: np.ndarray, inverse: np.ndarray, start: np.ndarray,
-         corner: tuple[int, int], half: int, steps: int) -> np.ndarray:
+def _fit(
+    left: np.ndarray,
+    gradient: np.ndarray,
+    fine: np.ndarray,
+    inverse: np.ndarray,
+    start: np.ndarray,
+    corner: tuple[int, int],
+    half: int,
+    steps: int,
+) -> np.ndarray:
     height, width = start.shape
     valid = np.isfinite(start)
     shift = np.where(valid, start, 0).astype(np.float32)
@@ -90,7 +108,7 @@ def _fit(left: np.ndarray, gradient: np.ndarray, fine: np.ndarray, inverse: np.n
     for _ in range(steps):
         moments = np.zeros((3, height, width), np.float32)
         for v, u in product(range(-half, half + 1), repeat=2):
-            here = np.s_[corner[0] + v:corner[0] + v + height, corner[1] + u:corner[1] + u + width]
+            here = np.s_[corner[0] + v : corner[0] + v + height, corner[1] + u : corner[1] + u + width]
             place = (column + u - shift - u * slant[0] - v * slant[1]) * _FINE
             np.clip(place, 0, last, out=place)
             before = place.astype(np.int32)
@@ -107,6 +125,10 @@ def _fit(left: np.ndarray, gradient: np.ndarray, fine: np.ndarray, inverse: np.n
         step = np.where(np.isfinite(step), step, 0)
         shift += step[0]
         slant = np.clip(slant + step[1:], -_LARGEST_SLANT, _LARGEST_SLANT)
-    fitted = (valid & np.isfinite(inverse[0, 0]) & (np.abs(shift - np.where(valid, start, 0)) <= _LARGEST_MOVE_PX)
-              & (np.abs(step[0]) <= _SETTLED_PX))
+    fitted = (
+        valid
+        & np.isfinite(inverse[0, 0])
+        & (np.abs(shift - np.where(valid, start, 0)) <= _LARGEST_MOVE_PX)
+        & (np.abs(step[0]) <= _SETTLED_PX)
+    )
     return np.where(fitted, shift, start)

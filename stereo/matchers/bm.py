@@ -25,32 +25,80 @@ SPARSE = True
 OPTIONS = (
     *SEARCH_RANGE,
     Option("window", 17, "Side of the square that is compared, px, odd", 5, 255, 2, opencv="blockSize"),
-    Option("prefilter", "normalized", "What is compared: horizontal gradients or grey normalised by its contrast",
-           choices=("xsobel", "normalized"), opencv="preFilterType"),
+    Option(
+        "prefilter",
+        "normalized",
+        "What is compared: horizontal gradients or grey normalised by its contrast",
+        choices=("xsobel", "normalized"),
+        opencv="preFilterType",
+    ),
     Option("prefilter_size", 11, "Window of the normalising filter, px, odd", 5, 255, 2, opencv="preFilterSize"),
     Option("prefilter_cap", 31, "Filtered values are cut at plus and minus this", 1, 63, opencv="preFilterCap"),
-    Option("texture_threshold", 10, "A window with less gradient than this is not matched", 0, 1000000,
-           opencv="textureThreshold"),
-    Option("uniqueness", 10, "Per cent by which the best match must beat the second", 0, 100,
-           opencv="uniquenessRatio"),
-    Option("speckle_window", 100, "Connected patches up to this many px are removed; 0 for off", 0, 100000,
-           opencv="speckleWindowSize"),
+    Option(
+        "texture_threshold",
+        10,
+        "A window with less gradient than this is not matched",
+        0,
+        1000000,
+        opencv="textureThreshold",
+    ),
+    Option("uniqueness", 10, "Per cent by which the best match must beat the second", 0, 100, opencv="uniquenessRatio"),
+    Option(
+        "speckle_window",
+        100,
+        "Connected patches up to this many px are removed; 0 for off",
+        0,
+        100000,
+        opencv="speckleWindowSize",
+    ),
     Option("speckle_range", 4, "Disparity step, px, that separates patches", 0, 1024, opencv="speckleRange"),
-    Option("left_right", 1, "Disparity difference, px, allowed when matching backwards; -1 for off", -1, 1024,
-           opencv="disp12MaxDiff"),
-    Option("left_border", "match", "Columns left of the search range: match them over the disparities that stay in the "
-           "image, or skip them as OpenCV does", choices=("match", "skip")),
-    Option("rounding", "even", "OpenCV rounds up to a sixteenth, which adds 0.03 px on average: subtract this, or keep "
-           "it",
-           choices=("even", "up")),
-    Option("grey", "mean", "Grey of colour images: the mean of the bands, as a grey camera sees, or luminance, "
-           "which weights them for the eye", choices=("mean", "luminance")),
+    Option(
+        "left_right",
+        1,
+        "Disparity difference, px, allowed when matching backwards; -1 for off",
+        -1,
+        1024,
+        opencv="disp12MaxDiff",
+    ),
+    Option(
+        "left_border",
+        "match",
+        "Columns left of the search range: match them over the disparities that stay in the "
+        "image, or skip them as OpenCV does",
+        choices=("match", "skip"),
+    ),
+    Option(
+        "rounding",
+        "even",
+        "OpenCV rounds up to a sixteenth, which adds 0.03 px on average: subtract this, or keep it",
+        choices=("even", "up"),
+    ),
+    Option(
+        "grey",
+        "mean",
+        "Grey of colour images: the mean of the bands, as a grey camera sees, or luminance, "
+        "which weights them for the eye",
+        choices=("mean", "luminance"),
+    ),
 )
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "guiss": {"disparities": 96, "min_disparity": 4, "window": 49, "prefilter": "xsobel", "prefilter_size": 17,
-              "prefilter_cap": 20, "texture_threshold": 18, "uniqueness": 0, "speckle_window": 0,
-              "speckle_range": 9, "left_right": 25, "left_border": "skip", "rounding": "up", "grey": "luminance"},
+    "guiss": {
+        "disparities": 96,
+        "min_disparity": 4,
+        "window": 49,
+        "prefilter": "xsobel",
+        "prefilter_size": 17,
+        "prefilter_cap": 20,
+        "texture_threshold": 18,
+        "uniqueness": 0,
+        "speckle_window": 0,
+        "speckle_range": 9,
+        "left_right": 25,
+        "left_border": "skip",
+        "rounding": "up",
+        "grey": "luminance",
+    },
 }
 
 _PREFILTERS = {"normalized": cv2.STEREO_BM_PREFILTER_NORMALIZED_RESPONSE, "xsobel": cv2.STEREO_BM_PREFILTER_XSOBEL}
@@ -59,8 +107,9 @@ _PREFILTERS = {"normalized": cv2.STEREO_BM_PREFILTER_NORMALIZED_RESPONSE, "xsobe
 _ROUNDED_UP = 7.5 / 256
 
 
-def settle(options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
-           ) -> tuple[dict[str, Any], SearchRange]:
+def settle(
+    options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
+) -> tuple[dict[str, Any], SearchRange]:
     """The options with a search range in numbers, and this range."""
     return settle_range("bm", options, ranges)
 

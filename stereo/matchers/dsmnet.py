@@ -37,8 +37,9 @@ def _build(max_disparity: int) -> nn.Module:
     return DSMNet(max_disparity)
 
 
-NETWORK = learned.Network("dsmnet", "the model trained on mixed data (mixed_epoch_6.pth)",
-                          "https://github.com/feihuzhang/DSMNet", _build)
+NETWORK = learned.Network(
+    "dsmnet", "the model trained on mixed data (mixed_epoch_6.pth)", "https://github.com/feihuzhang/DSMNet", _build
+)
 
 
 def check(options: dict[str, Any]) -> None:
@@ -55,13 +56,14 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     """Disparity of uint8 RGB (H, W, 3) images, NaN outside the crop."""
     model, facts = learned.load(NETWORK, options)
     device = next(model.parameters()).device
-    (top, height), (near, width) = (_span(size, options[f"crop_{side}"])
-                                    for size, side in zip(left.shape, ("height", "width"), strict=False))
+    (top, height), (near, width) = (
+        _span(size, options[f"crop_{side}"]) for size, side in zip(left.shape, ("height", "width"), strict=False)
+    )
     with learned.guard_inference("dsmnet"):
         eyes = (learned.batch(_framed(_normalised(image), top, height, near, width), device) for image in (left, right))
         seen = model(*eyes)[0].cpu().numpy()
     disparity = np.full(left.shape[:2], np.nan, np.float32)
-    disparity[max(top, 0):top + height, max(near, 0):near + width] = seen[max(-top, 0):, max(-near, 0):]
+    disparity[max(top, 0) : top + height, max(near, 0) : near + width] = seen[max(-top, 0) :, max(-near, 0) :]
     return Result(disparity, facts=facts)
 
 
@@ -82,6 +84,6 @@ def _normalised(image: np.ndarray) -> np.ndarray:
 
 def _framed(image: np.ndarray, top: int, height: int, near: int, width: int) -> np.ndarray:
     frame = np.zeros((height, width, 3), np.float32)
-    part = image[max(top, 0):top + height, max(near, 0):near + width]
-    frame[max(-top, 0):, max(-near, 0):] = part
+    part = image[max(top, 0) : top + height, max(near, 0) : near + width]
+    frame[max(-top, 0) :, max(-near, 0) :] = part
     return frame

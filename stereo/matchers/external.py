@@ -34,8 +34,12 @@ from .written_arrays import last_words, read_array
 COLOUR = True
 
 OPTIONS = (
-    Option("command", "", "The program and its arguments, with {left}, {right} and {out} and, if it needs them, "
-           "{calibration}, {focal_px}, {cx_px}, {cy_px} and {baseline_m}"),
+    Option(
+        "command",
+        "",
+        "The program and its arguments, with {left}, {right} and {out} and, if it needs them, "
+        "{calibration}, {focal_px}, {cx_px}, {cy_px} and {baseline_m}",
+    ),
     Option("format", "npy", "Format of the file that it writes", choices=("npy", "pfm", "png")),
     Option("png_scale", 256, "Steps of a PNG per px of disparity", 1, 65535),
     Option("timeout_s", 600, "Seconds after which it is stopped", 1, 86400),
@@ -53,12 +57,15 @@ def check(options: dict[str, Any]) -> None:
     arguments = _arguments(options)
     fields = {field for argument in arguments for field in _FIELD.findall(argument)}
     for field in sorted(fields - {*_IMAGES, "calibration", *_CAMERA}):
-        raise IcyMoonError(f"external.command has the field {{{field}}}, "
-                           f"{nearest(field, (*_IMAGES, 'calibration', *_CAMERA))}")
+        raise IcyMoonError(
+            f"external.command has the field {{{field}}}, {nearest(field, (*_IMAGES, 'calibration', *_CAMERA))}"
+        )
     missing = [f"{{{field}}}" for field in _IMAGES if field not in fields]
     if missing:
-        raise IcyMoonError(f"external.command lacks {' and '.join(missing)}; write it as "
-                           "external.command='PROGRAM {left} {right} {out}'.")
+        raise IcyMoonError(
+            f"external.command lacks {' and '.join(missing)}; write it as "
+            "external.command='PROGRAM {left} {right} {out}'."
+        )
     require_program("external.command", arguments[0])
 
 
@@ -73,13 +80,17 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
             values |= {key: repr(float(getattr(camera, key))) for key in _CAMERA}
             values["calibration"] = str(folder / "calibration.txt")
             numbers = " ".join(repr(float(number)) for row in camera.matrix for number in row)
-            Path(values["calibration"]).write_text(f"{numbers}\n{values['baseline_m']}\n", encoding="ascii",
-                                                 newline="\n")
+            Path(values["calibration"]).write_text(
+                f"{numbers}\n{values['baseline_m']}\n", encoding="ascii", newline="\n"
+            )
         arguments = _arguments(options)
         if camera is None and any(field not in values for argument in arguments for field in _FIELD.findall(argument)):
             raise IcyMoonError("external.command asks for the camera, which is not known; give --camera PAIR.")
-        _run([_FIELD.sub(lambda field: values[field[1]], argument) for argument in arguments], options["timeout_s"],
-             folder / "errors.txt")
+        _run(
+            [_FIELD.sub(lambda field: values[field[1]], argument) for argument in arguments],
+            options["timeout_s"],
+            folder / "errors.txt",
+        )
         return Result(_read_disparity(Path(values["out"]), left.shape[:2], options))
 
 
@@ -89,8 +100,7 @@ def files(options: dict[str, Any]) -> list[str]:
 
 
 def _arguments(options: dict[str, Any]) -> list[str]:
-    return split_arguments("external.command", options["command"],
-                           "external.command='PROGRAM {left} {right} {out}'")
+    return split_arguments("external.command", options["command"], "external.command='PROGRAM {left} {right} {out}'")
 
 
 def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
@@ -103,19 +113,25 @@ def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
     try:
         status = process.wait(timeout_s)
     except subprocess.TimeoutExpired:
-        raise IcyMoonError(f"external.command took more than {timeout_s} s and was stopped; raise external.timeout_s "
-                           "or make it faster.") from None
+        raise IcyMoonError(
+            f"external.command took more than {timeout_s} s and was stopped; raise external.timeout_s "
+            "or make it faster."
+        ) from None
     finally:
         kill_all(process)  # also when interrupted: Ctrl-C does not reach a process in another session
     if status:
-        raise IcyMoonError(f"external.command ended with status {status} ({last_words(errors) or 'no message'}); run "
-                           "it by hand on two images.")
+        raise IcyMoonError(
+            f"external.command ended with status {status} ({last_words(errors) or 'no message'}); run "
+            "it by hand on two images."
+        )
 
 
 def _read_disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any]) -> np.ndarray:
     if not path.is_file():
-        raise IcyMoonError(f"external.command ended without an error but wrote no {path.name} at {{out}}; make it "
-                           f"write there, or change external.format, {options['format']}.")
+        raise IcyMoonError(
+            f"external.command ended without an error but wrote no {path.name} at {{out}}; make it "
+            f"write there, or change external.format, {options['format']}."
+        )
     if options["format"] == "png":
         image = read_png(path)
         disparity = np.where(image > 0, image / np.float64(options["png_scale"]), np.nan)
@@ -131,9 +147,12 @@ def _read_npy(path: Path, shape: tuple[int, ...]) -> np.ndarray:
     try:
         array = read_array(path, shape)
     except (OSError, ValueError, IcyMoonError) as error:
-        raise IcyMoonError(f"external.command wrote a {path.name} that cannot be read ({str(error).rstrip('.')}); make "
-                           "it write an array of disparities.") from None
+        raise IcyMoonError(
+            f"external.command wrote a {path.name} that cannot be read ({str(error).rstrip('.')}); make "
+            "it write an array of disparities."
+        ) from None
     if array.dtype.kind not in "fiu":
-        raise IcyMoonError(f"external.command wrote a {path.name} without numbers; make it write an array of "
-                           "disparities.")
+        raise IcyMoonError(
+            f"external.command wrote a {path.name} without numbers; make it write an array of disparities."
+        )
     return array.astype(np.float64)

@@ -25,9 +25,13 @@ OPTIONS = (
     *learned.OPTIONS,
     Option("iterations", 32, "Number of refinements; 8 and 16 are faster and less accurate", 1, 1024),
     Option("max_disparity", 192, "Largest disparity of the cost volume, px; refinement can go beyond", 32, 1024, 32),
-    Option("precision", "float32", "Precision of features and costs; bfloat16 is faster if the processor has it, and "
-           "changes disparities by a tenth of a pixel or more; float16 overflows in this network",
-           choices=("float32", "bfloat16")),
+    Option(
+        "precision",
+        "float32",
+        "Precision of features and costs; bfloat16 is faster if the processor has it, and "
+        "changes disparities by a tenth of a pixel or more; float16 overflows in this network",
+        choices=("float32", "bfloat16"),
+    ),
 )
 
 PRESETS: dict[str, dict[str, Any]] = {"guiss": {"iterations": 256, "max_disparity": 256}}
@@ -68,7 +72,9 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     down, across = -height % SIZE_STEP, -width % SIZE_STEP
     top, near = down // 2, across // 2
     with learned.guard_inference("igev"), torch.autocast(device.type, torch.bfloat16, enabled=half_precision):
-        eyes = (F.pad(learned.batch(image, device), (near, across - near, top, down - top), mode="replicate")
-                for image in (left, right))
-        disparity = model(*eyes, options["iterations"])[0, 0, top:top + height, near:near + width]
+        eyes = (
+            F.pad(learned.batch(image, device), (near, across - near, top, down - top), mode="replicate")
+            for image in (left, right)
+        )
+        disparity = model(*eyes, options["iterations"])[0, 0, top : top + height, near : near + width]
         return Result(disparity.float().cpu().numpy(), facts=facts)

@@ -77,8 +77,8 @@ def search(left: np.ndarray, right: np.ndarray, least: int, most: int, window: i
     best, best_right = np.zeros(shape, np.int16), np.zeros(shape, np.int16)
     for step, disparity in enumerate(range(least, min(most, shape[1] - 1) + 1)):
         width = shape[1] - disparity
-        difference = cv2.absdiff(left[:, disparity:], right[:, :left.shape[1] - disparity])
-        sums = cv2.boxFilter(difference, depth, (window, window), normalize=False)[inside, margin:margin + width]
+        difference = cv2.absdiff(left[:, disparity:], right[:, : left.shape[1] - disparity])
+        sums = cv2.boxFilter(difference, depth, (window, window), normalize=False)[inside, margin : margin + width]
         here, there, number = np.s_[:, disparity:], np.s_[:, :width], np.full((shape[0], width), step, np.int16)
         cv2.copyTo(sums, won[here], after[here])
         won = cv2.compare(sums, score[here], cv2.CMP_LT)
@@ -111,7 +111,7 @@ def judge(found: Search, least: int, most: int, window: int, uncertainty: int) -
     offset = np.sign(rise) * (np.abs(rise) // np.where(flat, 1, curvature))  # rounded toward zero
     flags = np.where(border, BORDER, np.where(np.abs(best - matched) > 1, LRLOS, np.where(flat, FLAT, ACCEPT)))
     if uncertainty:
-        error = window ** 2 * (((467 * offset ** 2) >> 16) + 362)
+        error = window**2 * (((467 * offset**2) >> 16) + 362)
         flags[(flags == ACCEPT) & (error >= uncertainty * curvature.astype(np.int64))] = THRESH
     return np.where(flags == ACCEPT, ONE * (best + least) + offset, NO_DATA), flags.astype(np.uint8)
 

@@ -27,19 +27,48 @@ SPARSE = True
 _MOST_HALVED = 6
 
 OPTIONS = (
-    Option("pyramid_level", AUTO, "How often the images are halved before they are compared. auto: as often as the "
-           "search range needs, of which it can search 255 disparities at a time", 0, _MOST_HALVED, words=(AUTO,)),
+    Option(
+        "pyramid_level",
+        AUTO,
+        "How often the images are halved before they are compared. auto: as often as the "
+        "search range needs, of which it can search 255 disparities at a time",
+        0,
+        _MOST_HALVED,
+        words=(AUTO,),
+    ),
     Option("window", 7, "Side of the square that is compared, px of the halved images, odd", 3, 63, 2),
-    Option("min_disparity", AUTO, "Least disparity searched, px of the full images. auto: that of the range, or 0 if "
-           "max_disparity is a number", 0, 16384, words=(AUTO,)),
-    Option("max_disparity", AUTO, "Largest disparity searched, px of the full images. auto: what the rig can see; "
-           "truth: what the pair contains, which no camera knows", 1, 16384, words=(AUTO, TRUTH)),
-    Option("blob_size", -4, "Connected patches of fewer pixels are removed; below zero, per cent of the halved image",
-           -100, 10**9),
-    Option("uncertainty", 0, "Largest expected error that is accepted, in 1/256 px; 128 is usual, 0 for off",
-           0, 65536),
-    Option("subpixel", "parabola", "The parabola of the original, or a fit of affine windows, which does not prefer "
-           "whole pixels and takes fifteen times as long", choices=("parabola", "affine")),
+    Option(
+        "min_disparity",
+        AUTO,
+        "Least disparity searched, px of the full images. auto: that of the range, or 0 if max_disparity is a number",
+        0,
+        16384,
+        words=(AUTO,),
+    ),
+    Option(
+        "max_disparity",
+        AUTO,
+        "Largest disparity searched, px of the full images. auto: what the rig can see; "
+        "truth: what the pair contains, which no camera knows",
+        1,
+        16384,
+        words=(AUTO, TRUTH),
+    ),
+    Option(
+        "blob_size",
+        -4,
+        "Connected patches of fewer pixels are removed; below zero, per cent of the halved image",
+        -100,
+        10**9,
+    ),
+    Option("uncertainty", 0, "Largest expected error that is accepted, in 1/256 px; 128 is usual, 0 for off", 0, 65536),
+    Option(
+        "subpixel",
+        "parabola",
+        "The parabola of the original, or a fit of affine windows, which does not prefer "
+        "whole pixels and takes fifteen times as long",
+        choices=("parabola", "affine"),
+    ),
     Option("affine_window", 11, "Side of the square of the affine fit, px of the halved images, odd", 5, 31, 2),
 )
 
@@ -49,8 +78,9 @@ _AFFINE_STEPS = 4  # more steps change the result by less than 0.002 px
 _JOINED_PX = 1.0  # halved disparities that differ by more belong to different surfaces
 
 
-def settle(options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
-           ) -> tuple[dict[str, Any], SearchRange]:
+def settle(
+    options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
+) -> tuple[dict[str, Any], SearchRange]:
     """The options with a search range and a pyramid level in numbers, and this range."""
     least, most, level = options["min_disparity"], options["max_disparity"], options["pyramid_level"]
     source = STATED
@@ -60,8 +90,10 @@ def settle(options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tu
     least = 0 if isinstance(least, str) else least
     if isinstance(level, str):
         level = next((k for k in range(_MOST_HALVED) if (most >> k) - (least >> k) < jpl.MAX_LEVELS), _MOST_HALVED)
-    return (options | {"min_disparity": least, "max_disparity": most, "pyramid_level": level},
-            SearchRange(least, most, source))
+    return (
+        options | {"min_disparity": least, "max_disparity": most, "pyramid_level": level},
+        SearchRange(least, most, source),
+    )
 
 
 def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
@@ -74,24 +106,32 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     level, window = options["pyramid_level"], options["window"]
     least, most = options["min_disparity"] >> level, options["max_disparity"] >> level
     if not 0 <= most - least < jpl.MAX_LEVELS:
-        raise IcyMoonError(f"jplv would search disparities {least} to {most} at its pyramid level, but can search only "
-                           f"1 to {jpl.MAX_LEVELS} of them; change jplv.min_disparity or jplv.max_disparity, or raise "
-                           "jplv.pyramid_level.")
+        raise IcyMoonError(
+            f"jplv would search disparities {least} to {most} at its pyramid level, but can search only "
+            f"1 to {jpl.MAX_LEVELS} of them; change jplv.min_disparity or jplv.max_disparity, or raise "
+            "jplv.pyramid_level."
+        )
     (seen_left, rim), (seen_right, _) = (jpl.band_pass(image, level) for image in (left, right))
     margin = rim + window // 2
     require_room("jplv", left, 2 * margin < min(seen_left.shape), "window or jplv.pyramid_level")
     found = jpl.search(seen_left, seen_right, least, most, window, rim)
-    fixed, flags = (np.pad(part, margin, constant_values=outside) for part, outside
-                    in zip(jpl.judge(found, least, most, window, options["uncertainty"]), (jpl.NO_DATA, jpl.BOUND),
-                           strict=True))
+    fixed, flags = (
+        np.pad(part, margin, constant_values=outside)
+        for part, outside in zip(
+            jpl.judge(found, least, most, window, options["uncertainty"]), (jpl.NO_DATA, jpl.BOUND), strict=True
+        )
+    )
     size = options["blob_size"]
     blobs = jpl.find_blobs(fixed, size if size >= 0 else fixed.size * -size // 100)
     fixed[blobs], flags[blobs] = jpl.NO_DATA, jpl.BLOB
     disparity = np.where(flags == jpl.ACCEPT, fixed / jpl.ONE, np.nan)
     if options["subpixel"] == "affine":
         disparity = refine(seen_left, seen_right, disparity, options["affine_window"], _AFFINE_STEPS)
-    return Result(_enlarged(disparity, level, left.shape), {"jpl_disparity": fixed.astype(np.int32), "flags": flags},
-                  {name: int((flags == flag).sum()) for flag, name in enumerate(jpl.FLAGS)})
+    return Result(
+        _enlarged(disparity, level, left.shape),
+        {"jpl_disparity": fixed.astype(np.int32), "flags": flags},
+        {name: int((flags == flag).sum()) for flag, name in enumerate(jpl.FLAGS)},
+    )
 
 
 def _enlarged(disparity: np.ndarray, level: int, shape: tuple[int, ...]) -> np.ndarray:
@@ -102,13 +142,14 @@ def _enlarged(disparity: np.ndarray, level: int, shape: tuple[int, ...]) -> np.n
     """
     if level == 0:
         return disparity
-    (top, bottom, down), (near, far, along) = (_around(np.arange(size) / 2 ** level, last - 1)
-                                               for size, last in zip(shape, disparity.shape, strict=True))
+    (top, bottom, down), (near, far, along) = (
+        _around(np.arange(size) / 2**level, last - 1) for size, last in zip(shape, disparity.shape, strict=True)
+    )
     corners = np.stack([disparity[np.ix_(rows, columns)] for rows in (top, bottom) for columns in (near, far)])
     weights = np.stack([np.outer(a, b) for a in (1 - down, down) for b in (1 - along, along)])
     smooth = np.ptp(corners, axis=0) <= _JOINED_PX  # False where one is NaN
     nearest = np.take_along_axis(corners, weights.argmax(axis=0)[None], axis=0)[0]
-    return np.where(smooth, np.sum(weights * corners, axis=0), nearest) * 2 ** level
+    return np.where(smooth, np.sum(weights * corners, axis=0), nearest) * 2**level
 
 
 def _around(place: np.ndarray, last: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -29,10 +29,18 @@ if TYPE_CHECKING:
 FOLDER_VARIABLE = "ICYMOON_CHECKPOINTS"  # environment variable
 
 OPTIONS = (
-    Option("checkpoint", "", f"File with the trained parameters; by default in the folder {FOLDER_VARIABLE} or "
-           "~/.local/share/icymoon/checkpoints"),
-    Option("device", "auto", "Where the network runs; auto takes a CUDA device if there is one",
-           choices=("auto", "cpu", "cuda")),
+    Option(
+        "checkpoint",
+        "",
+        f"File with the trained parameters; by default in the folder {FOLDER_VARIABLE} or "
+        "~/.local/share/icymoon/checkpoints",
+    ),
+    Option(
+        "device",
+        "auto",
+        "Where the network runs; auto takes a CUDA device if there is one",
+        choices=("auto", "cpu", "cuda"),
+    ),
     Option("threads", 1, "Number of processor cores used", 1, 1024),
 )
 
@@ -51,8 +59,10 @@ def check(network: Network, options: dict[str, Any]) -> None:
     """Raise IcyMoonError unless torch and the checkpoint exist."""
     path = checkpoint_path(network, options)
     if not path.is_file():
-        raise IcyMoonError(f"{network.method} has no checkpoint at {path}; download {network.file} as the README of "
-                           f"{network.source} describes and put it there, or give {network.method}.checkpoint=FILE.")
+        raise IcyMoonError(
+            f"{network.method} has no checkpoint at {path}; download {network.file} as the README of "
+            f"{network.source} describes and put it there, or give {network.method}.checkpoint=FILE."
+        )
     if importlib.util.find_spec("torch") is None:
         raise IcyMoonError(f"{network.method} needs PyTorch, which this Python lacks; run: pip install torch")
 
@@ -95,8 +105,10 @@ def guard_inference(method: str) -> Iterator[None]:
         with torch.inference_mode(), exact:
             yield
     except torch.OutOfMemoryError:
-        raise IcyMoonError(f"{TITLES[method]} needs more memory than the CUDA device has; lower "
-                           f"{method}.max_disparity, use {method}.device=cpu or render smaller images.") from None
+        raise IcyMoonError(
+            f"{TITLES[method]} needs more memory than the CUDA device has; lower "
+            f"{method}.max_disparity, use {method}.device=cpu or render smaller images."
+        ) from None
     except RuntimeError as error:  # such as no memory on the CPU
         raise IcyMoonError(f"{TITLES[method]} failed in PyTorch ({_first_line(error)}).") from None
 
@@ -109,8 +121,9 @@ def batch(image: np.ndarray, device: Any) -> Any:
 
 
 @lru_cache(maxsize=2)
-def _load_network(network: Network, path: Path, changed: tuple[int, int], max_disparity: int,
-            device: str) -> tuple[nn.Module, str]:
+def _load_network(
+    network: Network, path: Path, changed: tuple[int, int], max_disparity: int, device: str
+) -> tuple[nn.Module, str]:
     """The network with the parameters in a file, and the file's SHA-256; ``changed`` identifies its version."""
     model = network.build(max_disparity)
     _fill_parameters(model, _read_parameters(path), path, network.method)
@@ -127,8 +140,9 @@ def _read_parameters(path: Path) -> dict[str, Any]:
     except pickle.UnpicklingError:  # its message is a page long
         raise IcyMoonError(f"{path} contains more than parameters, or is damaged; download it again.") from None
     except Exception as error:  # for a damaged file the parser may raise anything
-        raise IcyMoonError(f"{path} cannot be read as a checkpoint ({_first_line(error)}); download it "
-                           "again.") from None
+        raise IcyMoonError(
+            f"{path} cannot be read as a checkpoint ({_first_line(error)}); download it again."
+        ) from None
     if isinstance(stored, dict) and isinstance(stored.get("state_dict"), dict):
         stored = stored["state_dict"]
     if not isinstance(stored, dict) or not all(isinstance(value, torch.Tensor) for value in stored.values()):
@@ -144,8 +158,9 @@ def _check_archive(path: Path) -> None:
     except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile):  # older or damaged, which PyTorch tells
         return
     if unfolded > path.stat().st_size:
-        raise IcyMoonError(f"{path} unfolds to {unfolded / 1e6:.0f} MB, and checkpoints are not packed; download it "
-                           "again.")
+        raise IcyMoonError(
+            f"{path} unfolds to {unfolded / 1e6:.0f} MB, and checkpoints are not packed; download it again."
+        )
 
 
 def _fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, method: str) -> None:
@@ -155,11 +170,15 @@ def _fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, method
     given = {name: value for name, value in expected.items() if name.endswith("num_batches_tracked")} | given
     wrong = [f"{name} is missing" for name in expected.keys() - given.keys()]
     wrong += [f"{name} is not of this network" for name in given.keys() - expected.keys()]
-    wrong += [f"{name} has the shape {tuple(given[name].shape)}, not {tuple(value.shape)}"
-              for name, value in expected.items() if name in given and given[name].shape != value.shape]
+    wrong += [
+        f"{name} has the shape {tuple(given[name].shape)}, not {tuple(value.shape)}"
+        for name, value in expected.items()
+        if name in given and given[name].shape != value.shape
+    ]
     if wrong:
-        raise IcyMoonError(f"{path} is no checkpoint of {TITLES[method]}: {len(wrong)} of its parameters do not fit, "
-                           f"{min(wrong)}.")
+        raise IcyMoonError(
+            f"{path} is no checkpoint of {TITLES[method]}: {len(wrong)} of its parameters do not fit, {min(wrong)}."
+        )
     model.load_state_dict(given, strict=True)
 
 

@@ -72,8 +72,10 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, Method]:
     for text in texts:
         name, method, option = (*text.split(":", 2), "", "")[:3]
         if not (OWN_NAME.fullmatch(name) and method in matcher_names()):
-            raise IcyMoonError(f"--own {text}: write it as NAME:METHOD:KEY=VALUE, as in "
-                               "mine:external:command=PROGRAM; a name has letters, digits, - and _.")
+            raise IcyMoonError(
+                f"--own {text}: write it as NAME:METHOD:KEY=VALUE, as in "
+                "mine:external:command=PROGRAM; a name has letters, digits, - and _."
+            )
         known = found.setdefault(name, Method(f"{OWN}:{name}", method))
         if known.name != method:
             raise IcyMoonError(f"--own {text}: {name} is already {known.name}; give it one method.")
@@ -94,8 +96,10 @@ def parse_named_methods(texts: Sequence[str]) -> list[Method]:
         name, equals, rest = (part.strip() for part in text.partition("="))
         matcher, _, options = (part.strip() for part in rest.partition(":"))
         if not (equals and OWN_NAME.fullmatch(name)):
-            raise IcyMoonError(f"--method {text}: write it as NAME=MATCHER:KEY=VALUE, as in "
-                               "mynet=resident:command=PROGRAM; a name has at most 40 letters, digits, - and _.")
+            raise IcyMoonError(
+                f"--method {text}: write it as NAME=MATCHER:KEY=VALUE, as in "
+                "mynet=resident:command=PROGRAM; a name has at most 40 letters, digits, - and _."
+            )
         if name in (*matcher_names(), OWN):
             raise IcyMoonError(f"--method {text}: {name} is the name of a matcher; choose another name.")
         if name in (method.label for method in found):
@@ -105,8 +109,9 @@ def parse_named_methods(texts: Sequence[str]) -> list[Method]:
     return found
 
 
-def parse_methods(text: str, options: Sequence[str] = (), own: Sequence[str] = (),
-                  named: Sequence[str] = ()) -> list[Method]:
+def parse_methods(
+    text: str, options: Sequence[str] = (), own: Sequence[str] = (), named: Sequence[str] = ()
+) -> list[Method]:
     """The methods of a comma-separated list, then those that are ``named``, checked before anything runs.
 
     A matcher may have options, ``bm:window=21:disparities=128``, so that it can be compared with itself. ``options``
@@ -136,8 +141,9 @@ def parse_methods(text: str, options: Sequence[str] = (), own: Sequence[str] = (
         raise IcyMoonError(f"--methods is empty; choose from {', '.join(matcher_names())}.")
     unused = sorted(set(shared) - {method.name for method in methods})
     if unused:
-        raise IcyMoonError(f"--option is given for {unused[0]}, which no method uses; add it to --methods or remove "
-                           "the option.")
+        raise IcyMoonError(
+            f"--option is given for {unused[0]}, which no method uses; add it to --methods or remove the option."
+        )
     return methods
 
 
@@ -158,6 +164,8 @@ def _parse_shared_options(options: Sequence[str]) -> dict[str, dict[str, str]]:
 def _find_own_matcher(name: str, owned: Mapping[str, Method]) -> Method:
     if name not in owned:
         known = f"known are {', '.join(owned)}" if owned else "none is set up"
-        raise IcyMoonError(f"There is no matcher {OWN}:{name} on this machine ({known}); add it under Own Matchers in "
-                           "the preferences of Icy Moon, or with --own.")
+        raise IcyMoonError(
+            f"There is no matcher {OWN}:{name} on this machine ({known}); add it under Own Matchers in "
+            "the preferences of Icy Moon, or with --own."
+        )
     return owned[name]

@@ -31,24 +31,54 @@ COLOUR = True
 
 OPTIONS = (
     Option("model", "", "The ONNX file"),
-    Option("numbers", "byte", "Numbers of the images that the network expects: byte 0 to 255, unit 0 to 1, signed -1 "
-           "to 1, imagenet with the mean and spread of ImageNet", choices=("byte", "unit", "signed", "imagenet")),
-    Option("order", "rgb", "Order of the colours that the network expects; one with one channel gets grey anyway",
-           choices=("rgb", "bgr")),
+    Option(
+        "numbers",
+        "byte",
+        "Numbers of the images that the network expects: byte 0 to 255, unit 0 to 1, signed -1 "
+        "to 1, imagenet with the mean and spread of ImageNet",
+        choices=("byte", "unit", "signed", "imagenet"),
+    ),
+    Option(
+        "order",
+        "rgb",
+        "Order of the colours that the network expects; one with one channel gets grey anyway",
+        choices=("rgb", "bgr"),
+    ),
     Option("multiple", 32, "Images are padded to a multiple of this, px, if their size is free", 1, 1024),
-    Option("sign", "positive", "Sign of the network's disparities; RAFT-Stereo has negative ones",
-           choices=("positive", "negative")),
-    Option("swap", "no", "Whether the network gets the right image as the left one, and the left one as the right",
-           choices=("no", "yes")),
+    Option(
+        "sign",
+        "positive",
+        "Sign of the network's disparities; RAFT-Stereo has negative ones",
+        choices=("positive", "negative"),
+    ),
+    Option(
+        "swap",
+        "no",
+        "Whether the network gets the right image as the left one, and the left one as the right",
+        choices=("no", "yes"),
+    ),
     Option("scale", 1.0, "Factor from the network's numbers to px of the image that it gets", 1e-6, 1e6),
     Option("output", 0, "Which output is the disparity, from 0", 0, 99),
-    Option("test", "shift", "What is checked before the first pair: that the network finds shifts of 7 and 12 px",
-           choices=("shift", "none")),
-    Option("device", "auto", "Where the network runs; auto takes CUDA if ONNX Runtime has it",
-           choices=("auto", "cpu", "cuda")),
+    Option(
+        "test",
+        "shift",
+        "What is checked before the first pair: that the network finds shifts of 7 and 12 px",
+        choices=("shift", "none"),
+    ),
+    Option(
+        "device",
+        "auto",
+        "Where the network runs; auto takes CUDA if ONNX Runtime has it",
+        choices=("auto", "cpu", "cuda"),
+    ),
     Option("threads", 1, "Number of processor cores used", 1, 1024),
-    Option("timeout_s", 60, "Seconds after which it is stopped, for an input of up to 0.1 megapixels; a larger one "
-           "gets as many times more", 1, 86400),
+    Option(
+        "timeout_s",
+        60,
+        "Seconds after which it is stopped, for an input of up to 0.1 megapixels; a larger one gets as many times more",
+        1,
+        86400,
+    ),
 )
 
 PRESETS: dict[str, dict[str, Any]] = {}
@@ -66,8 +96,12 @@ _TEST_SHAPE = 256, 384
 #: the ratio of their shifts, as a share.
 _TOLERANCE_PX, _TOLERANCE_SHARE = 1.0, 0.15
 _MEAN, _SPREAD = (np.array(values, np.float32) for values in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
-_TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8,
-          "tensor(double)": np.float64}
+_TYPES = {
+    "tensor(float)": np.float32,
+    "tensor(float16)": np.float16,
+    "tensor(uint8)": np.uint8,
+    "tensor(double)": np.float64,
+}
 
 
 @dataclass(frozen=True)
@@ -149,8 +183,10 @@ def _open(options: dict[str, Any]) -> _Network:
     path = _path(options)
     there = onnxruntime.get_available_providers()
     if options["device"] == "cuda" and "CUDAExecutionProvider" not in there:
-        raise IcyMoonError("onnx.device is cuda, but this ONNX Runtime runs on the processor only; install "
-                           "onnxruntime-gpu instead of onnxruntime, or use cpu.")
+        raise IcyMoonError(
+            "onnx.device is cuda, but this ONNX Runtime runs on the processor only; install "
+            "onnxruntime-gpu instead of onnxruntime, or use cpu."
+        )
     providers = ["CPUExecutionProvider"]
     if options["device"] != "cpu" and "CUDAExecutionProvider" in there:
         providers.insert(0, "CUDAExecutionProvider")
@@ -161,18 +197,28 @@ def _open(options: dict[str, Any]) -> _Network:
     try:
         session = onnxruntime.InferenceSession(str(path), settings, providers=providers)
     except Exception as error:  # its errors have no common base
-        raise IcyMoonError(f"{path} cannot be read as an ONNX network ({_first_line(error)}); export it "
-                           "again.") from None
+        raise IcyMoonError(
+            f"{path} cannot be read as an ONNX network ({_first_line(error)}); export it again."
+        ) from None
     inputs = _find_inputs(path, session.get_inputs())
-    return _Network(session, inputs, {"checkpoint_sha256": sha256(path), "onnxruntime": onnxruntime.__version__,
-                                      "device": session.get_providers()[0].removesuffix("ExecutionProvider").lower()})
+    return _Network(
+        session,
+        inputs,
+        {
+            "checkpoint_sha256": sha256(path),
+            "onnxruntime": onnxruntime.__version__,
+            "device": session.get_providers()[0].removesuffix("ExecutionProvider").lower(),
+        },
+    )
 
 
 def _find_inputs(path: Path, declared: Sequence[Any]) -> tuple[_Input, ...]:
     """The images that each input of a network takes. Raises IcyMoonError if this is not plain."""
     if len(declared) not in (1, 2, 4):
-        raise IcyMoonError(f"{path} has {len(declared)} inputs ({_describe(declared)}); a stereo network has 1, 2 or "
-                           "4: export it with these.")
+        raise IcyMoonError(
+            f"{path} has {len(declared)} inputs ({_describe(declared)}); a stereo network has 1, 2 or "
+            "4: export it with these."
+        )
     return tuple(_read_input(path, each, k, len(declared)) for k, each in enumerate(declared))
 
 
@@ -184,49 +230,67 @@ def _read_input(path: Path, declared: Any, place: int, count: int) -> _Input:
     last = known and shape[1] not in allowed and shape[3] in allowed
     channels = (shape[3] if last else shape[1]) if known else None
     if channels not in allowed:
-        raise IcyMoonError(f"{path} has the input {_describe([declared])}, which is no batch of one image or of both; "
-                           "export it with inputs of 1 or 3 channels each.")
+        raise IcyMoonError(
+            f"{path} has the input {_describe([declared])}, which is no batch of one image or of both; "
+            "export it with inputs of 1 or 3 channels each."
+        )
     height, width = shape[1:3] if last else shape[2:]
     if count == 4 and not (height and width):
         raise IcyMoonError(f"{path} has 4 inputs without a size ({_describe([declared])}); export it with fixed sizes.")
     if (height or 1) * (width or 1) > _MOST_PIXELS:
-        raise IcyMoonError(f"{path} has the input {_describe([declared])}, and {_MOST_PIXELS} pixels are the most that "
-                           "is computed; export it with smaller ones.")
+        raise IcyMoonError(
+            f"{path} has the input {_describe([declared])}, and {_MOST_PIXELS} pixels are the most that "
+            "is computed; export it with smaller ones."
+        )
     name = declared.name.lower()
     eye = next((eye for eye in ("left", "right") if eye in name), ("left", "right")[place % 2])
-    return _Input(declared.name, ("left", "right") if count == 1 else (eye,), _TYPES[declared.type], bool(last),
-                  channels // both, height, width)
+    return _Input(
+        declared.name,
+        ("left", "right") if count == 1 else (eye,),
+        _TYPES[declared.type],
+        bool(last),
+        channels // both,
+        height,
+        width,
+    )
 
 
-def _run(network: _Network, left: np.ndarray, right: np.ndarray,
-         options: dict[str, Any]) -> tuple[np.ndarray, dict[str, Any], dict[str, Any], dict[str, Any]]:
+def _run(
+    network: _Network, left: np.ndarray, right: np.ndarray, options: dict[str, Any]
+) -> tuple[np.ndarray, dict[str, Any], dict[str, Any], dict[str, Any]]:
     """The disparity, arrays, counts and facts of a ``Result``."""
     height, width = left.shape[:2]
     multiple = options["multiple"]
     run_height, run_width = network.fixed or (height + -height % multiple, width + -width % multiple)
     images = {"left": left, "right": right} if options["swap"] == "no" else {"left": right, "right": left}
     if network.fixed is None:
-        images = {eye: np.pad(image, ((0, run_height - height), (0, run_width - width), (0, 0)), mode="edge")
-                  for eye, image in images.items()}
+        images = {
+            eye: np.pad(image, ((0, run_height - height), (0, run_width - width), (0, 0)), mode="edge")
+            for eye, image in images.items()
+        }
     given = {each.name: _tensor(each, images, options) for each in network.inputs}
     most_s = options["timeout_s"] * max(1.0, run_height * run_width / _TIMED_PIXELS)
     try:
         outputs = _run_bounded(network.session, given, most_s)
     except TimeoutError:
-        raise IcyMoonError(f"onnx.model {_path(options).name} was stopped after {most_s:.0f} s for {run_width} x "
-                           f"{run_height} px; if it is only slow, give a larger onnx.timeout_s than "
-                           f"{options['timeout_s']:g}; if it has a loop without end, export it again without."
-                           ) from None
+        raise IcyMoonError(
+            f"onnx.model {_path(options).name} was stopped after {most_s:.0f} s for {run_width} x "
+            f"{run_height} px; if it is only slow, give a larger onnx.timeout_s than "
+            f"{options['timeout_s']:g}; if it has a loop without end, export it again without."
+        ) from None
     except Exception as error:  # its errors have no common base
-        raise IcyMoonError(f"onnx.model {_path(options).name} failed in ONNX Runtime ({_first_line(error)}); try "
-                           f"onnx.multiple, {multiple}, onnx.device=cpu or smaller images.") from None
+        raise IcyMoonError(
+            f"onnx.model {_path(options).name} failed in ONNX Runtime ({_first_line(error)}); try "
+            f"onnx.multiple, {multiple}, onnx.device=cpu or smaller images."
+        ) from None
     factor = options["scale"] * (-1 if options["sign"] == "negative" else 1)
     disparity = _plane(network, outputs, options, (run_height, run_width)).astype(np.float32) * np.float32(factor)
     if network.fixed is None:
         disparity = disparity[:height, :width]
     elif network.fixed != (height, width):
         disparity = cv2.resize(disparity, (width, height), interpolation=cv2.INTER_LINEAR) * np.float32(
-            width / run_width)
+            width / run_width
+        )
     return disparity, {}, {}, {**network.facts, "input_height": run_height, "input_width": run_width}
 
 
@@ -258,8 +322,9 @@ def _numbers(image: np.ndarray, each: _Input, options: dict[str, Any]) -> np.nda
     return values[..., ::-1] if options["order"] == "bgr" else values
 
 
-def _plane(network: _Network, outputs: Sequence[np.ndarray], options: dict[str, Any],
-           shape: tuple[int, int]) -> np.ndarray:
+def _plane(
+    network: _Network, outputs: Sequence[np.ndarray], options: dict[str, Any], shape: tuple[int, int]
+) -> np.ndarray:
     """The map (H, W) in the output that is chosen: the first channel of the first image."""
     place, declared = options["output"], network.session.get_outputs()
     found = np.asarray(outputs[place]) if place < len(outputs) else None
@@ -270,8 +335,10 @@ def _plane(network: _Network, outputs: Sequence[np.ndarray], options: dict[str, 
             found = found[..., 0]
         if found.shape == shape:
             return found
-    raise IcyMoonError(f"onnx.output is {place}, and the network's outputs are {_describe(declared)}; choose the one "
-                       f"with the disparities of the whole image, {shape[1]} x {shape[0]} px.")
+    raise IcyMoonError(
+        f"onnx.output is {place}, and the network's outputs are {_describe(declared)}; choose the one "
+        f"with the disparities of the whole image, {shape[1]} x {shape[0]} px."
+    )
 
 
 def _test(network: _Network, options: dict[str, Any]) -> None:
@@ -280,8 +347,10 @@ def _test(network: _Network, options: dict[str, Any]) -> None:
     if _are_shifts(found):
         return
     listed, shifts = (" and ".join(f"{each:.4g}" for each in values) for values in (found, _SHIFTS_PX))
-    raise IcyMoonError(f"onnx.model {_path(options).name} finds {listed} px where the images are shifted by {shifts} "
-                       f"px; {_advise(network, found, options)}.")
+    raise IcyMoonError(
+        f"onnx.model {_path(options).name} finds {listed} px where the images are shifted by {shifts} "
+        f"px; {_advise(network, found, options)}."
+    )
 
 
 def _find_shifts(network: _Network, options: dict[str, Any]) -> tuple[float, ...]:
@@ -293,13 +362,13 @@ def _find_shifts(network: _Network, options: dict[str, Any]) -> tuple[float, ...
     texture = np.zeros((height, width + most, 3), np.float32)
     for side, weight in ((1, 20.0), (2, 30.0), (4, 40.0), (8, 40.0), (16, 40.0)):
         squares = random.normal(0, weight, (-(-height // side), -(-(width + most) // side), 3))
-        texture += np.kron(squares, np.ones((side, side, 1)))[:height, :width + most]
+        texture += np.kron(squares, np.ones((side, side, 1)))[:height, : width + most]
     image = np.clip(texture + 128, 0, 255).astype(np.uint8)
     found = []
     for shift in _SHIFTS_PX:
         # A point at column x of the left image is at x less the shift of the right one.
-        disparity = _run(network, image[:, :width], image[:, shift:shift + width], options)[0]
-        inner = disparity[height // 8:height - height // 8, width // 8:width - width // 8]
+        disparity = _run(network, image[:, :width], image[:, shift : shift + width], options)[0]
+        inner = disparity[height // 8 : height - height // 8, width // 8 : width - width // 8]
         found.append(float(np.median(inner)))
     return tuple(found)
 
@@ -316,8 +385,10 @@ def _advise(network: _Network, found: Sequence[float], options: dict[str, Any]) 
     if np.isfinite(factors).all() and abs(factors[0] / factors[1] - 1) <= _TOLERANCE_SHARE:
         factor = options["scale"] * abs(factors[1])
         sign = " and the other onnx.sign" if factors[1] < 0 else ""
-        return (f"look at onnx.numbers, onnx.order and onnx.output, or give onnx.scale={factor:.3g}{sign} if the "
-                "network has other units")
+        return (
+            f"look at onnx.numbers, onnx.order and onnx.output, or give onnx.scale={factor:.3g}{sign} if the "
+            "network has other units"
+        )
     other = "yes" if options["swap"] == "no" else "no"
     if _are_shifts(_find_shifts(network, options | {"swap": other})):
         return f"its inputs seem to be exchanged: give onnx.swap={other}"

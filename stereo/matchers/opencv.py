@@ -17,18 +17,34 @@ from .search_range import AUTO, STATED, STEP_PX, TRUTH, SearchRange, require_ran
 
 #: Options of the search range, which all of OpenCV's matchers have.
 SEARCH_RANGE = (
-    Option("disparities", AUTO, "Number of disparities searched, px. auto: those that the rig can see; truth: those "
-           "that the pair contains, which no camera knows", STEP_PX, 1024, STEP_PX, words=(AUTO, TRUTH),
-           opencv="numDisparities"),
-    Option("min_disparity", AUTO, "Least disparity searched, px. auto: that of the range, or 0 if disparities is a "
-           "number", 0, 1024, words=(AUTO,), opencv="minDisparity"),
+    Option(
+        "disparities",
+        AUTO,
+        "Number of disparities searched, px. auto: those that the rig can see; truth: those "
+        "that the pair contains, which no camera knows",
+        STEP_PX,
+        1024,
+        STEP_PX,
+        words=(AUTO, TRUTH),
+        opencv="numDisparities",
+    ),
+    Option(
+        "min_disparity",
+        AUTO,
+        "Least disparity searched, px. auto: that of the range, or 0 if disparities is a number",
+        0,
+        1024,
+        words=(AUTO,),
+        opencv="minDisparity",
+    ),
 )
 
 SUBPIXELS = 16  # OpenCV's disparities are fixed-point numbers with four fractional bits
 
 
-def settle_range(method: str, options: dict[str, Any], ranges: Mapping[str, SearchRange]
-                 ) -> tuple[dict[str, Any], SearchRange]:
+def settle_range(
+    method: str, options: dict[str, Any], ranges: Mapping[str, SearchRange]
+) -> tuple[dict[str, Any], SearchRange]:
     """The options with numbers for the ones in SEARCH_RANGE, and the range that these numbers state.
 
     Raises IcyMoonError if the true disparities are asked for but unknown.
@@ -50,12 +66,21 @@ def require_room(method: str, image: np.ndarray, enough: bool, option: str = "")
     """
     if not enough:
         option = option or f"disparities or {method}.window"
-        raise IcyMoonError(f"The images, {describe_size(image)}, are too small for {TITLES[method]}: its search range "
-                           f"and window do not fit; lower {method}.{option}, or render larger images.")
+        raise IcyMoonError(
+            f"The images, {describe_size(image)}, are too small for {TITLES[method]}: its search range "
+            f"and window do not fit; lower {method}.{option}, or render larger images."
+        )
 
 
-def run_matcher(method: str, matcher: Any, left: np.ndarray, right: np.ndarray, min_disparity: int,
-        columns: tuple[int, int], rows: tuple[int, int]) -> np.ndarray:
+def run_matcher(
+    method: str,
+    matcher: Any,
+    left: np.ndarray,
+    right: np.ndarray,
+    min_disparity: int,
+    columns: tuple[int, int],
+    rows: tuple[int, int],
+) -> np.ndarray:
     """Run an OpenCV matcher: disparity, float32 (H, W) px, NaN where it found none or is not reliable.
 
     ``columns`` and ``rows`` are the half-open ranges of pixels whose search range and window lie inside the images.
@@ -66,8 +91,9 @@ def run_matcher(method: str, matcher: Any, left: np.ndarray, right: np.ndarray, 
     try:
         fixed = matcher.compute(left, right)
     except (cv2.error, MemoryError) as error:
-        raise IcyMoonError(f"OpenCV's {TITLES[method]} failed ({getattr(error, 'err', error)}); try other "
-                           "options.") from None
+        raise IcyMoonError(
+            f"OpenCV's {TITLES[method]} failed ({getattr(error, 'err', error)}); try other options."
+        ) from None
     disparity = np.full(left.shape, np.nan, np.float32)
     inside = (slice(*rows), slice(*columns))
     measured = fixed[inside] >= min_disparity * SUBPIXELS

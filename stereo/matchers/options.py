@@ -33,8 +33,10 @@ class Option:
     def __post_init__(self) -> None:
         is_text = isinstance(self.default, str) and not self.choices and not self.words
         if is_text != (self.key in LOADS) or (is_text and self.opencv):
-            raise ValueError(f"{self.key}: options that are text, and only these, are in trust_boundary.LOADS, "
-                             "without a second name.")
+            raise ValueError(
+                f"{self.key}: options that are text, and only these, are in trust_boundary.LOADS, "
+                "without a second name."
+            )
 
     @property
     def range(self) -> str:
@@ -47,8 +49,9 @@ class Option:
         return ", ".join((*self.words, numbers))
 
 
-def resolve(method: str, declared: Sequence[Option], presets: Mapping[str, Mapping[str, Any]],
-            given: Mapping[str, Any]) -> dict[str, Any]:
+def resolve(
+    method: str, declared: Sequence[Option], presets: Mapping[str, Mapping[str, Any]], given: Mapping[str, Any]
+) -> dict[str, Any]:
     """All options of a matcher: the defaults, overridden by a ``preset``, then by the other ``given`` options.
 
     Values may be text. Raises IcyMoonError for an unknown option or preset, or a bad value.
@@ -62,8 +65,9 @@ def resolve(method: str, declared: Sequence[Option], presets: Mapping[str, Mappi
             raise IcyMoonError(f"Unknown option {method}.{key}, {nearest(key, own)}")
     if "preset" in given:
         if given["preset"] not in presets:
-            raise IcyMoonError(f"Unknown preset {method}.preset={given['preset']}, "
-                               f"{nearest(str(given['preset']), presets)}")
+            raise IcyMoonError(
+                f"Unknown preset {method}.preset={given['preset']}, {nearest(str(given['preset']), presets)}"
+            )
         complete |= presets[given["preset"]]
     for key, value in given.items():
         if key != "preset":

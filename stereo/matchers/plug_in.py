@@ -56,18 +56,23 @@ class PluginMatcher:
             self.OPTIONS = (*SEARCH_RANGE, *read_options(plugin, getattr(self.loaded, "OPTIONS", {})))
             self.COLOUR = bool(getattr(self.loaded, "COLOUR", False))
 
-    def settle(self, options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
-               ) -> tuple[dict[str, Any], SearchRange]:
+    def settle(
+        self, options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
+    ) -> tuple[dict[str, Any], SearchRange]:
         """The options with a search range in numbers, and this range."""
         return settle_range(self.plugin.name, options, ranges)
 
-    def compute(self, left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None
-                ) -> Result:
+    def compute(
+        self, left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None
+    ) -> Result:
         """Disparity of uint8 images as the plug-in finds it. Raises IcyMoonError where it fails."""
         least = options["min_disparity"]
         own = {key: value for key, value in options.items() if key not in _RESERVED}
-        known = {} if camera is None else {key: float(getattr(camera, key))
-                                           for key in ("focal_px", "cx_px", "cy_px", "baseline_m")}
+        known = (
+            {}
+            if camera is None
+            else {key: float(getattr(camera, key)) for key in ("focal_px", "cx_px", "cy_px", "baseline_m")}
+        )
         context = MatchContext(MappingProxyType(own), least, least + options["disparities"] - 1, **known)
         with explained(self.plugin):
             found = self._match(left.copy(), right.copy(), context)
@@ -81,14 +86,19 @@ class PluginMatcher:
 def checked_disparity(plugin: Plugin, found: Any, shape: tuple[int, ...]) -> np.ndarray:
     """What a plug-in returned, as float32. Raises IcyMoonError if it is no disparity map of this shape."""
     if not isinstance(found, np.ndarray):
-        raise IcyMoonError(f"{plugin.title} returned {type(found).__name__}; return a numpy array of disparities in "
-                           "px.")
+        raise IcyMoonError(
+            f"{plugin.title} returned {type(found).__name__}; return a numpy array of disparities in px."
+        )
     if found.shape != shape:
-        raise IcyMoonError(f"{plugin.title} returned an array of the shape {found.shape} for images of {shape}; return "
-                           "a disparity for each pixel of the left image.")
+        raise IcyMoonError(
+            f"{plugin.title} returned an array of the shape {found.shape} for images of {shape}; return "
+            "a disparity for each pixel of the left image."
+        )
     if found.dtype.kind != "f":
-        raise IcyMoonError(f"{plugin.title} returned values of the type {found.dtype}; return float32 in px, with NaN "
-                           "where nothing was measured.")
+        raise IcyMoonError(
+            f"{plugin.title} returned values of the type {found.dtype}; return float32 in px, with NaN "
+            "where nothing was measured."
+        )
     plain = np.ma.filled(found, np.nan) if isinstance(found, np.ma.MaskedArray) else np.asarray(found)
     with np.errstate(all="ignore"):  # infinity is no measurement
         return plain.astype(np.float32)
@@ -97,8 +107,10 @@ def checked_disparity(plugin: Plugin, found: Any, shape: tuple[int, ...]) -> np.
 def read_options(plugin: Plugin, stated: Any) -> list[Option]:
     """The options that a plug-in declares. Raises IcyMoonError for one that is not declared as it must be."""
     if not isinstance(stated, Mapping):
-        raise IcyMoonError(f"{plugin.title} has OPTIONS that are no dictionary; write OPTIONS = {{\"window\": "
-                           "{\"default\": 7, \"minimum\": 3, \"maximum\": 15, \"doc\": \"…\"}}.")
+        raise IcyMoonError(
+            f'{plugin.title} has OPTIONS that are no dictionary; write OPTIONS = {{"window": '
+            '{"default": 7, "minimum": 3, "maximum": 15, "doc": "…"}}.'
+        )
     return [_read_option(plugin, key, facts) for key, facts in stated.items()]
 
 
@@ -112,8 +124,10 @@ def _read_option(plugin: Plugin, key: Any, facts: Any) -> Option:
         raise IcyMoonError(f"{where} has {unknown[0]!r}; an option has {', '.join(_STATED)}.")
     default = facts["default"]
     if isinstance(default, str) and not facts.get("choices") and key not in LOADS:
-        raise IcyMoonError(f"{where} is a text; state its choices. Only {', '.join(LOADS)} may be any text, which no "
-                           "scene and no file can set.")
+        raise IcyMoonError(
+            f"{where} is a text; state its choices. Only {', '.join(LOADS)} may be any text, which no "
+            "scene and no file can set."
+        )
     numeric = isinstance(default, (int, float)) and not isinstance(default, bool)
     if not numeric and not isinstance(default, str):
         raise IcyMoonError(f"{where} has the default {default!r}; give a number, or one of choices that are texts.")
@@ -126,8 +140,15 @@ def _read_option(plugin: Plugin, key: Any, facts: Any) -> Option:
             raise ValueError(f"the default {default} is not between minimum and maximum")
         if facts.get("choices") and default not in facts["choices"]:
             raise ValueError(f"the default {default!r} is none of the choices")
-        return Option(key, default, facts["doc"], facts.get("minimum", 0), facts.get("maximum", 0),
-                      facts.get("step", 1), tuple(map(str, facts.get("choices", ()))))
+        return Option(
+            key,
+            default,
+            facts["doc"],
+            facts.get("minimum", 0),
+            facts.get("maximum", 0),
+            facts.get("step", 1),
+            tuple(map(str, facts.get("choices", ()))),
+        )
     except KeyError as missing:
         raise IcyMoonError(f"{where} is a number without {missing.args[0]}; state minimum and maximum.") from None
     except (ArithmeticError, TypeError, ValueError) as error:

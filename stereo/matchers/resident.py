@@ -25,8 +25,10 @@ from .search_range import AUTO, SearchRange
 COLOUR = True
 
 #: How long a program may take; other matchers that are such programs have these too.
-LIMITS = (Option("timeout_s", 600, "Seconds that a pair may take", 1, 86400),
-          Option("start_s", 300, "Seconds until the program is ready; the first pair may take these too", 1, 86400))
+LIMITS = (
+    Option("timeout_s", 600, "Seconds that a pair may take", 1, 86400),
+    Option("start_s", 300, "Seconds until the program is ready; the first pair may take these too", 1, 86400),
+)
 
 OPTIONS = (Option("command", "", "The program and its arguments"), *LIMITS)
 
@@ -38,8 +40,9 @@ def check(options: dict[str, Any]) -> None:
     require_program("resident.command", _arguments(options)[0])
 
 
-def settle(options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
-           ) -> tuple[dict[str, Any], None]:
+def settle(
+    options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
+) -> tuple[dict[str, Any], None]:
     """The options with ``range_px``, the disparities that the rig can see, if it is known; the program may obey it."""
     seen = ranges.get(AUTO)
     return options | ({"range_px": [seen.least_px, seen.most_px]} if seen else {}), None

@@ -77,8 +77,12 @@ class _Resident:
         try:
             with (self._folder / "errors.txt").open("wb") as errors:
                 self._process = system.start(
-                    program.command, {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
-                    stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors)
+                    program.command,
+                    {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=errors,
+                )
         except OSError as error:
             system.remove_folder(self._folder)
             raise _ProgramError(f"cannot be run ({error.strerror}); check {program.command[0]}.") from None
@@ -87,16 +91,19 @@ class _Resident:
         try:
             hello = self._wait_for("hello", program.start_s)
             if not _is_number(hello["hello"], PROTOCOL):
-                raise _ProgramError(f"speaks version {str(hello['hello'])[:40]} of the protocol, not {PROTOCOL}; copy "
-                                    f"{ADAPTERS / 'icymoon_serve.py'} beside it.")
+                raise _ProgramError(
+                    f"speaks version {str(hello['hello'])[:40]} of the protocol, not {PROTOCOL}; copy "
+                    f"{ADAPTERS / 'icymoon_serve.py'} beside it."
+                )
         except BaseException:
             self.stop(0.0)
             raise
         self.facts = {**_texts(hello, "name"), "start_seconds": round(time.monotonic() - begun, 3)}
         self._warm = False
 
-    def compute(self, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None,
-                range_px: Sequence[int] | None) -> Result:
+    def compute(
+        self, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None, range_px: Sequence[int] | None
+    ) -> Result:
         """The disparity of a pair. Raises _ProgramError, and IcyMoonError for an error that the program reports."""
         if not self._warm:
             begun = time.monotonic()
@@ -105,26 +112,44 @@ class _Resident:
             self._warm = True
         disparity, answer, waited = self._ask(left, right, camera, range_px, self._program.timeout_s)
         facts = answer.get("facts")
-        stated = {key[:_LONGEST_FACT]: value[:_LONGEST_FACT] if isinstance(value, str) else value
-                  for key, value in list(facts.items())[:_MOST_FACTS] if isinstance(value, str | int | float)
-                  } if isinstance(facts, dict) else {}
+        stated = (
+            {
+                key[:_LONGEST_FACT]: value[:_LONGEST_FACT] if isinstance(value, str) else value
+                for key, value in list(facts.items())[:_MOST_FACTS]
+                if isinstance(value, str | int | float)
+            }
+            if isinstance(facts, dict)
+            else {}
+        )
         costs = {"wall_seconds": waited, "memory_mb": system.peak_memory_mib_of(self._process.pid)}
         costs |= {key: answer.get(given) for key, given in _COSTS.items() if _is_cost(answer.get(given))}
         costs.setdefault("seconds", costs["wall_seconds"])
-        return Result(disparity, facts={**self.facts, **stated, **_texts(answer, "gpu")},
-                      costs={key: value for key, value in costs.items() if value is not None})
+        return Result(
+            disparity,
+            facts={**self.facts, **stated, **_texts(answer, "gpu")},
+            costs={key: value for key, value in costs.items() if value is not None},
+        )
 
-    def _ask(self, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None, range_px: Sequence[int] | None,
-             limit_s: float) -> tuple[np.ndarray, dict[str, Any], float]:
+    def _ask(
+        self,
+        left: np.ndarray,
+        right: np.ndarray,
+        camera: StereoCamera | None,
+        range_px: Sequence[int] | None,
+        limit_s: float,
+    ) -> tuple[np.ndarray, dict[str, Any], float]:
         """Have it compute a pair: the disparity, its answer, and the seconds until then."""
         self._id += 1
         paths = {key: self._folder / f"{key}{self._id}.npy" for key in ("left", "right", "out")}
         try:
             np.save(paths["left"], left)
             np.save(paths["right"], right)
-            request = {"id": self._id, **{key: str(path) for key, path in paths.items()},
-                       "camera": camera and {key: float(getattr(camera, key)) for key in CAMERA},
-                       "range": range_px}
+            request = {
+                "id": self._id,
+                **{key: str(path) for key, path in paths.items()},
+                "camera": camera and {key: float(getattr(camera, key)) for key in CAMERA},
+                "range": range_px,
+            }
             begun = time.monotonic()
             self._write(request)
             answer = self._wait_for("id", limit_s)
@@ -163,8 +188,10 @@ class _Resident:
                 return message
         matcher = self._program.name.partition(".")[0]
         what, option = ("to be ready", "start_s") if key == "hello" else ("for a pair", "timeout_s")
-        raise _ProgramError(f"took more than {limit_s:g} s {what} and was stopped ({self._last_words()}); raise "
-                            f"{matcher}.{option} or make it faster.")
+        raise _ProgramError(
+            f"took more than {limit_s:g} s {what} and was stopped ({self._last_words()}); raise "
+            f"{matcher}.{option} or make it faster."
+        )
 
     def _describe_end(self, before: str) -> str:
         try:
@@ -182,11 +209,15 @@ class _Resident:
         try:
             return as_disparity(read_array(path, shape), shape)
         except FileNotFoundError:
-            raise IcyMoonError(f"{self._program.name} answered that the pair is done, but wrote no disparity map; save "
-                               "it to out before.") from None
+            raise IcyMoonError(
+                f"{self._program.name} answered that the pair is done, but wrote no disparity map; save "
+                "it to out before."
+            ) from None
         except (OSError, ValueError, IcyMoonError) as error:
-            raise IcyMoonError(f"{self._program.name} wrote a disparity map that cannot be used: "
-                               f"{' '.join(str(error).split())[:300].rstrip('.')}.") from None
+            raise IcyMoonError(
+                f"{self._program.name} wrote a disparity map that cannot be used: "
+                f"{' '.join(str(error).split())[:300].rstrip('.')}."
+            ) from None
 
     def _read(self, stream: IO[bytes]) -> None:
         with suppress(OSError, ValueError), stream:  # it was closed
@@ -219,8 +250,9 @@ def start_resident(program: Program) -> None:
     """Start a program if it does not run yet. Raises IcyMoonError if it cannot start or has failed too often."""
     count, reason = _failed.get(program, (0, ""))
     if count >= _FAILURES:
-        raise IcyMoonError(f"{program.name} failed {count} times in a row and is not started again; the last time it "
-                           f"{reason}")
+        raise IcyMoonError(
+            f"{program.name} failed {count} times in a row and is not started again; the last time it {reason}"
+        )
     if program not in _running:
         try:
             _running[program] = _Resident(program)
@@ -228,8 +260,13 @@ def start_resident(program: Program) -> None:
             raise _noted(program, failure) from None
 
 
-def ask_resident(program: Program, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None,
-                 range_px: Sequence[int] | None = None) -> Result:
+def ask_resident(
+    program: Program,
+    left: np.ndarray,
+    right: np.ndarray,
+    camera: StereoCamera | None,
+    range_px: Sequence[int] | None = None,
+) -> Result:
     """The disparity of uint8 RGB (H, W, 3) images; ``range_px`` are the least and the greatest to expect, if known.
 
     Raises IcyMoonError if the program fails.

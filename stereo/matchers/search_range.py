@@ -75,15 +75,18 @@ def true_range(true_disparity: np.ndarray) -> SearchRange | None:
     return _enclosing(float(known.min()) - 1, float(known.max()) + 1, true_disparity.shape[1], TRUTH)
 
 
-def known_ranges(settings: Settings | None, true_disparity: np.ndarray | None, by_hand: bool = False
-                 ) -> dict[str, SearchRange]:
+def known_ranges(
+    settings: Settings | None, true_disparity: np.ndarray | None, by_hand: bool = False
+) -> dict[str, SearchRange]:
     """The ranges of AUTO and TRUTH, as far as they are known, for ``match``.
 
     ``settings`` are the pair's settings, which do not describe the whole scene if it was edited ``by_hand``.
     ``true_disparity`` is NaN where only one eye sees the point.
     """
-    found = {AUTO: rig_range(settings, not by_hand) if settings is not None else None,
-             TRUTH: true_range(true_disparity) if true_disparity is not None else None}
+    found = {
+        AUTO: rig_range(settings, not by_hand) if settings is not None else None,
+        TRUTH: true_range(true_disparity) if true_disparity is not None else None,
+    }
     return {name: each for name, each in found.items() if each is not None}
 
 

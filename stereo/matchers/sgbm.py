@@ -22,25 +22,45 @@ SPARSE = True
 SEARCH = (
     *SEARCH_RANGE,
     Option("window", 5, "Side of the square that is compared, px, odd", 1, 25, 2, opencv="blockSize"),
-    Option("p1", 0, "Penalty of a disparity step of 1 px between neighbours; 0 for 8 window²", 0, 100000,
-           opencv="P1"),
+    Option("p1", 0, "Penalty of a disparity step of 1 px between neighbours; 0 for 8 window²", 0, 100000, opencv="P1"),
     Option("p2", 0, "Penalty of a larger step, more than p1; 0 for 32 window²", 0, 100000, opencv="P2"),
     Option("prefilter_cap", 63, "Filtered values are cut at plus and minus this", 1, 63, opencv="preFilterCap"),
-    Option("mode", "hh", "Paths: hh 8 (the whole algorithm), hh4 4. sgbm, 5, a third of the time, and 3way, 3, shift "
-           "sloping ground by up to 0.1 px", choices=("sgbm", "hh", "3way", "hh4")),
+    Option(
+        "mode",
+        "hh",
+        "Paths: hh 8 (the whole algorithm), hh4 4. sgbm, 5, a third of the time, and 3way, 3, shift "
+        "sloping ground by up to 0.1 px",
+        choices=("sgbm", "hh", "3way", "hh4"),
+    ),
 )
 
 OPTIONS = (
     *SEARCH,
-    Option("uniqueness", 10, "Per cent by which the best match must beat the second", 0, 100,
-           opencv="uniquenessRatio"),
-    Option("speckle_window", 100, "Connected patches up to this many px are removed; 0 for off", 0, 100000,
-           opencv="speckleWindowSize"),
+    Option("uniqueness", 10, "Per cent by which the best match must beat the second", 0, 100, opencv="uniquenessRatio"),
+    Option(
+        "speckle_window",
+        100,
+        "Connected patches up to this many px are removed; 0 for off",
+        0,
+        100000,
+        opencv="speckleWindowSize",
+    ),
     Option("speckle_range", 2, "Disparity step, px, that separates patches", 0, 1024, opencv="speckleRange"),
-    Option("left_right", 1, "Disparity difference, px, allowed when matching backwards; -1 for off", -1, 1024,
-           opencv="disp12MaxDiff"),
-    Option("left_border", "match", "Columns left of the search range: match them over the disparities that stay in the "
-           "image, or skip them as OpenCV does", choices=("match", "skip")),
+    Option(
+        "left_right",
+        1,
+        "Disparity difference, px, allowed when matching backwards; -1 for off",
+        -1,
+        1024,
+        opencv="disp12MaxDiff",
+    ),
+    Option(
+        "left_border",
+        "match",
+        "Columns left of the search range: match them over the disparities that stay in the "
+        "image, or skip them as OpenCV does",
+        choices=("match", "skip"),
+    ),
 )
 
 PRESETS: dict[str, dict[str, Any]] = {}
@@ -50,12 +70,17 @@ _WHOLE, _COST_BYTES, _MOST_BYTES = ("hh", "hh4"), 4, 1e9
 #: Rows beyond a strip of the image that its paths may come from. With 64, strips change no pixel in ten thousand.
 _BEYOND_ROWS = 64
 
-_MODES = {"sgbm": cv2.STEREO_SGBM_MODE_SGBM, "hh": cv2.STEREO_SGBM_MODE_HH,
-          "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY, "hh4": cv2.STEREO_SGBM_MODE_HH4}
+_MODES = {
+    "sgbm": cv2.STEREO_SGBM_MODE_SGBM,
+    "hh": cv2.STEREO_SGBM_MODE_HH,
+    "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+    "hh4": cv2.STEREO_SGBM_MODE_HH4,
+}
 
 
-def settle(options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
-           ) -> tuple[dict[str, Any], SearchRange]:
+def settle(
+    options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
+) -> tuple[dict[str, Any], SearchRange]:
     """The options with a search range in numbers, and this range."""
     return settle_range("sgbm", options, ranges)
 
@@ -75,8 +100,9 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     require_room("sgbm", left, width + extension - reach > options["window"] // 2)
     left, right = extended(left, extension), extended(right, extension)
     # Unlike StereoBM it compares windows that extend over the border.
-    disparity = run_matcher("sgbm", InStrips(matcher, options["mode"]), left, right, least, (reach, width + extension),
-                            (0, height))[:, extension:]
+    disparity = run_matcher(
+        "sgbm", InStrips(matcher, options["mode"]), left, right, least, (reach, width + extension), (0, height)
+    )[:, extension:]
     return Result(inside_right(evenly_rounded(disparity)))
 
 
@@ -87,9 +113,15 @@ def semi_global(method: str, options: dict[str, Any]) -> Any:
     if small_step >= large_step:
         raise IcyMoonError(f"{method}.p2, {large_step}, must be above {method}.p1, {small_step}; raise p2 or lower p1.")
     return cv2.StereoSGBM.create(
-        minDisparity=options["min_disparity"], numDisparities=options["disparities"], blockSize=options["window"],
-        P1=small_step, P2=large_step, disp12MaxDiff=-1, preFilterCap=options["prefilter_cap"],
-        mode=_MODES[options["mode"]])
+        minDisparity=options["min_disparity"],
+        numDisparities=options["disparities"],
+        blockSize=options["window"],
+        P1=small_step,
+        P2=large_step,
+        disp12MaxDiff=-1,
+        preFilterCap=options["prefilter_cap"],
+        mode=_MODES[options["mode"]],
+    )
 
 
 @dataclass(frozen=True)
@@ -110,7 +142,7 @@ class InStrips:
         for start in range(0, height, step):
             top, bottom = max(0, start - _BEYOND_ROWS), min(height, start + step + _BEYOND_ROWS)
             part = self.matcher.compute(image[top:bottom], other[top:bottom])
-            parts.append(part[start - top:min(start + step, height) - top])
+            parts.append(part[start - top : min(start + step, height) - top])
         return np.vstack(parts)
 
 

@@ -25,18 +25,29 @@ SPARSE = True
 
 OPTIONS = (
     *SEARCH,
-    Option("smoothness", 30.0, "Weight of smoothness against the matches (OpenCV's lambda; the 8000 of its manual "
-           "turns slopes into steps)", 0.0, 1e6),
+    Option(
+        "smoothness",
+        30.0,
+        "Weight of smoothness against the matches (OpenCV's lambda; the 8000 of its manual turns slopes into steps)",
+        0.0,
+        1e6,
+    ),
     Option("edge", 1.5, "Difference of grey that counts as an edge (OpenCV's sigma color)", 0.1, 100.0),
-    Option("min_confidence", 0, "Least confidence of a measurement, 0 to 255; 0 keeps filled-in pixels, 1 drops them",
-           0, 255),
+    Option(
+        "min_confidence",
+        0,
+        "Least confidence of a measurement, 0 to 255; 0 keeps filled-in pixels, 1 drops them",
+        0,
+        255,
+    ),
 )
 
 PRESETS: dict[str, dict[str, Any]] = {}
 
 
-def settle(options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
-           ) -> tuple[dict[str, Any], SearchRange]:
+def settle(
+    options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
+) -> tuple[dict[str, Any], SearchRange]:
     """The options with a search range in numbers, and this range."""
     return settle_range("sgbm_wls", options, ranges)
 
@@ -54,8 +65,11 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     left, right = extended(left, extension), extended(right, extension)
     try:
         # The filter takes floats too, so that nothing is rounded in between.
-        smooth = filtering.filter(_match(matcher, options["mode"], left, right), left,
-                                  disparity_map_right=_match(backwards, options["mode"], right, left))
+        smooth = filtering.filter(
+            _match(matcher, options["mode"], left, right),
+            left,
+            disparity_map_right=_match(backwards, options["mode"], right, left),
+        )
     except cv2.error as error:
         raise IcyMoonError(f"OpenCV's sgbm_wls failed ({error.err}); try other options.") from None
     confidence = np.rint(filtering.getConfidenceMap()[:, extension:]).clip(0, 255).astype(np.uint8)

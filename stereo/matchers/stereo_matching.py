@@ -29,8 +29,12 @@ OPTIONS = (
     Option("model", "", "Name that the package has for a network, such as raft-stereo"),
     Option("checkpoint", "", "File with other parameters of this network, instead of those that are downloaded"),
     Option("height", 0, "Height that images are resized to, px; 0 for the one that the network expects", 0, 8192, 8),
-    Option("device", "auto", "Where the network runs; auto takes a GPU if there is one",
-           choices=("auto", "cpu", "cuda", "mps")),
+    Option(
+        "device",
+        "auto",
+        "Where the network runs; auto takes a GPU if there is one",
+        choices=("auto", "cpu", "cuda", "mps"),
+    ),
     *LIMITS,
 )
 
@@ -62,10 +66,10 @@ def _checkpoint(options: dict[str, Any]) -> Path:
 
 
 def _program(options: dict[str, Any]) -> Program:
-    command = [options["python"], str(ADAPTERS / "run_stereo_matching.py"),
-               options["model"]]
+    command = [options["python"], str(ADAPTERS / "run_stereo_matching.py"), options["model"]]
     command += ["--checkpoint", str(_checkpoint(options))] if options["checkpoint"] else []
     command += ["--height", str(options["height"])] if options["height"] else []
     command += ["--device", options["device"]] if options["device"] != "auto" else []
-    return Program(f"stereo_matching.model {options['model']}", tuple(command), options["start_s"],
-                   options["timeout_s"])
+    return Program(
+        f"stereo_matching.model {options['model']}", tuple(command), options["start_s"], options["timeout_s"]
+    )

@@ -21,8 +21,14 @@ def read_array(path: Path, shape: tuple[int, ...]) -> np.ndarray:
     Raises OSError if there is no such file, ValueError if it is far too large, IcyMoonError if it is damaged.
     """
     data = read_regular(path, _EACH * math.prod(shape) + _BESIDE)
-    return parse_part(data, path.name, lambda foreign: parse_npy(foreign, "fiubcmMSUV"), "an array",
-                      "write it by numpy.save", memory=len(data))
+    return parse_part(
+        data,
+        path.name,
+        lambda foreign: parse_npy(foreign, "fiubcmMSUV"),
+        "an array",
+        "write it by numpy.save",
+        memory=len(data),
+    )
 
 
 def last_words(path: Path) -> str:

@@ -54,11 +54,11 @@ class Factor:
         return found
 
 
-RANGE = Factor("range", "True depth (m)",
-               (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0))
+RANGE = Factor(
+    "range", "True depth (m)", (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0)
+)
 SLOPE = Factor("slope", "Slope (°)", (5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0))
-TEXTURE = Factor("texture", "Texture (grey levels per px)",
-                 (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0))
+TEXTURE = Factor("texture", "Texture (grey levels per px)", (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0))
 SHADOW = Factor("shadow", "Light", names=("sunlit", "shadow"))
 OCCLUSION = Factor("occlusion", "Visibility", names=("both eyes", "left only"))
 MATERIAL = Factor("material", "Material", names=("terrain", "rock", "lander"))
@@ -80,7 +80,7 @@ def texture(grey: np.ndarray) -> np.ndarray:
         return np.zeros(grey.shape)
     gradient = np.gradient(grey.astype(np.float64), axis=1)
     window = (TEXTURE_WINDOW_PX, TEXTURE_WINDOW_PX)
-    mean = cv2.boxFilter(gradient ** 2, -1, window, borderType=cv2.BORDER_REPLICATE)
+    mean = cv2.boxFilter(gradient**2, -1, window, borderType=cv2.BORDER_REPLICATE)
     return np.sqrt(np.maximum(mean, 0.0))  # rounding in running sums may give a value below zero
 
 
@@ -102,26 +102,39 @@ def in_shadow(grey: np.ndarray, normal: np.ndarray, toward_sun: Sequence[float],
     return np.asarray(shadow)
 
 
-def classify(truth: np.ndarray, visible: np.ndarray, gradient: np.ndarray, grey: np.ndarray, normal: np.ndarray | None,
-             semantic: np.ndarray | None, toward_sun: Sequence[float] | None,
-             blocked: np.ndarray | None = None) -> dict[str, np.ndarray]:
+def classify(
+    truth: np.ndarray,
+    visible: np.ndarray,
+    gradient: np.ndarray,
+    grey: np.ndarray,
+    normal: np.ndarray | None,
+    semantic: np.ndarray | None,
+    toward_sun: Sequence[float] | None,
+    blocked: np.ndarray | None = None,
+) -> dict[str, np.ndarray]:
     """The class of every pixel by every factor, int8 (H, W), -1 where it has no class or an argument is None.
 
     ``gradient`` is ``texture`` of the left image that matchers get, ``grey`` its radiance; ``normal`` is in world axes.
     ``blocked`` is the light that deposits on the lens block, of 255; None without deposits.
     """
     nowhere = np.full(truth.shape, -1, np.int8)
-    found = {RANGE.key: RANGE.of(truth), TEXTURE.key: TEXTURE.of(gradient),
-             OCCLUSION.key: (~visible).astype(np.int8),
-             SLOPE.key: nowhere, SHADOW.key: nowhere, MATERIAL.key: nowhere,
-             DEPOSITS.key: nowhere if blocked is None else (blocked >= _LEAST_BLOCKED).astype(np.int8)}
+    found = {
+        RANGE.key: RANGE.of(truth),
+        TEXTURE.key: TEXTURE.of(gradient),
+        OCCLUSION.key: (~visible).astype(np.int8),
+        SLOPE.key: nowhere,
+        SHADOW.key: nowhere,
+        MATERIAL.key: nowhere,
+        DEPOSITS.key: nowhere if blocked is None else (blocked >= _LEAST_BLOCKED).astype(np.int8),
+    }
     if normal is not None:
         # The third component of normals, which compact files round, cannot give small angles.
         across = np.hypot(*np.moveaxis(normal[..., :2].astype(np.float64), -1, 0))
         found[SLOPE.key] = SLOPE.of(np.degrees(np.arctan2(across, normal[..., 2])))
     if semantic is not None:
-        found[MATERIAL.key] = np.select([semantic == k for k in (TERRAIN, ROCK, LANDER)],
-                                        [np.int8(0), np.int8(1), np.int8(2)], np.int8(-1))
+        found[MATERIAL.key] = np.select(
+            [semantic == k for k in (TERRAIN, ROCK, LANDER)], [np.int8(0), np.int8(1), np.int8(2)], np.int8(-1)
+        )
     if normal is not None and semantic is not None and toward_sun is not None:
         found[SHADOW.key] = in_shadow(grey, normal, toward_sun, semantic).astype(np.int8)
     return found
@@ -146,8 +159,14 @@ class Cells:
         self.place = (np.cumsum(sizes > 0) - 1)[cell]  # of each pixel among the occupied cells
 
 
-def sums_by_class(cells: Cells, depth: np.ndarray, truth: np.ndarray, disparity: np.ndarray,
-                  true_disparity: np.ndarray, doffs_px: float = 0.0) -> dict[str, dict[str, list[float]]]:
+def sums_by_class(
+    cells: Cells,
+    depth: np.ndarray,
+    truth: np.ndarray,
+    disparity: np.ndarray,
+    true_disparity: np.ndarray,
+    doffs_px: float = 0.0,
+) -> dict[str, dict[str, list[float]]]:
     """SUMS per class of every factor of ``classify``: {factor: {sum: a number per class}}.
 
     The arrays (pixels,) are of the pixels of ``cells``. ``doffs_px``: see ``StereoCamera``.
@@ -160,10 +179,17 @@ def sums_by_class(cells: Cells, depth: np.ndarray, truth: np.ndarray, disparity:
     def total(weights: np.ndarray | None = None, which: np.ndarray | slice = slice(None)) -> np.ndarray:
         return np.bincount(place[which], None if weights is None else weights[which], len(cells.sizes))
 
-    by_cell = {"true": cells.sizes, "n": total(), "l1_m": total(error_m), "epe_px": total(error_px),
-               "bad_1": total(which=~fine), "l1_rate_10": total(which=error_m > 0.1),
-               "m_per_px": total(true / (true_px + doffs_px)), "fine": total(which=fine),
-               "fine_epe_px": total(error_px, fine)}
+    by_cell = {
+        "true": cells.sizes,
+        "n": total(),
+        "l1_m": total(error_m),
+        "epe_px": total(error_px),
+        "bad_1": total(which=~fine),
+        "l1_rate_10": total(which=error_m > 0.1),
+        "m_per_px": total(true / (true_px + doffs_px)),
+        "fine": total(which=fine),
+        "fine_epe_px": total(error_px, fine),
+    }
     result: dict[str, dict[str, list[float]]] = {}
     for factor, bins in zip(FACTORS, cells.bins, strict=True):
         sums = {key: np.bincount(bins, by_cell[key], len(factor.classes) + 1)[1:] for key in SUMS}
@@ -175,8 +201,11 @@ def add_sums(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> dict[st
     """The sums over two sets of pixels together; ``one`` may be None for no pixels."""
     if one is None:
         return {factor: {key: list(values) for key, values in sums.items()} for factor, sums in other.items()}
-    return {factor: {key: [a + b for a, b in zip(sums[key], other[factor][key], strict=True)] for key in SUMS}
-            for factor, sums in one.items() if factor in other}  # an earlier version had fewer factors
+    return {
+        factor: {key: [a + b for a, b in zip(sums[key], other[factor][key], strict=True)] for key in SUMS}
+        for factor, sums in one.items()
+        if factor in other
+    }  # an earlier version had fewer factors
 
 
 def mean(sums: Mapping[str, Sequence[float]], key: str, over: str = "n") -> list[float | None]:

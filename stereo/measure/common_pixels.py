@@ -36,8 +36,11 @@ def common_numbers(prepared: Prepared, disparities: Mapping[str, np.ndarray]) ->
         found[label] = {}
         for other in (other for other in measured if other != label):
             both = measured[label] & measured[other]
-            found[label][other] = {prefix + key: value for prefix, pixels in (("", both), ("visible_", both & visible))
-                                   for key, value in _means(terms, pixels).items()}
+            found[label][other] = {
+                prefix + key: value
+                for prefix, pixels in (("", both), ("visible_", both & visible))
+                for key, value in _means(terms, pixels).items()
+            }
     return found
 
 
@@ -65,5 +68,5 @@ def _means(terms: np.ndarray, pixels: np.ndarray) -> dict[str, Any]:
     if not n:
         return {"n": 0, **dict.fromkeys(METRICS)}
     error, square, rate, ratio, ratio_square, epe, bad, d1 = (terms @ pixels.astype(np.float64) / n).tolist()
-    numbers = (error, math.sqrt(square), rate, math.sqrt(max(0.0, ratio_square - ratio ** 2)), epe, bad, d1)
+    numbers = (error, math.sqrt(square), rate, math.sqrt(max(0.0, ratio_square - ratio**2)), epe, bad, d1)
     return {"n": n, **{key: none_for_nan(value) for key, value in zip(METRICS, numbers, strict=True)}}

@@ -25,14 +25,15 @@ import numpy as np
 
 TOLERANCE = 0.01
 #: Values per row of a table of counts, one for each bit of a word; and most entries of such a table.
-_GROUP_BITS, _MOST_ENTRIES = 6, 2 ** 23
-_GROUP = 2 ** _GROUP_BITS
+_GROUP_BITS, _MOST_ENTRIES = 6, 2**23
+_GROUP = 2**_GROUP_BITS
 #: Pixels whose counts are looked up at once: the intermediate results stay in the processor's cache.
-_AT_ONCE = 2 ** 13
+_AT_ONCE = 2**13
 
 
-def depth_order_disagreement(prediction: np.ndarray, truth: np.ndarray, tolerance: float = TOLERANCE,
-                             antisymmetric: bool = False) -> float:
+def depth_order_disagreement(
+    prediction: np.ndarray, truth: np.ndarray, tolerance: float = TOLERANCE, antisymmetric: bool = False
+) -> float:
     """Share, 0 to 1, of ordered pixel pairs whose depth order the prediction gets wrong.
 
     Both arrays have the same shape and contain positive finite depths. NaN for fewer than two pixels. With
@@ -40,7 +41,8 @@ def depth_order_disagreement(prediction: np.ndarray, truth: np.ndarray, toleranc
     does not hold for ratios between 1 + τ and 1 / (1 - τ).
     """
     return TrueOrder(truth.ravel(), tolerance, antisymmetric).disagreements(
-        prediction.ravel(), np.ones(truth.size, bool))[0]
+        prediction.ravel(), np.ones(truth.size, bool)
+    )[0]
 
 
 class TrueOrder:
@@ -80,12 +82,19 @@ class TrueOrder:
             first, last, low, high = nearer[some], not_farther[some], plus[some], upto[some]
             found = [counts.below(*prefixes) for prefixes in ((first, high), (last, low), (first, low), (last, high))]
             for k, own in enumerate(counted_in):
-                disagreeing = (in_true[k].take(last) + in_predicted[k].take(high) + found[0][k] + found[1][k]
-                               - 2 * (found[2][k] + found[3][k]))
+                disagreeing = (
+                    in_true[k].take(last)
+                    + in_predicted[k].take(high)
+                    + found[0][k]
+                    + found[1][k]
+                    - 2 * (found[2][k] + found[3][k])
+                )
                 totals[k] += int(disagreeing[own[some]].sum())
         sizes = [int(starts[-1]) for starts in in_true]
-        return [float(total) / (count * (count - 1)) if count > 1 else float("nan")
-                for total, count in zip(totals, sizes, strict=True)]
+        return [
+            float(total) / (count * (count - 1)) if count > 1 else float("nan")
+            for total, count in zip(totals, sizes, strict=True)
+        ]
 
 
 def _starts(sizes: np.ndarray) -> np.ndarray:
@@ -112,8 +121,9 @@ def _thresholds(depths: np.ndarray, tolerance: float, antisymmetric: bool) -> tu
         return nearer, _corrected(guess, depths, lambda v, x: ~(v / x < 1 - tolerance))
 
 
-def _corrected(guess: np.ndarray, depths: np.ndarray,
-               holds: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
+def _corrected(
+    guess: np.ndarray, depths: np.ndarray, holds: Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> np.ndarray:
     """Move each prefix length, which is right except for rounding, to where ``holds(v, x)`` ends."""
     last = depths.size - 1
     while True:
@@ -124,8 +134,9 @@ def _corrected(guess: np.ndarray, depths: np.ndarray,
         guess = guess - too_long + too_short
 
 
-def sampled_disagreement(prediction: np.ndarray, truth: np.ndarray, pairs: int, random: np.random.Generator,
-                         tolerance: float = TOLERANCE) -> float:
+def sampled_disagreement(
+    prediction: np.ndarray, truth: np.ndarray, pairs: int, random: np.random.Generator, tolerance: float = TOLERANCE
+) -> float:
     """The disagreement among ``pairs`` random ordered pairs of two different pixels: unbiased, and much faster.
 
     Its standard error is √(p (1 - p) / pairs). NaN for fewer than two pixels.
@@ -138,13 +149,17 @@ def sampled_disagreement(prediction: np.ndarray, truth: np.ndarray, pairs: int, 
     return pair_disagreement(prediction.ravel(), truth.ravel(), first, second, tolerance)
 
 
-def pair_disagreement(prediction: np.ndarray, truth: np.ndarray, first: np.ndarray, second: np.ndarray,
-                      tolerance: float = TOLERANCE) -> float:
+def pair_disagreement(
+    prediction: np.ndarray, truth: np.ndarray, first: np.ndarray, second: np.ndarray, tolerance: float = TOLERANCE
+) -> float:
     """Share of the pairs (first, second) of indices into flat arrays that disagree; NaN for no pair."""
     if not first.size:
         return float("nan")
-    return float(np.mean(_order(prediction[first], prediction[second], tolerance)
-                         != _order(truth[first], truth[second], tolerance)))
+    return float(
+        np.mean(
+            _order(prediction[first], prediction[second], tolerance) != _order(truth[first], truth[second], tolerance)
+        )
+    )
 
 
 def _order(a: np.ndarray, b: np.ndarray, tolerance: float) -> np.ndarray:
@@ -177,16 +192,15 @@ class _PrefixCounts:
     def __init__(self, values: np.ndarray, sizes: np.ndarray, regions: Sequence[np.ndarray]) -> None:
         starts, limits = _starts(sizes), np.arange(sizes.size + 1)
         most = max(2, _MOST_ENTRIES // (values.size // _GROUP + 1))
-        levels = next(count for count in range(1, 64) if most ** count > sizes.size)
-        base = next(base for base in range(int(sizes.size ** (1 / levels)), most + 1) if base ** levels > sizes.size)
+        levels = next(count for count in range(1, 64) if most**count > sizes.size)
+        base = next(base for base in range(int(sizes.size ** (1 / levels)), most + 1) if base**levels > sizes.size)
         self._levels = []
         for level in reversed(range(levels)):
-            step = base ** level
+            step = base**level
             counts, digits = _DigitCounts(values // step % base, base, regions), limits // step % base
             begins = starts[limits // (step * base) * (step * base)]
             before = counts.below(begins, digits)
-            self._levels.append(_Level(counts, digits, begins, before,
-                                       counts.below(begins, digits + 1)[0] - before[0]))
+            self._levels.append(_Level(counts, digits, begins, before, counts.below(begins, digits + 1)[0] - before[0]))
             if level:
                 order = np.argsort(values // step, kind="stable")
                 values, regions = values[order], [region[order] for region in regions]
@@ -244,9 +258,13 @@ class _DigitCounts:
         before = self._tables[0].take(cell)
         rank = self._tables[0].take(cell + self._columns) - before
         words = self._words.ravel().take(group * (_GROUP + 1) + rank) & _LOWEST.take(rest)
-        return [before + _count_ones(words), *(table.take(cell) + _count_ones(words & members.take(group))
-                                               for table, members in zip(self._tables[1:], self._regions,
-                                                                         strict=True))]
+        return [
+            before + _count_ones(words),
+            *(
+                table.take(cell) + _count_ones(words & members.take(group))
+                for table, members in zip(self._tables[1:], self._regions, strict=True)
+            ),
+        ]
 
 
 #: Words with the lowest 0, 1, ..., 63 bits.
@@ -256,7 +274,7 @@ _LOWEST = (np.uint64(1) << np.arange(_GROUP, dtype=np.uint64)) - np.uint64(1)
 def _in_groups(values: np.ndarray, groups: int, rest: int) -> np.ndarray:
     """The values (groups, 64), with ``rest`` after the last one."""
     padded = np.full(groups * _GROUP, rest, values.dtype)
-    padded[:values.size] = values
+    padded[: values.size] = values
     return padded.reshape(groups, _GROUP)
 
 

@@ -33,11 +33,13 @@ def histograms_of(disparity: np.ndarray, true_disparity: np.ndarray) -> Histogra
     error, part = measured - true, _part(true)
     fine = np.abs(error) < _FINE_PX
     below = [np.count_nonzero(error < bound) for bound in ERROR_PX]  # far faster than to sort, or to look up each error
-    return {"error": np.diff(below, prepend=0, append=error.size).tolist(),
-            "part": np.bincount(_part(measured), minlength=PARTS).tolist(),
-            "true_part": np.bincount(part, minlength=PARTS).tolist(),
-            "fine": np.bincount(part[fine], minlength=PARTS).tolist(),
-            "fine_error_px": np.bincount(part[fine], error[fine], minlength=PARTS).tolist()}
+    return {
+        "error": np.diff(below, prepend=0, append=error.size).tolist(),
+        "part": np.bincount(_part(measured), minlength=PARTS).tolist(),
+        "true_part": np.bincount(part, minlength=PARTS).tolist(),
+        "fine": np.bincount(part[fine], minlength=PARTS).tolist(),
+        "fine_error_px": np.bincount(part[fine], error[fine], minlength=PARTS).tolist(),
+    }
 
 
 def _part(disparity: np.ndarray) -> np.ndarray:

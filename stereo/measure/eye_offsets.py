@@ -52,7 +52,7 @@ _STEP = 0.7
 #: Deviation, px, due to single precision and to edges of the mesh between two columns.
 _ROUNDING_PX = 1e-4
 #: Largest relative difference of a disparity between the eyes due to single precision: four roundings.
-_ROUNDING = 4 * 2.0 ** -24
+_ROUNDING = 4 * 2.0**-24
 
 
 @dataclass(frozen=True)
@@ -107,15 +107,16 @@ def truth_offsets(left_depth: np.ndarray, right_depth: np.ndarray, camera: Stere
     along, down = (matching.of(slope) for slope in (_slope(other[rows].T).T, _slope(other)[rows]))
     difference = matching.of(other[rows]) - disparity
     with np.errstate(invalid="ignore"):
-        known = (inside & (np.abs(difference) < _SAME_POINT_PX) & (np.abs(along) < _STEP)
-                 & (np.abs(down) < 3 * _STEP))
+        known = inside & (np.abs(difference) < _SAME_POINT_PX) & (np.abs(along) < _STEP) & (np.abs(down) < 3 * _STEP)
     if known.sum() < FEWEST:
         return TruthOffsets()
     rounding_px = _ROUNDING * _rms(disparity[known])
     difference, disparity, along, down = (np.where(known, each, 0.0) for each in (difference, disparity, along, down))
     # A shift of the right eye by s changes the warped disparity by -s times its slope.
-    fits = {name: _robust_fit(slope, difference, known, rounding_px)
-            for name, slope in (("shift_px", -along), ("scale", -along * disparity), ("rows_px", -down))}
+    fits = {
+        name: _robust_fit(slope, difference, known, rounding_px)
+        for name, slope in (("shift_px", -along), ("scale", -along * disparity), ("rows_px", -down))
+    }
     likeliest = min(fits, key=lambda name: fits[name][1])
     return TruthOffsets(**{name: estimate for name, (estimate, _) in fits.items()}, likeliest=likeliest)
 
@@ -144,11 +145,15 @@ def _slope(image: np.ndarray) -> np.ndarray:
 
 
 def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values ** 2)))
+    return float(np.sqrt(np.mean(values**2)))
 
 
-def _robust_fit(slope: np.ndarray, difference: np.ndarray, known: np.ndarray, rounding_px: float,
-                ) -> tuple[Estimate, float]:
+def _robust_fit(
+    slope: np.ndarray,
+    difference: np.ndarray,
+    known: np.ndarray,
+    rounding_px: float,
+) -> tuple[Estimate, float]:
     """The factor x in ``difference`` = x · ``slope``, fitted with Tukey's weights, and the mean deviation that is left.
     Both are 0 unless ``known``.
 
@@ -200,7 +205,7 @@ def light_offsets(left: np.ndarray, right: np.ndarray, column: np.ndarray, visib
     shift, gain, correlation = _best(lambda step: products(step, 0.0), SHIFTS_PX)
     rows, rows_gain, _ = _best(lambda step: products(0.0, step), ROWS_PX)
     energy = products(0.0, 0.0)[:, 1]
-    held = float(energy.sum() ** 2 / max((energy ** 2).sum(), 1e-300))
+    held = float(energy.sum() ** 2 / max((energy**2).sum(), 1e-300))
     return LightOffsets(shift, rows, correlation.value, gain, rows_gain, held)
 
 
@@ -251,7 +256,7 @@ class _Shifted:
         beyond its edges."""
         place, weight = self._places[shift_px % 1.0]
         start = (self._above + rows) * self._width + self._beside + int(np.floor(shift_px))
-        before, after = (self._padded.ravel()[start + k:].take(place) for k in (0, 1))
+        before, after = (self._padded.ravel()[start + k :].take(place) for k in (0, 1))
         return np.asarray(before + weight * (after - before))
 
 
@@ -262,7 +267,7 @@ class _Contrasts:
         self._where, self._count = where.astype(image.dtype), int(where.sum())
         self._share = np.maximum(_smoothed(self._where, _CONTRAST_PX), 1e-9)
         self.own = self.of(image)
-        self._energy = tile_sums(self.own ** 2)[:, 0]
+        self._energy = tile_sums(self.own**2)[:, 0]
 
     def of(self, image: np.ndarray) -> np.ndarray:
         """Brightness of a pixel above the mean around it, in standard deviations of the surroundings, limited to 1; 0
@@ -302,7 +307,7 @@ def _best(products: Callable[[float], np.ndarray], steps: np.ndarray) -> tuple[E
     is left out. Then only the steps beside it are tried, which are all that the peak is found from.
     """
     middle = len(steps) // 2
-    for tried in (steps[middle - 1:middle + 2], steps):
+    for tried in (steps[middle - 1 : middle + 2], steps):
         sums = np.stack([products(step) for step in tried.tolist()], axis=1)
         whole, zero = sums.sum(axis=0), len(tried) // 2
         curves = _correlation(np.concatenate([whole[None], whole - sums]))
@@ -338,16 +343,25 @@ def foreign_share(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, vi
     Works on reduced images, which have less noise. NaN if too few places are found.
     """
     step = max(1, round(left.shape[1] / _SMALL_PX))
-    left, right, true, seen = (_reduced(image, step) for image in (
-        _finite(left), _finite(right), np.where(visible, disparity, 0.0) / step, visible))
+    left, right, true, seen = (
+        _reduced(image, step)
+        for image in (_finite(left), _finite(right), np.where(visible, disparity, 0.0) / step, visible)
+    )
     where, column = seen > 0.999, matching_column(true)
     if where.sum() < FEWEST:
         return Estimate()
     left, right = _blurred(left), _blurred(right)
     contrasts = _Contrasts(left, where)
-    fits = np.stack([_local_correlation(contrasts.own, contrasts.of(warped(right, column + shift)), where
-                                        & (column + shift >= 0) & (column + shift <= left.shape[1] - 1))
-                     for shift in _SEARCH_PX])
+    fits = np.stack(
+        [
+            _local_correlation(
+                contrasts.own,
+                contrasts.of(warped(right, column + shift)),
+                where & (column + shift >= 0) & (column + shift <= left.shape[1] - 1),
+            )
+            for shift in _SEARCH_PX
+        ]
+    )
     here = fits[np.abs(_SEARCH_PX) <= 1].max(axis=0)
     found = where & (fits.max(axis=0) > _FOUND)
     sums = tile_sums(found & (fits.max(axis=0) > here + _BETTER), found)
@@ -360,7 +374,7 @@ def foreign_share(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, vi
 def _local_correlation(contrast: np.ndarray, other: np.ndarray, where: np.ndarray) -> np.ndarray:
     """Correlation around each pixel over the pixels where both are known; 0 if these are few or have no contrast."""
     share, first, second = where.astype(np.float64), contrast * where, other * where
-    energy, other_energy, both = (_smoothed(image, _PLACE_PX) for image in (first ** 2, second ** 2, first * second))
+    energy, other_energy, both = (_smoothed(image, _PLACE_PX) for image in (first**2, second**2, first * second))
     told = (_smoothed(share, _PLACE_PX) > 0.5) & (np.minimum(energy, other_energy) > _TEXTURED)
     return np.where(told, both / np.sqrt(np.where(told, energy * other_energy, 1.0)), 0.0)
 
@@ -368,4 +382,4 @@ def _local_correlation(contrast: np.ndarray, other: np.ndarray, where: np.ndarra
 def _reduced(image: np.ndarray, step: int) -> np.ndarray:
     """Means of squares of ``step`` pixels."""
     height, width = (size // step for size in image.shape)
-    return np.asarray(image[:height * step, :width * step].reshape(height, step, width, step).mean(axis=(1, 3)))
+    return np.asarray(image[: height * step, : width * step].reshape(height, step, width, step).mean(axis=(1, 3)))

@@ -70,15 +70,25 @@ class Fault:
 
 #: The readings that are tried, in words for "it fits …".
 KINDS = {
-    "factor": "with another factor", "ray": "as distances along the ray", "depth": "as depths in metres",
-    "disparity": "as disparities in px", "inverse": "as 1 / depth in 1/m", "upside_down": "upside down",
-    "mirrored": "mirrored from left to right", "turned": "turned by 180°", "right_eye": "as the map of the right eye",
-    "swapped": "with the images exchanged"}
+    "factor": "with another factor",
+    "ray": "as distances along the ray",
+    "depth": "as depths in metres",
+    "disparity": "as disparities in px",
+    "inverse": "as 1 / depth in 1/m",
+    "upside_down": "upside down",
+    "mirrored": "mirrored from left to right",
+    "turned": "turned by 180°",
+    "right_eye": "as the map of the right eye",
+    "swapped": "with the images exchanged",
+}
 
 
 #: Functions that turn a map in the readings of these kinds.
 TURNS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "upside_down": lambda a: a[::-1], "mirrored": lambda a: a[:, ::-1], "turned": lambda a: a[::-1, ::-1]}
+    "upside_down": lambda a: a[::-1],
+    "mirrored": lambda a: a[:, ::-1],
+    "turned": lambda a: a[::-1, ::-1],
+}
 
 
 @dataclass(frozen=True)
@@ -92,8 +102,10 @@ class Places:
 
     def enough(self) -> bool:
         """Whether there are enough places of either order to state anything."""
-        return any(_is_spread(np.isfinite(each)) and np.isfinite(each).mean() >= _LEAST_SHARE
-                   for each in (self.left, self.swapped))
+        return any(
+            _is_spread(np.isfinite(each)) and np.isfinite(each).mean() >= _LEAST_SHARE
+            for each in (self.left, self.swapped)
+        )
 
 
 def find_places(left: np.ndarray, right: np.ndarray) -> Places:
@@ -106,7 +118,7 @@ def find_places(left: np.ndarray, right: np.ndarray) -> Places:
 def known_places(disparity: np.ndarray) -> Places:
     """The true disparity (H, W) of a pair, NaN where unknown, as places that are known."""
     step = max(1, math.ceil(disparity.shape[1] / _COLUMNS))
-    thinned = disparity[step // 2::step, step // 2::step] / step
+    thinned = disparity[step // 2 :: step, step // 2 :: step] / step
     return Places(thinned, np.full_like(thinned, np.nan), step)
 
 
@@ -126,8 +138,11 @@ def find_fault(values: np.ndarray, kind: str, camera: StereoCamera, places: Plac
             best = Fault(name, 1.0, here, share)
     if best is None:
         best = _find_factor(stated, places, here, kind)
-    if best is None and here < _FITS_NOT and _is_spread(np.isfinite(places.left) & np.isfinite(
-            _thinned(stated, places.step))):
+    if (
+        best is None
+        and here < _FITS_NOT
+        and _is_spread(np.isfinite(places.left) & np.isfinite(_thinned(stated, places.step)))
+    ):
         return Fault("nothing", 1.0, here)
     return best
 
@@ -169,22 +184,25 @@ def _half_sample_mode(values: np.ndarray) -> float:
     ordered = np.sort(values)
     while len(ordered) > 8:
         half = len(ordered) // 2
-        first = int(np.argmin(ordered[half:] - ordered[:len(ordered) - half]))
-        ordered = ordered[first:first + half]
+        first = int(np.argmin(ordered[half:] - ordered[: len(ordered) - half]))
+        ordered = ordered[first : first + half]
     return float(np.median(ordered))
 
 
 def _find_zoom(stated: np.ndarray, camera: StereoCamera, places: Places) -> float | None:
     """Focal length of the map as a multiple of the camera's, if a map enlarged or reduced by it fits clearly better."""
-    rows, columns = np.mgrid[:stated.shape[0], :stated.shape[1]].astype(np.float32)
+    rows, columns = np.mgrid[: stated.shape[0], : stated.shape[1]].astype(np.float32)
     first = places.step // 2 + 0.5
     across, down = (camera.cx_px - first) / places.step, (camera.cy_px - first) / places.step
     best, least = None, math.inf
     for zoom in _ZOOMS:
-        x, y = (np.asarray(middle + zoom * (each - middle), np.float32)
-                for middle, each in ((across, columns), (down, rows)))
-        other = cv2.remap(stated.astype(np.float32), x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT,
-                          borderValue=[math.nan])
+        x, y = (
+            np.asarray(middle + zoom * (each - middle), np.float32)
+            for middle, each in ((across, columns), (down, rows))
+        )
+        other = cv2.remap(
+            stated.astype(np.float32), x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=[math.nan]
+        )
         with np.errstate(invalid="ignore"):
             both = np.isfinite(other) & np.isfinite(stated) & np.isfinite(places.left)
             differs = both & (np.abs(other - stated) > _DIFFERENT_PX)
@@ -212,9 +230,10 @@ def are_seen(where: np.ndarray, disparity_px: float, places: Places) -> bool:
 
 def ray_lengths(camera: StereoCamera) -> np.ndarray:
     """Distance from the eye over planar depth, (H, W)."""
-    v, u = np.mgrid[:camera.height_px, :camera.width_px] + 0.5
-    return np.asarray(np.sqrt(1 + ((u - camera.cx_px) / camera.focal_px) ** 2
-                              + ((v - camera.cy_px) / camera.focal_px) ** 2))
+    v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
+    return np.asarray(
+        np.sqrt(1 + ((u - camera.cx_px) / camera.focal_px) ** 2 + ((v - camera.cy_px) / camera.focal_px) ** 2)
+    )
 
 
 def _reading(values: np.ndarray, kind: str, camera: StereoCamera) -> np.ndarray:
@@ -225,8 +244,9 @@ def _reading(values: np.ndarray, kind: str, camera: StereoCamera) -> np.ndarray:
         return np.where(values > 0, camera.disparity(values), np.nan)
 
 
-def _other_readings(values: np.ndarray, kind: str, camera: StereoCamera, places: Places
-                    ) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+def _other_readings(
+    values: np.ndarray, kind: str, camera: StereoCamera, places: Places
+) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     """Names of readings, their disparities (H, W), and the places that they are held against."""
     stated = _reading(values, kind, camera)
     other = "depth" if kind == "disparity" else "disparity"
@@ -311,7 +331,7 @@ def _tolerance(found: np.ndarray) -> np.ndarray:
 def _thinned(values: np.ndarray, step: int) -> np.ndarray:
     """The values in the middle of squares of ``step`` pixels."""
     height, width = (size // step * step for size in values.shape)
-    return values[step // 2:height:step, step // 2:width:step]
+    return values[step // 2 : height : step, step // 2 : width : step]
 
 
 Tile = tuple[slice, slice]
@@ -320,8 +340,11 @@ Tile = tuple[slice, slice]
 def _tiles_with(where: np.ndarray) -> list[Tile]:
     """The tiles of an image that have enough pixels."""
     height, width = (math.ceil(size / _TILES) for size in where.shape)
-    tiles = [(slice(row, row + height), slice(column, column + width))
-             for row in range(0, where.shape[0], height) for column in range(0, where.shape[1], width)]
+    tiles = [
+        (slice(row, row + height), slice(column, column + width))
+        for row in range(0, where.shape[0], height)
+        for column in range(0, where.shape[1], width)
+    ]
     return [tile for tile in tiles if where[tile].sum() >= _FEWEST / _TILES]
 
 
@@ -331,13 +354,14 @@ def _is_spread(where: np.ndarray) -> bool:
         return False
     tiles = _tiles_with(where)
     return len(tiles) >= _FEWEST_TILES and all(
-        len({tile[axis].start for tile in tiles}) >= _FEWEST_BANDS for axis in (0, 1))
+        len({tile[axis].start for tile in tiles}) >= _FEWEST_BANDS for axis in (0, 1)
+    )
 
 
 def _reduced(image: np.ndarray, step: int) -> np.ndarray:
     """Means of squares of ``step`` pixels."""
     height, width = (size // step for size in image.shape)
-    cut = np.nan_to_num(image[:height * step, :width * step].astype(np.float32), posinf=0.0, neginf=0.0)
+    cut = np.nan_to_num(image[: height * step, : width * step].astype(np.float32), posinf=0.0, neginf=0.0)
     return np.asarray(cut.reshape(height, step, width, step).mean(axis=(1, 3)))
 
 
@@ -366,10 +390,13 @@ def _matched(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def _matched_one_way(left: np.ndarray, right: np.ndarray, count: int) -> np.ndarray:
     least, beside = -_BEYOND_PX, count - _BEYOND_PX  # columns at which OpenCV finds nothing
-    padded = [cv2.copyMakeBorder(np.ascontiguousarray(image), 0, 0, beside, -least, cv2.BORDER_REPLICATE)
-              for image in (left, right)]
-    area = _BLOCK_PX ** 2
-    found = cv2.StereoSGBM.create(least, count, _BLOCK_PX, 4 * area, 16 * area, uniquenessRatio=_UNIQUE,
-                                  mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY).compute(*padded)
-    found = found[:, beside:beside + left.shape[1]].astype(np.float64) / 16
+    padded = [
+        cv2.copyMakeBorder(np.ascontiguousarray(image), 0, 0, beside, -least, cv2.BORDER_REPLICATE)
+        for image in (left, right)
+    ]
+    area = _BLOCK_PX**2
+    found = cv2.StereoSGBM.create(
+        least, count, _BLOCK_PX, 4 * area, 16 * area, uniquenessRatio=_UNIQUE, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY
+    ).compute(*padded)
+    found = found[:, beside : beside + left.shape[1]].astype(np.float64) / 16
     return np.where(found < least, np.nan, found)

@@ -20,13 +20,22 @@ import numpy as np
 from .depth_order import pair_disagreement
 
 CONSTANT_PX_M = 80.0
-METRICS = ("guiss_l1_m", "guiss_l1_rate_10", "guiss_l1_rate_30", "guiss_l1_rate_100", "guiss_rmse_m",
-           "guiss_si_rmse", "guiss_dod", "guiss_n")
+METRICS = (
+    "guiss_l1_m",
+    "guiss_l1_rate_10",
+    "guiss_l1_rate_30",
+    "guiss_l1_rate_100",
+    "guiss_rmse_m",
+    "guiss_si_rmse",
+    "guiss_dod",
+    "guiss_n",
+)
 _EDGE, _STEP, _COARSE_STEP = 5000, 100, 1000  # of the lattice
 
 
-def reference_metrics(disparity: np.ndarray, truth: np.ndarray, bm_min_disparity: int | None = None
-                      ) -> dict[str, float | int]:
+def reference_metrics(
+    disparity: np.ndarray, truth: np.ndarray, bm_min_disparity: int | None = None
+) -> dict[str, float | int]:
     """The numbers METRICS of the reference code, for a disparity map (px) and the true depth (m), both (H, W).
 
     For StereoBM give its least disparity, ``bm_min_disparity``: failed matches (NaN) then get its mark, and columns are
@@ -54,11 +63,15 @@ def depth_map_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, fl
     distance = np.abs(predicted - true)
     ratio = np.log(predicted) - np.log(true)
     with np.errstate(invalid="ignore"):
-        si_rmse = float(np.sqrt(np.mean(ratio ** 2) - np.mean(ratio) ** 2))
+        si_rmse = float(np.sqrt(np.mean(ratio**2) - np.mean(ratio) ** 2))
     return result | {
-        "guiss_l1_m": float(distance.mean()), "guiss_rmse_m": float(np.sqrt(np.mean(distance ** 2))),
+        "guiss_l1_m": float(distance.mean()),
+        "guiss_rmse_m": float(np.sqrt(np.mean(distance**2))),
         **{f"guiss_l1_rate_{cm}": float(np.mean(distance > np.float32(cm / 100))) for cm in (10, 30, 100)},
-        "guiss_si_rmse": si_rmse, "guiss_dod": pair_disagreement(predicted, true, *lattice(n)), "guiss_n": n}
+        "guiss_si_rmse": si_rmse,
+        "guiss_dod": pair_disagreement(predicted, true, *lattice(n)),
+        "guiss_n": n,
+    }
 
 
 def lattice(count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -28,8 +28,9 @@ def tile_sums(*images: np.ndarray) -> np.ndarray:
 def _add_tiles(image: np.ndarray) -> np.ndarray:
     if image.dtype != np.float32:
         image = np.asarray(image, np.float64)
-    down, across = (_membership(size, count, image.dtype.char) for size, count in zip(image.shape, (DOWN, ACROSS),
-                                                                                      strict=True))
+    down, across = (
+        _membership(size, count, image.dtype.char) for size, count in zip(image.shape, (DOWN, ACROSS), strict=True)
+    )
     return np.asarray((down @ image @ across.T).ravel())
 
 

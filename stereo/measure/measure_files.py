@@ -24,8 +24,14 @@ _MOST_UNPACKED = 2**27
 _MOST_DISPARITY = 2**20
 
 
-def measure_files(prediction: Path | None, disparity: Path | None, truth: Path, focal_baseline: float | None,
-                  guiss: bool, bm_min_disparity: int | None = None) -> dict[str, float]:
+def measure_files(
+    prediction: Path | None,
+    disparity: Path | None,
+    truth: Path,
+    focal_baseline: float | None,
+    guiss: bool,
+    bm_min_disparity: int | None = None,
+) -> dict[str, float]:
     """All metrics of the file ``prediction`` (npy, depth in m) or ``disparity`` (npy or npz, px) against ``truth``.
 
     Includes the variants ``dod_antisymmetric`` and ``dod_sampled``. With ``focal_baseline`` (px·m), which a disparity
@@ -39,20 +45,23 @@ def measure_files(prediction: Path | None, disparity: Path | None, truth: Path, 
     if focal_baseline is not None and not (math.isfinite(focal_baseline) and focal_baseline > 0):
         raise IcyMoonError(f"--focal-baseline is {focal_baseline}; give a positive number in px·m.")
     if disparity is not None and focal_baseline is None:
-        raise IcyMoonError("--disparity needs the camera; give --focal-baseline, its focal length in px times its "
-                           "baseline in m.")
+        raise IcyMoonError(
+            "--disparity needs the camera; give --focal-baseline, its focal length in px times its baseline in m."
+        )
     given, true = read_map(path), read_map(truth)
     if given.shape != true.shape:
-        raise IcyMoonError(f"{path} has the shape {given.shape}, {truth} {true.shape}; give two arrays of the same "
-                           "shape.")
+        raise IcyMoonError(
+            f"{path} has the shape {given.shape}, {truth} {true.shape}; give two arrays of the same shape."
+        )
     if guiss and true.ndim != 2:
         raise IcyMoonError(f"{truth} has the shape {true.shape}; --guiss needs images, rows and columns.")
     depth = given if focal_baseline is None or disparity is None else _converted(given, focal_baseline)
     result: dict[str, float] = dict(depth_metrics(depth, true))
     both = usable(depth) & usable(true)
-    result |= {"dod_antisymmetric": depth_order_disagreement(depth[both], true[both], antisymmetric=True),
-               "dod_sampled": sampled_disagreement(depth[both], true[both], SAMPLED_PAIRS,
-                                                   generator(0, "statistics"))}
+    result |= {
+        "dod_antisymmetric": depth_order_disagreement(depth[both], true[both], antisymmetric=True),
+        "dod_sampled": sampled_disagreement(depth[both], true[both], SAMPLED_PAIRS, generator(0, "statistics")),
+    }
     if focal_baseline is not None:
         pixels = given if disparity is not None else _converted(given, focal_baseline)
         true_pixels = _converted(true, focal_baseline)
@@ -73,6 +82,7 @@ def _converted(values: np.ndarray, focal_baseline: float) -> np.ndarray:
 
 def _bm_min_disparity(path: Path) -> int | None:
     """The least disparity that the command match has written for StereoBM into an npz; None for any other file."""
+
     def parse(foreign: ForeignBytes) -> int | None:
         if not _is_archive(foreign):
             return None
@@ -89,8 +99,9 @@ def _bm_min_disparity(path: Path) -> int | None:
 def read_map(path: Path) -> np.ndarray:
     """Read an array of numbers from an npy file, or ``disparity`` from an npz, as float64. Raises IcyMoonError
     otherwise."""
-    return read(path, _parse_map, "an npy file of numbers", "give an existing one with depths in metres",
-                memory=_MOST_UNPACKED)
+    return read(
+        path, _parse_map, "an npy file of numbers", "give an existing one with depths in metres", memory=_MOST_UNPACKED
+    )
 
 
 def _parse_map(foreign: ForeignBytes) -> np.ndarray:

@@ -13,8 +13,21 @@ import numpy as np
 
 from .depth_order import depth_order_disagreement
 
-DEPTH_METRICS = ("l1_m", "l1_rate_10", "si_mse", "si_rmse", "dod", "coverage", "n", "rmse_m", "median_m", "bias_m",
-                 "abs_rel", "l1_rate_30", "l1_rate_100")
+DEPTH_METRICS = (
+    "l1_m",
+    "l1_rate_10",
+    "si_mse",
+    "si_rmse",
+    "dod",
+    "coverage",
+    "n",
+    "rmse_m",
+    "median_m",
+    "bias_m",
+    "abs_rel",
+    "l1_rate_30",
+    "l1_rate_100",
+)
 #: Key of a rate -> the depth error, m, above which it counts a pixel.
 L1_RATES = {"l1_rate_10": 0.10, "l1_rate_30": 0.30, "l1_rate_100": 1.00}
 #: Errors, m, of the cumulative curve: 1 cm to 10 m, ten steps per decade.
@@ -90,9 +103,9 @@ def metrics_of_depth(errors: Errors, dod: float) -> dict[str, float | int]:
             "l1_m": float(distance.mean()),
             **{key: (n - errors.within(step)) / n for key, step in L1_RATES.items()},
             "si_mse": si_mse,
-            "si_rmse": si_mse ** 0.5,
+            "si_rmse": si_mse**0.5,
             "dod": dod,
-            "rmse_m": float(np.mean(distance ** 2)) ** 0.5,
+            "rmse_m": float(np.mean(distance**2)) ** 0.5,
             "median_m": float(np.mean(errors.smallest((n - 1) // 2, n // 2))),
             "bias_m": float(errors.error.mean()),
             "abs_rel": float(np.mean(distance / true)),
@@ -115,14 +128,17 @@ def metrics_of_disparity(errors: Errors) -> dict[str, float]:
     n = errors.distance.size
     if not n:
         return dict.fromkeys(DISPARITY_METRICS, float("nan"))
-    return {"epe_px": float(errors.distance.mean()),
-            **{key: (n - errors.within(step)) / n for key, step in BAD.items()},
-            "d1": errors.wrong_by_kitti() / n,
-            **_named_quantiles(errors, n)}
+    return {
+        "epe_px": float(errors.distance.mean()),
+        **{key: (n - errors.within(step)) / n for key, step in BAD.items()},
+        "d1": errors.wrong_by_kitti() / n,
+        **_named_quantiles(errors, n),
+    }
 
 
-def total_metrics(depth: np.ndarray, true_depth: np.ndarray, disparity: np.ndarray, true_disparity: np.ndarray,
-                  dod: float) -> dict[str, float]:
+def total_metrics(
+    depth: np.ndarray, true_depth: np.ndarray, disparity: np.ndarray, true_disparity: np.ndarray, dod: float
+) -> dict[str, float]:
     """TOTAL_METRICS over all true pixels, where a missing measurement counts as wrong (Middlebury's "totbad").
 
     Rates are (wrong + missing) / true. For quantiles (``median_m`` is one) a missing measurement has an infinite error,
@@ -141,10 +157,12 @@ def metrics_in_total(errors_m: Errors, errors_px: Errors, dod: float) -> dict[st
     right |= {key: errors_px.within(step) for key, step in BAD.items()}
     right["d1"] = errors_px.distance.size - errors_px.wrong_by_kitti()
     agreeing = (1 - dod) * measured * (measured - 1) if measured > 1 else 0.0
-    return {"median_m": _quantiles(errors_m, [0.5], total)[0],
-            **{key: 1 - count / total for key, count in right.items()},
-            "dod": 1 - agreeing / (total * (total - 1)) if total > 1 else float("nan"),
-            **_named_quantiles(errors_px, total)}
+    return {
+        "median_m": _quantiles(errors_m, [0.5], total)[0],
+        **{key: 1 - count / total for key, count in right.items()},
+        "dod": 1 - agreeing / (total * (total - 1)) if total > 1 else float("nan"),
+        **_named_quantiles(errors_px, total),
+    }
 
 
 def _named_quantiles(errors: Errors, total: int) -> dict[str, float]:

@@ -52,9 +52,16 @@ class MeasuredMap:
 def map_for_plugins(prepared: Prepared, disparity: np.ndarray) -> MeasuredMap:
     """A disparity map and the truth of its pair, as copies: nothing that a plug-in does reaches ours."""
     found, camera = np.where(usable(disparity), disparity, np.nan).astype(np.float64), prepared.pair.camera
-    return MeasuredMap(found, depth_of(prepared, found), np.array(camera.disparity(prepared.truth)),
-                       np.array(prepared.truth), np.array(prepared.visible), np.array(prepared.left), camera.focal_px,
-                       camera.baseline_m)
+    return MeasuredMap(
+        found,
+        depth_of(prepared, found),
+        np.array(camera.disparity(prepared.truth)),
+        np.array(prepared.truth),
+        np.array(prepared.visible),
+        np.array(prepared.left),
+        camera.focal_px,
+        camera.baseline_m,
+    )
 
 
 class PluginMetric:
@@ -75,14 +82,22 @@ class PluginMetric:
         with explained(self.plugin), np.errstate(all="ignore"):
             value = self._measure(found)
         if isinstance(value, bool) or not isinstance(value, (numbers.Real, np.floating, np.integer)):
-            raise IcyMoonError(f"{self.plugin.title} returned {type(value).__name__}; return a number, or NaN where "
-                               "the metric is undefined.")
+            raise IcyMoonError(
+                f"{self.plugin.title} returned {type(value).__name__}; return a number, or NaN where "
+                "the metric is undefined."
+            )
         return none_for_nan(float(value))
 
     def to_json(self) -> dict[str, Any]:
         """The report's entry about the metric."""
-        return {"name": self.plugin.name, "heading": self.heading, "unit": self.unit, "decimals": self.decimals,
-                "doc": summary_of(self.loaded), "plug_in": self.plugin.release}
+        return {
+            "name": self.plugin.name,
+            "heading": self.heading,
+            "unit": self.unit,
+            "decimals": self.decimals,
+            "doc": summary_of(self.loaded),
+            "plug_in": self.plugin.release,
+        }
 
     def inputs(self) -> list[Any]:
         """What its numbers depend on, besides the pair and the disparity."""

@@ -144,15 +144,32 @@ def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared
     left, right = loaded.images.for_matchers()
     gradient = texture(left)
     sun = loaded.pair.sun
-    classes = classify(truth, visible, gradient, grey(view.radiance), view.normal, view.semantic,
-                       sun.direction.tolist() if sun else None, loaded.images.blocked.get("left"))
+    classes = classify(
+        truth,
+        visible,
+        gradient,
+        grey(view.radiance),
+        view.normal,
+        view.semantic,
+        sun.direction.tolist() if sun else None,
+        loaded.images.blocked.get("left"),
+    )
     scale = colours.depth_scale(truth)
     facts = _facts(loaded.pair, loaded.settings, loaded.images, truth, visible)
-    noise = render_noise(noise_free_level(loaded, "left"), noise_free_level(loaded, "right"),
-                         loaded.pair.camera.disparity(truth), visible, baked_error(loaded))
-    facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": loaded.check.to_json(),
-              "noise": noise.to_json(), "occlusion": ESTIMATED if view.hidden is None else RAYS,
-              "baked": _baked_facts(loaded.pair)}
+    noise = render_noise(
+        noise_free_level(loaded, "left"),
+        noise_free_level(loaded, "right"),
+        loaded.pair.camera.disparity(truth),
+        visible,
+        baked_error(loaded),
+    )
+    facts |= {
+        "depth_scale_m": [scale.low, scale.high],
+        "self_check": loaded.check.to_json(),
+        "noise": noise.to_json(),
+        "occlusion": ESTIMATED if view.hidden is None else RAYS,
+        "baked": _baked_facts(loaded.pair),
+    }
     return Prepared(loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts)
 
 
@@ -164,15 +181,20 @@ def _baked_facts(pair: Pair) -> dict[str, float] | None:
     # Pairs of older versions state only the noise that a bake would have if it were the same all over the ground.
     numbers = {"noise": stated.get("noise_of_image", stated.get("noise")), "share": stated.get("share")}
     return {key: float(value) for key, value in numbers.items() if isinstance(value, (int, float))} | {
-        "bound": float(pair.settings.quality.bake_noise)}
+        "bound": float(pair.settings.quality.bake_noise)
+    }
 
 
 def _unneeded(eye: str, settings: Settings) -> tuple[str, ...]:
     """The passes of an eye that are not needed for measuring, or are read by themselves. Light groups are only needed
     to scale them."""
     scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
-    return (*OBJECT_PASSES, *BAKED_ERROR_PASSES.values(), *(() if scaled else GROUP_PASSES),
-            *(() if eye == "left" else NORMAL_PASSES))
+    return (
+        *OBJECT_PASSES,
+        *BAKED_ERROR_PASSES.values(),
+        *(() if scaled else GROUP_PASSES),
+        *(() if eye == "left" else NORMAL_PASSES),
+    )
 
 
 def baked_error(loaded: Loaded) -> np.ndarray | float | None:
@@ -193,8 +215,9 @@ def noise_free_level(loaded: Loaded, eye: str, more: np.ndarray | float = 0.0) -
     settings = loaded.settings
     channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
     radiance = scaled_radiance(loaded.views[eye], loaded.pair, settings.light)
-    level = channels.matcher_level(radiance + np.asarray(more)[..., None] if np.ndim(more) else radiance,
-                                   loaded.images.saturation_radiance)
+    level = channels.matcher_level(
+        radiance + np.asarray(more)[..., None] if np.ndim(more) else radiance, loaded.images.saturation_radiance
+    )
     return np.asarray(255 * (np.sqrt(level) if loaded.images.encoding == "SQUARE_ROOT" else level))
 
 
@@ -205,8 +228,10 @@ def none_for_nan(value: float) -> float | None:
 
 def eyes_of(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[Eye, Eye]:
     """The left and the right eye of a pair for its self-check, from the views of ``views.read_eye``."""
-    left, right = (Eye(grey(views[eye].radiance), scene_depth(views[eye]), _sees(pair, settings, eye),
-                       views[eye].hidden) for eye in EYES)
+    left, right = (
+        Eye(grey(views[eye].radiance), scene_depth(views[eye]), _sees(pair, settings, eye), views[eye].hidden)
+        for eye in EYES
+    )
     return left, right
 
 
@@ -220,17 +245,27 @@ def _labelled(view: View, seen: np.ndarray) -> View:
     """The view, with NOT_SEEN as its label where nothing is ``seen``."""
     if seen.all():
         return view
-    return replace(view, instance=None if view.instance is None else np.where(seen, view.instance, 0),
-                   semantic=None if view.semantic is None else np.where(seen, view.semantic, NOT_SEEN))
+    return replace(
+        view,
+        instance=None if view.instance is None else np.where(seen, view.instance, 0),
+        semantic=None if view.semantic is None else np.where(seen, view.semantic, NOT_SEEN),
+    )
 
 
 def _facts(pair: Pair, settings: Settings, images: Images, truth: np.ndarray, visible: np.ndarray) -> dict[str, Any]:
     known = np.isfinite(truth)
     some = bool(known.any())
-    return {"pair": pair.folder.name, "width_px": pair.camera.width_px, "height_px": pair.camera.height_px,
-            "focal_baseline_px_m": pair.camera.focal_baseline_px_m, "baseline_m": pair.camera.baseline_m,
-            **exposure_facts(images),
-            "true": float(known.mean()), "visible": float(visible.sum() / known.sum()) if some else None,
-            "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))] if some else None,
-            "settings": settings, "rendered": {key: pair.data[key] for key in _REPEATED if key in pair.data},
-            **({"map": place} if (place := map_facts(pair.data.get("ground"))) else {})}
+    return {
+        "pair": pair.folder.name,
+        "width_px": pair.camera.width_px,
+        "height_px": pair.camera.height_px,
+        "focal_baseline_px_m": pair.camera.focal_baseline_px_m,
+        "baseline_m": pair.camera.baseline_m,
+        **exposure_facts(images),
+        "true": float(known.mean()),
+        "visible": float(visible.sum() / known.sum()) if some else None,
+        "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))] if some else None,
+        "settings": settings,
+        "rendered": {key: pair.data[key] for key in _REPEATED if key in pair.data},
+        **({"map": place} if (place := map_facts(pair.data.get("ground"))) else {}),
+    }

@@ -75,8 +75,13 @@ class RenderNoise:
         return asdict(self)
 
 
-def render_noise(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, visible: np.ndarray,
-                 baked: np.ndarray | float | None = 0.0) -> RenderNoise:
+def render_noise(
+    left: np.ndarray,
+    right: np.ndarray,
+    disparity: np.ndarray,
+    visible: np.ndarray,
+    baked: np.ndarray | float | None = 0.0,
+) -> RenderNoise:
     """Judge a pair by its images, float (H, W) in grey levels of 255, and its true disparity (H, W).
 
     ``baked`` (H, W) is the change of the left image, in the same levels, by a possible error as large as its baked
@@ -91,10 +96,15 @@ def render_noise(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, vis
     ratio = _texture_over_noise(left, noise + of_bake)
     blurred = cv2.GaussianBlur(left.astype(np.float64), (0, 0), _BLUR_PX, borderType=cv2.BORDER_REPLICATE)
     shadow = blurred < _SHADOW_PART * np.quantile(blurred[known], _SHADOW_QUANTILE)
-    lit, dark = (_part(error, None if baked is None else fixed, ratio, of_bake > noise, known & where, int(known.sum()))
-                 for where in (~shadow, shadow))
-    hidden, by_bake = max((part.hidden, part.by_bake or 0.0) for part in (lit, dark)
-                          if part.hidden is not None and part.share >= _LEAST_SHARE)
+    lit, dark = (
+        _part(error, None if baked is None else fixed, ratio, of_bake > noise, known & where, int(known.sum()))
+        for where in (~shadow, shadow)
+    )
+    hidden, by_bake = max(
+        (part.hidden, part.by_bake or 0.0)
+        for part in (lit, dark)
+        if part.hidden is not None and part.share >= _LEAST_SHARE
+    )
     verdict = next((name for most, name in SHARES if hidden <= most), DECIDES)
     if baked is None and verdict != DECIDES:
         verdict = UNKNOWN
@@ -103,44 +113,54 @@ def render_noise(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, vis
     return RenderNoise(verdict, larger, lit, dark, float(np.mean(wrong - _WRONG_WITHOUT)))
 
 
-def _noise(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, visible: np.ndarray
-           ) -> tuple[np.ndarray, np.ndarray]:
+def _noise(
+    left: np.ndarray, right: np.ndarray, disparity: np.ndarray, visible: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The noise of one eye (H, W), and where it is known."""
     filled = np.where(visible, disparity, 0.0)
     down, along = np.gradient(filled) if min(filled.shape) > 1 else np.zeros((2, *filled.shape))
     width = left.shape[1]
     column = matching_column(filled)
     whole = np.floor(column).astype(np.intp)
-    known = visible & (down * down + along * along < _EDGE_PX ** 2) & (whole >= 1) & (whole + 2 < width)
-    known = cv2.erode(known.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT,
-                      borderValue=(0,)).astype(bool)
+    known = visible & (down * down + along * along < _EDGE_PX**2) & (whole >= 1) & (whole + 2 < width)
+    known = cv2.erode(
+        known.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=(0,)
+    ).astype(bool)
     weights = _cubic(column - whole)
     # In columns that are not known, whatever is fetched does not count.
     place = np.arange(right.shape[0])[:, None] * width + np.clip(whole, 1, max(1, width - 3))
     taps = (np.take(right, place + k, mode="clip") for k in (-1, 0, 1, 2))
     difference = left - sum(weight * tap for weight, tap in zip(weights, taps, strict=True))
     # The warped image has the noise of four pixels, weighted.
-    return difference / np.sqrt(1 + sum(weight ** 2 for weight in weights)), known
+    return difference / np.sqrt(1 + sum(weight**2 for weight in weights)), known
 
 
 def _cubic(t: np.ndarray) -> tuple[np.ndarray, ...]:
     """Weights of the four columns around a fractional one (Catmull and Rom)."""
-    return (t * (-0.5 + t * (1 - 0.5 * t)), 1 + t * t * (-2.5 + 1.5 * t), t * (0.5 + t * (2 - 1.5 * t)),
-            t * t * (-0.5 + 0.5 * t))
+    return (
+        t * (-0.5 + t * (1 - 0.5 * t)),
+        1 + t * t * (-2.5 + 1.5 * t),
+        t * (0.5 + t * (2 - 1.5 * t)),
+        t * t * (-0.5 + 0.5 * t),
+    )
 
 
 def _variance(image: np.ndarray) -> np.ndarray:
     """Variance (H, W) around each pixel."""
     values = image.astype(np.float64)
-    mean, square = (cv2.boxFilter(each, -1, (_TEXTURE_PX, _TEXTURE_PX), borderType=cv2.BORDER_REPLICATE)
-                    for each in (values, values * values))
+    mean, square = (
+        cv2.boxFilter(each, -1, (_TEXTURE_PX, _TEXTURE_PX), borderType=cv2.BORDER_REPLICATE)
+        for each in (values, values * values)
+    )
     return np.maximum(square - mean * mean, 0.0)
 
 
 def _mean_around(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Mean (H, W) of the values around each pixel that are known; 0 if none is."""
-    count, total = (cv2.boxFilter(each, -1, (_NOISE_PX, _NOISE_PX), normalize=False, borderType=cv2.BORDER_CONSTANT)
-                    for each in (known.astype(np.float64), np.where(known, values, 0.0)))
+    count, total = (
+        cv2.boxFilter(each, -1, (_NOISE_PX, _NOISE_PX), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        for each in (known.astype(np.float64), np.where(known, values, 0.0))
+    )
     return np.asarray(total / np.maximum(count, 1))
 
 
@@ -150,18 +170,23 @@ def _texture_over_noise(left: np.ndarray, noise: np.ndarray) -> np.ndarray:
     Pixels with neither texture nor noise are not counted against the noise.
     """
     texture = np.maximum(_variance(left) - noise, 0.0)
-    return np.sqrt(np.divide(texture, noise, out=np.full(noise.shape, np.inf), where=noise > _NO_NOISE_DN ** 2))
+    return np.sqrt(np.divide(texture, noise, out=np.full(noise.shape, np.inf), where=noise > _NO_NOISE_DN**2))
 
 
-def _part(error: np.ndarray, baked: np.ndarray | None, ratio: np.ndarray, is_bake: np.ndarray, where: np.ndarray,
-          known: int) -> Part:
+def _part(
+    error: np.ndarray, baked: np.ndarray | None, ratio: np.ndarray, is_bake: np.ndarray, where: np.ndarray, known: int
+) -> Part:
     count = int(where.sum())
     if not count:
         return Part(0.0, None, None, None, None)
     hidden = where & (ratio < 1)
-    return Part(count / known, _spread(error[where]), float(hidden.sum() / count),
-                None if baked is None else _spread(baked[where]),
-                float(is_bake[hidden].mean()) if hidden.any() else None)
+    return Part(
+        count / known,
+        _spread(error[where]),
+        float(hidden.sum() / count),
+        None if baked is None else _spread(baked[where]),
+        float(is_bake[hidden].mean()) if hidden.any() else None,
+    )
 
 
 def _spread(values: np.ndarray) -> float:

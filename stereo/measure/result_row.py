@@ -28,14 +28,20 @@ from .prepare import Prepared, none_for_nan
 
 METRICS = (*DEPTH_METRICS, *DISPARITY_METRICS)
 #: Prefix of metrics -> the pixels that they are computed over, in words.
-REGIONS = {"": "all pixels with a true depth; a missing measurement lowers the coverage and is no error",
-           "total_": "all pixels with a true depth; a missing measurement counts as wrong",
-           "visible_": "pixels that the right eye sees too: neither occluded nor outside its image"}
+REGIONS = {
+    "": "all pixels with a true depth; a missing measurement lowers the coverage and is no error",
+    "total_": "all pixels with a true depth; a missing measurement counts as wrong",
+    "visible_": "pixels that the right eye sees too: neither occluded nor outside its image",
+}
 #: Prefix -> the metrics that rows have with it.
 REGION_METRICS = {prefix: TOTAL_METRICS if prefix == "total_" else METRICS for prefix in REGIONS}
 #: Everything in a row that is a number, or None if it is undefined.
-NUMBERS = (*(prefix + key for prefix, keys in REGION_METRICS.items() for key in keys), *GUISS_METRICS, "true_pixels",
-           *COSTS)
+NUMBERS = (
+    *(prefix + key for prefix, keys in REGION_METRICS.items() for key in keys),
+    *GUISS_METRICS,
+    "true_pixels",
+    *COSTS,
+)
 
 
 def depth_of(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
@@ -60,18 +66,24 @@ def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int
     errors_m, errors_px = Errors(depths, true_depths), Errors(disparities, true_disparities)
     result = metrics_of_depth(errors_m, order) | metrics_of_disparity(errors_px)
     result |= {f"total_{key}": value for key, value in metrics_in_total(errors_m, errors_px, order).items()}
-    seen = (metrics_of_depth(Errors(depths[visible], true_depths[visible]), visible_order)
-            | metrics_of_disparity(Errors(disparities[visible], true_disparities[visible])))
+    seen = metrics_of_depth(Errors(depths[visible], true_depths[visible]), visible_order) | metrics_of_disparity(
+        Errors(disparities[visible], true_disparities[visible])
+    )
     result |= {f"visible_{key}": value if prepared.occlusion_known else float("nan") for key, value in seen.items()}
     result |= reference_metrics(disparity, truth, bm_min_disparity)
     error = np.abs(np.where(prepared.visible, disparity - true_disparity, np.nan)).ravel()
     return _json(result) | {
-        "true_pixels": errors_m.total, "error_curve": _list(curve_of_errors(errors_m)),
-        "sparsification": {"texture": _list(sparsification(error[prepared.by_texture])),
-                           "best": _list(sparsification(np.sort(error)))},
-        "strata": sums_by_class(prepared.cells, depths, true_depths, disparities, true_disparities,
-                                prepared.pair.camera.doffs_px),
-        "histograms": histograms_of(disparities, true_disparities)}
+        "true_pixels": errors_m.total,
+        "error_curve": _list(curve_of_errors(errors_m)),
+        "sparsification": {
+            "texture": _list(sparsification(error[prepared.by_texture])),
+            "best": _list(sparsification(np.sort(error))),
+        },
+        "strata": sums_by_class(
+            prepared.cells, depths, true_depths, disparities, true_disparities, prepared.pair.camera.doffs_px
+        ),
+        "histograms": histograms_of(disparities, true_disparities),
+    }
 
 
 def _json(numbers: Mapping[str, float]) -> dict[str, float | None]:

@@ -84,8 +84,10 @@ class SelfCheck:
 def visibility(left: Eye, right: Eye, camera: StereoCamera) -> dict[str, np.ndarray]:
     """Per eye, Boolean (H, W): it sees a point that the other eye sees too."""
     first, second = (np.where(eye.seen, eye.depth, np.nan) for eye in (left, right))
-    found = {"left": visible_in_right(first, second, camera, left.hidden),
-             "right": visible_in_left(first, second, camera, right.hidden)}
+    found = {
+        "left": visible_in_right(first, second, camera, left.hidden),
+        "right": visible_in_left(first, second, camera, right.hidden),
+    }
     for name, own, other in (("left", first, right), ("right", second, left)):
         if not other.seen.all():
             found[name] &= warped(other.seen, matching_column(camera.disparity(own), name)) == 1
@@ -102,17 +104,24 @@ def self_check(left: Eye, right: Eye, visible: dict[str, np.ndarray], camera: St
     if not problems:  # with a wrong truth the light tells nothing more
         problems = tuple(_light_problems(left, right, visible, camera, column, light))
     offset = light.shift_px if _tells(light) else Estimate()
-    return SelfCheck(_disagreement(left, right, column, visible["left"]), offset.number,
-                     None if offset.number is None else offset.error, truth.shift_px.number, contradictions, problems)
+    return SelfCheck(
+        _disagreement(left, right, column, visible["left"]),
+        offset.number,
+        None if offset.number is None else offset.error,
+        truth.shift_px.number,
+        contradictions,
+        problems,
+    )
 
 
 def _truth_problems(truth: TruthOffsets) -> Iterator[str]:
     if any(getattr(truth, name).exceeds(limit, ERRORS) for name, limit in TRUTH_LIMITS.items()):
         value = getattr(truth, truth.likeliest).value
-        yield {"shift_px": f"the depth of the right eye fits that of the left one if it is shifted by {value:+.2f} px",
-               "scale": f"the depths of the eyes fit each other if f·B is changed by {-100 * value:+.2f} %",
-               "rows_px": f"the depth of the right eye fits that of the left one if it is shifted by {value:+.2f} rows",
-               }[truth.likeliest]
+        yield {
+            "shift_px": f"the depth of the right eye fits that of the left one if it is shifted by {value:+.2f} px",
+            "scale": f"the depths of the eyes fit each other if f·B is changed by {-100 * value:+.2f} %",
+            "rows_px": f"the depth of the right eye fits that of the left one if it is shifted by {value:+.2f} rows",
+        }[truth.likeliest]
 
 
 def _contradiction_problems(share: float | None) -> Iterator[str]:
@@ -120,25 +129,31 @@ def _contradiction_problems(share: float | None) -> Iterator[str]:
         yield f"at {100 * share:.1f} % of the pixels one eye sees through a surface that the other one sees"
 
 
-def _light_problems(left: Eye, right: Eye, visible: dict[str, np.ndarray], camera: StereoCamera, column: np.ndarray,
-                    light: LightOffsets) -> Iterator[str]:
+def _light_problems(
+    left: Eye, right: Eye, visible: dict[str, np.ndarray], camera: StereoCamera, column: np.ndarray, light: LightOffsets
+) -> Iterator[str]:
     """At most one problem: once the images are exchanged, no other problem can be found."""
-    shifts = [f"the images fit best if the right one is shifted by {estimate.value:+.2f} {unit}"
-              for estimate, gain, unit in ((light.shift_px, light.gain, "px"), (light.rows_px, light.rows_gain, "rows"))
-              if _tells(light) and estimate.exceeds(LIGHT_LIMIT_PX, ERRORS) and gain.exceeds(0.0, GAIN_ERRORS)]
+    shifts = [
+        f"the images fit best if the right one is shifted by {estimate.value:+.2f} {unit}"
+        for estimate, gain, unit in ((light.shift_px, light.gain, "px"), (light.rows_px, light.rows_gain, "rows"))
+        if _tells(light) and estimate.exceeds(LIGHT_LIMIT_PX, ERRORS) and gain.exceeds(0.0, GAIN_ERRORS)
+    ]
     if light.correlation > FITTING and not shifts:
         return
     here = light_correlation(left.grey, right.grey, column, visible["left"])
-    mirrored = light_correlation(left.grey, right.grey, matching_column(camera.disparity(right.depth), "right"),
-                                 visible["right"])
-    if mirrored.value > LEAST_CORRELATION and mirrored.value - here.value > ERRORS * np.hypot(mirrored.error,
-                                                                                             here.error):
+    mirrored = light_correlation(
+        left.grey, right.grey, matching_column(camera.disparity(right.depth), "right"), visible["right"]
+    )
+    if mirrored.value > LEAST_CORRELATION and mirrored.value - here.value > ERRORS * np.hypot(
+        mirrored.error, here.error
+    ):
         yield "the images fit best with left and right exchanged"
         return
     foreign = foreign_share(left.grey, right.grey, camera.disparity(left.depth), visible["left"])
     if foreign.value - ERRORS * foreign.error > FOREIGN_LIMIT:
-        yield (f"{100 * foreign.value:.0f} % of the places that are found in both images are not where the depth puts "
-               "them")
+        yield (
+            f"{100 * foreign.value:.0f} % of the places that are found in both images are not where the depth puts them"
+        )
     else:
         yield from shifts
 
@@ -167,8 +182,10 @@ def _disagreement(left: Eye, right: Eye, column: np.ndarray, visible: np.ndarray
 def _contradictions(left: Eye, right: Eye, camera: StereoCamera) -> float | None:
     """The share of pixels that the other eye sees through, of the eye with the larger share."""
     disparity, other = camera.disparity(left.depth), camera.disparity(right.depth)
-    shares = [_seen_through(disparity, other, matching_column(disparity)),
-              _seen_through(other, disparity, matching_column(other, "right"))]
+    shares = [
+        _seen_through(disparity, other, matching_column(disparity)),
+        _seen_through(other, disparity, matching_column(other, "right")),
+    ]
     return max((share for share in shares if share is not None), default=None)
 
 

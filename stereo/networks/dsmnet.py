@@ -54,5 +54,5 @@ def concatenation(left: Tensor, right: Tensor, planes: int) -> Tensor:
     volume = left.new_zeros(count, 2 * channels, planes, height, width)
     for shift in range(min(planes, width)):
         volume[:, :channels, shift, :, shift:] = left[..., shift:]
-        volume[:, channels:, shift, :, shift:] = right[..., :width - shift]
+        volume[:, channels:, shift, :, shift:] = right[..., : width - shift]
     return volume

@@ -30,8 +30,17 @@ class DomainNorm(nn.Module):
 class BasicConv(nn.Module):
     """Convolution, domain normalisation (batch normalisation in a ``volume``), ReLU."""
 
-    def __init__(self, inputs: int, outputs: int, kernel: int = 3, stride: int = 1, deconv: bool = False,
-                 volume: bool = False, relu: bool = True, unit_length: bool = True) -> None:
+    def __init__(
+        self,
+        inputs: int,
+        outputs: int,
+        kernel: int = 3,
+        stride: int = 1,
+        deconv: bool = False,
+        volume: bool = False,
+        relu: bool = True,
+        unit_length: bool = True,
+    ) -> None:
         super().__init__()
         self.conv: nn.Module
         self.bn: nn.Module
@@ -82,14 +91,17 @@ class Pyramid(nn.Module):
         super().__init__()
         self.conv0 = nn.Conv2d(32, 32, 3, padding=1, bias=False)
         self.conv1, self.conv2, self.conv3, self.conv4 = (
-            nn.Sequential(nn.AvgPool2d(side), nn.Conv2d(32, 24, 3, padding=1, bias=False)) for side in (2, 4, 8, 16))
+            nn.Sequential(nn.AvgPool2d(side), nn.Conv2d(32, 24, 3, padding=1, bias=False)) for side in (2, 4, 8, 16)
+        )
         self.bn_relu = nn.Sequential(DomainNorm(128), nn.ReLU())
         self.conv_last = BasicConv(128, 32)
 
     def forward(self, x: Tensor) -> Tensor:
         x = self.conv0(x)
-        means = [F.interpolate(branch(x), x.shape[2:], mode="bilinear", align_corners=False)
-                 for branch in (self.conv1, self.conv2, self.conv3, self.conv4)]
+        means = [
+            F.interpolate(branch(x), x.shape[2:], mode="bilinear", align_corners=False)
+            for branch in (self.conv1, self.conv2, self.conv3, self.conv4)
+        ]
         return self.conv_last(self.bn_relu(torch.cat((x, *means), 1)))
 
 
@@ -98,16 +110,21 @@ class Features(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.conv_start = nn.Sequential(BasicConv(3, 32), BasicConv(32, 32, 5, stride=2), BasicConv(32, 32, stride=2),
-                                        BasicConv(32, 32, relu=False))
+        self.conv_start = nn.Sequential(
+            BasicConv(3, 32), BasicConv(32, 32, 5, stride=2), BasicConv(32, 32, stride=2), BasicConv(32, 32, relu=False)
+        )
         self.conv1a, self.conv2a = BasicConv(32, 48, stride=2), BasicConv(48, 64, stride=2)
         self.conv3a, self.conv4a = BasicConv(64, 96, stride=2), BasicConv(96, 128, stride=2)
         self.deconv4a, self.deconv4b = Joined(128, 96, deconv=True), Joined(128, 96, deconv=True)
         self.deconv3a, self.deconv3b = Joined(96, 64, deconv=True), Joined(96, 64, deconv=True)
         self.deconv2a, self.deconv2b = Joined(64, 48, deconv=True), Joined(64, 48, deconv=True)
         self.deconv1a, self.deconv1b = Joined(48, 32, deconv=True), Joined(48, 32, deconv=True)
-        self.conv1b, self.conv2b, self.conv3b, self.conv4b = Joined(32, 48), Joined(48, 64), Joined(64, 96), \
-            Joined(96, 128)
+        self.conv1b, self.conv2b, self.conv3b, self.conv4b = (
+            Joined(32, 48),
+            Joined(48, 64),
+            Joined(64, 96),
+            Joined(96, 128),
+        )
         self.nlf1, self.nlf2, self.nlf3 = NLFilter(32), NLFilter(32), NLFilter(32)
         self.nlf11, self.nlf12, self.nlf13, self.nlf14 = (NLFilter(48) for _ in range(4))
         self.pyramid1, self.pyramid2 = Pyramid(), Pyramid()
@@ -138,8 +155,10 @@ class _Similarities(nn.Module):
         height, width = x.shape[2:]
         x = F.normalize(x, dim=1)
         padded = F.pad(x, (1, 1, 1, 1))
-        cosines = [(x * padded[..., row:row + height, column:column + width]).sum(1)
-                   for row, column in product(range(3), repeat=2)]
+        cosines = [
+            (x * padded[..., row : row + height, column : column + width]).sum(1)
+            for row, column in product(range(3), repeat=2)
+        ]
         return F.normalize(torch.stack(cosines, 1), p=1.0, dim=1)
 
 
@@ -155,7 +174,8 @@ class Guidance(nn.Module):
         self.conv12, self.conv13, self.conv14 = BasicConv(48, 48), BasicConv(48, 48), BasicConv(48, 48)
         self.weight_sg1, self.weight_sg2, self.weight_sg3 = (BasicConv(32, 32, relu=False) for _ in range(3))
         self.weight_sg11, self.weight_sg12, self.weight_sg13, self.weight_sg14 = (
-            BasicConv(48, 48, relu=False) for _ in range(4))
+            BasicConv(48, 48, relu=False) for _ in range(4)
+        )
         self.getweights = nn.Sequential(_Similarities(), nn.Conv2d(9, 20, 1, bias=False))
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:

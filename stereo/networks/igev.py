@@ -43,10 +43,15 @@ class IGEVStereo(nn.Module):
         self.update_block = UpdateBlock(LEVELS * (2 * RADIUS + 1) * (GROUPS + 1))
         self.context_zqr_convs = nn.ModuleList(nn.Conv2d(HIDDEN, 3 * HIDDEN, 3, padding=1) for _ in range(3))
         self.feature = Features()
-        self.stem_2 = nn.Sequential(InstanceConv(3, 32, stride=2), nn.Conv2d(32, 32, 3, padding=1, bias=False),
-                                    nn.InstanceNorm2d(32), nn.ReLU())
-        self.stem_4 = nn.Sequential(InstanceConv(32, 48, stride=2), nn.Conv2d(48, 48, 3, padding=1, bias=False),
-                                    nn.InstanceNorm2d(48), nn.ReLU())
+        self.stem_2 = nn.Sequential(
+            InstanceConv(3, 32, stride=2), nn.Conv2d(32, 32, 3, padding=1, bias=False), nn.InstanceNorm2d(32), nn.ReLU()
+        )
+        self.stem_4 = nn.Sequential(
+            InstanceConv(32, 48, stride=2),
+            nn.Conv2d(48, 48, 3, padding=1, bias=False),
+            nn.InstanceNorm2d(48),
+            nn.ReLU(),
+        )
         self.spx_2_gru = UpConv(32, 32, batch_norm=True)
         self.spx_gru = nn.Sequential(nn.ConvTranspose2d(64, 9, 4, 2, padding=1))
         self.conv = InstanceConv(96, 96)
@@ -58,8 +63,9 @@ class IGEVStereo(nn.Module):
         # Upsampled the initial disparity for the training's loss; in every checkpoint.
         self.spx = nn.Sequential(nn.ConvTranspose2d(64, 9, 4, 2, padding=1))
         self.spx_2 = UpConv(24, 32)
-        self.spx_4 = nn.Sequential(InstanceConv(96, 24), nn.Conv2d(24, 24, 3, padding=1, bias=False),
-                                   nn.InstanceNorm2d(24), nn.ReLU())
+        self.spx_4 = nn.Sequential(
+            InstanceConv(96, 24), nn.Conv2d(24, 24, 3, padding=1, bias=False), nn.InstanceNorm2d(24), nn.ReLU()
+        )
 
     def forward(self, left: Tensor, right: Tensor, iterations: int = 32) -> Tensor:
         """Disparity of the left image, (N, 1, H, W) px, from RGB of 0 to 255, (N, 3, H, W), sides multiples of 32.
@@ -103,7 +109,7 @@ def group_correlation(left: Tensor, right: Tensor, planes: int) -> Tensor:
     left, right = (x.view(count, GROUPS, channels // GROUPS, height, width) for x in (left, right))
     volume = left.new_zeros(count, GROUPS, planes, height, width)
     for shift in range(min(planes, width)):
-        volume[:, :, shift, :, shift:] = (left[..., shift:] * right[..., :width - shift]).mean(2)
+        volume[:, :, shift, :, shift:] = (left[..., shift:] * right[..., : width - shift]).mean(2)
     return volume
 
 
@@ -127,8 +133,10 @@ class LookUp:
         matched = self._column - disparity
         found = []
         for level, (geometry, rows) in enumerate(self._pyramid):
-            found += [_window(geometry, disparity.reshape(-1) / 2 ** level),
-                      _window(rows, matched.reshape(-1) / 2 ** level)]
+            found += [
+                _window(geometry, disparity.reshape(-1) / 2**level),
+                _window(rows, matched.reshape(-1) / 2**level),
+            ]
         return torch.cat(found, 1).view(count, height, width, -1).permute(0, 3, 1, 2)
 
 

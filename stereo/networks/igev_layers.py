@@ -18,11 +18,23 @@ HIDDEN = 128  # channels of context and hidden state
 class BasicConv(nn.Module):
     """Convolution, batch normalisation, leaky ReLU. A ``plain`` one has the norm's parameters without using them."""
 
-    def __init__(self, inputs: int, outputs: int, kernel: int, stride: int = 1, deconv: bool = False,
-                 volume: bool = False, plain: bool = False) -> None:
+    def __init__(
+        self,
+        inputs: int,
+        outputs: int,
+        kernel: int,
+        stride: int = 1,
+        deconv: bool = False,
+        volume: bool = False,
+        plain: bool = False,
+    ) -> None:
         super().__init__()
-        kind: type[nn.Module] = {(False, False): nn.Conv2d, (True, False): nn.ConvTranspose2d,
-                                 (False, True): nn.Conv3d, (True, True): nn.ConvTranspose3d}[deconv, volume]
+        kind: type[nn.Module] = {
+            (False, False): nn.Conv2d,
+            (True, False): nn.ConvTranspose2d,
+            (False, True): nn.Conv3d,
+            (True, True): nn.ConvTranspose3d,
+        }[deconv, volume]
         padding = 1 if deconv else kernel // 2
         self.conv = kind(inputs, outputs, kernel, stride, padding, bias=False)  # type: ignore[call-arg]
         self.bn = nn.BatchNorm3d(outputs) if volume else nn.BatchNorm2d(outputs)
@@ -93,16 +105,19 @@ class Hourglass(nn.Module):
         super().__init__()
 
         def down(inputs: int, outputs: int) -> nn.Sequential:
-            return nn.Sequential(BasicConv(inputs, outputs, 3, 2, volume=True),
-                                 BasicConv(outputs, outputs, 3, volume=True))
+            return nn.Sequential(
+                BasicConv(inputs, outputs, 3, 2, volume=True), BasicConv(outputs, outputs, 3, volume=True)
+            )
 
         def up(inputs: int, outputs: int, plain: bool = False) -> BasicConv:
             return BasicConv(inputs, outputs, 4, 2, deconv=True, volume=True, plain=plain)
 
         def joined(channels: int) -> nn.Sequential:
-            return nn.Sequential(BasicConv(2 * channels, channels, 1, volume=True),
-                                 BasicConv(channels, channels, 3, volume=True),
-                                 BasicConv(channels, channels, 3, volume=True))
+            return nn.Sequential(
+                BasicConv(2 * channels, channels, 1, volume=True),
+                BasicConv(channels, channels, 3, volume=True),
+                BasicConv(channels, channels, 3, volume=True),
+            )
 
         self.conv1, self.conv2, self.conv3 = down(8, 16), down(16, 32), down(32, 48)
         self.conv3_up, self.conv2_up, self.conv1_up = up(48, 32), up(32, 16), up(16, 8, plain=True)
@@ -156,7 +171,8 @@ class Context(nn.Module):
         self.layer1, self.layer2 = layer(64, 64, 1), layer(64, 96, 2)
         self.layer3, self.layer4, self.layer5 = (layer(inputs, HIDDEN, 2) for inputs in (96, HIDDEN, HIDDEN))
         self.outputs04, self.outputs08 = (
-            nn.ModuleList(nn.Sequential(ResidualBlock(HIDDEN, HIDDEN), head()) for _ in range(2)) for _ in range(2))
+            nn.ModuleList(nn.Sequential(ResidualBlock(HIDDEN, HIDDEN), head()) for _ in range(2)) for _ in range(2)
+        )
         self.outputs16 = nn.ModuleList(head() for _ in range(2))
 
     def forward(self, image: Tensor) -> list[list[Tensor]]:
@@ -164,8 +180,10 @@ class Context(nn.Module):
         x04 = self.layer3(self.layer2(x))
         x08 = self.layer4(x04)
         x16 = self.layer5(x08)
-        return [[head(x) for head in heads] for heads, x in ((self.outputs04, x04), (self.outputs08, x08),
-                                                             (self.outputs16, x16))]
+        return [
+            [head(x) for head in heads]
+            for heads, x in ((self.outputs04, x04), (self.outputs08, x08), (self.outputs16, x16))
+        ]
 
 
 class _MotionEncoder(nn.Module):
@@ -218,8 +236,9 @@ class UpdateBlock(nn.Module):
         self.disp_head = _DisparityHead()
         self.mask_feat_4 = nn.Sequential(nn.Conv2d(HIDDEN, 32, 3, padding=1), nn.ReLU())
 
-    def forward(self, hidden: list[Tensor], context: list[tuple[Tensor, ...]], looked_up: Tensor,
-                disparity: Tensor) -> tuple[list[Tensor], Tensor, Tensor]:
+    def forward(
+        self, hidden: list[Tensor], context: list[tuple[Tensor, ...]], looked_up: Tensor, disparity: Tensor
+    ) -> tuple[list[Tensor], Tensor, Tensor]:
         net04, net08, net16 = hidden
         net16 = self.gru16(net16, context[2], _halved(net08))
         net08 = self.gru08(net08, context[1], _halved(net04), _enlarged(net16, net08))

@@ -42,8 +42,9 @@ class _InvertedResidual(nn.Module):
 
 
 def _stage(inputs: int, outputs: int, count: int, stride: int) -> nn.Sequential:
-    return nn.Sequential(*(_InvertedResidual(outputs if place else inputs, outputs, 1 if place else stride)
-                           for place in range(count)))
+    return nn.Sequential(
+        *(_InvertedResidual(outputs if place else inputs, outputs, 1 if place else stride) for place in range(count))
+    )
 
 
 class MobileNetTrunk(nn.Module):

@@ -31,8 +31,10 @@ def sga(x: Tensor, weights: Tensor) -> Tensor:
     ``weights`` (N, 20, H, W) are five per scan, shared by channels and disparities: of the value
     itself, of the last one at its disparity, at one less, at one more, and of the last one's maximum.
     """
-    scans = [turned(_aggregate(turned(x), F.normalize(turned(part), p=1.0, dim=1)))
-             for turned, part in zip(_turns, weights.chunk(4, 1), strict=True)]
+    scans = [
+        turned(_aggregate(turned(x), F.normalize(turned(part), p=1.0, dim=1)))
+        for turned, part in zip(_turns, weights.chunk(4, 1), strict=True)
+    ]
     return torch.stack(scans).amax(0)
 
 
@@ -58,7 +60,7 @@ _turns = (_down, _up, _right, _left)  # each turns its scan into one down the ro
 def _shifted(x: Tensor, rows: int, columns: int) -> Tensor:
     """x[r + rows, c + columns], 0 outside."""
     height, width = x.shape[-2:]
-    return F.pad(x, (1, 1, 1, 1))[..., 1 + rows:1 + rows + height, 1 + columns:1 + columns + width]
+    return F.pad(x, (1, 1, 1, 1))[..., 1 + rows : 1 + rows + height, 1 + columns : 1 + columns + width]
 
 
 def _scan_weights(guide: Tensor) -> Tensor:
@@ -95,8 +97,13 @@ def _scan(x: Tensor, weights: Tensor) -> Tensor:
     for step in range(steps):
         last, second, third = out[step + 2], out[step + 1], out[step]
         w = weight[step]
-        out[step + 3, :, :, 1:] = (own[step] + w[:, 1] * second[..., :-1] + w[:, 2] * third[..., :-1]
-                                   + w[:, 3] * last[..., :-1] + w[:, 4] * last[..., 1:])
+        out[step + 3, :, :, 1:] = (
+            own[step]
+            + w[:, 1] * second[..., :-1]
+            + w[:, 2] * third[..., :-1]
+            + w[:, 3] * last[..., :-1]
+            + w[:, 4] * last[..., 1:]
+        )
     straight = out[3:, :, :, 1:].permute(1, 2, 3, 0)  # (N, C, H, steps)
     start = 2 * row[:, None] + torch.arange(width, device=x.device)
     return straight.gather(3, start.expand(count, channels, -1, -1))

@@ -17,8 +17,9 @@ from .summary import Table, is_share
 #: Settings, as topic.key, that determine the ground; pairs that share them share a scene, in any light and camera.
 _GROUND = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "geometry"}
 #: Settings that are never shown as varied: where and how fast to run, and the seed, whose value has no meaning.
-_NEVER_SWEPT = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "run"
-               } | {"dataset.seed"}
+_NEVER_SWEPT = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "run"} | {
+    "dataset.seed"
+}
 #: The name of the sweep over the scenes that pairs are from, if these are presets.
 SCENE = "scene"
 #: Settings of where the cameras are and look, over whose values is averaged, and what readers call these.
@@ -32,8 +33,12 @@ def scene_of(facts: Mapping[str, Any]) -> str:
 
     A pair whose ground is not known has a name of its own.
     """
-    ground = {f"{topic}.{key}": value for topic, values in facts["settings"].items() for key, value in values.items()
-              if f"{topic}.{key}" in _GROUND}
+    ground = {
+        f"{topic}.{key}": value
+        for topic, values in facts["settings"].items()
+        for key, value in values.items()
+        if f"{topic}.{key}" in _GROUND
+    }
     return json.dumps(ground or facts["pair"], sort_keys=True)
 
 
@@ -87,8 +92,11 @@ def swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
         flat = _flat(pair["settings"])
         for name in differing:
             columns[name][places[pair["pair"]]] = flat.get(name)
-    sweeps = [sweep for name, values in columns.items()
-              if len((sweep := Sweep(name, _title(name), _array(values))).levels()[0]) > 1]
+    sweeps = [
+        sweep
+        for name, values in columns.items()
+        if len((sweep := Sweep(name, _title(name), _array(values))).levels()[0]) > 1
+    ]
     return _join_inseparable(sorted(sweeps, key=lambda sweep: (len(np.unique(sweep.values.astype(str))), sweep.name)))
 
 
@@ -102,8 +110,9 @@ def _join_inseparable(sweeps: list[Sweep]) -> list[Sweep]:
     return [replace(first, together=tuple(sweep.title for sweep in others)) for first, *others in groups.values()]
 
 
-def mean_by_level(sweep: Sweep, table: Table, method: int, metric: str,
-                  among: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+def mean_by_level(
+    sweep: Sweep, table: Table, method: int, metric: str, among: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """The mean (levels,) of a metric over the pairs at each level of a setting, and its 95 % bounds (levels, 2), NaN
     where there are too few scenes for them.
 
@@ -128,8 +137,12 @@ def decided_by_noise(sweep: Sweep, table: Table) -> np.ndarray:
 
 
 def _flat(settings: Parts) -> dict[str, Any]:
-    return {f"{topic}.{key}": value for topic, values in settings.items() for key, value in values.items()
-            if f"{topic}.{key}" not in _NEVER_SWEPT and isinstance(value, (bool, int, float, str))}
+    return {
+        f"{topic}.{key}": value
+        for topic, values in settings.items()
+        for key, value in values.items()
+        if f"{topic}.{key}" not in _NEVER_SWEPT and isinstance(value, (bool, int, float, str))
+    }
 
 
 def _array(values: list[Any]) -> np.ndarray:

@@ -29,19 +29,39 @@ from .summary import Table
 #: After Okabe and Ito, distinct for colour-blind eyes; visible on a white and on a black page.
 COLOURS = ("#2a86c8", "#d55e00", "#009e73", "#c0699a", "#c98a00", "#6f7f8f")
 MARKS = ("o", "s", "^", "D", "v", "P")
-_SHAPES = {"o": "M1 5a4 4 0 1 0 8 0a4 4 0 1 0-8 0", "s": "M1.5 1.5h7v7h-7z", "^": "M5 1l4.5 8h-9z",
-           "D": "M5 .5l4.5 4.5l-4.5 4.5l-4.5-4.5z", "v": "M5 9L.5 1h9z",
-           "P": "M3.5 1h3v2.5h2.5v3h-2.5v2.5h-3v-2.5h-2.5v-3h2.5z"}
+_SHAPES = {
+    "o": "M1 5a4 4 0 1 0 8 0a4 4 0 1 0-8 0",
+    "s": "M1.5 1.5h7v7h-7z",
+    "^": "M5 1l4.5 8h-9z",
+    "D": "M5 .5l4.5 4.5l-4.5 4.5l-4.5-4.5z",
+    "v": "M5 9L.5 1h9z",
+    "P": "M3.5 1h3v2.5h2.5v3h-2.5v2.5h-3v-2.5h-2.5v-3h2.5z",
+}
 #: The groups of charts in the report.
 CHARTS = ("typical", "front", "errors", "signed", "range", "strata", "phase")
 _INK, _LINE = "#010203", "#040506"  # placeholders for the colours of the page, which the browser fills in
 STYLE: dict[Any, Any] = {
-    "font.size": 9, "axes.edgecolor": _LINE, "axes.labelcolor": _INK, "text.color": _INK, "xtick.color": _INK,
-    "ytick.color": _INK, "grid.color": _LINE, "axes.grid": True, "grid.linewidth": 0.8, "axes.spines.top": False,
-    "axes.spines.right": False, "legend.frameon": False, "svg.fonttype": "none", "lines.linewidth": 1.8,
-    "lines.markersize": 4, "axes.titlesize": 9.5, "figure.constrained_layout.use": True,
+    "font.size": 9,
+    "axes.edgecolor": _LINE,
+    "axes.labelcolor": _INK,
+    "text.color": _INK,
+    "xtick.color": _INK,
+    "ytick.color": _INK,
+    "grid.color": _LINE,
+    "axes.grid": True,
+    "grid.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "svg.fonttype": "none",
+    "lines.linewidth": 1.8,
+    "lines.markersize": 4,
+    "axes.titlesize": 9.5,
+    "figure.constrained_layout.use": True,
     # Text from a data set is no formula, and a file called matplotlibrc in the current folder must not start LaTeX.
-    "text.parse_math": False, "text.usetex": False}
+    "text.parse_math": False,
+    "text.usetex": False,
+}
 #: Inches that a chart of its own is wide: text is legible from a width of 360 px on.
 _PANEL_WIDTH = 4.8
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
@@ -50,8 +70,10 @@ _MOST_DOTS, _LONGEST_LABEL = 60, 24
 #: The colour of an interval beside few scenes, what the title of its chart adds, and the fewest scenes of a box.
 _GREY, _FEW, _FEWEST_IN_BOX = "#8a94a0", "; grey: mean, 95 %", 6
 #: Metrics whose typical differences are drawn, with factor and name; most comparisons, and inches that each takes.
-_DIFFERENCES = (("total_bad_1", 100.0, "points of pixels missing or off by > 1 px"),
-                ("common_epe_px", 1.0, "ratio of mean disparity errors"))
+_DIFFERENCES = (
+    ("total_bad_1", 100.0, "points of pixels missing or off by > 1 px"),
+    ("common_epe_px", 1.0, "ratio of mean disparity errors"),
+)
 _MOST_COMPARED, _COMPARED_HEIGHT = 15, 0.3
 #: Classes with fewer true pixels than this are not drawn.
 _FEWEST = 200
@@ -88,13 +110,17 @@ def render_svg(figure: Figure, name: str, title: str) -> str:
     with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = stream.getvalue()
-    text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg"):], flags=re.DOTALL)
+    text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
     named = f'class="chart" role="img" aria-label="{title}"'
     text = re.sub(r'(<svg [^>]*?)width="[^"]*"', lambda found: found[1] + named, text, count=1)
     text = re.sub(r'(<svg [^>]*?)height="[^"]*"', r"\1", text, count=1)
     text = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font: \1px var(--sans)", text)
-    text = re.sub(r'\bid="(figure|axes|patch|line2d|text|xtick|ytick|matplotlib\.axis|LineCollection|legend|'
-                  r'PathCollection|FillBetweenPolyCollection|PolyCollection)_\d+"', "", text)
+    text = re.sub(
+        r'\bid="(figure|axes|patch|line2d|text|xtick|ytick|matplotlib\.axis|LineCollection|legend|'
+        r'PathCollection|FillBetweenPolyCollection|PolyCollection)_\d+"',
+        "",
+        text,
+    )
     return show_lines(text.replace(_INK, "var(--soft)").replace(_LINE, "var(--line)"))
 
 
@@ -121,22 +147,30 @@ def set_logarithmic(axis: Axes, which: str) -> None:
     along.set_minor_formatter(NullFormatter())
 
 
-def draw_charts(summary: Summary, table: Table, laws: Mapping[str, np.ndarray],
-                comparisons: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
+def draw_charts(
+    summary: Summary, table: Table, laws: Mapping[str, np.ndarray], comparisons: Sequence[Mapping[str, Any]]
+) -> dict[str, list[str]]:
     """Draw all charts but those of settings that vary: for each of ``CHARTS``, the SVG texts; none if there is nothing
     to draw. The methods have the colours and marks of ``method_keys``. ``laws``: see ``phase_curves.phase_curves``,
     ``comparisons``: ``summary.compare_methods``."""
     with matplotlib.rc_context(STYLE):
-        return {"typical": _draw_differences(comparisons), "front": _draw_front(summary, table),
-                "errors": _draw_errors(summary),
-                "signed": _draw_histograms(summary), "range": _draw_range(summary),
-                "strata": _draw_pixel_classes(summary), "phase": _draw_phase_curves(laws)}
+        return {
+            "typical": _draw_differences(comparisons),
+            "front": _draw_front(summary, table),
+            "errors": _draw_errors(summary),
+            "signed": _draw_histograms(summary),
+            "range": _draw_range(summary),
+            "strata": _draw_pixel_classes(summary),
+            "phase": _draw_phase_curves(laws),
+        }
 
 
 def method_keys(methods: Sequence[str]) -> list[tuple[str, str, str]]:
     """(method, colour, shape as an SVG path in a square of 10) of each method, for the legend of the page."""
-    return [(describe_method(method), colour, _SHAPES[mark]) for method, (colour, mark) in zip(
-        methods, map(_look, range(len(methods))), strict=True)]
+    return [
+        (describe_method(method), colour, _SHAPES[mark])
+        for method, (colour, mark) in zip(methods, map(_look, range(len(methods))), strict=True)
+    ]
 
 
 @contextmanager
@@ -169,20 +203,33 @@ def _draw_differences(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
     """Draw the typical difference of every two methods with its interval, where there are scenes enough for one."""
     found: list[str] = []
     for key, factor, label in _DIFFERENCES:
-        entries = [entry for entry in comparisons if entry["metric"] == key and entry["typical_low"] is not None
-                   and entry["typical_high"] is not None][:_MOST_COMPARED]
+        entries = [
+            entry
+            for entry in comparisons
+            if entry["metric"] == key and entry["typical_low"] is not None and entry["typical_high"] is not None
+        ][:_MOST_COMPARED]
         if not entries:
             continue
-        with panel(found, f"typical-{key}-", "Typical scene; filled: they differ",
-                   1.2 + _COMPARED_HEIGHT * len(entries)) as axis:
+        with panel(
+            found, f"typical-{key}-", "Typical scene; filled: they differ", 1.2 + _COMPARED_HEIGHT * len(entries)
+        ) as axis:
             for place, entry in enumerate(entries):
                 middle, low, high = (factor * entry[name] for name in ("typical", "typical_low", "typical_high"))
-                axis.errorbar([middle], [place], xerr=[[max(middle - low, 0.0)], [max(high - middle, 0.0)]],
-                              color=COLOURS[0], marker="o", capsize=3, elinewidth=1.4,
-                              markerfacecolor=COLOURS[0] if entry["better"] else "none")
+                axis.errorbar(
+                    [middle],
+                    [place],
+                    xerr=[[max(middle - low, 0.0)], [max(high - middle, 0.0)]],
+                    color=COLOURS[0],
+                    marker="o",
+                    capsize=3,
+                    elinewidth=1.4,
+                    markerfacecolor=COLOURS[0] if entry["better"] else "none",
+                )
             axis.axvline(1.0 if entries[0]["kind"] == "ratio" else 0.0, color=_INK, linewidth=0.8)
-            axis.set_yticks(range(len(entries)), [" / ".join(describe_method(entry[side])[:_LONGEST_LABEL]
-                                                             for side in "ab") for entry in entries])
+            axis.set_yticks(
+                range(len(entries)),
+                [" / ".join(describe_method(entry[side])[:_LONGEST_LABEL] for side in "ab") for entry in entries],
+            )
             axis.set_ylim(len(entries) - 0.4, -0.6)
             axis.set_xlabel(label)
     return found
@@ -191,15 +238,22 @@ def _draw_differences(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
 def _draw_front(summary: Summary, table: Table) -> list[str]:
     """Draw wrong or missing pixels against time, with the front of methods that no other beats in both, and the spread
     over scenes."""
-    entries = [(look, entry) for _, entry, look in each_method(summary)
-               if entry["n"] and entry["total_bad_1"] is not None and entry["seconds"]]
+    entries = [
+        (look, entry)
+        for _, entry, look in each_method(summary)
+        if entry["n"] and entry["total_bad_1"] is not None and entry["seconds"]
+    ]
     found: list[str] = []
     if len(entries) > 1:
         with panel(found, "front", "Accuracy against time; line: no method is better in both") as axis:
             for look, entry in entries:
                 axis.plot(entry["seconds"], 100 * entry["total_bad_1"], **look, linestyle="", zorder=3)
-                axis.annotate(look["label"][:_LONGEST_LABEL], (entry["seconds"], 100 * entry["total_bad_1"]),
-                              (5, 4), textcoords="offset points")
+                axis.annotate(
+                    look["label"][:_LONGEST_LABEL],
+                    (entry["seconds"], 100 * entry["total_bad_1"]),
+                    (5, 4),
+                    textcoords="offset points",
+                )
             best: list[tuple[float, float]] = []
             for seconds, wrong in sorted((entry["seconds"], 100 * entry["total_bad_1"]) for _, entry in entries):
                 if not best or wrong < best[-1][1]:
@@ -211,11 +265,14 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
             axis.set_xlabel("processor seconds a pair")
             axis.set_ylabel("% missing or off by > 1 px")
     for title, key, factor, label in (
-            ("Spread over scenes", "total_bad_1", 100.0, "% missing or off by > 1 px"),
-            ("Spread over scenes, measured pixels", "epe_px", 1.0, "mean disparity error (px)")):
+        ("Spread over scenes", "total_bad_1", 100.0, "% missing or off by > 1 px"),
+        ("Spread over scenes, measured pixels", "epe_px", 1.0, "mean disparity error (px)"),
+    ):
         columns = [scene_means(table.column(k, key)[:, None], table.scenes)[:, 0] for k in range(len(summary))]
-        values = [factor * column[np.isfinite(column)] if entry["n"] else column[:0]
-                  for column, entry in zip(columns, summary, strict=True)]
+        values = [
+            factor * column[np.isfinite(column)] if entry["n"] else column[:0]
+            for column, entry in zip(columns, summary, strict=True)
+        ]
         most = max(map(len, values), default=0)
         if most < 2:
             continue
@@ -224,11 +281,22 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
                 bounds = entry["intervals"].get(key)
                 if len(values[k]) < _FEWEST_IN_BOX and bounds:
                     middle, low, high = (factor * each for each in (entry[key], *bounds))
-                    axis.errorbar([k + 0.3], [middle], [[middle - low], [high - middle]], color=_GREY, marker="_",
-                                  markersize=9, capsize=4, elinewidth=1.2)
+                    axis.errorbar(
+                        [k + 0.3],
+                        [middle],
+                        [[middle - low], [high - middle]],
+                        color=_GREY,
+                        marker="_",
+                        markersize=9,
+                        capsize=4,
+                        elinewidth=1.2,
+                    )
                 _draw_spread(axis, k, values[k], look)
-            axis.set_xticks(range(len(summary)), [look["label"][:_LONGEST_LABEL] for *_, look in each_method(summary)],
-                            rotation=25 if len(summary) > 4 else 0)
+            axis.set_xticks(
+                range(len(summary)),
+                [look["label"][:_LONGEST_LABEL] for *_, look in each_method(summary)],
+                rotation=25 if len(summary) > 4 else 0,
+            )
             axis.set_ylim(bottom=0)
             axis.set_ylabel(label)
     return found
@@ -236,16 +304,26 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
 
 def _has_bars(values: Sequence[np.ndarray], summary: Summary, key: str) -> bool:
     """Whether a method has so few scenes that an interval of its mean stands beside them, and has one."""
-    return any(len(own) < _FEWEST_IN_BOX and key in entry["intervals"]
-               for own, entry in zip(values, summary, strict=True))
+    return any(
+        len(own) < _FEWEST_IN_BOX and key in entry["intervals"] for own, entry in zip(values, summary, strict=True)
+    )
 
 
 def _draw_spread(axis: Axes, place: int, values: np.ndarray, look: dict[str, Any]) -> None:
     """Draw the value of each scene and, if they are many, a box of the quartiles with whiskers from 5 to 95 %."""
     if len(values) >= _FEWEST_IN_BOX:
-        axis.boxplot(values, positions=[place], widths=0.5, whis=(5, 95), showfliers=False, manage_ticks=False,
-                     boxprops={"color": look["color"]}, medianprops={"color": look["color"], "linewidth": 2.4},
-                     whiskerprops={"color": look["color"]}, capprops={"color": look["color"]})
+        axis.boxplot(
+            values,
+            positions=[place],
+            widths=0.5,
+            whis=(5, 95),
+            showfliers=False,
+            manage_ticks=False,
+            boxprops={"color": look["color"]},
+            medianprops={"color": look["color"], "linewidth": 2.4},
+            whiskerprops={"color": look["color"]},
+            capprops={"color": look["color"]},
+        )
     if 0 < len(values) <= _MOST_DOTS:
         aside = np.linspace(-0.12, 0.12, len(values)) if len(values) > 1 else np.zeros(1)
         axis.plot(place + aside, values, **look | {"label": "_"}, linestyle="", alpha=0.7)
@@ -253,8 +331,11 @@ def _draw_spread(axis: Axes, place: int, values: np.ndarray, look: dict[str, Any
 
 def _draw_histograms(summary: Summary) -> list[str]:
     """Draw signed disparity errors, the parts of a pixel in the disparities, and the error by part."""
-    entries = [(look, entry["histograms"]) for _, entry, look in each_method(summary)
-               if entry["histograms"] and sum(entry["histograms"]["true_part"])]
+    entries = [
+        (look, entry["histograms"])
+        for _, entry, look in each_method(summary)
+        if entry["histograms"] and sum(entry["histograms"]["true_part"])
+    ]
     found: list[str] = []
     if not entries:
         return found
@@ -307,8 +388,9 @@ def _draw_errors(summary: Summary) -> list[str]:
         for entry, line in lines:
             if entry["sparsification"]["texture"]:
                 axis.plot(100 * np.array(SHARES), entry["sparsification"]["texture"], **line)
-                axis.plot(100 * np.array(SHARES), entry["sparsification"]["best"],
-                          **line | {"label": "_", "linestyle": ":"})
+                axis.plot(
+                    100 * np.array(SHARES), entry["sparsification"]["best"], **line | {"label": "_", "linestyle": ":"}
+                )
         axis.set_xlabel("% of measurements kept, the most textured first")
         axis.set_ylabel("mean disparity error (px)")
         axis.set_ylim(bottom=0)
@@ -327,8 +409,11 @@ def _wrong_percent(sums: Mapping[str, Any]) -> np.ndarray:
 
 def _draw_range(summary: Summary) -> list[str]:
     """Draw error against range, with the law Z² / (f·B) · σ, and coverage and wrong pixels against range."""
-    entries = [(look, entry["strata"]["range"]) for _, entry, look in each_method(summary)
-               if "range" in entry["strata"] and _has_enough(entry["strata"]["range"]).any()]
+    entries = [
+        (look, entry["strata"]["range"])
+        for _, entry, look in each_method(summary)
+        if "range" in entry["strata"] and _has_enough(entry["strata"]["range"]).any()
+    ]
     found: list[str] = []
     if not entries:
         return found
@@ -347,8 +432,13 @@ def _draw_range(summary: Summary) -> list[str]:
             fine = sum(sums["fine"])
             if fine:
                 sigma = sum(sums["fine_epe_px"]) / fine
-                axis.plot(middle[known], (sigma * np.array(sums["m_per_px"]) / n)[known], color=look["color"],
-                          linestyle="--", linewidth=1.1)
+                axis.plot(
+                    middle[known],
+                    (sigma * np.array(sums["m_per_px"]) / n)[known],
+                    color=look["color"],
+                    linestyle="--",
+                    linewidth=1.1,
+                )
         finish(axis)
         set_logarithmic(axis, "y")
         axis.set_ylabel("mean depth error (m)")
@@ -371,8 +461,9 @@ def _draw_pixel_classes(summary: Summary) -> list[str]:
     """Draw wrong or missing pixels by their class, for all factors but range."""
     found: list[str] = []
     for factor in by_pixel_class.FACTORS:
-        if factor.key == "range" or not any(_has_enough(entry["strata"][factor.key]).sum() > 1 for entry in summary
-                                            if factor.key in entry["strata"]):
+        if factor.key == "range" or not any(
+            _has_enough(entry["strata"][factor.key]).sum() > 1 for entry in summary if factor.key in entry["strata"]
+        ):
             continue
         with panel(found, "strata", factor.title) as axis:
             places = np.arange(len(factor.classes))
@@ -383,8 +474,12 @@ def _draw_pixel_classes(summary: Summary) -> list[str]:
                     known = _has_enough(sums)
                     shown |= known
                     aside = (k - (len(summary) - 1) / 2) * 0.12 if factor.names else 0.0
-                    axis.plot(places[known] + aside, _wrong_percent(sums)[known], **look,
-                              linestyle="" if factor.names else "-")
+                    axis.plot(
+                        places[known] + aside,
+                        _wrong_percent(sums)[known],
+                        **look,
+                        linestyle="" if factor.names else "-",
+                    )
             axis.set_xticks(places[shown], np.array(factor.classes)[shown], rotation=0 if factor.names else 35)
             axis.set_xlim(places[shown].min() - 0.4, places[shown].max() + 0.4)
             axis.set_ylim(bottom=-0.02 * axis.get_ylim()[1])  # a mark at 0 is whole

@@ -31,8 +31,9 @@ class Condition:
     pairs: np.ndarray  # boolean, per pair of the evaluation
 
 
-def name_levels(sweeps: Sequence[Sweep], facts: Iterable[Mapping[str, Any]],
-                places: Mapping[str, int]) -> list[list[str]]:
+def name_levels(
+    sweeps: Sequence[Sweep], facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
+) -> list[list[str]]:
     """The name of each level of each sweep, such as "Sun Elevation 8°", or "Fresh snow" for a preset's settings, which
     vary together."""
     levels = [sweep.levels() for sweep in sweeps]
@@ -51,8 +52,9 @@ def name_levels(sweeps: Sequence[Sweep], facts: Iterable[Mapping[str, Any]],
     return found
 
 
-def join_by_scene(sweeps: Sequence[Sweep], facts: Iterable[Mapping[str, Any]],
-                  places: Mapping[str, int]) -> list[Sweep]:
+def join_by_scene(
+    sweeps: Sequence[Sweep], facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
+) -> list[Sweep]:
     """The sweeps, with the scene in place of the settings by which scenes differ, if all pairs are from shipped ones.
 
     A pair is from a scene whose ground and surfaces it has, in any light and seen by any camera. ``places`` gives the
@@ -75,8 +77,12 @@ def join_by_scene(sweeps: Sequence[Sweep], facts: Iterable[Mapping[str, Any]],
 
 def conditions_of(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]]) -> list[Condition]:
     """The conditions of sweeps whose levels have these names, at most ``MOST``."""
-    found = [Condition(name, level == n) for sweep, own in zip(sweeps, names, strict=True)
-             for level in [sweep.levels()[2]] for n, name in enumerate(own)]
+    found = [
+        Condition(name, level == n)
+        for sweep, own in zip(sweeps, names, strict=True)
+        for level in [sweep.levels()[2]]
+        for n, name in enumerate(own)
+    ]
     return found[:MOST]
 
 
@@ -140,8 +146,18 @@ def _scene_title(settings: Parts) -> str:
 @cache
 def _presets() -> list[tuple[str, dict[tuple[str, str], Any]]]:
     """The settings of each shipped preset that concern the images, without the settings of rendering."""
-    return [(name, {(topic, key): value for topic, values in load_preset(name).items() for key, value in values.items()
-                    if TOPICS[topic][key].effect not in ("run", "sampling")}) for name in preset_names()]
+    return [
+        (
+            name,
+            {
+                (topic, key): value
+                for topic, values in load_preset(name).items()
+                for key, value in values.items()
+                if TOPICS[topic][key].effect not in ("run", "sampling")
+            },
+        )
+        for name in preset_names()
+    ]
 
 
 def _has(settings: Parts, stated: Mapping[tuple[str, str], Any]) -> bool:

@@ -55,18 +55,23 @@ _HERE = Path(__file__).parent
 #: Number of pictures of a pair, and of each method on it.
 _OWN, _PER_METHOD = 2, 3
 #: The columns of the table of all pairs, for each method: key, heading, decimals, factor.
-_PAGED = (("total_bad_1", "> 1 px or missing (%)", 1, 100.0), ("coverage", "coverage (%)", 1, 100.0),
-          ("epe_px", "EPE of measured (px)", 3, 1.0))
+_PAGED = (
+    ("total_bad_1", "> 1 px or missing (%)", 1, 100.0),
+    ("coverage", "coverage (%)", 1, 100.0),
+    ("epe_px", "EPE of measured (px)", 3, 1.0),
+)
 #: Facts about pairs whose distinct values the report lists.
-_MIXED = {"data": lambda facts: facts.get("layout", "rendered here"),
-          "image (px)": lambda facts: f"{facts['width_px']} × {facts['height_px']}",
-          "f·B (px·m)": lambda facts: f"{facts['focal_baseline_px_m']:.6g}",
-          "Blender": lambda facts: str(facts["rendered"].get("versions", {}).get("blender", "unknown")),
-          "samples per pixel": lambda facts: str(facts["settings"].get("quality", {}).get("samples", "unknown")),
-          "denoiser": lambda facts: str(facts["rendered"].get("denoiser", "unknown")),
-          "device": lambda facts: str(facts["rendered"].get("device", "unknown")),
-          "bits": lambda facts: str(facts["settings"].get("sensor", {}).get("bits", "unknown")),
-          "edited by hand": lambda facts: "yes" if facts["rendered"].get("edited_by_hand") else "no"}
+_MIXED = {
+    "data": lambda facts: facts.get("layout", "rendered here"),
+    "image (px)": lambda facts: f"{facts['width_px']} × {facts['height_px']}",
+    "f·B (px·m)": lambda facts: f"{facts['focal_baseline_px_m']:.6g}",
+    "Blender": lambda facts: str(facts["rendered"].get("versions", {}).get("blender", "unknown")),
+    "samples per pixel": lambda facts: str(facts["settings"].get("quality", {}).get("samples", "unknown")),
+    "denoiser": lambda facts: str(facts["rendered"].get("denoiser", "unknown")),
+    "device": lambda facts: str(facts["rendered"].get("device", "unknown")),
+    "bits": lambda facts: str(facts["settings"].get("sensor", {}).get("bits", "unknown")),
+    "edited by hand": lambda facts: "yes" if facts["rendered"].get("edited_by_hand") else "no",
+}
 #: Those that pairs of other data sets have too.
 _OF_ALL = ("data", "image (px)", "f·B (px·m)")
 
@@ -77,9 +82,18 @@ def _read_template() -> jinja2.Template:
     return read_template("report.html.j2")
 
 
-def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: Sequence[str], titles: Sequence[str],
-                 conditions: Sequence[Condition], table: Table, sweeps: Sequence[Sweep], methods: Sequence[Method],
-                 out: Path, guiss: bool) -> None:
+def write_report(
+    report: Mapping[str, Any],
+    ranking: Mapping[str, Any],
+    chosen: Sequence[str],
+    titles: Sequence[str],
+    conditions: Sequence[Condition],
+    table: Table,
+    sweeps: Sequence[Sweep],
+    methods: Sequence[Method],
+    out: Path,
+    guiss: bool,
+) -> None:
     """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``. It contains the pictures
     of the pairs ``chosen`` and of a typical pair of each condition. ``ranking``: see ``ranking.rank_methods``;
     ``titles``: of all pairs, see ``conditions``."""
@@ -88,25 +102,42 @@ def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: 
     names = {*chosen, *(table.pairs[pair] for _, pair in typical)}
     facts_of = {facts["pair"]: facts for facts in report["pairs"] if facts["pair"] in names}
     html = _read_template().render(
-        report=report, ranking=ranking, keys=method_keys(table.methods), regions=REGIONS,
-        region_metrics=REGION_METRICS, metric_names=METRIC_NAMES,
-        columns=SUMMARY, totals=(*TOTALS, SECONDS), measured=MEASURED,
-        compared=_comparison_rows(report["comparisons"]), compared_columns=COMPARED_COLUMNS,
+        report=report,
+        ranking=ranking,
+        keys=method_keys(table.methods),
+        regions=REGIONS,
+        region_metrics=REGION_METRICS,
+        metric_names=METRIC_NAMES,
+        columns=SUMMARY,
+        totals=(*TOTALS, SECONDS),
+        measured=MEASURED,
+        compared=_comparison_rows(report["comparisons"]),
+        compared_columns=COMPARED_COLUMNS,
         compared_methods=len({entry[side] for entry in report["comparisons"] for side in "ab"}),
-        fewest_for_mean=FEWEST_FOR_MEAN, format_number=format_number, format_interval=format_interval,
+        fewest_for_mean=FEWEST_FOR_MEAN,
+        format_number=format_number,
+        format_interval=format_interval,
         guiss=GUISS if guiss else (),
-        plugin_columns=columns_of_plugins(report["plug_ins"]), format_plugin=format_plugin,
-        charts=draw_charts(report["summary"], table, phase_curves(report["pairs"]),
-                           report["comparisons"]),
+        plugin_columns=columns_of_plugins(report["plug_ins"]),
+        format_plugin=format_plugin,
+        charts=draw_charts(report["summary"], table, phase_curves(report["pairs"]), report["comparisons"]),
         sweeps=draw_sweeps(report["summary"], table, sweeps),
         other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
-        scenes=_list_scenes(sweeps, table), mixed=count_values(report["pairs"]),
-        warned=count_sentences(report["pairs"], "warnings"), told=count_sentences(report["pairs"], "notes"),
-        error_bar=_colour_bar(colours.ERROR), invalid=colours.INVALID_GREY, sky=colours.SKY_GREY,
-        matrix=picture_matrix(typical, table, facts_of, report["rows"], out), left_out=len(conditions) - len(typical),
+        scenes=_list_scenes(sweeps, table),
+        mixed=count_values(report["pairs"]),
+        warned=count_sentences(report["pairs"], "warnings"),
+        told=count_sentences(report["pairs"], "notes"),
+        error_bar=_colour_bar(colours.ERROR),
+        invalid=colours.INVALID_GREY,
+        sky=colours.SKY_GREY,
+        matrix=picture_matrix(typical, table, facts_of, report["rows"], out),
+        left_out=len(conditions) - len(typical),
         pairs=[_pair_section(facts_of[name], report, table, out) for name in sorted(chosen, key=table.pairs.index)],
-        titles=dict(zip(table.pairs, titles, strict=True)), data=_page_data(table, titles, ranking, methods),
-        script=script, script_hash=_script_hash(script))
+        titles=dict(zip(table.pairs, titles, strict=True)),
+        data=_page_data(table, titles, ranking, methods),
+        script=script,
+        script_hash=_script_hash(script),
+    )
     write_text(out / "report.html", html)
 
 
@@ -135,7 +166,7 @@ def choose_pairs(table: Table, names: Sequence[str]) -> list[str]:
     measured = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
     errors = np.stack([table.column(k, RANKING) for k in measured or range(len(table.methods))])
     badness = dict(zip(table.pairs, np.where(np.isnan(errors), np.inf, errors).max(axis=0).tolist(), strict=True))
-    worst = sorted(names, key=badness.__getitem__, reverse=True)[:most // 2]
+    worst = sorted(names, key=badness.__getitem__, reverse=True)[: most // 2]
     rest = [name for name in names if name not in set(worst)]
     even = np.linspace(0, len(rest) - 1, most - len(worst)).round().astype(int)
     return [*worst, *(rest[i] for i in even)]
@@ -165,8 +196,9 @@ def _comparison_rows(comparisons: Sequence[Mapping[str, Any]]) -> list[dict[str,
     """A row for every two methods, with their comparison by each metric."""
     rows: dict[tuple[str, str], dict[str, Any]] = {}
     for entry in comparisons:
-        rows.setdefault((entry["a"], entry["b"]), {"a": entry["a"], "b": entry["b"], "metrics": {}})[
-            "metrics"][entry["metric"]] = entry
+        rows.setdefault((entry["a"], entry["b"]), {"a": entry["a"], "b": entry["b"], "metrics": {}})["metrics"][
+            entry["metric"]
+        ] = entry
     return list(rows.values())
 
 
@@ -177,13 +209,28 @@ def _page_data(table: Table, titles: Sequence[str], ranking: Mapping[str, Any], 
     rows = []
     for p, name in enumerate(table.pairs):
         status = "failed" if failed[p] else "" if counted[p] else "suspect"
-        rows.append([name, titles[p], status, *(None if np.isnan(column[p]) else round(float(column[p]), decimals)
-                                     for own in columns
-                                     for column, (_, _, decimals, _) in zip(own, _PAGED, strict=True))])
-    text = json.dumps({"methods": [[describe_method(method.label), method.file_name] for method in methods],
-                       "columns": [[heading, decimals] for _, heading, decimals, _ in _PAGED], "pairs": rows,
-                       "ranking": ranking},
-                      separators=(",", ":"), allow_nan=False)
+        rows.append(
+            [
+                name,
+                titles[p],
+                status,
+                *(
+                    None if np.isnan(column[p]) else round(float(column[p]), decimals)
+                    for own in columns
+                    for column, (_, _, decimals, _) in zip(own, _PAGED, strict=True)
+                ),
+            ]
+        )
+    text = json.dumps(
+        {
+            "methods": [[describe_method(method.label), method.file_name] for method in methods],
+            "columns": [[heading, decimals] for _, heading, decimals, _ in _PAGED],
+            "pairs": rows,
+            "ranking": ranking,
+        },
+        separators=(",", ":"),
+        allow_nan=False,
+    )
     return text.replace("<", "\\u003c")
 
 
@@ -196,13 +243,26 @@ def _pair_section(facts: Mapping[str, Any], report: Mapping[str, Any], table: Ta
     height = facts["height_px"]
     scale = colours.Scale(*facts["depth_scale_m"])
     start = table.pairs.index(facts["pair"]) * len(table.methods)
-    rows = report["rows"][start:start + len(table.methods)]
-    return {"facts": facts, "left": embed_left(facts, out),
-            "true_depth": embed_picture(out / facts["images"]["true_depth"], height), "depth_bar": _colour_bar(scale),
-            "settings": to_toml(facts["settings"]),
-            "methods": [{"row": row, "outcomes": colours.outcome_legend(row["counts"]),
-                         **{kind: embed_picture(out / row["images"][kind], height)
-                            for kind in ("depth", "error", "flags") if kind in row["images"]}} for row in rows]}
+    rows = report["rows"][start : start + len(table.methods)]
+    return {
+        "facts": facts,
+        "left": embed_left(facts, out),
+        "true_depth": embed_picture(out / facts["images"]["true_depth"], height),
+        "depth_bar": _colour_bar(scale),
+        "settings": to_toml(facts["settings"]),
+        "methods": [
+            {
+                "row": row,
+                "outcomes": colours.outcome_legend(row["counts"]),
+                **{
+                    kind: embed_picture(out / row["images"][kind], height)
+                    for kind in ("depth", "error", "flags")
+                    if kind in row["images"]
+                },
+            }
+            for row in rows
+        ],
+    }
 
 
 def _colour_bar(scale: colours.Scale) -> dict[str, Any]:

@@ -15,17 +15,28 @@ from ..measure.render_noise import BAKE, DECIDES, NOISY, UNKNOWN
 from .table_columns import NOISE_DECIDES
 
 #: ``search`` of a row, see ``search_range``.
-SEARCH: Shape = Maybe({"least_px": COUNT, "most_px": COUNT, "source": TEXT,
-                       "missed": Maybe(NUMBER, null=True)}, null=True)
+SEARCH: Shape = Maybe(
+    {"least_px": COUNT, "most_px": COUNT, "source": TEXT, "missed": Maybe(NUMBER, null=True)}, null=True
+)
 _KNOWN = Maybe(NUMBER, null=True)
 _PART = {"share": NUMBER, "noise_dn": _KNOWN, "hidden": _KNOWN, "baked_dn": _KNOWN, "by_bake": _KNOWN}
 #: ``noise`` of the facts of a pair, see ``render_noise``.
-NOISE: Shape = Maybe({"verdict": Maybe(TEXT, null=True), "larger": Maybe(TEXT, null=True), "lit": _PART,
-                      "shadow": _PART, "doubt": _KNOWN}, null=True)
+NOISE: Shape = Maybe(
+    {
+        "verdict": Maybe(TEXT, null=True),
+        "larger": Maybe(TEXT, null=True),
+        "lit": _PART,
+        "shadow": _PART,
+        "doubt": _KNOWN,
+    },
+    null=True,
+)
 #: ``baked`` of the facts of a pair: noise of baked light over all light, its share of it, the bound that was asked for.
 BAKED: Shape = Maybe({"noise": Maybe(NUMBER), "share": Maybe(NUMBER), "bound": NUMBER}, null=True)
-_FIXES = {STATED: "Leave the option out, and the range follows from the rig.",
-          FIXED: "Nothing is known of the rig, so state a larger range."}
+_FIXES = {
+    STATED: "Leave the option out, and the range follows from the rig.",
+    FIXED: "Nothing is known of the rig, so state a larger range.",
+}
 
 
 @dataclass(frozen=True)
@@ -84,24 +95,38 @@ class Notes:
         """The notes, the most important first."""
         missed = (self._missed(label, found) for label, found in self._search.items())
         from_truth = [label for label, found in self._search.items() if any(s["source"] == TRUTH for _, s in found)]
-        known = (Note(f"{describe_method(label)} has its range from truth",
-                      "it searches only the disparities that each pair contains, which no camera knows.", True)
-                 for label in from_truth)
-        return [*filter(None, missed), *self._noise(), *known, *self._plugins(), *self._occlusion(),
-                *self._baked_light()]
+        known = (
+            Note(
+                f"{describe_method(label)} has its range from truth",
+                "it searches only the disparities that each pair contains, which no camera knows.",
+                True,
+            )
+            for label in from_truth
+        )
+        return [
+            *filter(None, missed),
+            *self._noise(),
+            *known,
+            *self._plugins(),
+            *self._occlusion(),
+            *self._baked_light(),
+        ]
 
     def _plugins(self) -> Iterator[Note]:
         for fault in self._faults:
             yield Note("A metric is left out", fault, True)
         for name, sentences in self._failures.items():
-            yield Note(f"The metric {name} failed {count_of(len(sentences), 'time')}",
-                       f"the first time, {sentences[0]}", True)
+            yield Note(
+                f"The metric {name} failed {count_of(len(sentences), 'time')}", f"the first time, {sentences[0]}", True
+            )
 
     def _occlusion(self) -> Iterator[Note]:
         if self._estimated:
             better = " Pairs rendered since version 0.2 with quality.truth FULL contain what rays found."
-            yield Note(f"Hidden pixels are estimated in {self._estimated} of {count_of(self._pairs, 'pair')}",
-                       f"from the depths of both eyes.{better if self._estimated_renders else ''}")
+            yield Note(
+                f"Hidden pixels are estimated in {self._estimated} of {count_of(self._pairs, 'pair')}",
+                f"from the depths of both eyes.{better if self._estimated_renders else ''}",
+            )
 
     def _baked_light(self) -> Iterator[Note]:
         if not self._baked:
@@ -109,29 +134,39 @@ class Notes:
         noise, share, _ = max(self._baked)
         over = sum(0.0 < bound < noise for noise, _, bound in self._baked)  # 0: any noise is accepted
         more = f" In {over} of them it is above quality.bake_noise; raise quality.bake_samples." if over else ""
-        yield Note(f"Indirect light is baked in {len(self._baked)} of {count_of(self._pairs, 'pair')}",
-                   "its noise is fixed to the ground, alike in both eyes, so matchers take it for texture. It is at "
-                   f"most {show_rounded(100 * noise)} % of the light, in a pair of which "
-                   f"{show_rounded(100 * share)} % is indirect.{more}", over > 0)
+        yield Note(
+            f"Indirect light is baked in {len(self._baked)} of {count_of(self._pairs, 'pair')}",
+            "its noise is fixed to the ground, alike in both eyes, so matchers take it for texture. It is at "
+            f"most {show_rounded(100 * noise)} % of the light, in a pair of which "
+            f"{show_rounded(100 * share)} % is indirect.{more}",
+            over > 0,
+        )
 
     def _noise(self) -> Iterator[Note]:
         if self._decided:
             doubt, by_bake = max(doubt for doubt, _ in self._decided), [by_bake for _, by_bake in self._decided]
             names = {"quality.bake_samples" if each else "quality.samples" for each in by_bake}
-            yield Note(f"{NOISE_DECIDES}{self._where(len(self._decided))}",
-                       "in light or in shadow, more than 5 % of the pixels have less texture than noise. Methods that "
-                       f"differ by less than {show_rounded(100 * doubt)} % of the pixels may differ by "
-                       f"noise alone; raise {' and '.join(sorted(names))} and look whether their order stays."
-                       + _of_bake(by_bake), True)
+            yield Note(
+                f"{NOISE_DECIDES}{self._where(len(self._decided))}",
+                "in light or in shadow, more than 5 % of the pixels have less texture than noise. Methods that "
+                f"differ by less than {show_rounded(100 * doubt)} % of the pixels may differ by "
+                f"noise alone; raise {' and '.join(sorted(names))} and look whether their order stays."
+                + _of_bake(by_bake),
+                True,
+            )
         if self._unknown:
-            yield Note(f"The noise of baked light is unknown{self._where(self._unknown)}",
-                       "it is fixed to the ground, alike in both eyes, so comparing them does not show it, and an "
-                       "older version of Icy Moon kept no error of the bake. Matchers may take it for texture and look "
-                       "better than they are; render these pairs again into another data set.", True)
+            yield Note(
+                f"The noise of baked light is unknown{self._where(self._unknown)}",
+                "it is fixed to the ground, alike in both eyes, so comparing them does not show it, and an "
+                "older version of Icy Moon kept no error of the bake. Matchers may take it for texture and look "
+                "better than they are; render these pairs again into another data set.",
+                True,
+            )
         if self._noisy:
-            yield Note(f"The render is noisy{self._where(len(self._noisy))}",
-                       "in light or in shadow, 1 to 5 % of the pixels have less texture than noise."
-                       + _of_bake(self._noisy))
+            yield Note(
+                f"The render is noisy{self._where(len(self._noisy))}",
+                "in light or in shadow, 1 to 5 % of the pixels have less texture than noise." + _of_bake(self._noisy),
+            )
 
     def _where(self, count: int) -> str:
         return f" in {count} of {self._pairs} pairs" if self._pairs > 1 else ""
@@ -143,10 +178,13 @@ class Notes:
             return None
         most, pair, worst = max(beyond, key=lambda entry: entry[0])
         fix = _FIXES.get(worst["source"], "State a larger range.")
-        return Note(f"{describe_method(label)} cannot measure everything",
-                    f"in {len(beyond)} of {count_of(len(found), 'pair')} its search range leaves out more than "
-                    f"{100 * MISSED:g} % of the true disparities, at most {100 * most:.0f} % (pair {pair}, "
-                    f"searched {worst['least_px']} to {worst['most_px']} px). {fix}", True)
+        return Note(
+            f"{describe_method(label)} cannot measure everything",
+            f"in {len(beyond)} of {count_of(len(found), 'pair')} its search range leaves out more than "
+            f"{100 * MISSED:g} % of the true disparities, at most {100 * most:.0f} % (pair {pair}, "
+            f"searched {worst['least_px']} to {worst['most_px']} px). {fix}",
+            True,
+        )
 
 
 def _of_bake(by_bake: Sequence[bool]) -> str:
@@ -155,5 +193,7 @@ def _of_bake(by_bake: Sequence[bool]) -> str:
     if not count:
         return ""
     which = "Most of it is" if count == len(by_bake) else f"In {count_of(count, 'pair')} of these most of it is"
-    return (f" {which} noise of baked light, which is fixed to the ground: matchers take it for texture and look "
-            "better than they are.")
+    return (
+        f" {which} noise of baked light, which is fixed to the ground: matchers take it for texture and look "
+        "better than they are."
+    )

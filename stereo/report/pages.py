@@ -20,9 +20,14 @@ def read_template(name: str, folder: Path = _HERE) -> jinja2.Template:
     Texts of others are neither markup nor do they have invisible control characters in the page. Every page can name a
     method for its readers (``name_of``) and a count (``count_of``).
     """
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader([folder, _HERE]), autoescape=True,
-                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-                                     finalize=_show)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([folder, _HERE]),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_show,
+    )
     environment.globals |= {"count_of": count_of, "name_of": describe_method}
     return environment.get_template(name)
 

@@ -65,13 +65,21 @@ def choose_typical(table: Table, conditions: Sequence[Condition]) -> list[tuple[
     conditions. None if there are fewer than two pairs, as the report then shows the pair itself."""
     if len(table.pairs) < 2:
         return []
-    found = [(condition, pair) for condition in conditions or [Condition("All pairs", np.ones(len(table.pairs), bool))]
-             if (pair := typical_pair(table, condition.pairs & (table.scenes >= 0))) is not None]
-    return found[:max(1, MOST_IN_MATRIX // (1 + len(table.methods)))]
+    found = [
+        (condition, pair)
+        for condition in conditions or [Condition("All pairs", np.ones(len(table.pairs), bool))]
+        if (pair := typical_pair(table, condition.pairs & (table.scenes >= 0))) is not None
+    ]
+    return found[: max(1, MOST_IN_MATRIX // (1 + len(table.methods)))]
 
 
-def picture_matrix(typical: Sequence[tuple[Condition, int]], table: Table, facts: Mapping[str, Mapping[str, Any]],
-                   rows: Sequence[Mapping[str, Any]], out: Path) -> list[dict[str, Any]]:
+def picture_matrix(
+    typical: Sequence[tuple[Condition, int]],
+    table: Table,
+    facts: Mapping[str, Mapping[str, Any]],
+    rows: Sequence[Mapping[str, Any]],
+    out: Path,
+) -> list[dict[str, Any]]:
     """A row for each condition: its ``name``, the name of its typical ``pair``, the ``left`` image and, for each
     method, the ``row`` and its ``error`` picture, empty if the method failed.
 
@@ -80,8 +88,21 @@ def picture_matrix(typical: Sequence[tuple[Condition, int]], table: Table, facts
     count, found = len(table.methods), []
     for condition, number in typical:
         pair = table.pairs[number]
-        own = rows[number * count:(number + 1) * count]
-        found.append({"name": condition.name, "pair": pair, "left": embed_left(facts[pair], out), "methods": [
-            {"row": row, "error": embed_picture(out / row["images"]["error"], facts[pair]["height_px"])
-             if "error" in row["images"] else ""} for row in own]})
+        own = rows[number * count : (number + 1) * count]
+        found.append(
+            {
+                "name": condition.name,
+                "pair": pair,
+                "left": embed_left(facts[pair], out),
+                "methods": [
+                    {
+                        "row": row,
+                        "error": embed_picture(out / row["images"]["error"], facts[pair]["height_px"])
+                        if "error" in row["images"]
+                        else "",
+                    }
+                    for row in own
+                ],
+            }
+        )
     return found

@@ -44,38 +44,69 @@ class View:
 def _measured(prefix: str) -> tuple[Ranked, ...]:
     """The columns over measured pixels, with a prefix of the numbers. They are ranked on common pixels."""
     keys = ("epe_px", "bad_1", "d1", "l1_m", "rmse_m", "l1_rate_10", "si_rmse", "dod")
-    return (Ranked(replace(TOTALS[0], key=f"{prefix}coverage"), f"{prefix}coverage"),
-            *(Ranked(replace(METRIC_NAMES[key], key=prefix + key), f"common_{prefix}{key}" if key != "dod" else "")
-              for key in keys), Ranked(SECONDS, "seconds"))
+    return (
+        Ranked(replace(TOTALS[0], key=f"{prefix}coverage"), f"{prefix}coverage"),
+        *(
+            Ranked(replace(METRIC_NAMES[key], key=prefix + key), f"common_{prefix}{key}" if key != "dod" else "")
+            for key in keys
+        ),
+        Ranked(SECONDS, "seconds"),
+    )
 
 
 def _total(key: str, heading: str, doc: str) -> Ranked:
-    return Ranked(Column(f"total_{key}", heading, "%", 1, f"share of all true pixels that are missing or {doc}"),
-                  f"total_{key}")
+    return Ranked(
+        Column(f"total_{key}", heading, "%", 1, f"share of all true pixels that are missing or {doc}"), f"total_{key}"
+    )
 
 
 VIEWS = (
-    View("total", "Missing is wrong",
-         "All pixels with a true depth. One without a measurement counts as wrong, so measuring less gains nothing.",
-         (Ranked(TOTALS[0], "coverage"), _total("bad_0_5", "> 0.5 px", "wrong by more than 0.5 px"),
-          _total("bad_1", "> 1 px", "wrong by more than 1 px"), _total("bad_2", "> 2 px", "wrong by more than 2 px"),
-          _total("d1", "D1", "wrong by more than 3 px and 5 % of the disparity"),
-          _total("l1_rate_10", "> 10 cm", "wrong by more than 10 cm"),
-          Ranked(Column("total_dod", "DOD", "%", 2, "share of all pairs of pixels of which one is missing or that are "
-                        "in the wrong depth order"), "total_dod"),
-          Ranked(SECONDS, "seconds"))),
-    View("measured", "Measured",
-         "The pixels that each method measured: read the errors with the coverage. Ranks and bold compare every two "
-         "methods on the pixels that both measured.", _measured("")),
-    View("visible", "Not hidden",
-         "The measured pixels that the right eye sees too. Ranks and bold compare every two methods on those of them "
-         "that both measured.", _measured("visible_")))
+    View(
+        "total",
+        "Missing is wrong",
+        "All pixels with a true depth. One without a measurement counts as wrong, so measuring less gains nothing.",
+        (
+            Ranked(TOTALS[0], "coverage"),
+            _total("bad_0_5", "> 0.5 px", "wrong by more than 0.5 px"),
+            _total("bad_1", "> 1 px", "wrong by more than 1 px"),
+            _total("bad_2", "> 2 px", "wrong by more than 2 px"),
+            _total("d1", "D1", "wrong by more than 3 px and 5 % of the disparity"),
+            _total("l1_rate_10", "> 10 cm", "wrong by more than 10 cm"),
+            Ranked(
+                Column(
+                    "total_dod",
+                    "DOD",
+                    "%",
+                    2,
+                    "share of all pairs of pixels of which one is missing or that are in the wrong depth order",
+                ),
+                "total_dod",
+            ),
+            Ranked(SECONDS, "seconds"),
+        ),
+    ),
+    View(
+        "measured",
+        "Measured",
+        "The pixels that each method measured: read the errors with the coverage. Ranks and bold compare every two "
+        "methods on the pixels that both measured.",
+        _measured(""),
+    ),
+    View(
+        "visible",
+        "Not hidden",
+        "The measured pixels that the right eye sees too. Ranks and bold compare every two methods on those of them "
+        "that both measured.",
+        _measured("visible_"),
+    ),
+)
 #: The view and the column, by its place, that the table is sorted by at first.
 FIRST = ("total", 2)
 
 
-def rank_methods(table: Table, summary: Sequence[Mapping[str, Any]], verdicts: str, conditions: Sequence[Condition],
-                 seed: int) -> dict[str, Any]:
+def rank_methods(
+    table: Table, summary: Sequence[Mapping[str, Any]], verdicts: str, conditions: Sequence[Condition], seed: int
+) -> dict[str, Any]:
     """The ranking table as JSON: ``views``, ``methods``, and ``conditions``, all pairs first.
 
     A condition has a note on each method, whether there are ``intervals`` and whether methods are ``ranked``, and, by
@@ -87,17 +118,30 @@ def rank_methods(table: Table, summary: Sequence[Mapping[str, Any]], verdicts: s
         comparisons, ranks = compare_methods(part, seed)
         own = [summarise_method(part, k) | {"ranks": ranks[k]} for k in range(len(part.methods))]
         found.append(_condition(condition.name, part, own, describe_verdicts(comparisons, part)))
-    views = [{"key": view.key, "name": view.name, "doc": view.doc, "columns": [
-        [each.column.title, each.column.doc, each.column.key.endswith("coverage")] for each in view.columns]}
-        for view in VIEWS]
+    views = [
+        {
+            "key": view.key,
+            "name": view.name,
+            "doc": view.doc,
+            "columns": [
+                [each.column.title, each.column.doc, each.column.key.endswith("coverage")] for each in view.columns
+            ],
+        }
+        for view in VIEWS
+    ]
     return {"methods": list(map(describe_method, table.methods)), "first": FIRST, "conditions": found, "views": views}
 
 
 def _condition(name: str, table: Table, summary: Sequence[Mapping[str, Any]], verdicts: str) -> dict[str, Any]:
-    return {"name": name, "pairs": int(table.counts.any(axis=0).sum()), "verdicts": verdicts,
-            "intervals": any(entry["intervals"] for entry in summary),
-            "ranked": any(entry["ranks"] for entry in summary),
-            "notes": [_note(entry) for entry in summary], "cells": _cells(summary)}
+    return {
+        "name": name,
+        "pairs": int(table.counts.any(axis=0).sum()),
+        "verdicts": verdicts,
+        "intervals": any(entry["intervals"] for entry in summary),
+        "ranked": any(entry["ranks"] for entry in summary),
+        "notes": [_note(entry) for entry in summary],
+        "cells": _cells(summary),
+    }
 
 
 def _note(entry: Mapping[str, Any]) -> str:
@@ -107,8 +151,9 @@ def _note(entry: Mapping[str, Any]) -> str:
 
 
 def _cells(summary: Sequence[Mapping[str, Any]]) -> dict[str, list[list[list[Any]]]]:
-    return {view.key: [[_cell(entry, ranked, summary) for ranked in view.columns] for entry in summary]
-            for view in VIEWS}
+    return {
+        view.key: [[_cell(entry, ranked, summary) for ranked in view.columns] for entry in summary] for view in VIEWS
+    }
 
 
 def _cell(entry: Mapping[str, Any], ranked: Ranked, summary: Sequence[Mapping[str, Any]]) -> list[Any]:
@@ -117,5 +162,10 @@ def _cell(entry: Mapping[str, Any], ranked: Ranked, summary: Sequence[Mapping[st
     if text == "–":
         return [text, "", "", False, None]
     rank = format_rank(entry, ranked.compared) if ranked.compared in entry["ranks"] else ""
-    return [text, format_interval(entry["intervals"].get(column.key), column), rank,
-            is_best(entry, ranked.compared, summary), entry.get(column.key)]
+    return [
+        text,
+        format_interval(entry["intervals"].get(column.key), column),
+        rank,
+        is_best(entry, ranked.compared, summary),
+        entry.get(column.key),
+    ]

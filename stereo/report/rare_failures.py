@@ -46,20 +46,23 @@ def find_rare_failures(table: Table) -> list[RareFailure]:
         others = np.delete(errors, place, axis=0)
         known = ~np.isnan(errors[place]) & ~np.isnan(others).all(axis=0)
         own, excess = errors[place, known], errors[place, known] - np.nanmedian(others[:, known], axis=0)
-        order = np.argsort(-excess, kind="stable")[:math.ceil(PAIR_SHARE * len(excess))]
+        order = np.argsort(-excess, kind="stable")[: math.ceil(PAIR_SHARE * len(excess))]
         beyond = np.cumsum(excess[order])
         enough = np.flatnonzero(beyond >= ERROR_SHARE * own.sum())
-        if enough.size and own.any() and beyond[enough[0]] >= _AVOIDED * own[order[:enough[0] + 1]].sum():
+        if enough.size and own.any() and beyond[enough[0]] >= _AVOIDED * own[order[: enough[0] + 1]].sum():
             failing = int(enough[0]) + 1
-            found.append(RareFailure(table.methods[k], failing, len(own),
-                                     float(own[order[:failing]].sum() / own.sum())))
+            found.append(
+                RareFailure(table.methods[k], failing, len(own), float(own[order[:failing]].sum() / own.sum()))
+            )
     return found
 
 
 def describe_rare_failures(table: Table) -> list[str]:
     """A sentence for each method that fails heavily in few pairs."""
-    return [f"{describe_method(each.method)} fails rarely but heavily: {each.failing} of {each.pairs} pairs contain "
-            f"{100 * each.share:.0f} % of its wrong or missing pixels, and other methods have far fewer there. The "
-            "typical scene has no such pair, so verdicts do not count them; compare the means too, and evaluate more "
-            "scenes."
-            for each in find_rare_failures(table)]
+    return [
+        f"{describe_method(each.method)} fails rarely but heavily: {each.failing} of {each.pairs} pairs contain "
+        f"{100 * each.share:.0f} % of its wrong or missing pixels, and other methods have far fewer there. The "
+        "typical scene has no such pair, so verdicts do not count them; compare the means too, and evaluate more "
+        "scenes."
+        for each in find_rare_failures(table)
+    ]

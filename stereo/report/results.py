@@ -41,37 +41,69 @@ _LONG = ("strata", "sparsification", "histograms", "common")
 
 
 #: The facts of a pair, see ``prepare``: the entries that are read again.
-FACTS: dict[str, Shape] = {"pair": TEXT, "key": TEXT, "images": Each(TEXT, TEXT), "settings": Each(TABLE, TEXT),
-         "self_check": {"ok": FLAG, "problems": Each(TEXT)}, "notes": Maybe(Each(TEXT)), "warnings": Maybe(Each(TEXT)),
-         "rendered": TABLE,
-         "width_px": PIXELS, "height_px": PIXELS, "true": NUMBER, "visible": Maybe(NUMBER, null=True),
-         "exposure_s": Maybe(NUMBER), "scene": Maybe(TEXT), "noise": NOISE,
-         "occlusion": Maybe(TEXT, null=True), "baked": BAKED}
+FACTS: dict[str, Shape] = {
+    "pair": TEXT,
+    "key": TEXT,
+    "images": Each(TEXT, TEXT),
+    "settings": Each(TABLE, TEXT),
+    "self_check": {"ok": FLAG, "problems": Each(TEXT)},
+    "notes": Maybe(Each(TEXT)),
+    "warnings": Maybe(Each(TEXT)),
+    "rendered": TABLE,
+    "width_px": PIXELS,
+    "height_px": PIXELS,
+    "true": NUMBER,
+    "visible": Maybe(NUMBER, null=True),
+    "exposure_s": Maybe(NUMBER),
+    "scene": Maybe(TEXT),
+    "noise": NOISE,
+    "occlusion": Maybe(TEXT, null=True),
+    "baked": BAKED,
+}
 _KNOWN = Maybe(NUMBER, null=True)
 #: A row, see ``evaluate.evaluate``.
 ROW: dict[str, Shape] = {
-    "status": TEXT, "error": TEXT, "images": Each(TEXT, TEXT), "options": TABLE, "facts": TABLE, "search": SEARCH,
-    "counts": Each(COUNT, TEXT), "strata": TABLE, "sparsification": TABLE, "error_curve": Each(ANYTHING),
+    "status": TEXT,
+    "error": TEXT,
+    "images": Each(TEXT, TEXT),
+    "options": TABLE,
+    "facts": TABLE,
+    "search": SEARCH,
+    "counts": Each(COUNT, TEXT),
+    "strata": TABLE,
+    "sparsification": TABLE,
+    "error_curve": Each(ANYTHING),
     "histograms": Each(Each(NUMBER), TEXT),
     "common": Each({"key": TEXT, **dict.fromkeys(common_pixels.NUMBERS, _KNOWN)}, TEXT),
-    "plug_ins": Maybe(Each(_KNOWN, TEXT)), "plug_in_faults": Maybe(Each(TEXT, TEXT)),
-    **dict.fromkeys(NUMBERS, _KNOWN)}
+    "plug_ins": Maybe(Each(_KNOWN, TEXT)),
+    "plug_in_faults": Maybe(Each(TEXT, TEXT)),
+    **dict.fromkeys(NUMBERS, _KNOWN),
+}
 #: Entries of the report that ``summary.json`` lacks, because they grow with the number of pairs.
 _MANY = ("rows", "pairs")
 
 
-def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], out: Path,
-                  failed: list[dict[str, Any]], suspect: list[dict[str, Any]], source: Mapping[str, Any],
-                  seed: int, guiss: bool, faults: Sequence[str] = ()) -> dict[str, Any]:
+def write_results(
+    log: RowLog,
+    names: Sequence[str],
+    methods: Sequence[Method],
+    out: Path,
+    failed: list[dict[str, Any]],
+    suspect: list[dict[str, Any]],
+    source: Mapping[str, Any],
+    seed: int,
+    guiss: bool,
+    faults: Sequence[str] = (),
+) -> dict[str, Any]:
     """Write ``results.csv``, ``comparisons.csv``, ``report.json``, ``summary.json`` and ``report.html`` of the pairs
     ``names``; return the report. ``faults`` are sentences about plug-ins that were left out. ``summary.json`` is the
     report without its rows and pairs, but with ``shown``: the rows of the pairs whose pictures are in the HTML report.
     ``curves`` are pictures of the error by the setting that varies."""
     labels = [method.label for method in methods]
-    rows = LazyRows(len(names) * len(labels),
-                    lambda k: _short_row(log.read(names[k // len(labels)], labels[k % len(labels)])))
-    usable = [name for name in names if find_facts(out, name) is not None
-              and not _all_failed(log, name, labels)]
+    rows = LazyRows(
+        len(names) * len(labels), lambda k: _short_row(log.read(names[k // len(labels)], labels[k % len(labels)]))
+    )
+    usable = [name for name in names if find_facts(out, name) is not None and not _all_failed(log, name, labels)]
     facts = LazyRows(len(usable), lambda k: read_facts(out, usable[k]))
     table = Table(labels, names)
     places = {name: k for k, name in enumerate(names)}
@@ -93,27 +125,39 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     summary = [summarise_method(table, k) | {"ranks": own} for k, own in enumerate(ranks)]
     sweeps = join_by_scene(swept_settings(facts, places), facts, places)
     verdicts = describe_verdicts(comparisons, table)
-    report = {"format": FORMAT, "version": VERSION,
-              "summary": summary, "curves": write_curves(summary, table, sweeps, out),
-              "comparisons": comparisons, "verdicts": verdicts,
-              "typical_differences": describe_typical(comparisons),
-              "rare_failures": [each for each in describe_rare_failures(table) if each in verdicts],
-              "rows": rows, "pairs": facts, "failed": failed,
-              "suspect": suspect, "notes": [note.sentence for note in notes.found()],
-              "briefs": [note.brief for note in notes.found()],
-              "doubts": [note.sentence for note in notes.found() if note.doubtful],
-              "plug_ins": metrics,
-              "provenance": _provenance(methods, ran_on, source, seed)}
+    report = {
+        "format": FORMAT,
+        "version": VERSION,
+        "summary": summary,
+        "curves": write_curves(summary, table, sweeps, out),
+        "comparisons": comparisons,
+        "verdicts": verdicts,
+        "typical_differences": describe_typical(comparisons),
+        "rare_failures": [each for each in describe_rare_failures(table) if each in verdicts],
+        "rows": rows,
+        "pairs": facts,
+        "failed": failed,
+        "suspect": suspect,
+        "notes": [note.sentence for note in notes.found()],
+        "briefs": [note.brief for note in notes.found()],
+        "doubts": [note.sentence for note in notes.found() if note.doubtful],
+        "plug_ins": metrics,
+        "provenance": _provenance(methods, ran_on, source, seed),
+    }
     write_atomically(out / "results.csv", lambda part: _write_csv(part, rows, [m["name"] for m in metrics]))
     write_atomically(out / "comparisons.csv", lambda part: _write_comparisons(part, comparisons))
     write_atomically(out / "report.json", lambda part: _write_report_json(part, report, facts))
     chosen = choose_pairs(table, usable)
     shown = [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))]
-    write_json(out / "summary.json", {key: value for key, value in report.items() if key not in _MANY}
-               | {"shown": shown})
+    write_json(
+        out / "summary.json", {key: value for key, value in report.items() if key not in _MANY} | {"shown": shown}
+    )
     levels = name_levels(sweeps, facts, places)
-    titles = titles_of(sweeps, levels, len(names)) if sweeps else [
-        preset_title(facts[0]["settings"]) if facts else ""] * len(names)
+    titles = (
+        titles_of(sweeps, levels, len(names))
+        if sweeps
+        else [preset_title(facts[0]["settings"]) if facts else ""] * len(names)
+    )
     conditions = conditions_of(sweeps, levels)
     ranking = rank_methods(table, summary, verdicts, conditions, seed)
     write_report(report, ranking, chosen, titles, conditions, table, sweeps, methods, out, guiss)
@@ -144,12 +188,17 @@ def _short_row(row: Row) -> Row:
 def _write_csv(part: Path, rows: Iterable[Row], metrics: Sequence[str]) -> None:
     """Write all rows as CSV with a header line, the ``metrics`` of plug-ins after ours; undefined numbers are empty."""
     with part.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.DictWriter(stream, ("pair", "method", "status", *NUMBERS, *metrics, "error"),
-                                extrasaction="ignore", lineterminator="\n")
+        writer = csv.DictWriter(
+            stream,
+            ("pair", "method", "status", *NUMBERS, *metrics, "error"),
+            extrasaction="ignore",
+            lineterminator="\n",
+        )
         writer.writeheader()
         texts = ("pair", "method", "error")
-        writer.writerows({**row.get("plug_ins", {}), **row, **{key: escape_cell(row[key]) for key in texts}}
-                         for row in rows)
+        writer.writerows(
+            {**row.get("plug_ins", {}), **row, **{key: escape_cell(row[key]) for key in texts}} for row in rows
+        )
 
 
 def _write_comparisons(part: Path, comparisons: Sequence[Mapping[str, Any]]) -> None:
@@ -157,8 +206,9 @@ def _write_comparisons(part: Path, comparisons: Sequence[Mapping[str, Any]]) -> 
     with part.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.DictWriter(stream, COMPARED_KEYS, extrasaction="raise", lineterminator="\n")
         writer.writeheader()
-        writer.writerows({**entry, **{key: escape_cell(entry[key] or "") for key in ("a", "b", "better")}}
-                         for entry in comparisons)
+        writer.writerows(
+            {**entry, **{key: escape_cell(entry[key] or "") for key in ("a", "b", "better")}} for entry in comparisons
+        )
 
 
 def _write_report_json(part: Path, report: Mapping[str, Any], facts: Sequence[Mapping[str, Any]]) -> None:
@@ -190,19 +240,28 @@ def _write_list(stream: TextIO, entries: Iterable[Row]) -> None:
     stream.write("\n ]")
 
 
-def _provenance(methods: Sequence[Method], facts: Mapping[str, list[Any]], source: Mapping[str, Any],
-                seed: int) -> dict[str, Any]:
-    return {"created": datetime.now(UTC).isoformat(timespec="seconds"), **source,
-            "methods": [{"label": method.label, "name": method.name,
-                         "options": options_of(method), "facts": facts[method.label]}
-                        for method in methods],
-            "versions": packages.find_versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
-            "sparsification_shares": list(SHARES),
-            "averages": "mean over pairs, each pair with equal weight; pooled_* over the pixels of all pairs",
-            "intervals": f"95 %, over scenes: of shares from 2 scenes on, of other means from "
-                         f"{count_of(FEWEST_FOR_MEAN, 'scene')} on, approximate below {FEWEST_EXACT}",
-            "verdicts": "typical scene (pseudomedian), signed ranks, random signs of scenes, 5 % for all "
-                        f"comparisons by a metric, seed {seed}",
-            "pixels": REGIONS | {f"common_{prefix}": f"pixels that both compared methods measured, {which}"
-                                 for prefix, which in common_pixels.REGIONS.items()},
-            "seconds": "CPU seconds of matching, one thread"}
+def _provenance(
+    methods: Sequence[Method], facts: Mapping[str, list[Any]], source: Mapping[str, Any], seed: int
+) -> dict[str, Any]:
+    return {
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        **source,
+        "methods": [
+            {"label": method.label, "name": method.name, "options": options_of(method), "facts": facts[method.label]}
+            for method in methods
+        ],
+        "versions": packages.find_versions(),
+        "error_curve_steps_m": list(ERROR_STEPS_M),
+        "sparsification_shares": list(SHARES),
+        "averages": "mean over pairs, each pair with equal weight; pooled_* over the pixels of all pairs",
+        "intervals": f"95 %, over scenes: of shares from 2 scenes on, of other means from "
+        f"{count_of(FEWEST_FOR_MEAN, 'scene')} on, approximate below {FEWEST_EXACT}",
+        "verdicts": "typical scene (pseudomedian), signed ranks, random signs of scenes, 5 % for all "
+        f"comparisons by a metric, seed {seed}",
+        "pixels": REGIONS
+        | {
+            f"common_{prefix}": f"pixels that both compared methods measured, {which}"
+            for prefix, which in common_pixels.REGIONS.items()
+        },
+        "seconds": "CPU seconds of matching, one thread",
+    }

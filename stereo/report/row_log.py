@@ -78,7 +78,7 @@ class RowLog:
             end = stream.tell()
             try:
                 while rest:
-                    rest = rest[stream.write(rest):]
+                    rest = rest[stream.write(rest) :]
                 flush_handle(stream.fileno())
             except OSError:
                 stream.truncate(end)

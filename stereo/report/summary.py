@@ -36,16 +36,37 @@ class Compared:
 #: Errors are compared where both methods measured, and rates also over all true pixels, where a missing one is wrong.
 #: A method that measures little gains by neither.
 COMPARED = (
-    *(Compared(f"common_{prefix}{key}", key in ("l1_m", "rmse_m", "si_rmse", "epe_px"))
-      for prefix in common_pixels.REGIONS for key in common_pixels.METRICS),
+    *(
+        Compared(f"common_{prefix}{key}", key in ("l1_m", "rmse_m", "si_rmse", "epe_px"))
+        for prefix in common_pixels.REGIONS
+        for key in common_pixels.METRICS
+    ),
     *(Compared(f"total_{key}") for key in ("bad_0_5", "bad_1", "bad_2", "d1", "l1_rate_10", "dod")),
-    Compared("coverage", more_is_better=True), Compared("visible_coverage", more_is_better=True),
-    Compared("seconds", ratio=True))
+    Compared("coverage", more_is_better=True),
+    Compared("visible_coverage", more_is_better=True),
+    Compared("seconds", ratio=True),
+)
 #: An error or time below this is compared as if it were as large: 1 µm, 1 µpx or 1 µs, so that 0 has a logarithm.
 _LEAST = 1e-6
 #: The keys of a comparison, see ``compare_methods``.
-COMPARED_KEYS = ("a", "b", "metric", "kind", "pairs", "scenes", "typical", "typical_low", "typical_high", "better", "p",
-                 "detectable", "scenes_needed", "value", "low", "high")
+COMPARED_KEYS = (
+    "a",
+    "b",
+    "metric",
+    "kind",
+    "pairs",
+    "scenes",
+    "typical",
+    "typical_low",
+    "typical_high",
+    "better",
+    "p",
+    "detectable",
+    "scenes_needed",
+    "value",
+    "low",
+    "high",
+)
 _PLACE = {key: place for place, key in enumerate(NUMBERS)}
 #: Numbers that are counts of pixels.
 _COUNTS = tuple(f"{prefix}n" for prefix, keys in REGION_METRICS.items() if "n" in keys)
@@ -76,8 +97,13 @@ class Table:
         self.plugins: dict[str, np.ndarray] = {}  # (methods, pairs) of each metric of a plug-in, NaN where undefined
         self.strata: list[dict[str, Any] | None] = [None] * len(methods)
         self.histograms: list[disparity_histograms.Histograms | None] = [None] * len(methods)
-        self._curves: list[dict[str, list[Any]]] = [{key: [np.zeros(steps), 0] for key, steps in (
-            ("error_curve", len(ERROR_STEPS_M)), ("texture", len(SHARES)), ("best", len(SHARES)))} for _ in methods]
+        self._curves: list[dict[str, list[Any]]] = [
+            {
+                key: [np.zeros(steps), 0]
+                for key, steps in (("error_curve", len(ERROR_STEPS_M)), ("texture", len(SHARES)), ("best", len(SHARES)))
+            }
+            for _ in methods
+        ]
 
     def add(self, pair: int, row: Mapping[str, Any]) -> None:
         """Add the row of a method on the pair with this number."""
@@ -92,7 +118,8 @@ class Table:
             column[method, pair] = np.nan if value is None else value
         for other in row["common"].keys() & set(self.methods):
             self.common[method, self.methods.index(other), pair] = [
-                np.nan if (value := row["common"][other][key]) is None else value for key in common_pixels.NUMBERS]
+                np.nan if (value := row["common"][other][key]) is None else value for key in common_pixels.NUMBERS
+            ]
         self.strata[method] = by_pixel_class.add_sums(self.strata[method], row["strata"])
         self.histograms[method] = disparity_histograms.add(self.histograms[method], row["histograms"])
         for key, curve in (("error_curve", row["error_curve"]), *row["sparsification"].items()):
@@ -136,17 +163,23 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
     values = table.values[method]
     counted = table.counts[method]
     result: dict[str, Any] = {
-        "method": table.methods[method], "pairs": int(counted.sum()), "failed": int(table.failed[method].sum()),
+        "method": table.methods[method],
+        "pairs": int(counted.sum()),
+        "failed": int(table.failed[method].sum()),
         "suspect": int((~counted & ~table.failed[method]).sum()),
-        "scenes": len(np.unique(table.scenes[counted]))}
+        "scenes": len(np.unique(table.scenes[counted])),
+    }
     columns = values[:, [_PLACE[key] for key in _AVERAGED]]
     result |= {key: _number(mean) for key, mean in zip(_AVERAGED, _means(columns), strict=True)}
     result |= {key: int(np.nansum(table.column(method, key))) for key in _COUNTS}
     with_truth = counted & (table.column(method, "true_pixels") > 0)
     result |= {key: None for key in _TOTAL_QUANTILES if np.isnan(table.column(method, key)[with_truth]).any()}
     bounds = intervals(columns[counted], table.scenes[counted], np.array([is_share(key) for key in _AVERAGED]))
-    result["intervals"] = {key: [float(low), float(high)] for key, (low, high) in zip(_AVERAGED, bounds, strict=True)
-                           if np.isfinite(low) and result[key] is not None}
+    result["intervals"] = {
+        key: [float(low), float(high)]
+        for key, (low, high) in zip(_AVERAGED, bounds, strict=True)
+        if np.isfinite(low) and result[key] is not None
+    }
     weights = table.column(method, "n")
     for metric in POOLED:
         numbers = table.column(method, metric)
@@ -156,10 +189,15 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
     result["error_curve"] = table.curve(method, "error_curve")
     result["sparsification"] = {key: table.curve(method, key) for key in ("texture", "best")}
     result["histograms"] = table.histograms[method] or {}
-    result["plug_ins"] = {name: _mean_with_interval(numbers[method][counted], table.scenes[counted])
-                          for name, numbers in table.plugins.items()}
-    result["strata"] = {factor.key: {"classes": list(factor.classes), **sums} for factor in by_pixel_class.FACTORS
-                        if (sums := (table.strata[method] or {}).get(factor.key))}
+    result["plug_ins"] = {
+        name: _mean_with_interval(numbers[method][counted], table.scenes[counted])
+        for name, numbers in table.plugins.items()
+    }
+    result["strata"] = {
+        factor.key: {"classes": list(factor.classes), **sums}
+        for factor in by_pixel_class.FACTORS
+        if (sums := (table.strata[method] or {}).get(factor.key))
+    }
     return result
 
 
@@ -168,8 +206,9 @@ def is_share(key: str) -> bool:
     return key.endswith(_SHARE_NAMES)
 
 
-def compare_methods(table: Table, seed: int, with_means: bool = False
-                    ) -> tuple[list[dict[str, Any]], list[dict[str, tuple[int, int]]]]:
+def compare_methods(
+    table: Table, seed: int, with_means: bool = False
+) -> tuple[list[dict[str, Any]], list[dict[str, tuple[int, int]]]]:
     """Compare every two methods by each of COMPARED; also the ``typical_scene.ranks`` of each method by metric.
 
     Each comparison has ``a``, ``b``, ``metric``, ``kind`` ("ratio" or "difference"), and ``typical``: a / b or a - b in
@@ -195,14 +234,31 @@ def compare_methods(table: Table, seed: int, with_means: bool = False
             sign = 1 if (family.typical[k] > 0) == metric.more_is_better else -1
             better[a, b], better[b, a] = family.found[k] and sign > 0, family.found[k] and sign < 0
             turn = np.exp if metric.ratio else float
-            found.append({
-                "a": table.methods[a], "b": table.methods[b], "metric": metric.key,
-                "kind": "ratio" if metric.ratio else "difference", "pairs": pairs[k], "scenes": int(family.scenes[k]),
-                **{key: _number(turn(values[k])) for key, values in (
-                    ("value", means), ("low", bounds[:, 0]), ("high", bounds[:, 1]), ("typical", family.typical),
-                    ("typical_low", family.low), ("typical_high", family.high), ("detectable", family.detectable))},
-                "p": _number(family.p[k]), "scenes_needed": family.needed,
-                "better": table.methods[a if better[a, b] else b] if family.found[k] else None})
+            found.append(
+                {
+                    "a": table.methods[a],
+                    "b": table.methods[b],
+                    "metric": metric.key,
+                    "kind": "ratio" if metric.ratio else "difference",
+                    "pairs": pairs[k],
+                    "scenes": int(family.scenes[k]),
+                    **{
+                        key: _number(turn(values[k]))
+                        for key, values in (
+                            ("value", means),
+                            ("low", bounds[:, 0]),
+                            ("high", bounds[:, 1]),
+                            ("typical", family.typical),
+                            ("typical_low", family.low),
+                            ("typical_high", family.high),
+                            ("detectable", family.detectable),
+                        )
+                    },
+                    "p": _number(family.p[k]),
+                    "scenes_needed": family.needed,
+                    "better": table.methods[a if better[a, b] else b] if family.found[k] else None,
+                }
+            )
         if np.isfinite(family.p).any():
             for k, place in zip(methods, ranks(better[np.ix_(methods, methods)]), strict=True):
                 placed[k][metric.key] = place
@@ -235,8 +291,11 @@ def _means(columns: np.ndarray) -> np.ndarray:
 def _mean_with_interval(numbers: np.ndarray, scenes: np.ndarray) -> dict[str, Any]:
     """The ``mean`` of the numbers of pairs that are not NaN, its 95 % ``interval`` or None, and how many ``pairs``."""
     low, high = intervals(numbers[:, None], scenes, np.array([False]))[0]
-    return {"mean": _number(_means(numbers[:, None])[0]), "pairs": int((~np.isnan(numbers)).sum()),
-            "interval": [float(low), float(high)] if np.isfinite(low) else None}
+    return {
+        "mean": _number(_means(numbers[:, None])[0]),
+        "pairs": int((~np.isnan(numbers)).sum()),
+        "interval": [float(low), float(high)] if np.isfinite(low) else None,
+    }
 
 
 def _number(value: float) -> float | None:

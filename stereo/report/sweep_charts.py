@@ -47,8 +47,14 @@ _HEIGHT, _LIGHTER, _DARKER = 2.9, 0.55, 0.12
 #: Characters in a line of a tick's label, and at most in all.
 _TICK, _LONGEST_TICK = 14, 28
 #: For a picture, which no page colours.
-_ON_WHITE: dict[Any, Any] = {"axes.edgecolor": "#888888", "axes.labelcolor": "#222222", "text.color": "#222222",
-                             "xtick.color": "#222222", "ytick.color": "#222222", "grid.color": "#dddddd"}
+_ON_WHITE: dict[Any, Any] = {
+    "axes.edgecolor": "#888888",
+    "axes.labelcolor": "#222222",
+    "text.color": "#222222",
+    "xtick.color": "#222222",
+    "ytick.color": "#222222",
+    "grid.color": "#dddddd",
+}
 _DPI = 120
 
 
@@ -104,8 +110,9 @@ def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: P
             else:
                 add_legend(figure, axes[0, 0], len(summary))
             curves[sweep.name] = f"curves/{sweep.name}.png"
-            write_atomically(out / curves[sweep.name], partial(figure.savefig, format="png", dpi=_DPI,
-                                                               facecolor="white"))
+            write_atomically(
+                out / curves[sweep.name], partial(figure.savefig, format="png", dpi=_DPI, facecolor="white")
+            )
     return curves
 
 
@@ -150,14 +157,18 @@ def _caption(sweep: Sweep, lines: Lines | None, sweeps: Sequence[Sweep], table: 
         groups = f", whose values form {len(lines.names)} groups" if lines.grouped else ""
         others = count_of(len(lines.factor.together), "more setting")
         joined = f", with which {others} {'varies' if len(lines.factor.together) == 1 else 'vary'}"
-        parts.append(f"A line for each {'group' if lines.grouped else 'value'} of {lines.factor.title}{groups}"
-                     f"{joined if lines.factor.together else ''}.")
+        parts.append(
+            f"A line for each {'group' if lines.grouped else 'value'} of {lines.factor.title}{groups}"
+            f"{joined if lines.factor.together else ''}."
+        )
     if sweep.together:
         named = list(sweep.together[:_MOST_NAMED])
         if more := len(sweep.together) - len(named):
             named.append(count_of(more, "more setting"))
-        parts.append(f"It varies together with {' and '.join(filter(None, [', '.join(named[:-1]), named[-1]]))}, so "
-                     "their effects cannot be separated.")
+        parts.append(
+            f"It varies together with {' and '.join(filter(None, [', '.join(named[:-1]), named[-1]]))}, so "
+            "their effects cannot be separated."
+        )
     return " ".join(parts)
 
 
@@ -169,18 +180,37 @@ def _draw_sweep(sweep: Sweep, axis: Axes, metric: tuple[str, float, str], summar
     axis.set_ylim(bottom=0)
 
 
-def _draw_lines(sweep: Sweep, lines: Lines, axis: Axes, metric: tuple[str, float, str], table: Table, method: int,
-                look: dict[str, Any]) -> None:
+def _draw_lines(
+    sweep: Sweep,
+    lines: Lines,
+    axis: Axes,
+    metric: tuple[str, float, str],
+    table: Table,
+    method: int,
+    look: dict[str, Any],
+) -> None:
     """Draw one of ``SWEPT`` for one method, a line for each value of another setting."""
     for n, (name, colour) in enumerate(zip(lines.names, _shades(look["color"], len(lines.names)), strict=True)):
-        style = {"color": colour, "marker": MARKS[n % len(MARKS)], "label": name,
-                 "linestyle": DASHES[n % len(DASHES)] if sweep.numeric else ""}
+        style = {
+            "color": colour,
+            "marker": MARKS[n % len(MARKS)],
+            "label": name,
+            "linestyle": DASHES[n % len(DASHES)] if sweep.numeric else "",
+        }
         _draw_means(sweep, axis, metric, table, method, (n, len(lines.names)), style, lines.of == n)
     _finish(sweep, axis, metric[2], table)
 
 
-def _draw_means(sweep: Sweep, axis: Axes, metric: tuple[str, float, str], table: Table, method: int,
-                place: tuple[int, int], look: dict[str, Any], among: np.ndarray | None = None) -> None:
+def _draw_means(
+    sweep: Sweep,
+    axis: Axes,
+    metric: tuple[str, float, str],
+    table: Table,
+    method: int,
+    place: tuple[int, int],
+    look: dict[str, Any],
+    among: np.ndarray | None = None,
+) -> None:
     """Draw the means of a method with their intervals, at ``place`` (k of n) beside the other methods."""
     _, places, _ = sweep.levels()
     key, factor, _ = metric
@@ -188,8 +218,14 @@ def _draw_means(sweep: Sweep, axis: Axes, metric: tuple[str, float, str], table:
     step = (0.012 if sweep.numeric else 0.05) * float(np.ptp(places)) or 0.1
     known = ~np.isnan(mean)  # a line goes on over a value that it lacks
     bars = np.nan_to_num(np.abs(bounds.T - mean))
-    axis.errorbar((places + (place[0] - (place[1] - 1) / 2) * step)[known], factor * mean[known],
-                  factor * bars[:, known], capsize=2.5, elinewidth=1, **look)
+    axis.errorbar(
+        (places + (place[0] - (place[1] - 1) / 2) * step)[known],
+        factor * mean[known],
+        factor * bars[:, known],
+        capsize=2.5,
+        elinewidth=1,
+        **look,
+    )
 
 
 def _line_style(sweep: Sweep) -> str:
@@ -205,8 +241,9 @@ def _finish(sweep: Sweep, axis: Axes, label: str, table: Table) -> None:
     axis.margins(x=0.08 if sweep.numeric else 0.25)
     half = 0.35 * float(np.diff(np.sort(places)).min()) if len(places) > 1 else 0.1
     for place in places[noisy]:
-        axis.axvspan(place - half, place + half, color=matplotlib.rcParams["grid.color"], alpha=0.6, linewidth=0,
-                     zorder=0)
+        axis.axvspan(
+            place - half, place + half, color=matplotlib.rcParams["grid.color"], alpha=0.6, linewidth=0, zorder=0
+        )
     others = f", and {len(sweep.together)} more that vary with it" if sweep.together else ""
     title = "" if sweep.name == SCENE else sweep.title + others
     axis.set_xlabel(title + ("\nbands: noise of the render decides" if noisy.any() else ""))
@@ -215,9 +252,9 @@ def _finish(sweep: Sweep, axis: Axes, label: str, table: Table) -> None:
 
 def _tick(name: str) -> str:
     """A name below an axis, in two lines if it is long."""
-    short = name if len(name) <= _LONGEST_TICK else f"{name[:_LONGEST_TICK - 1]}…"
+    short = name if len(name) <= _LONGEST_TICK else f"{name[: _LONGEST_TICK - 1]}…"
     space = short.rfind(" ", 0, _TICK + 1)
-    return short if len(short) <= _TICK or space < 0 else f"{short[:space]}\n{short[space + 1:]}"
+    return short if len(short) <= _TICK or space < 0 else f"{short[:space]}\n{short[space + 1 :]}"
 
 
 def _highest(sweep: Sweep, lines: Lines, metric: tuple[str, float, str], methods: int, table: Table) -> float:
@@ -234,9 +271,15 @@ def _highest(sweep: Sweep, lines: Lines, metric: tuple[str, float, str], methods
 def _add_line_legend(axis: Axes, lines: Lines) -> None:
     """Add a legend of the lines above the figure of a chart, with the name of the setting that they are of."""
     handles, labels = axis.get_legend_handles_labels()
-    axis.figure.legend(handles, labels, title=lines.factor.title, loc="outside upper left", alignment="left",
-                       ncols=6 if max(map(len, labels)) < 6 else 3 if max(map(len, labels)) < 14 else 2,
-                       handlelength=2.6)
+    axis.figure.legend(
+        handles,
+        labels,
+        title=lines.factor.title,
+        loc="outside upper left",
+        alignment="left",
+        ncols=6 if max(map(len, labels)) < 6 else 3 if max(map(len, labels)) < 14 else 2,
+        handlelength=2.6,
+    )
 
 
 def _shades(colour: str, count: int) -> list[str]:

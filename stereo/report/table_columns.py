@@ -26,10 +26,20 @@ class Column:
 #: Over all true pixels: nothing is gained by measuring less.
 TOTALS = (
     Column("coverage", "Coverage", "%", 1, "share of the pixels with a true depth that got a valid one"),
-    Column("total_bad_1", "> 1 px or missing", "%", 1,
-           "share of all true pixels without a disparity, or with one wrong by more than 1 px"),
-    Column("total_l1_rate_10", "> 10 cm or missing", "%", 1,
-           "share of all true pixels without a depth, or with one wrong by more than 10 cm"),
+    Column(
+        "total_bad_1",
+        "> 1 px or missing",
+        "%",
+        1,
+        "share of all true pixels without a disparity, or with one wrong by more than 1 px",
+    ),
+    Column(
+        "total_l1_rate_10",
+        "> 10 cm or missing",
+        "%",
+        1,
+        "share of all true pixels without a depth, or with one wrong by more than 10 cm",
+    ),
 )
 #: Over the measured pixels.
 MEASURED = (
@@ -53,24 +63,45 @@ GUISS = (
     (Column("guiss_l1_m", "L1", "m", 3), Column("l1_m", "L1", "m", 3)),
     (Column("guiss_l1_rate_10", "L1-rate-10", "%", 1), Column("l1_rate_10", "L1-rate-10", "%", 1)),
     (Column("guiss_si_rmse", "si-RMSE", "", 4), Column("si_rmse", "si-RMSE", "", 4)),
-    (Column("guiss_dod", "DOD", "%", 2), Column("dod", "DOD", "%", 2)))
+    (Column("guiss_dod", "DOD", "%", 2), Column("dod", "DOD", "%", 2)),
+)
 
 #: All metrics by key, for the full tables.
-METRIC_NAMES = {column.key: column for column in (
-    TOTALS[0], *MEASURED, Column("median_m", "median", "m"), Column("rmse_m", "RMSE", "m"),
-    Column("bias_m", "bias", "m"), Column("abs_rel", "abs-rel", "", 4), Column("si_mse", "si-MSE", "", 5),
-    Column("l1_rate_30", "L1-rate-30", "%", 1), Column("l1_rate_100", "L1-rate-100", "%", 1),
-    Column("bad_0_5", "bad-0.5", "%", 1), Column("bad_2", "bad-2", "%", 1), Column("bad_3", "bad-3", "%", 1),
-    Column("d1", "D1", "%", 1), Column("a50_px", "A50", "px"), Column("a90_px", "A90", "px"),
-    Column("a95_px", "A95", "px"), Column("a99_px", "A99", "px"))}
+METRIC_NAMES = {
+    column.key: column
+    for column in (
+        TOTALS[0],
+        *MEASURED,
+        Column("median_m", "median", "m"),
+        Column("rmse_m", "RMSE", "m"),
+        Column("bias_m", "bias", "m"),
+        Column("abs_rel", "abs-rel", "", 4),
+        Column("si_mse", "si-MSE", "", 5),
+        Column("l1_rate_30", "L1-rate-30", "%", 1),
+        Column("l1_rate_100", "L1-rate-100", "%", 1),
+        Column("bad_0_5", "bad-0.5", "%", 1),
+        Column("bad_2", "bad-2", "%", 1),
+        Column("bad_3", "bad-3", "%", 1),
+        Column("d1", "D1", "%", 1),
+        Column("a50_px", "A50", "px"),
+        Column("a90_px", "A90", "px"),
+        Column("a95_px", "A95", "px"),
+        Column("a99_px", "A99", "px"),
+    )
+}
 
 #: Columns of the table of comparisons between methods; see ``summary.COMPARED``. Ratios have the unit ×.
 COMPARED_COLUMNS = (
-    Column("total_bad_1", "> 1 px or missing", "%", 1), Column("total_l1_rate_10", "> 10 cm or missing", "%", 1),
-    Column("total_dod", "DOD, missing is wrong", "%", 2), Column("coverage", "Coverage", "%", 1),
-    Column("common_l1_m", "L1", "×", 2), Column("common_epe_px", "EPE", "×", 2),
-    Column("common_si_rmse", "si-RMSE", "×", 2), Column("common_bad_1", "bad-1", "%", 1),
-    Column("seconds", "CPU", "×", 2))
+    Column("total_bad_1", "> 1 px or missing", "%", 1),
+    Column("total_l1_rate_10", "> 10 cm or missing", "%", 1),
+    Column("total_dod", "DOD, missing is wrong", "%", 2),
+    Column("coverage", "Coverage", "%", 1),
+    Column("common_l1_m", "L1", "×", 2),
+    Column("common_epe_px", "EPE", "×", 2),
+    Column("common_si_rmse", "si-RMSE", "×", 2),
+    Column("common_bad_1", "bad-1", "%", 1),
+    Column("seconds", "CPU", "×", 2),
+)
 
 
 def columns_of_plugins(metrics: Sequence[Mapping[str, Any]]) -> list[Column]:

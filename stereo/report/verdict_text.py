@@ -30,20 +30,30 @@ def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: Table) ->
         return f"{few} A verdict on {methods} methods takes {max(scenes_for_methods(methods), scenes + 1)} scenes."
     count = methods * (methods - 1) // 2
     together = f", over all {count} comparisons by a metric" if count > 1 else ""
-    sizes = {name: np.median([entry["detectable"] for entry in tested if entry["metric"] == metric] or [np.nan])
-             for metric, name in _TOLD}
+    sizes = {
+        name: np.median([entry["detectable"] for entry in tested if entry["metric"] == metric] or [np.nan])
+        for metric, name in _TOLD
+    }
     told = [_size(name, float(size)) for name, size in sizes.items() if np.isfinite(size)]
     power = f" 8 of 10 such data sets would show {' or '.join(told)}." if told else ""
     rare = "".join(f" {sentence}" for sentence in (*describe_rare_failures(table), _describe_unseen(scenes)))
-    return (f"{scenes} scenes, {methods} methods: a verdict is on the typical scene, not on the mean. About 5 % of "
-            f"data sets without a difference show one{together}.{power}{rare}")
+    return (
+        f"{scenes} scenes, {methods} methods: a verdict is on the typical scene, not on the mean. About 5 % of "
+        f"data sets without a difference show one{together}.{power}{rare}"
+    )
 
 
 def describe_typical(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
     """A sentence for each two methods on how they differ in the typical scene by ``RANKING``, with the interval; those
     that differ come first. None where no scenes allow an interval."""
-    entries = [entry for entry in comparisons if entry["metric"] == RANKING and entry["p"] is not None
-               and entry["typical_low"] is not None and entry["typical_high"] is not None]
+    entries = [
+        entry
+        for entry in comparisons
+        if entry["metric"] == RANKING
+        and entry["p"] is not None
+        and entry["typical_low"] is not None
+        and entry["typical_high"] is not None
+    ]
     return [_differs(entry) for entry in sorted(entries, key=lambda entry: entry["p"])]
 
 
@@ -53,15 +63,19 @@ def _differs(entry: Mapping[str, Any]) -> str:
     if middle < 0:
         one, other, middle, low, high = other, one, -middle, -high, -low
     unsure = "" if entry["better"] else ", so either may be better"
-    return (f"In the typical scene {one} has {middle:.1f} points more wrong or missing pixels than {other} "
-            f"({low:.1f} to {high:.1f}{unsure}).")
+    return (
+        f"In the typical scene {one} has {middle:.1f} points more wrong or missing pixels than {other} "
+        f"({low:.1f} to {high:.1f}{unsure})."
+    )
 
 
 def _describe_unseen(scenes: int) -> str:
     """What no test of these scenes can know: failures that none of them contains. If a share q of all scenes had one,
     so many scenes would contain none with a probability of (1 - q)^scenes."""
-    return (f"A failure that none of the {scenes} scenes contains may still occur in up to "
-            f"{100 * (1 - 0.05 ** (1 / scenes)):.0f} % of scenes (95 % bound), and no verdict knows of it.")
+    return (
+        f"A failure that none of the {scenes} scenes contains may still occur in up to "
+        f"{100 * (1 - 0.05 ** (1 / scenes)):.0f} % of scenes (95 % bound), and no verdict knows of it."
+    )
 
 
 def _size(name: str, size: float) -> str:

@@ -28,8 +28,9 @@ def variant_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
     """The cheapest variant within each tolerance for each matcher, and what each group saves, in words."""
     scene = next(row for row in rows if row["group"] == "scene")
     margin = _margin(rows)
-    return [line for name, each in _subjects(methods) for line in _matcher_advice(name, each, rows, scene, margin)
-            ] + _group_advice(rows, scene, methods, margin)
+    return [
+        line for name, each in _subjects(methods) for line in _matcher_advice(name, each, rows, scene, margin)
+    ] + _group_advice(rows, scene, methods, margin)
 
 
 def _subjects(methods: Sequence[str]) -> list[tuple[str, Sequence[str]]]:
@@ -48,20 +49,25 @@ def decision_advice(rows: Sequence[Row], methods: Sequence[str], references: Seq
     return [_decision_line(name, each, alike, scene, margin, references[0]) for name, each in _subjects(methods)]
 
 
-def _decision_line(name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float,
-                   reference: Row) -> str:
+def _decision_line(
+    name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float, reference: Row
+) -> str:
     same = {row["key"]: all_hold(row["decisions"][method]["same"] for method in methods) for row in rows}
     best = _cheapest([row for row in rows if same[row["key"]]], margin)
     if best is not None:
         differs = decisions_text(best["decisions"][methods[0]]) if len(methods) == 1 else ""
         idle = [describe_method(method) for method in methods if best["decisions"][method]["taken"] == 0]
         empty = f"; but {' and '.join(idle)} found no safe site on the reference, so that tells little" if idle else ""
-        return (f"{name}, the same decisions as the reference: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
-                f"{_ratio_text(scene, best, margin)}{differs and f', decides {differs}'}{empty}.")
+        return (
+            f"{name}, the same decisions as the reference: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
+            f"{_ratio_text(scene, best, margin)}{differs and f', decides {differs}'}{empty}."
+        )
     own = all_hold(found["same"] for label, found in reference["own_decisions"].items() if label in methods)
     if own is False or None in same.values():
-        return (f"{name}: noise leaves open which variant leads to the same decisions as the reference; give more "
-                "reference samples, or a larger scale.")
+        return (
+            f"{name}: noise leaves open which variant leads to the same decisions as the reference; give more "
+            "reference samples, or a larger scale."
+        )
     return f"{name}: no variant leads to the same decisions as the reference; give more samples."
 
 
@@ -73,9 +79,10 @@ def pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list
     """
     alike = [row for row in rows if row["group"] not in SHAPES]
     shown = [row for row in rows if _shows(row)]
-    return {"radiance": [alike[k] for k in pareto_front(alike, "cpu_s", ("rmse",))],
-            **{method: [shown[k] for k in pareto_front(shown, "cpu_s", ("loss", method, "epe_px"))]
-               for method in methods}}
+    return {
+        "radiance": [alike[k] for k in pareto_front(alike, "cpu_s", ("rmse",))],
+        **{method: [shown[k] for k in pareto_front(shown, "cpu_s", ("loss", method, "epe_px"))] for method in methods},
+    }
 
 
 def distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
@@ -83,7 +90,8 @@ def distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
     kept: list[Row] = []
     for row in found:
         if not kept or _error(kept[-1], label)[0] - _error(row, label)[0] > math.hypot(
-                _error(kept[-1], label)[1], _error(row, label)[1]):
+            _error(kept[-1], label)[1], _error(row, label)[1]
+        ):
             kept.append(row)
     return kept
 
@@ -97,8 +105,11 @@ def _error(row: Row, label: str) -> tuple[float, float]:
 
 def _margin(rows: Sequence[Row]) -> float:
     """Share of the time by which two variants must differ: twice the standard deviation of a difference of repeats."""
-    spreads = [math.log(row["cpu_range"][1] / row["cpu_range"][0]) ** 2 / 2 for row in rows
-               if row["cpu_range"] and row["cpu_range"][0] > 0]
+    spreads = [
+        math.log(row["cpu_range"][1] / row["cpu_range"][0]) ** 2 / 2
+        for row in rows
+        if row["cpu_range"] and row["cpu_range"][0] > 0
+    ]
     repeated = any(row["cpu_range"] and row["cpu_range"][1] > row["cpu_range"][0] for row in rows)
     return max(_SAVED, 2 * (sum(spreads) / len(spreads)) ** 0.5) if repeated else 2 * _SAVED
 
@@ -110,23 +121,41 @@ def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scen
     hidden, before = [], None
     shown = [row for row in rows if _shows(row)]
     for px in TOLERANCES_PX:
-        keeps = {row["key"]: all_hold(Tolerance(px, None).allows(row["loss"][method], row["loss_doubt"][method])
-                                      for method in methods) for row in shown}
+        keeps = {
+            row["key"]: all_hold(
+                Tolerance(px, None).allows(row["loss"][method], row["loss_doubt"][method]) for method in methods
+            )
+            for row in shown
+        }
         best = _cheapest([row for row in shown if keeps[row["key"]]], margin)
-        perhaps = _cheapest([row for row in shown if keeps[row["key"]] is None
-                             and all((number_at(row, "loss", method, "epe_px") or 0.0) <= px for method in methods)
-                             and (best is None or _cheaper(row, best, margin))], margin)
+        perhaps = _cheapest(
+            [
+                row
+                for row in shown
+                if keeps[row["key"]] is None
+                and all((number_at(row, "loss", method, "epe_px") or 0.0) <= px for method in methods)
+                and (best is None or _cheaper(row, best, margin))
+            ],
+            margin,
+        )
         if best is None:
             hidden += [f"{px:g} px"] * (perhaps is not None)
         elif best is not before:
             before = best
-            cheaper = "" if perhaps is None else (
-                f"; perhaps “{perhaps['name']}”, {perhaps['cpu_s']:.1f} s, {_worst_loss_text(perhaps, methods)}")
-            lines.append(f"{name}, within {px:g} px: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
-                         f"{_ratio_text(scene, best, margin)}, adds {_worst_loss_text(best, methods)}{cheaper}.")
+            cheaper = (
+                ""
+                if perhaps is None
+                else (f"; perhaps “{perhaps['name']}”, {perhaps['cpu_s']:.1f} s, {_worst_loss_text(perhaps, methods)}")
+            )
+            lines.append(
+                f"{name}, within {px:g} px: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
+                f"{_ratio_text(scene, best, margin)}, adds {_worst_loss_text(best, methods)}{cheaper}."
+            )
     if hidden:
-        lines.append(f"{name}: noise hides here which variants are within {' or '.join(hidden)}; give a larger scale "
-                     "or more reference samples.")
+        lines.append(
+            f"{name}: noise hides here which variants are within {' or '.join(hidden)}; give a larger scale "
+            "or more reference samples."
+        )
     return lines or [f"{name}: no variant is within {TOLERANCES_PX[-1]:g} px; give more samples."]
 
 
@@ -152,8 +181,10 @@ def _shows(row: Row) -> bool:
 def loss_text(row: Row, method: str) -> str:
     """The loss of a matcher, such as '+0.031 ± 0.012 px', and of measured pixels if that is more than noise."""
     doubt = row["loss_doubt"][method]["epe_px"]
-    return (f"{row['loss'][method]['epe_px']:+.3f}{f' ± {doubt:.3f}' if doubt is not None else ''} px"
-            f"{coverage_text(row['loss'][method], row['loss_doubt'][method])}")
+    return (
+        f"{row['loss'][method]['epe_px']:+.3f}{f' ± {doubt:.3f}' if doubt is not None else ''} px"
+        f"{coverage_text(row['loss'][method], row['loss_doubt'][method])}"
+    )
 
 
 def coverage_text(loss: Mapping[str, float | None], doubt: Mapping[str, float | None]) -> str:
@@ -177,23 +208,33 @@ def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margi
     for group in dict.fromkeys(row["group"] for row in rows if row["group"] not in ("scene", "samples")):
         own = [row for row in rows if row["group"] == group and row["cpu_s"] and row["bias"] is not None]
         if group == "shortcuts":
-            lines += [f"{group}: “{row['name']}” changes {_light_text(row, scene)} and "
-                      f"{_time_text(row, scene, margin)}." for row in own]
+            lines += [
+                f"{group}: “{row['name']}” changes {_light_text(row, scene)} and {_time_text(row, scene, margin)}."
+                for row in own
+            ]
             continue
-        same = [row for row in own if abs(row["bias"]) <= max(_UNSEEN, min(row["bias_doubt"] or 0.0, _RECOMMENDED))
-                and (row["depth_px"] or 0.0) <= TOLERANCES_PX[0]
-                and (group in SHAPES or not any(_worse(row, scene, method) for method in methods))]
+        same = [
+            row
+            for row in own
+            if abs(row["bias"]) <= max(_UNSEEN, min(row["bias_doubt"] or 0.0, _RECOMMENDED))
+            and (row["depth_px"] or 0.0) <= TOLERANCES_PX[0]
+            and (group in SHAPES or not any(_worse(row, scene, method) for method in methods))
+        ]
         best = _cheapest(same, margin)
         if best is not None and _cheaper(best, scene, margin):
             added = "" if group in SHAPES else ", adds no measurable disparity error,"
-            lines.append(f"{group}: “{best['name']}” changes {_light_text(best, None)}{added} and "
-                         f"{_time_text(best, scene, margin)}.")
+            lines.append(
+                f"{group}: “{best['name']}” changes {_light_text(best, None)}{added} and "
+                f"{_time_text(best, scene, margin)}."
+            )
         elif best is not None:
             lines.append(f"{group}: no variant is cheaper without changing the images; leave it as it is.")
         elif own:
             nearest = min(own, key=lambda row: row["rmse"])
-            lines.append(f"{group}: every variant changes the images or the depth; “{nearest['name']}” changes them "
-                         f"least, {_light_text(nearest, None)}, the depth by {nearest['depth_px'] or 0.0:.3f} px.")
+            lines.append(
+                f"{group}: every variant changes the images or the depth; “{nearest['name']}” changes them "
+                f"least, {_light_text(nearest, None)}, the depth by {nearest['depth_px'] or 0.0:.3f} px."
+            )
     return lines
 
 
@@ -227,5 +268,8 @@ def _time_text(row: Row, scene: Row, margin: float) -> str:
     ratio = row["cpu_s"] / scene["cpu_s"]
     if _cheaper(row, scene, margin):
         return f"saves {100 * (1 - ratio):.0f} % of the time"
-    return f"takes {ratio:.1f} times the time" if _cheaper(scene, row, margin) else (
-        f"takes as long, within {100 * margin:.0f} %")
+    return (
+        f"takes {ratio:.1f} times the time"
+        if _cheaper(scene, row, margin)
+        else (f"takes as long, within {100 * margin:.0f} %")
+    )

@@ -46,8 +46,10 @@ def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
 
     methods = parse_methods(bench.methods, own=bench.own)
     best = reference(bench.settings, bench.samples)
-    ladder, parts = candidates(
-        bench.settings, check_abilities(bench, best.settings), bench.images), leaner_settings(bench.settings)
+    ladder, parts = (
+        candidates(bench.settings, check_abilities(bench, best.settings), bench.images),
+        leaner_settings(bench.settings),
+    )
     counter = RenderCounter(bench.on_event, best.repeats + len(ladder) + len(parts))
     file = bench.out / "auto.toml"
     with explain_disk_errors("write to", bench.out):
@@ -55,8 +57,13 @@ def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     search = _Search(bench, read_reference(render_all(best, bench, counter), methods, {}), methods, tolerance, counter)
     chosen = next((variant for variant in ladder if search.try_variant(variant)), None)
     if chosen is None:
-        return {"chosen": None, "settings": {}, "said": [*search.tried_lines(), search.failure_advice()], "file": None,
-                "tried": search.tried}
+        return {
+            "chosen": None,
+            "settings": {},
+            "said": [*search.tried_lines(), search.failure_advice()],
+            "file": None,
+            "tried": search.tried,
+        }
     cost = search.tried[-1]["cpu_s"]
     for name, part in parts.items():
         trial = replace(chosen, name=f"{chosen.name}, {name}", settings=merged(chosen.settings, part))
@@ -66,8 +73,11 @@ def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     quality = chosen.settings.quality
     keys = {*_ALWAYS_WRITTEN, *changed(chosen.settings, bench.settings).get("quality", {})}
     settings = {"quality": {key: quality[key] for key in quality if key in keys}}
-    said = [*search.tried_lines(), f"Use {chosen.name}: {cost:.1f} CPU seconds a pair here, within {tolerance} for "
-            f"{_join_words([describe_method(method.label) for method in methods])}."]
+    said = [
+        *search.tried_lines(),
+        f"Use {chosen.name}: {cost:.1f} CPU seconds a pair here, within {tolerance} for "
+        f"{_join_words([describe_method(method.label) for method in methods])}.",
+    ]
     write_text(file, "".join(f"# {line}\n" for line in said) + to_toml(settings))
     return {"chosen": chosen.name, "settings": settings, "file": str(file), "tried": search.tried, "said": said}
 
@@ -94,21 +104,34 @@ class _Search:
             # At best, noise falls with the square root of the number of renders.
             if verdict is not None or self._verdict(found, (count / _MOST_RENDERS) ** 0.5) is None:
                 break
-        self.tried.append({"name": variant.name, "renders": len(folders), "within": verdict, **{
-            key: found[key] for key in ("cpu_s", "wall_s", "bias", "loss", "loss_doubt")}})
+        self.tried.append(
+            {
+                "name": variant.name,
+                "renders": len(folders),
+                "within": verdict,
+                **{key: found[key] for key in ("cpu_s", "wall_s", "bias", "loss", "loss_doubt")},
+            }
+        )
         return verdict is True
 
     def _verdict(self, found: dict[str, Any], share: float) -> bool | None:
         """Whether all matchers are within the tolerance if the doubts were reduced to this share."""
-        return all_hold(self.tolerance.allows(loss, {key: doubt and share * doubt for key, doubt in found["loss_doubt"][
-            label].items()}) for label, loss in found["loss"].items())
+        return all_hold(
+            self.tolerance.allows(
+                loss, {key: doubt and share * doubt for key, doubt in found["loss_doubt"][label].items()}
+            )
+            for label, loss in found["loss"].items()
+        )
 
     def tried_lines(self) -> list[str]:
         """The tried candidates, in words, a line each."""
         words = {True: "within", False: "", None: "hidden by noise"}
-        return [f"{step['name']}: {step['cpu_s']:.1f} CPU s; " + ", ".join(
-            self._loss_text(label, step) for label in step["loss"]) + (f"; {words[step['within']]}" * (
-                step["within"] is not False)) for step in self.tried]
+        return [
+            f"{step['name']}: {step['cpu_s']:.1f} CPU s; "
+            + ", ".join(self._loss_text(label, step) for label in step["loss"])
+            + (f"; {words[step['within']]}" * (step["within"] is not False))
+            for step in self.tried
+        ]
 
     def _loss_text(self, label: str, step: dict[str, Any]) -> str:
         from ..matchers.methods import describe_method
@@ -129,10 +152,16 @@ class _Search:
         """Why nothing was chosen, and the fix."""
         if all(step["within"] is False for step in self.tried):
             return f"No quality that was tried is within {self.tolerance}; allow more."
-        own = max((self.truth.own[method.label][key] or 0.0) / limit for method in self.methods
-                  for key, limit in self.tolerance.limits.items())
-        fix = (f"the reference of {self.bench.samples} samples has too much noise; give more reference samples"
-               if own > 0.5 else "the image has too few pixels to separate errors from noise; give a larger scale")
+        own = max(
+            (self.truth.own[method.label][key] or 0.0) / limit
+            for method in self.methods
+            for key, limit in self.tolerance.limits.items()
+        )
+        fix = (
+            f"the reference of {self.bench.samples} samples has too much noise; give more reference samples"
+            if own > 0.5
+            else "the image has too few pixels to separate errors from noise; give a larger scale"
+        )
         return f"No quality that was tried is surely within {self.tolerance}: {fix}, or allow more."
 
 

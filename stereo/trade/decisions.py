@@ -29,9 +29,11 @@ from ..measure.result_row import depth_of
 #: taken for safe are as many but for this share of the cells, both with their doubts, and if the chosen site costs no
 #: more regret. Chosen: a twentieth of the map, a hundredth that endangers, a tenth of a rule's limit.
 MOST_OTHERWISE, MOST_UNSAFE, MOST_REGRET = 0.05, 0.01, 0.1
-RULE = (f"Decisions are the same if at most {100 * MOST_OTHERWISE:g} % of the cells in reach are decided otherwise, "
-        f"the unsafe ones taken for safe differ by at most {100 * MOST_UNSAFE:g} % of the cells, both with their "
-        f"doubts, and the chosen site's regret is at most {MOST_REGRET:g} larger.")
+RULE = (
+    f"Decisions are the same if at most {100 * MOST_OTHERWISE:g} % of the cells in reach are decided otherwise, "
+    f"the unsafe ones taken for safe differ by at most {100 * MOST_UNSAFE:g} % of the cells, both with their "
+    f"doubts, and the chosen site's regret is at most {MOST_REGRET:g} larger."
+)
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,10 @@ class Deciding:
     def decide(self, matched: Matched) -> dict[str, Sites]:
         """What each matcher decides on the images of a render."""
         seen = replace(self.workspace, prepared=replace(self.workspace.prepared, left=matched.left))
-        return {label: decide(seen, depth_of(seen.prepared, disparity)).sites
-                for label, disparity in matched.disparities.items()}
+        return {
+            label: decide(seen, depth_of(seen.prepared, disparity)).sites
+            for label, disparity in matched.disparities.items()
+        }
 
     def compare(self, renders: Sequence[Matched]) -> dict[str, dict[str, Any]]:
         """By matcher, how the decisions of renders of one variant differ from the reference's, see ``_compare``."""
@@ -68,17 +72,27 @@ class Deciding:
         RULE, None where noise leaves it open."""
         truth, among = self.workspace.truth, self._among
         danger = among & ~truth.sites.safe
-        sums = np.stack([tile_sums(among, among & (each.safe != own.safe), danger & each.safe, danger & own.safe)
-                         for each in found])
+        sums = np.stack(
+            [tile_sums(among, among & (each.safe != own.safe), danger & each.safe, danger & own.safe) for each in found]
+        )
         values, errors = jackknife(_shares, sums)
-        result: dict[str, Any] = {"otherwise": none_for_nan(float(values[0])), "unsafe": none_for_nan(float(values[1])),
-                                  "otherwise_doubt": none_for_nan(2 * float(errors[0])),
-                                  "unsafe_doubt": none_for_nan(2 * float(errors[1])),
-                                  "taken": float((among & own.safe).sum() / among.sum())}
+        result: dict[str, Any] = {
+            "otherwise": none_for_nan(float(values[0])),
+            "unsafe": none_for_nan(float(values[1])),
+            "otherwise_doubt": none_for_nan(2 * float(errors[0])),
+            "unsafe_doubt": none_for_nan(2 * float(errors[1])),
+            "taken": float((among & own.safe).sum() / among.sum()),
+        }
         result |= self._compare_choices(found, own)
-        return result | {"same": all_hold((_within(result["otherwise"], result["otherwise_doubt"], MOST_OTHERWISE),
-                                           _within(result["unsafe"], result["unsafe_doubt"], MOST_UNSAFE),
-                                           result.pop("as_good")))}
+        return result | {
+            "same": all_hold(
+                (
+                    _within(result["otherwise"], result["otherwise_doubt"], MOST_OTHERWISE),
+                    _within(result["unsafe"], result["unsafe_doubt"], MOST_UNSAFE),
+                    result.pop("as_good"),
+                )
+            )
+        }
 
     @property
     def _among(self) -> np.ndarray:
@@ -115,8 +129,10 @@ def open_deciding(folder: Path, matched: Matched, rules: Rules) -> Deciding | st
     except IcyMoonError as error:
         return f"Decisions are not compared: {error}"
     if not (workspace.reached & workspace.truth.dem.known).any():
-        return ("Decisions are not compared: no cell of the workspace whose height is known is in reach; move the "
-                "workspace, the arm or the camera.")
+        return (
+            "Decisions are not compared: no cell of the workspace whose height is known is in reach; move the "
+            "workspace, the arm or the camera."
+        )
     deciding = Deciding(workspace, {})
     return replace(deciding, sites=deciding.decide(matched))
 
@@ -131,8 +147,10 @@ def _within(value: float | None, doubt: float | None, most: float) -> bool | Non
 def decisions_text(found: Mapping[str, Any]) -> str:
     """How the decisions of a variant differ, in words."""
     site = "" if found["shift_m"] is None else f", its site {found['shift_m']:.2f} m away"
-    return (f"{_percent(found, 'otherwise', '')} of the cells otherwise, {_percent(found, 'unsafe', '+')} unsafe ones "
-            f"taken{site}")
+    return (
+        f"{_percent(found, 'otherwise', '')} of the cells otherwise, {_percent(found, 'unsafe', '+')} unsafe ones "
+        f"taken{site}"
+    )
 
 
 def _percent(found: Mapping[str, Any], key: str, sign: str) -> str:

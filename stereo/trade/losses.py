@@ -69,25 +69,45 @@ class Reference:
         return {label: _named(_noise_loss(sums.sum(axis=1))) for label, sums in self.tallies.items()}
 
 
-def read_reference(folders: Sequence[Path], methods: Sequence[Method],
-                   response: Mapping[str, Mapping[str, Any]], rules: Rules | None = None) -> Reference:
+def read_reference(
+    folders: Sequence[Path],
+    methods: Sequence[Method],
+    response: Mapping[str, Mapping[str, Any]],
+    rules: Rules | None = None,
+) -> Reference:
     """Read the reference from its renders, which differ only by their noise. With ``rules`` decisions are compared.
 
     Raises IcyMoonError if a render cannot be read, or if the scene is black.
     """
     renders = [load(folder, response) for folder in folders]
     first = renders[0]
-    light = {eye: replace(first.light[eye], groups={}, radiance=np.mean(
-        [render.light[eye].radiance for render in renders], axis=0, dtype=np.float64).astype(np.float32))
-        for eye in EYES}
+    light = {
+        eye: replace(
+            first.light[eye],
+            groups={},
+            radiance=np.mean([render.light[eye].radiance for render in renders], axis=0, dtype=np.float64).astype(
+                np.float32
+            ),
+        )
+        for eye in EYES
+    }
     mean = float(grey(light["left"].radiance).mean())
     if not mean > 0:
         raise IcyMoonError(f"{folders[0]} is black, so nothing can be compared; put the Sun above the horizon.")
     exposed = merged(first.settings, {"sensor": {"auto_exposure": False, "exposure_s": first.images.exposure_s}})
     cost = _cost(renders)["cpu_s"]
-    untallied = Reference(first.pair, exposed, light, first.depth["left"], first.visible["left"],
-                          _noise(renders) / len(renders) ** 0.5 / mean,
-                          cost and len(renders) * cost, {}, "Decisions were not asked for.", {})
+    untallied = Reference(
+        first.pair,
+        exposed,
+        light,
+        first.depth["left"],
+        first.visible["left"],
+        _noise(renders) / len(renders) ** 0.5 / mean,
+        cost and len(renders) * cost,
+        {},
+        "Decisions were not asked for.",
+        {},
+    )
     matched = _match_images(untallied, [light, *(render.light for render in renders if len(renders) > 1)], methods)
     tallied = replace(untallied, tallies=_tally(untallied, matched, methods))
     if rules is None:
@@ -97,8 +117,9 @@ def read_reference(folders: Sequence[Path], methods: Sequence[Method],
     return replace(tallied, deciding=deciding, own_decisions=own)
 
 
-def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Method],
-            images: int = 1) -> dict[str, Any]:
+def measure(
+    folders: Sequence[Path], reference: Reference, methods: Sequence[Method], images: int = 1
+) -> dict[str, Any]:
     """Measure one variant, from its renders, against the reference. ``images`` share what is baked.
 
     * ``cpu_s``, ``wall_s``: of a pair, mean of the renders, including building the scene and writing; ``cpu_s`` also
@@ -122,27 +143,39 @@ def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Met
     renders = [load(folder, {}) for folder in folders]
     for render in renders:
         if render.pair.camera != reference.pair.camera:
-            raise IcyMoonError(f"{render.pair.folder} and {reference.pair.folder} have different cameras; render both "
-                               "again.")
+            raise IcyMoonError(
+                f"{render.pair.folder} and {reference.pair.folder} have different cameras; render both again."
+            )
     matched = _match_images(reference, [render.light for render in renders], methods)
     tallies = _tally(reference, matched, methods)
     losses = {label: _loss(sums, reference.tallies[label]) for label, sums in tallies.items()}
-    return {**_cost(renders, images), **_radiance(renders, reference), **_depth(renders[0], reference),
-            "stereo": {label: _named(stereo_numbers(sums.sum(axis=1)).mean(axis=0)) for label, sums in tallies.items()},
-            "loss": {label: _named(loss) for label, (loss, _) in losses.items()},
-            "loss_doubt": {label: _named(doubt) for label, (_, doubt) in losses.items()},
-            "decisions": {} if isinstance(reference.deciding, str) else reference.deciding.compare(matched)}
+    return {
+        **_cost(renders, images),
+        **_radiance(renders, reference),
+        **_depth(renders[0], reference),
+        "stereo": {label: _named(stereo_numbers(sums.sum(axis=1)).mean(axis=0)) for label, sums in tallies.items()},
+        "loss": {label: _named(loss) for label, (loss, _) in losses.items()},
+        "loss_doubt": {label: _named(doubt) for label, (_, doubt) in losses.items()},
+        "decisions": {} if isinstance(reference.deciding, str) else reference.deciding.compare(matched),
+    }
 
 
 def _cost(renders: Sequence[Loaded], images: int = 1) -> dict[str, Any]:
     facts = [render.pair.data for render in renders]
-    cpu = [sum(pair.data["cpu_seconds"].values()) + _bake_seconds(pair) / images_per_bake(pair.settings, images)
-           for pair in (render.pair for render in renders) if "cpu_seconds" in pair.data]
-    return {"cpu_s": _mean(cpu), "cpu_range": [min(cpu), max(cpu)] if cpu else None,
-            "wall_s": _mean([sum(each.get("seconds", {}).values()) for each in facts]),
-            "memory_mib": max((each["peak_memory_mib"] for each in facts if each.get("peak_memory_mib")), default=None),
-            "megabytes": _mean([sum(file["bytes"] for file in each["files"].values()) / 1e6 for each in facts
-                                if each.get("files")])}
+    cpu = [
+        sum(pair.data["cpu_seconds"].values()) + _bake_seconds(pair) / images_per_bake(pair.settings, images)
+        for pair in (render.pair for render in renders)
+        if "cpu_seconds" in pair.data
+    ]
+    return {
+        "cpu_s": _mean(cpu),
+        "cpu_range": [min(cpu), max(cpu)] if cpu else None,
+        "wall_s": _mean([sum(each.get("seconds", {}).values()) for each in facts]),
+        "memory_mib": max((each["peak_memory_mib"] for each in facts if each.get("peak_memory_mib")), default=None),
+        "megabytes": _mean(
+            [sum(file["bytes"] for file in each["files"].values()) / 1e6 for each in facts if each.get("files")]
+        ),
+    }
 
 
 def _bake_seconds(pair: Pair) -> float:
@@ -155,12 +188,16 @@ def _radiance(renders: Sequence[Loaded], reference: Reference) -> dict[str, floa
     true = grey(reference.light["left"].radiance)
     mean = float(true.mean())
     lights = [grey(render.light["left"].radiance) for render in renders]
-    square = float(np.mean([np.mean((light - true) ** 2) for light in lights])) / mean ** 2 - reference.noise ** 2
+    square = float(np.mean([np.mean((light - true) ** 2) for light in lights])) / mean**2 - reference.noise**2
     noise = _noise(renders) / mean if len(renders) > 1 else None
     _, error = jackknife(lambda sums: sums[..., :1] / sums[..., 1:] - 1, tile_sums(np.mean(lights, axis=0), true))
-    return {"bias": float(np.mean(lights)) / mean - 1, "bias_doubt": none_for_nan(2 * float(error[0])),
-            "rmse": max(square, 0.0) ** 0.5, "noise": noise,
-            "structure": max(square - noise ** 2, 0.0) ** 0.5 if noise is not None else None}
+    return {
+        "bias": float(np.mean(lights)) / mean - 1,
+        "bias_doubt": none_for_nan(2 * float(error[0])),
+        "rmse": max(square, 0.0) ** 0.5,
+        "noise": noise,
+        "structure": max(square - noise**2, 0.0) ** 0.5 if noise is not None else None,
+    }
 
 
 def _noise(renders: Sequence[Loaded]) -> float:
@@ -177,26 +214,40 @@ def _depth(render: Loaded, reference: Reference) -> dict[str, float | None]:
         return {"depth_px": None, "depth_m": None}
     camera = reference.pair.camera
     off = np.abs(camera.disparity(depth[both]) - camera.disparity(reference.depth[both]))
-    return {"depth_px": float(np.quantile(off, 0.95)),
-            "depth_m": float(np.median(np.abs(depth - reference.depth)[both]))}
+    return {
+        "depth_px": float(np.quantile(off, 0.95)),
+        "depth_m": float(np.median(np.abs(depth - reference.depth)[both])),
+    }
 
 
-def _match_images(reference: Reference, lights: Sequence[Mapping[str, Light]],
-                  methods: Sequence[Method]) -> list[Matched]:
+def _match_images(
+    reference: Reference, lights: Sequence[Mapping[str, Light]], methods: Sequence[Method]
+) -> list[Matched]:
     """What the matchers find on images with the exposure of the reference."""
-    images = [develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers()
-              for light in lights]
-    ranges = known_ranges(reference.pair.settings, _true_disparity(reference),
-                          bool(reference.pair.data.get("edited_by_hand")))
-    return [Matched(left, {method.label: match(method.name, left, right, method.options, reference.pair.camera,
-                                               ranges)[0] for method in methods}) for left, right in images]
+    images = [
+        develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers() for light in lights
+    ]
+    ranges = known_ranges(
+        reference.pair.settings, _true_disparity(reference), bool(reference.pair.data.get("edited_by_hand"))
+    )
+    return [
+        Matched(
+            left,
+            {
+                method.label: match(method.name, left, right, method.options, reference.pair.camera, ranges)[0]
+                for method in methods
+            },
+        )
+        for left, right in images
+    ]
 
 
 def _tally(reference: Reference, matched: Sequence[Matched], methods: Sequence[Method]) -> dict[str, np.ndarray]:
     """Per matcher, sums (images, tiles, 4), see ``tally``, against the depth of the reference where both eyes see."""
     true = _true_disparity(reference)
-    return {method.label: np.stack([tally(each.disparities[method.label], true) for each in matched])
-            for method in methods}
+    return {
+        method.label: np.stack([tally(each.disparities[method.label], true) for each in matched]) for method in methods
+    }
 
 
 def _true_disparity(reference: Reference) -> np.ndarray:
@@ -229,6 +280,7 @@ def _noise_loss(sums: np.ndarray) -> np.ndarray:
 
 def _loss(sums: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How much worse a variant is than an image without noise, (4,), and the uncertainty of that."""
+
     def loss_of(own: np.ndarray, best: np.ndarray) -> np.ndarray:
         return _WORSE * (stereo_numbers(own).mean(axis=0) - stereo_numbers(best[0])) + _noise_loss(best)
 

@@ -71,8 +71,10 @@ def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
     kinds = sorted({variant.group in SHAPES for variant in chosen})
     bests = {fine: reference(bench.settings, bench.samples, fine) for fine in kinds}
     counter = RenderCounter(bench.on_event, sum(variant.repeats for variant in (*bests.values(), *chosen)))
-    truths = {fine: read_reference(render_all(best, bench, counter), methods, {}, read_rules())
-              for fine, best in bests.items()}
+    truths = {
+        fine: read_reference(render_all(best, bench, counter), methods, {}, read_rules())
+        for fine, best in bests.items()
+    }
     folders: dict[str, list[Path]] = {variant.key: [] for variant in chosen}
     for repeat in range(bench.repeats):  # all once before any twice, so that repeats show if the machine slows down
         for variant in chosen:
@@ -80,13 +82,28 @@ def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
     rows = []
     for variant in chosen:
         found = measure(folders[variant.key], truths[variant.group in SHAPES], methods, bench.images)
-        rows.append({"group": variant.group, "name": variant.name, "key": variant.key,
-                     "changed": _changed(variant.settings, bench.settings), **found})
-    references = [{"name": bests[fine].name, "noise": truth.noise, "stereo": truth.stereo, "own": truth.own,
-                   "cpu_s": truth.cpu_s, "own_decisions": truth.own_decisions,
-                   "undecided": truth.deciding if isinstance(truth.deciding, str) else "",
-                   "changed": _changed(bests[fine].settings, bench.settings)}
-                  for fine, truth in truths.items()]
+        rows.append(
+            {
+                "group": variant.group,
+                "name": variant.name,
+                "key": variant.key,
+                "changed": _changed(variant.settings, bench.settings),
+                **found,
+            }
+        )
+    references = [
+        {
+            "name": bests[fine].name,
+            "noise": truth.noise,
+            "stereo": truth.stereo,
+            "own": truth.own,
+            "cpu_s": truth.cpu_s,
+            "own_decisions": truth.own_decisions,
+            "undecided": truth.deciding if isinstance(truth.deciding, str) else "",
+            "changed": _changed(bests[fine].settings, bench.settings),
+        }
+        for fine, truth in truths.items()
+    ]
     return write_trade(rows, [method.label for method in methods], references, GROUPS, _provenance(bench), bench.out)
 
 
@@ -99,8 +116,12 @@ def check_abilities(bench: Bench, settings: Settings) -> Abilities:
     if lack := lack_for(settings, able):
         raise IcyMoonError(lack)
     if not able.denoiser:
-        bench.on_event({"type": "warning", "message": "Variants with a denoiser are left out, as this Blender was "
-                                                      "built without OpenImageDenoise."})
+        bench.on_event(
+            {
+                "type": "warning",
+                "message": "Variants with a denoiser are left out, as this Blender was built without OpenImageDenoise.",
+            }
+        )
     return able
 
 
@@ -111,8 +132,15 @@ class RenderCounter:
         self.tell, self.total, self.done = tell, total, 0
 
     def tell_fraction(self, fraction: float, message: str) -> None:
-        self.tell({"type": "progress", "fraction": (self.done + fraction) / self.total, "message": message,
-                   "done": self.done, "total": self.total})
+        self.tell(
+            {
+                "type": "progress",
+                "fraction": (self.done + fraction) / self.total,
+                "message": message,
+                "done": self.done,
+                "total": self.total,
+            }
+        )
 
 
 def render_all(variant: Variant, bench: Bench, counter: RenderCounter) -> list[Path]:
@@ -125,6 +153,7 @@ def render_once(variant: Variant, repeat: int, bench: Bench, counter: RenderCoun
 
     Raises IcyMoonError with the name of the variant and the error of Blender's process.
     """
+
     def hear(message: Message) -> None:
         if message["type"] == "progress":
             counter.tell_fraction(message["fraction"], variant.key)
@@ -142,11 +171,17 @@ def render_once(variant: Variant, repeat: int, bench: Bench, counter: RenderCoun
 
 
 def _changed(settings: Settings, scene: Settings) -> dict[str, Any]:
-    return {f"{topic}.{key}": value for topic, values in changed(settings, scene).items()
-            for key, value in values.items()}
+    return {
+        f"{topic}.{key}": value for topic, values in changed(settings, scene).items() for key, value in values.items()
+    }
 
 
 def _provenance(bench: Bench) -> dict[str, Any]:
-    return {"created": datetime.now(UTC).isoformat(timespec="seconds"), "icymoon": version(),
-            "platform": platform.platform(), "processor": platform.processor(), "packages": packages.find_versions(),
-            "differs_from_defaults": _changed(bench.settings, defaults())}
+    return {
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "icymoon": version(),
+        "platform": platform.platform(),
+        "processor": platform.processor(),
+        "packages": packages.find_versions(),
+        "differs_from_defaults": _changed(bench.settings, defaults()),
+    }

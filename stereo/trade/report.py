@@ -25,32 +25,45 @@ from .losses import STEREO, number_at
 
 FORMAT = "icymoon-trade"
 VERSION = 3
-COLUMNS = (Column("cpu_s", "CPU", "s", 1, "processor seconds of a pair: build, both eyes, truth, files"),
-           Column("wall_s", "Wall", "s", 1, "seconds of a pair on this machine"),
-           Column("memory_mib", "Memory", "MiB", 0, "peak memory of the rendering process"),
-           Column("megabytes", "Files", "MB", 2, "size of a pair's files"),
-           Column("bias", "Bias", "%", 2, "difference of the mean radiance from that of the reference"),
-           Column("rmse", "RMSE", "%", 2, "root mean square difference of a pixel, over the mean radiance"),
-           Column("noise", "Noise", "%", 2, "random part of the RMSE, which differs between renders"),
-           Column("structure", "Structure", "%", 2, "other part of the RMSE, the same in every render"),
-           Column("depth_px", "Depth", "px", 3, "95 % of the true depths differ from the reference by at most this"))
+COLUMNS = (
+    Column("cpu_s", "CPU", "s", 1, "processor seconds of a pair: build, both eyes, truth, files"),
+    Column("wall_s", "Wall", "s", 1, "seconds of a pair on this machine"),
+    Column("memory_mib", "Memory", "MiB", 0, "peak memory of the rendering process"),
+    Column("megabytes", "Files", "MB", 2, "size of a pair's files"),
+    Column("bias", "Bias", "%", 2, "difference of the mean radiance from that of the reference"),
+    Column("rmse", "RMSE", "%", 2, "root mean square difference of a pixel, over the mean radiance"),
+    Column("noise", "Noise", "%", 2, "random part of the RMSE, which differs between renders"),
+    Column("structure", "Structure", "%", 2, "other part of the RMSE, the same in every render"),
+    Column("depth_px", "Depth", "px", 3, "95 % of the true depths differ from the reference by at most this"),
+)
 #: How the decisions of a matcher differ from those on the reference.
-DECISION_COLUMNS = (Column("otherwise", "otherwise", "%", 1, "share of the cells in reach that are decided otherwise"),
-                    Column("unsafe", "unsafe", "%", 1, "more unsafe cells taken for safe, as a share of all"),
-                    Column("shift_m", "site", "m", 2, "distance of the chosen site from that on the reference"),
-                    Column("regret", "regret", "", 2, f"how much larger its regret is; {MOST_REGRET:g} is allowed"))
+DECISION_COLUMNS = (
+    Column("otherwise", "otherwise", "%", 1, "share of the cells in reach that are decided otherwise"),
+    Column("unsafe", "unsafe", "%", 1, "more unsafe cells taken for safe, as a share of all"),
+    Column("shift_m", "site", "m", 2, "distance of the chosen site from that on the reference"),
+    Column("regret", "regret", "", 2, f"how much larger its regret is; {MOST_REGRET:g} is allowed"),
+)
 #: The verdict on the decisions of a matcher.
 SAME = {True: "same", False: "other", None: "open"}
-STEREO_COLUMNS = {"coverage": Column("coverage", "coverage", "%", 1), "epe_px": Column("epe_px", "EPE", "px", 3),
-                  "bad_1": Column("bad_1", "bad-1", "%", 1)}
+STEREO_COLUMNS = {
+    "coverage": Column("coverage", "coverage", "%", 1),
+    "epe_px": Column("epe_px", "EPE", "px", 3),
+    "bad_1": Column("bad_1", "bad-1", "%", 1),
+}
 
 
 #: The numbers of decisions in the CSV.
 _DECIDED = ("otherwise", "otherwise_doubt", "unsafe", "unsafe_doubt", "shift_m", "regret", "same")
 
 
-def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], references: Sequence[Mapping[str, Any]],
-                groups: Mapping[str, str], provenance: Mapping[str, Any], out: Path) -> dict[str, Any]:
+def write_trade(
+    rows: Sequence[Mapping[str, Any]],
+    methods: Sequence[str],
+    references: Sequence[Mapping[str, Any]],
+    groups: Mapping[str, str],
+    provenance: Mapping[str, Any],
+    out: Path,
+) -> dict[str, Any]:
     """Write ``trade.json``, ``trade.csv`` and ``trade.html`` to ``out``; return the content of the JSON.
 
     ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and the result of ``losses.measure``.
@@ -58,24 +71,44 @@ def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], refer
     ``undecided``. ``groups``: a description of each group of variants, by its key.
     """
     best = pareto_fronts(rows, methods)
-    report = {"format": FORMAT, "version": VERSION, "methods": list(methods), "references": list(references),
-              "rows": [dict(row) for row in rows], "advice": variant_advice(rows, methods),
-              "decision_advice": decision_advice(rows, methods, references), "decision_rule": RULE,
-              "fronts": {label: [row["name"] for row in found] for label, found in best.items()},
-              "provenance": dict(provenance)}
+    report = {
+        "format": FORMAT,
+        "version": VERSION,
+        "methods": list(methods),
+        "references": list(references),
+        "rows": [dict(row) for row in rows],
+        "advice": variant_advice(rows, methods),
+        "decision_advice": decision_advice(rows, methods, references),
+        "decision_rule": RULE,
+        "fronts": {label: [row["name"] for row in found] for label, found in best.items()},
+        "provenance": dict(provenance),
+    }
     write_json(out / "trade.json", report)
     write_text(out / "trade.csv", _csv_text(rows, methods))
     used = [group for group in groups if any(row["group"] == group for row in rows)]
     scene = [row for row in rows if row["group"] == "scene"]
     html = read_template("trade.html.j2", Path(__file__).parent).render(
-        report=report, columns=COLUMNS, stereo_columns=STEREO_COLUMNS, format_number=format_number,
-        decision_columns=DECISION_COLUMNS, same=SAME, decided=[row for row in rows if row["decisions"]],
+        report=report,
+        columns=COLUMNS,
+        stereo_columns=STEREO_COLUMNS,
+        format_number=format_number,
+        decision_columns=DECISION_COLUMNS,
+        same=SAME,
+        decided=[row for row in rows if row["decisions"]],
         chart=_draw_chart(rows, methods, best),
-        lost=_loss_text, fronts={label: distinct_steps(found, label) for label, found in best.items()},
+        lost=_loss_text,
+        fronts={label: distinct_steps(found, label) for label, found in best.items()},
         best={row["key"] for found in best.values() for row in found},
-        tables=[(group, groups[group], (scene if group not in SHAPES else []) + [
-            row for row in rows if row["group"] == group]) for group in used],
-        settings=json.dumps(provenance, indent=1))
+        tables=[
+            (
+                group,
+                groups[group],
+                (scene if group not in SHAPES else []) + [row for row in rows if row["group"] == group],
+            )
+            for group in used
+        ],
+        settings=json.dumps(provenance, indent=1),
+    )
     write_text(out / "trade.html", html)
     return report
 
@@ -93,37 +126,67 @@ def _loss_text(row: Mapping[str, Any], label: str) -> str:
 def _csv_text(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(["group", "name", *(column.key for column in COLUMNS), "depth_m",
-                    *(f"{method} {key}" for method in methods for key in STEREO),
-                    *(f"{method} {what} {key}" for what in ("loss", "loss ±") for method in methods for key in STEREO),
-                    "bias ±", *(f"{method} decisions {key}" for method in methods for key in _DECIDED), "changed"])
+    table.writerow(
+        [
+            "group",
+            "name",
+            *(column.key for column in COLUMNS),
+            "depth_m",
+            *(f"{method} {key}" for method in methods for key in STEREO),
+            *(f"{method} {what} {key}" for what in ("loss", "loss ±") for method in methods for key in STEREO),
+            "bias ±",
+            *(f"{method} decisions {key}" for method in methods for key in _DECIDED),
+            "changed",
+        ]
+    )
     for row in rows:
-        table.writerow([row["group"], row["name"], *(row[column.key] for column in COLUMNS), row["depth_m"],
-                        *(row[kind][method][key] for kind in ("stereo", "loss", "loss_doubt") for method in methods
-                          for key in STEREO), row["bias_doubt"],
-                        *(row["decisions"].get(method, {}).get(key) for method in methods for key in _DECIDED),
-                        json.dumps(row["changed"])])
+        table.writerow(
+            [
+                row["group"],
+                row["name"],
+                *(row[column.key] for column in COLUMNS),
+                row["depth_m"],
+                *(
+                    row[kind][method][key]
+                    for kind in ("stereo", "loss", "loss_doubt")
+                    for method in methods
+                    for key in STEREO
+                ),
+                row["bias_doubt"],
+                *(row["decisions"].get(method, {}).get(key) for method in methods for key in _DECIDED),
+                json.dumps(row["changed"]),
+            ]
+        )
     return text.getvalue()
 
 
-def _draw_chart(rows: Sequence[Mapping[str, Any]], methods: Sequence[str],
-           best: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
+def _draw_chart(
+    rows: Sequence[Mapping[str, Any]], methods: Sequence[str], best: Mapping[str, Sequence[Mapping[str, Any]]]
+) -> str:
     """Draw every variant by cost and error, with its uncertainty; a line joins those on the front."""
     groups = list(dict.fromkeys(row["group"] for row in rows))
     errors = _errors(methods)
     with matplotlib.rc_context(STYLE):
         figure, axes = make_figure(2, (len(errors) + 1) // 2, height=3.4)
-        for axis in axes.flat[len(errors):]:
+        for axis in axes.flat[len(errors) :]:
             axis.set_visible(False)
         for (label, path), axis in zip(errors, axes.flat, strict=False):
             for k, group in enumerate(groups):
-                own = [(row["cpu_s"], number_at(row, *path), number_at(row, "loss_doubt", *path[1:]) or 0.0)
-                       for row in rows if row["group"] == group]
+                own = [
+                    (row["cpu_s"], number_at(row, *path), number_at(row, "loss_doubt", *path[1:]) or 0.0)
+                    for row in rows
+                    if row["group"] == group
+                ]
                 known = [point for point in own if None not in point[:2]]
                 look = {"color": COLOURS[k % len(COLOURS)], "marker": "osD^vPX*"[k % 8], "label": group}
                 axis.errorbar(*np.array(known, float).T.reshape(3, -1), linestyle="", elinewidth=0.8, **look)
-            axis.plot([row["cpu_s"] for row in best[label]], [number_at(row, *path) for row in best[label]],
-                      color="#6f7f8f", linewidth=1.1, zorder=0)
+            axis.plot(
+                [row["cpu_s"] for row in best[label]],
+                [number_at(row, *path) for row in best[label]],
+                color="#6f7f8f",
+                linewidth=1.1,
+                zorder=0,
+            )
             set_logarithmic(axis, "x")
             if label == "radiance":
                 set_logarithmic(axis, "y")

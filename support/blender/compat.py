@@ -167,8 +167,11 @@ def applies_usd_unit() -> bool:
 
 #: Properties of Normal Map nodes from 5.1 on, with the values that earlier Blenders imply: green is up, and the normal
 #: is taken from the mesh before displacement.
-NORMAL_MAP = {name: value for name, value in (("convention", "OPENGL"), ("base", "ORIGINAL"))
-              if name in bpy.types.ShaderNodeNormalMap.bl_rna.properties}
+NORMAL_MAP = {
+    name: value
+    for name, value in (("convention", "OPENGL"), ("base", "ORIGINAL"))
+    if name in bpy.types.ShaderNodeNormalMap.bl_rna.properties
+}
 
 #: The add-on that reads a format, for formats that Blender itself does not read.
 IMPORT_ADD_ONS = {"glTF": "io_scene_gltf2", "FBX": "io_scene_fbx"}

@@ -11,8 +11,19 @@ from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.settings.description import defaults, merged
 from icymoon.support.errors import IcyMoonError
 
-RIG = merged(defaults(), {"rig": {"width_px": 640, "height_px": 480, "baseline_m": 0.3, "principal_x_px": 3.0,
-                                  "distortion_k1": -0.125, "distortion_k2": 0.03125}}).rig
+RIG = merged(
+    defaults(),
+    {
+        "rig": {
+            "width_px": 640,
+            "height_px": 480,
+            "baseline_m": 0.3,
+            "principal_x_px": 3.0,
+            "distortion_k1": -0.125,
+            "distortion_k2": 0.03125,
+        }
+    },
+).rig
 K = (-0.125, 0.03125, 0.0, 0.0, 0.0)
 TURN = np.array([[0.6, 0.8, 0], [0, 0, -1], [-0.8, 0.6, 0]])
 
@@ -45,11 +56,19 @@ def test_the_rig_is_that_of_its_models(tmp_path, text, capsys):
     assert "principal_y_px = 0.0\n" in printed, "what is in the middle is printed so, without rounding errors"
 
 
-@pytest.mark.parametrize(("at", "turn", "words"), [
-    ((0.3, 0, 0), 0.02, r"1\.15 degrees"), ((0.3, 0.1, 0), 0.0, "side by side"), ((0.3, 0, 0.1), 0.0, "side by side"),
-    ((-0.3, 0.1, 0), 0.0, "side by side"), ((0, 0.3, 0), 0.0, "0.3 m above the other.* turn the images of both by 90"),
-    ((0.01, -0.3, 0), 0.0, "0.3 m above the other"), ((0, 0, 0), 0.0, "at one place"),
-    ((300.0, 0, 0), 0.0, r"right\.txt: its eye is 300 m .* the vector C is in metres, .* divide by 1000")])
+@pytest.mark.parametrize(
+    ("at", "turn", "words"),
+    [
+        ((0.3, 0, 0), 0.02, r"1\.15 degrees"),
+        ((0.3, 0.1, 0), 0.0, "side by side"),
+        ((0.3, 0, 0.1), 0.0, "side by side"),
+        ((-0.3, 0.1, 0), 0.0, "side by side"),
+        ((0, 0.3, 0), 0.0, "0.3 m above the other.* turn the images of both by 90"),
+        ((0.01, -0.3, 0), 0.0, "0.3 m above the other"),
+        ((0, 0, 0), 0.0, "at one place"),
+        ((300.0, 0, 0), 0.0, r"right\.txt: its eye is 300 m .* the vector C is in metres, .* divide by 1000"),
+    ],
+)
 def test_what_is_no_rig_here_is_refused(tmp_path, at, turn, words):
     with pytest.raises(IcyMoonError, match=words):
         read_rig(*written(tmp_path, at, turn))
@@ -98,25 +117,33 @@ def test_a_calibration_of_ros_is_a_rig(tmp_path):
     assert [rig[f"distortion_{name}"] for name in ("k1", "k2", "p1", "p2", "k3")] == [-0.3, 0.1, 0.001, -0.002, 0.05]
 
 
-@pytest.mark.parametrize(("before", "after", "words"), [
-    ("plumb_bob", "double_sphere", "rational_polynomial, equidistant alone are read"), ("-100.0", "0.0", "no baseline"),
-    ("image_width: 640", "image_width: -640", "image_width"),
-    ("image_width: 640", f"image_width: {'9' * 5000}", "image_width"), ("image_width: 640\n", "", "image_width"),
-    ("-0.3, 0.1,", "-0.3, nan,", "distortion_coefficients"), ("data: [-0.3", "data: [[-0.3", "float"),
-    ("camera_name", "camera_matrix", "twice"), ("image_width: 640", "!!python/object:os.system", "no key"),
-    ("image_width: 640", "%YAML:1.0\n---\nimage_width: 640", "YAML of OpenCV"),
-    ("500., 240.25, 0., 0., 0., 1., 0.]", "500., 240.25, 0.", "projection_matrix"),
-    ("cols: 4\n  data: [500., 0.", "cols: 4\n  data: [0., 0.", "no focal length"),
-    ("0., 500., 240.25", "0., 700., 240.25", "no squares, in projection_matrix too (fx 500, fy 700 px)"),
-    ("0., 500., 240.25,\n", "0., -500., 240.25,\n", "camera_matrix has no focal length"),
-    ("plumb_bob", "rational_polynomial", "distortion_coefficients has not 8 or 12 or 14 numbers"),
-    ("data: [1., 0., 0., 0., 1.", "data: [2., 0., 0., 0., 1.", "rectification_matrix is no rotation"),
-    ("camera_name: narrow_stereo", "roi: {x_offset: 1, width: 9}", "write each of its keys in a line of its own"),
-    ("camera_name: narrow_stereo", "roi:\n  x_offset: 600\n  width: 60\n  height: 60", "60 x 60 px at (600, 0)"),
-    ("camera_name: narrow_stereo", "roi:\n  x_offset: 8", "0 x 0 px at (8, 0)"),
-    ("camera_name: narrow_stereo", "binning_x: -2", "binning_x is '-2'"),
-    ("camera_name: narrow_stereo", "binning_x: 99", "binning_x of 99"),
-    ("camera_name: narrow_stereo", "binning_x: 2\nbinning_y: 2", "write the same binning_x, binning_y and roi")])
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("plumb_bob", "double_sphere", "rational_polynomial, equidistant alone are read"),
+        ("-100.0", "0.0", "no baseline"),
+        ("image_width: 640", "image_width: -640", "image_width"),
+        ("image_width: 640", f"image_width: {'9' * 5000}", "image_width"),
+        ("image_width: 640\n", "", "image_width"),
+        ("-0.3, 0.1,", "-0.3, nan,", "distortion_coefficients"),
+        ("data: [-0.3", "data: [[-0.3", "float"),
+        ("camera_name", "camera_matrix", "twice"),
+        ("image_width: 640", "!!python/object:os.system", "no key"),
+        ("image_width: 640", "%YAML:1.0\n---\nimage_width: 640", "YAML of OpenCV"),
+        ("500., 240.25, 0., 0., 0., 1., 0.]", "500., 240.25, 0.", "projection_matrix"),
+        ("cols: 4\n  data: [500., 0.", "cols: 4\n  data: [0., 0.", "no focal length"),
+        ("0., 500., 240.25", "0., 700., 240.25", "no squares, in projection_matrix too (fx 500, fy 700 px)"),
+        ("0., 500., 240.25,\n", "0., -500., 240.25,\n", "camera_matrix has no focal length"),
+        ("plumb_bob", "rational_polynomial", "distortion_coefficients has not 8 or 12 or 14 numbers"),
+        ("data: [1., 0., 0., 0., 1.", "data: [2., 0., 0., 0., 1.", "rectification_matrix is no rotation"),
+        ("camera_name: narrow_stereo", "roi: {x_offset: 1, width: 9}", "write each of its keys in a line of its own"),
+        ("camera_name: narrow_stereo", "roi:\n  x_offset: 600\n  width: 60\n  height: 60", "60 x 60 px at (600, 0)"),
+        ("camera_name: narrow_stereo", "roi:\n  x_offset: 8", "0 x 0 px at (8, 0)"),
+        ("camera_name: narrow_stereo", "binning_x: -2", "binning_x is '-2'"),
+        ("camera_name: narrow_stereo", "binning_x: 99", "binning_x of 99"),
+        ("camera_name: narrow_stereo", "binning_x: 2\nbinning_y: 2", "write the same binning_x, binning_y and roi"),
+    ],
+)
 def test_what_is_no_calibration_of_ros_is_a_sentence(tmp_path, capsys, before, after, words):
     left, right = ros_pair(tmp_path)
     text = right.read_text(encoding="utf-8")
@@ -147,8 +174,9 @@ def test_eyes_in_the_wrong_order_are_named(tmp_path):
         with pytest.raises(IcyMoonError) as caught:
             read_rig(right, left)
         found, _ = read_rig(left, right)
-        assert str(caught.value) == (f"{left} stands {found.rig.baseline_m:.4g} m to the left of {right}, so it is the "
-                                     "left eye; give it first.")
+        assert str(caught.value) == (
+            f"{left} stands {found.rig.baseline_m:.4g} m to the left of {right}, so it is the left eye; give it first."
+        )
 
 
 def test_one_file_is_no_pair(tmp_path):
@@ -167,8 +195,11 @@ def test_a_pair_of_ros_one_above_the_other_has_its_own_sentence(tmp_path):
 
 def test_a_baseline_in_millimetres_is_doubted(tmp_path):
     left, right = ros_pair(tmp_path, shift="-60000.0")
-    with pytest.raises(IcyMoonError, match=r"right\.yaml: its eye is 120 m .* is -fx times the baseline in metres, .* "
-                                           r"divide by 1000\."):
+    with pytest.raises(
+        IcyMoonError,
+        match=r"right\.yaml: its eye is 120 m .* is -fx times the baseline in metres, .* "
+        r"divide by 1000\.",
+    ):
         read_rig(left, right)
     left, right = ros_pair(tmp_path, shift="-30000.0")
     found, (note,) = read_rig(left, right)
@@ -181,8 +212,11 @@ def test_a_baseline_in_millimetres_is_doubted(tmp_path):
 def test_pixels_that_are_no_squares_give_the_rig_of_the_rectified_images(tmp_path, name):
     left, right = ros_pair(tmp_path)
     for path in (left, right):
-        change(path, ("cols: 4\n  data: [500., 0., 320.5", "cols: 4\n  data: [480., 0., 330."),
-               ("0., 500., 240.25, 0.", "0., 480., 238., 0."))
+        change(
+            path,
+            ("cols: 4\n  data: [500., 0., 320.5", "cols: 4\n  data: [480., 0., 330."),
+            ("0., 500., 240.25, 0.", "0., 480., 238., 0."),
+        )
     assert read_rig(left, right)[0].rig.distortion_k1 == -0.3
     change(tmp_path / f"{name}.yaml", ("0., 500., 240.25,\n", "0., 500.6, 240.25,\n"))
     found, (note,) = read_rig(left, right)
@@ -197,18 +231,28 @@ def test_pixels_that_are_no_squares_give_the_rig_of_the_rectified_images(tmp_pat
 
 def size_and_lens(rig):
     focal = rig.focal_length_mm / rig.sensor_width_mm * rig.width_px
-    return (rig.width_px, rig.height_px, focal, rig.principal_x_px + rig.width_px / 2 - 0.5,
-            rig.principal_y_px + rig.height_px / 2 - 0.5, rig.baseline_m)
+    return (
+        rig.width_px,
+        rig.height_px,
+        focal,
+        rig.principal_x_px + rig.width_px / 2 - 0.5,
+        rig.principal_y_px + rig.height_px / 2 - 0.5,
+        rig.baseline_m,
+    )
 
 
 ROI = "roi:\n  x_offset: 100\n  y_offset: 60\n  height: 300\n  width: 401\n  do_rectify: false\n"
 
 
-@pytest.mark.parametrize(("more", "size", "focal", "centre"), [
-    ("binning_x: 2\nbinning_y: 2\n" + ROI.replace("401", "400"), (200, 150), 250.0, (110.25, 90.125)),
-    ("binning_x: 2\nbinning_y: 2\n", (320, 240), 250.0, (160.25, 120.125)),
-    ("binning_x: 0\nbinning_y: 0\n" + ROI, (401, 300), 500.0, (220.5, 180.25)),
-    ("binning_x: 2\nbinning_y: 2\n" + ROI, (200, 150), 250.0, (110.25, 90.125))])
+@pytest.mark.parametrize(
+    ("more", "size", "focal", "centre"),
+    [
+        ("binning_x: 2\nbinning_y: 2\n" + ROI.replace("401", "400"), (200, 150), 250.0, (110.25, 90.125)),
+        ("binning_x: 2\nbinning_y: 2\n", (320, 240), 250.0, (160.25, 120.125)),
+        ("binning_x: 0\nbinning_y: 0\n" + ROI, (401, 300), 500.0, (220.5, 180.25)),
+        ("binning_x: 2\nbinning_y: 2\n" + ROI, (200, 150), 250.0, (110.25, 90.125)),
+    ],
+)
 @pytest.mark.parametrize("rectified", [False, True])
 def test_images_that_are_a_binned_part_give_the_rig_of_them(tmp_path, more, size, focal, centre, rectified):
     """K and P move with the corner, then shrink, as in ROS' image_geometry; distortion and baseline stay."""
@@ -250,17 +294,24 @@ def turn(path, degrees, axis=1):
     change(path, ("data: [1., 0., 0., 0., 1., 0., 0., 0., 1.]", f"data: {[float(x) for x in rotation]}"))
 
 
-@pytest.mark.parametrize(("degrees", "axis", "eyes", "words"), [
-    (0.01, 1, ["right"], "the eyes are turned against each other by 0.01 degrees."),
-    (15.0, 1, ["left"], "the eyes are turned against each other by 15 degrees."),
-    (2.0, 2, ["left", "right"], "0.007271 m below and 0 m before it, so they are not side by side."),
-    (2.0, 1, ["left", "right"], "0 m below and 0.007271 m before it, so they are not side by side.")])
+@pytest.mark.parametrize(
+    ("degrees", "axis", "eyes", "words"),
+    [
+        (0.01, 1, ["right"], "the eyes are turned against each other by 0.01 degrees."),
+        (15.0, 1, ["left"], "the eyes are turned against each other by 15 degrees."),
+        (2.0, 2, ["left", "right"], "0.007271 m below and 0 m before it, so they are not side by side."),
+        (2.0, 1, ["left", "right"], "0 m below and 0.007271 m before it, so they are not side by side."),
+    ],
+)
 def test_eyes_that_are_not_parallel_give_the_rig_of_the_rectified_images(tmp_path, degrees, axis, eyes, words):
     """As those of every real head are not."""
     left, right = ros_pair(tmp_path)
     for path in (left, right):
-        change(path, ("cols: 4\n  data: [500., 0., 320.5", "cols: 4\n  data: [480., 0., 330."),
-               ("0., 500., 240.25, 0.", "0., 480., 238., 0."))
+        change(
+            path,
+            ("cols: 4\n  data: [500., 0., 320.5", "cols: 4\n  data: [480., 0., 330."),
+            ("0., 500., 240.25, 0.", "0., 480., 238., 0."),
+        )
     for name in eyes:
         turn(tmp_path / f"{name}.yaml", degrees, axis)
     found, (note,) = read_rig(left, right)
@@ -313,10 +364,18 @@ def test_eyes_that_differ_are_averaged_and_reported(tmp_path):
     assert f"{camera.focal_px:.2f} and {camera.focal_px + 4:.2f} px" in note
 
 
-@pytest.mark.parametrize(("before", "after", "words"), [
-    ("data: [500., 0., 320.5, 0., 500., 240.25,\n", "data: [540., 0., 320.5, 0., 540., 240.25,\n", "40 px in focal"),
-    ("320.5, 0., 500., 240.25,\n", "360.5, 0., 500., 240.25,\n", "40 px in principal point"),
-    ("data: [-0.3,", "data: [-0.2,", "50 px in distortion")])
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        (
+            "data: [500., 0., 320.5, 0., 500., 240.25,\n",
+            "data: [540., 0., 320.5, 0., 540., 240.25,\n",
+            "40 px in focal",
+        ),
+        ("320.5, 0., 500., 240.25,\n", "360.5, 0., 500., 240.25,\n", "40 px in principal point"),
+        ("data: [-0.3,", "data: [-0.2,", "50 px in distortion"),
+    ],
+)
 def test_unlike_lenses_give_the_rig_of_the_rectified_images(tmp_path, before, after, words):
     """Rectified images have one lens, whatever the lenses were."""
     left, right = ros_pair(tmp_path)
@@ -328,9 +387,17 @@ def test_unlike_lenses_give_the_rig_of_the_rectified_images(tmp_path, before, af
     assert words in note
 
 
-@pytest.mark.parametrize(("before", "after", "words"), [
-    ("data: [500., 0., 320.5, -100.0, 0., 500.,", "data: [501., 0., 320.5, -100.0, 0., 501.,", "500.00 and 501.00 px"),
-    ("-100.0, 0., 500., 240.25,", "-100.0, 0., 500., 241.25,", "240.25 and 241.25 px")])
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        (
+            "data: [500., 0., 320.5, -100.0, 0., 500.,",
+            "data: [501., 0., 320.5, -100.0, 0., 501.,",
+            "500.00 and 501.00 px",
+        ),
+        ("-100.0, 0., 500., 240.25,", "-100.0, 0., 500., 241.25,", "240.25 and 241.25 px"),
+    ],
+)
 def test_projections_of_no_rectified_pair_are_refused(tmp_path, before, after, words):
     """The reason is of projection_matrix, which alone could serve where the lenses differ."""
     left, right = ros_pair(tmp_path)
@@ -364,11 +431,17 @@ def test_toed_in_models_lead_to_the_rectified_ones_beside_them(tmp_path):
     assert read_rig(*rectified)[0].rig["baseline_m"] == pytest.approx(0.3)
 
 
-@pytest.mark.parametrize(("text", "what"), [
-    ("cam0:\n  cam_overlaps: [1]\n  camera_model: pinhole\n  T_cn_cnm1:\n  - [1, 0]\n", "a camchain of Kalibr"),
-    ("header:\n  stamp:\n    sec: 17\nheight: 720\nd:\n- -0.31\n- 0.12\nk:\n- 905.2\n",
-     "CameraInfo, as ros2 topic echo"),
-    ("d:\n- -0.31\nK:\n- 905.2\n", "CameraInfo, as ros2 topic echo")])
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("cam0:\n  cam_overlaps: [1]\n  camera_model: pinhole\n  T_cn_cnm1:\n  - [1, 0]\n", "a camchain of Kalibr"),
+        (
+            "header:\n  stamp:\n    sec: 17\nheight: 720\nd:\n- -0.31\n- 0.12\nk:\n- 905.2\n",
+            "CameraInfo, as ros2 topic echo",
+        ),
+        ("d:\n- -0.31\nK:\n- 905.2\n", "CameraInfo, as ros2 topic echo"),
+    ],
+)
 def test_files_that_are_like_a_calibration_of_ros_are_named(tmp_path, text, what):
     path = tmp_path / "left.yaml"
     path.write_text(text)

@@ -16,9 +16,15 @@ def test_it_passes_here_and_leaves_nothing(tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("changes", "words"), [
-    ({"surface": {"albedo": 0.6}}, "light under Lambert's law"), ({"rig": {"height_m": 1.6}}, None),
-    ({"terrain": {"rms_slope_deg": 5.0}}, "depth of a plane"), ({"surface": {"albedo_variation": 0.0}}, "by SGBM")])
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"surface": {"albedo": 0.6}}, "light under Lambert's law"),
+        ({"rig": {"height_m": 1.6}}, None),
+        ({"terrain": {"rms_slope_deg": 5.0}}, "depth of a plane"),
+        ({"surface": {"albedo_variation": 0.0}}, "by SGBM"),
+    ],
+)
 def test_a_fault_is_named(monkeypatch, capsys, changes, words):
     scene = json.loads(json.dumps(check._SCENE))
     for topic, values in changes.items():

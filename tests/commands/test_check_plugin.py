@@ -29,6 +29,7 @@ def check(tmp_path, monkeypatch, capsys):
         said = capsys.readouterr()
         assert "Traceback" not in said.err
         return status, said.out
+
     return run
 
 
@@ -40,21 +41,25 @@ def test_a_good_matcher_passes(check):
     assert out.rstrip().endswith("It can be used.")
 
 
-@pytest.mark.parametrize(("before", "after", "said"), [
-    ("np.where(found > 0, found, np.nan)", "-np.where(found > 0, found, np.nan)", "the wrong sign"),
-    ("/ np.float32(16)", "* np.float32(1)", "16 times too large"),
-    ("np.where(found > 0, found, np.nan)", "np.where(found > 0, found, np.nan) / left.shape[1]", "normalised"),
-    ("np.where(found > 0, found, np.nan)", "found * np.nan", "measured nothing"),
-    ("np.where(found > 0, found, np.nan)", "found * 3 + 40", "wrong by more than 1 px in most"),
-    ("np.where(found > 0, found, np.nan)", "found.astype(np.int32)", "the type int32; return float32"),
-    ("np.where(found > 0, found, np.nan)", "np.where(found > 0, found, 500)", "outside 0 to 31 px"),
-    ("np.where(found > 0, found, np.nan)", "found + np.random.rand()", "two results for the same images"),
-    ("if left.shape[1] <= count + 5", "if left[40, 40] < 0", "failed (IndexError"),
-    ('"""OpenCV\'s block matching."""', "", "has no docstring"),
-    ("import cv2", "import bpy, cv2", "imports bpy"),
-    ("ICYMOON_API = 1", "", "states ICYMOON_API = None"),
-    ("def match(", "def mtach(", "has no function match"),
-    ("def match(left, right, context)", "def match(left, right)", "failed (TypeError")])
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("np.where(found > 0, found, np.nan)", "-np.where(found > 0, found, np.nan)", "the wrong sign"),
+        ("/ np.float32(16)", "* np.float32(1)", "16 times too large"),
+        ("np.where(found > 0, found, np.nan)", "np.where(found > 0, found, np.nan) / left.shape[1]", "normalised"),
+        ("np.where(found > 0, found, np.nan)", "found * np.nan", "measured nothing"),
+        ("np.where(found > 0, found, np.nan)", "found * 3 + 40", "wrong by more than 1 px in most"),
+        ("np.where(found > 0, found, np.nan)", "found.astype(np.int32)", "the type int32; return float32"),
+        ("np.where(found > 0, found, np.nan)", "np.where(found > 0, found, 500)", "outside 0 to 31 px"),
+        ("np.where(found > 0, found, np.nan)", "found + np.random.rand()", "two results for the same images"),
+        ("if left.shape[1] <= count + 5", "if left[40, 40] < 0", "failed (IndexError"),
+        ('"""OpenCV\'s block matching."""', "", "has no docstring"),
+        ("import cv2", "import bpy, cv2", "imports bpy"),
+        ("ICYMOON_API = 1", "", "states ICYMOON_API = None"),
+        ("def match(", "def mtach(", "has no function match"),
+        ("def match(left, right, context)", "def match(left, right)", "failed (TypeError"),
+    ],
+)
 def test_what_a_matcher_forgets_is_told(check, before, after, said, monkeypatch):
     monkeypatch.setitem(sys.modules, "bpy", None)
     monkeypatch.delitem(sys.modules, "bpy")  # and what comes in its place goes with the test
@@ -74,8 +79,10 @@ def test_a_missing_licence_is_told(check):
 
 
 def test_options_are_tried_at_both_ends(check):
-    source = GOOD.replace("ICYMOON_API = 1", "ICYMOON_API = 1\nOPTIONS = {'window': {'default': 5, 'minimum': 0, "
-                          "'maximum': 9, 'doc': 'px'}}")
+    source = GOOD.replace(
+        "ICYMOON_API = 1",
+        "ICYMOON_API = 1\nOPTIONS = {'window': {'default': 5, 'minimum': 0, 'maximum': 9, 'doc': 'px'}}",
+    )
     source = source.replace("blockSize=5", "blockSize=5 // context.options['window']")
     status, out = check("matcher", source)
     assert status == 1
@@ -117,14 +124,21 @@ def test_a_good_landform_passes(check):
     assert (status, "FAULT" in out) == (0, False)
 
 
-@pytest.mark.parametrize(("before", "after", "said"), [
-    ("np.sin(x + ", "np.sin(x - x.mean() + ", "in another order or number"),
-    ("np.sin(x + ", "np.sin(x + np.random.rand() + ", "other heights for the same points"),
-    ("np.sin(x + ", "0 * np.sin(x + ", "is level where height_m is 1"),
-    ("np.sin(x + ", "np.log(x + ", "NaN or infinite"), ("np.sin(x + ", "1 + int(0 * ", "returned float for points"),
-    ("def finest_m", "def finest", "has no finest_m"), ("return 3.0", "return -1", "smallest length of -1 m"),
-    ("return 3.0", "return settings['spacing']", "KeyError"), ('"default": 0.0', '"default": 2.0', "0 turns it off"),
-    ("np.sin(x + ", "np.sin(x / (5.0 - settings['height_m']) + ", "NaN or infinite")])
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("np.sin(x + ", "np.sin(x - x.mean() + ", "in another order or number"),
+        ("np.sin(x + ", "np.sin(x + np.random.rand() + ", "other heights for the same points"),
+        ("np.sin(x + ", "0 * np.sin(x + ", "is level where height_m is 1"),
+        ("np.sin(x + ", "np.log(x + ", "NaN or infinite"),
+        ("np.sin(x + ", "1 + int(0 * ", "returned float for points"),
+        ("def finest_m", "def finest", "has no finest_m"),
+        ("return 3.0", "return -1", "smallest length of -1 m"),
+        ("return 3.0", "return settings['spacing']", "KeyError"),
+        ('"default": 0.0', '"default": 2.0', "0 turns it off"),
+        ("np.sin(x + ", "np.sin(x / (5.0 - settings['height_m']) + ", "NaN or infinite"),
+    ],
+)
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_what_a_landform_forgets_is_told(check, before, after, said):
     assert before in WAVES
@@ -146,12 +160,17 @@ def measure(found):
 
 
 @pytest.mark.filterwarnings("ignore:Mean of empty slice")
-@pytest.mark.parametrize(("before", "after", "said"), [
-    ("np.nanmean", "np.mean", "returned NaN or infinity for a map with errors and gaps"),
-    ("if np.isfinite(error).any()", "+ error[np.isfinite(error)][0] if error.size", "IndexError"),
-    ("return float(np.nanmean(error))", "return 'low'", "returned str"),
-    ("float(np.nanmean(error))", "np.random.rand()", "two numbers for the same map"),
-    ('"px"', '"pixels"', "states UNIT = 'pixels'"), ('"px"', "None", "states UNIT = None")])
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("np.nanmean", "np.mean", "returned NaN or infinity for a map with errors and gaps"),
+        ("if np.isfinite(error).any()", "+ error[np.isfinite(error)][0] if error.size", "IndexError"),
+        ("return float(np.nanmean(error))", "return 'low'", "returned str"),
+        ("float(np.nanmean(error))", "np.random.rand()", "two numbers for the same map"),
+        ('"px"', '"pixels"', "states UNIT = 'pixels'"),
+        ('"px"', "None", "states UNIT = None"),
+    ],
+)
 def test_what_a_metric_forgets_is_told(check, before, after, said):
     assert check("metric", METRIC)[0] == 0
     status, out = check("metric", METRIC.replace(before, after), name="other", package="another")
@@ -168,12 +187,16 @@ def write_pair(pair, folder):
 '''
 
 
-@pytest.mark.parametrize(("before", "after", "said"), [
-    ("{pair.name}", "{__import__('time').perf_counter()}", "other bytes for the same pair"),
-    ("{pair.left.ndim}", "{pair.semantic_left.max()}", "failed (AttributeError"),
-    ("{pair.left.ndim}", "{pair.left[:, :].reshape(119, 161)}", "failed (ValueError"),
-    ("folder / ", "folder / 'b' / ", "failed (FileNotFoundError"),
-    ("(folder /", "pass  # (folder /", "wrote no file")])
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("{pair.name}", "{__import__('time').perf_counter()}", "other bytes for the same pair"),
+        ("{pair.left.ndim}", "{pair.semantic_left.max()}", "failed (AttributeError"),
+        ("{pair.left.ndim}", "{pair.left[:, :].reshape(119, 161)}", "failed (ValueError"),
+        ("folder / ", "folder / 'b' / ", "failed (FileNotFoundError"),
+        ("(folder /", "pass  # (folder /", "wrote no file"),
+    ],
+)
 def test_what_an_export_forgets_is_told(check, before, after, said):
     assert check("export", EXPORT)[0] == 0
     status, out = check("export", EXPORT.replace(before, after), name="other", package="another")

@@ -16,19 +16,23 @@ from icymoon.support.version import ROOT
 
 def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """Run ``python -m icymoon``."""
-    return subprocess.run([sys.executable, "-m", "icymoon", *arguments], capture_output=True, text=True, cwd=cwd,
-                          timeout=240, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "icymoon", *arguments], capture_output=True, text=True, cwd=cwd, timeout=240, check=False
+    )
 
 
-@pytest.mark.parametrize(("arguments", "word"), [
-    (("render", "--preset", "nowhere"), "Unknown preset"),
-    (("render", "--set", "terrain.sizem=3"), "size_m"),
-    (("render", "--settings", "absent.toml"), "absent.toml"),
-    (("render", "--blender", "/nowhere/blender"), "check its path"),
-    (("evaluate", "/nowhere"), "/nowhere"),
-    (("settings", "--set", "rig.width_px=0"), "rig.width_px"),
-    (("gallery", "--only", "ridges"), "rugged_1_low"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("render", "--preset", "nowhere"), "Unknown preset"),
+        (("render", "--set", "terrain.sizem=3"), "size_m"),
+        (("render", "--settings", "absent.toml"), "absent.toml"),
+        (("render", "--blender", "/nowhere/blender"), "check its path"),
+        (("evaluate", "/nowhere"), "/nowhere"),
+        (("settings", "--set", "rig.width_px=0"), "rig.width_px"),
+        (("gallery", "--only", "ridges"), "rugged_1_low"),
+    ],
+)
 def test_a_mistake_is_one_sentence_and_exit_code_1(arguments, word, tmp_path):
     done = run(*arguments, *(("--out", str(tmp_path / "out")) if arguments[0] != "settings" else ()))
     assert done.returncode == 1
@@ -59,8 +63,15 @@ def test_the_package_runs_by_its_path_from_a_folder_of_any_name(tmp_path):
     link = tmp_path / "some-extension"
     link.symlink_to(ROOT, target_is_directory=True)
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-    done = subprocess.run([sys.executable, "-I", str(link / "__main__.py"), "presets"], capture_output=True, text=True,
-                          cwd=tmp_path, env=environment, timeout=240, check=False)
+    done = subprocess.run(
+        [sys.executable, "-I", str(link / "__main__.py"), "presets"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env=environment,
+        timeout=240,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert "scenes/europa_rough_ice" in done.stdout
 
@@ -76,11 +87,15 @@ def test_settings_are_printed_complete_and_load_again(tmp_path):
 
 def test_a_plan_is_listed_and_told_before_anything_starts(tmp_path):
     file = tmp_path / "plan.toml"
-    file.write_text('[plan]\ntitle = "Two suns"\n[[sweep]]\nkind = "grid"\nlight.sun_elevation_deg = [10, 30]\n'
-                    '[mesh]\nkind = "GRID"\n')
+    file.write_text(
+        '[plan]\ntitle = "Two suns"\n[[sweep]]\nkind = "grid"\nlight.sun_elevation_deg = [10, 30]\n'
+        '[mesh]\nkind = "GRID"\n'
+    )
     listed = run("plan", str(file))
     assert [line.split("  ")[1] for line in listed.stdout.splitlines()] == [
-        "light.sun_elevation_deg=10", "light.sun_elevation_deg=30"]
+        "light.sun_elevation_deg=10",
+        "light.sun_elevation_deg=30",
+    ]
     told = run("plan", str(file), "--dry-run", "--out", str(tmp_path / "none"))
     assert told.stdout.splitlines()[:3] == ["Two suns", "2 pairs", "1 ground, 1 surface, 2 lights; 1 scene to build"]
     assert not (tmp_path / "none").exists()

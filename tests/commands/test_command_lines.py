@@ -21,20 +21,92 @@ from icymoon.stereo import cli as stereo
 from pairs import write_pair
 
 #: Words that have been misread somewhere, by this program or another.
-WORDS = ("", " ", "~nouser/x", "~nouser/x.toml", "n" * 3000, "n" * 3000 + ".toml", "d/" * 3000, "..", "/", "/dev/null",
-         "nan", "inf", "-inf", "-1", "0", "1", "1e999", "9" * 5000, "1" * 19, "²", "²/3", "٣/٣", "1/0", "1/2", "\udcff",
-         "\udcff.toml", "a\nb", "=", "a=b", "a.b=c", "terrain.size_m=nan", "terrain.size_m=1e999", "terrain.size_m=",
-         "terrain.size_m=[[[", "terrain.size_m=" + "[" * 3000, "sensor.bits=²", "sensor.exposure_us=-1", "rig.x_m=1e39",
-         "dataset.headings=1000000", "dataset.headings=360", "light.date_utc=99999999999-01-01T00:00:00",
-         "light.directions_from=DATE", "source.kind=MESH", "source.file=~nouser/a.ply", "source.file=" + "n" * 3000,
-         "dataset.folder=", "quality.samples=0", "bm", "bm:window=²", "sgbm,,bm", "external:command=", "own:x", "x:bm",
-         "x:bm:window=9" + "9" * 4400, "datasets/guiss_terrains", "guiss_rocks", "bodies/europa", "../bodies/europa",
-         "1:2:3", "local:²", "local:0", "tcp://", "🧊", "%s", "{}", "--", "-h", "samples", "shortcuts,")
+WORDS = (
+    "",
+    " ",
+    "~nouser/x",
+    "~nouser/x.toml",
+    "n" * 3000,
+    "n" * 3000 + ".toml",
+    "d/" * 3000,
+    "..",
+    "/",
+    "/dev/null",
+    "nan",
+    "inf",
+    "-inf",
+    "-1",
+    "0",
+    "1",
+    "1e999",
+    "9" * 5000,
+    "1" * 19,
+    "²",
+    "²/3",
+    "٣/٣",
+    "1/0",
+    "1/2",
+    "\udcff",
+    "\udcff.toml",
+    "a\nb",
+    "=",
+    "a=b",
+    "a.b=c",
+    "terrain.size_m=nan",
+    "terrain.size_m=1e999",
+    "terrain.size_m=",
+    "terrain.size_m=[[[",
+    "terrain.size_m=" + "[" * 3000,
+    "sensor.bits=²",
+    "sensor.exposure_us=-1",
+    "rig.x_m=1e39",
+    "dataset.headings=1000000",
+    "dataset.headings=360",
+    "light.date_utc=99999999999-01-01T00:00:00",
+    "light.directions_from=DATE",
+    "source.kind=MESH",
+    "source.file=~nouser/a.ply",
+    "source.file=" + "n" * 3000,
+    "dataset.folder=",
+    "quality.samples=0",
+    "bm",
+    "bm:window=²",
+    "sgbm,,bm",
+    "external:command=",
+    "own:x",
+    "x:bm",
+    "x:bm:window=9" + "9" * 4400,
+    "datasets/guiss_terrains",
+    "guiss_rocks",
+    "bodies/europa",
+    "../bodies/europa",
+    "1:2:3",
+    "local:²",
+    "local:0",
+    "tcp://",
+    "🧊",
+    "%s",
+    "{}",
+    "--",
+    "-h",
+    "samples",
+    "shortcuts,",
+)
 #: Texts of files that are taken for settings, plans, pairs and data sets.
 TEXTS = (
-    "", "\0", "[plan]", "[plan]\nseeds = 100001", "[plan]\nextends = '~nouser/x.toml'", "[plan]\nextends = 'self.toml'",
-    '[plan]\nextends = "a\\u0000b.toml"', "[plan]\nfiles = '~nouser/x'", "[plan]\nfiles = ''", "[plan]\ninclude = ['']",
-    f"[plan]\ninclude = '{'n' * 3000}.toml'", "[plan]\nat_most = 0", "[plan]\nat_most = nan",
+    "",
+    "\0",
+    "[plan]",
+    "[plan]\nseeds = 100001",
+    "[plan]\nextends = '~nouser/x.toml'",
+    "[plan]\nextends = 'self.toml'",
+    '[plan]\nextends = "a\\u0000b.toml"',
+    "[plan]\nfiles = '~nouser/x'",
+    "[plan]\nfiles = ''",
+    "[plan]\ninclude = ['']",
+    f"[plan]\ninclude = '{'n' * 3000}.toml'",
+    "[plan]\nat_most = 0",
+    "[plan]\nat_most = nan",
     "[plan]\nseeds = 9999\n[dataset]\nheadings = 360",
     "[plan]\n[[sweep]]\nkind = 'grid'\npreset = ['~nouser/a.toml']",
     "[plan]\n[[sweep]]\nkind = 'sobol'\ncount = 1000000000\nrig.x_m = {uniform = [0, 1]}",
@@ -43,37 +115,98 @@ TEXTS = (
     "[plan]\n[[sweep]]\nkind = 'cases'\ncase = [{}]",
     "[plan]\n[light]\ndirections_from = 'DATE'\ndate_utc = '0000-00-00'",
     "[plan]\n[light]\ndirections_from = 'DATE'\ndate_utc = '99999999999999-01-01'",
-    '[plan]\n[source]\nkind = "MESH"\nfile = "a\\u0000b.ply"', "[plan]\n[source]\nkind = 'MESH'\nfile = 'deep.gltf'",
-    f"[plan]\n[source]\nkind = 'MESH'\nfile = '{'n' * 3000}.ply'", "[preset]\ninclude = ['self']", "a" * 9999,
-    "x = " + "[" * 9999, "x = " + "9" * 9999, "[terrain]\nsize_m = 1979-05-27", "[terrain]\nlayers = [1]",
-    "[light]\ndate_utc = '\ud7ff'", "{}", "[]", "null", '{"files": {}}', '{"files": 3, "settings": []}', "[" * 9999)
+    '[plan]\n[source]\nkind = "MESH"\nfile = "a\\u0000b.ply"',
+    "[plan]\n[source]\nkind = 'MESH'\nfile = 'deep.gltf'",
+    f"[plan]\n[source]\nkind = 'MESH'\nfile = '{'n' * 3000}.ply'",
+    "[preset]\ninclude = ['self']",
+    "a" * 9999,
+    "x = " + "[" * 9999,
+    "x = " + "9" * 9999,
+    "[terrain]\nsize_m = 1979-05-27",
+    "[terrain]\nlayers = [1]",
+    "[light]\ndate_utc = '\ud7ff'",
+    "{}",
+    "[]",
+    "null",
+    '{"files": {}}',
+    '{"files": 3, "settings": []}',
+    "[" * 9999,
+)
 NAMES = ("self.toml", "pair.json", "plan.jsonl", "manifest.json", "deep.gltf", "a.npy", "a.png", "left.exr", "a.dat")
 OUT, NO_BLENDER = ("--out", "out"), ("--blender", "no/blender")
 #: Verbs with what keeps Blender out of them, and their options, '' for a word without one.
 VERBS = {
     "render": (NO_BLENDER, ("--preset", "--settings", "--set", "--out", "--again")),
-    "evaluate": (("--jobs", "1"), ("", "", "--methods", "--method", "--out", "--guiss", "--points", "--set", "--option",
-                                   "--seed", "--predictions")),
+    "evaluate": (
+        ("--jobs", "1"),
+        (
+            "",
+            "",
+            "--methods",
+            "--method",
+            "--out",
+            "--guiss",
+            "--points",
+            "--set",
+            "--option",
+            "--seed",
+            "--predictions",
+        ),
+    ),
     "settings": ((), ("--preset", "--settings", "--set", "--set", "--settings")),
-    "presets": ((), ("", "--x")), "sources": ((), ("", "", "", "--x")),
+    "presets": ((), ("", "--x")),
+    "sources": ((), ("", "", "", "--x")),
     "quality": (NO_BLENDER, ("--preset", "--settings", "--set", "--json")),
-    "trade": ((*NO_BLENDER, *OUT), ("--preset", "--set", "--methods", "--groups", "--repeats", "--scale", "--own",
-                                    "--reference-samples", "--json-lines")),
+    "trade": (
+        (*NO_BLENDER, *OUT),
+        (
+            "--preset",
+            "--set",
+            "--methods",
+            "--groups",
+            "--repeats",
+            "--scale",
+            "--own",
+            "--reference-samples",
+            "--json-lines",
+        ),
+    ),
     "auto": ((*NO_BLENDER, *OUT), ("--set", "--methods", "--own", "--tolerance-px", "--tolerance-bad-1", "--scale")),
     "gallery": ((*NO_BLENDER, *OUT), ("--only", "--scale", "--x")),
     "plan": ((), ("", "--dry-run", "--out", "--json")),
-    "batch": (NO_BLENDER, ("", "--out", "--workers", "--threads-per-worker", "--scenes-per-worker", "--evaluate",
-                           "--own", "--set", "--dask", "--json")),
+    "batch": (
+        NO_BLENDER,
+        (
+            "",
+            "--out",
+            "--workers",
+            "--threads-per-worker",
+            "--scenes-per-worker",
+            "--evaluate",
+            "--own",
+            "--set",
+            "--dask",
+            "--json",
+        ),
+    ),
     "work": (NO_BLENDER, ("", "--shard", "--workers", "--json")),
     "slurm": (NO_BLENDER, ("", "--out", "--shards", "--at-once", "--cpus", "--memory", "--time", "--sbatch")),
-    "verify": ((), ("", "--remove", "--json")), "doctor": ((*NO_BLENDER, "--evaluator", "no/python"), ("--x", "")),
-    "stereo methods": ((), ("", "")), "stereo check": ((), ("",)),
+    "verify": ((), ("", "--remove", "--json")),
+    "doctor": ((*NO_BLENDER, "--evaluator", "no/python"), ("--x", "")),
+    "stereo methods": ((), ("", "")),
+    "stereo check": ((), ("",)),
     "stereo match": (OUT, ("--method", "--left", "--right", "--option", "--camera")),
     "stereo metrics": ((), ("--prediction", "--disparity", "--truth", "--focal-baseline", "--guiss")),
-    "stereo evaluate": ((*OUT, "--jobs", "1"), ("", "--methods", "--method", "--option", "--own", "--set", "--seed",
-                                                "--points", "--predictions", "--jobs")),
-    "stereo truth": (OUT, ("",)), "stereo export": (OUT, ("", "--format", "--for-prediction", "--set")),
-    "stereo develop": (OUT, ("", "--preset", "--set")), "nothing": ((), ("",)), "": ((), ("",))}
+    "stereo evaluate": (
+        (*OUT, "--jobs", "1"),
+        ("", "--methods", "--method", "--option", "--own", "--set", "--seed", "--points", "--predictions", "--jobs"),
+    ),
+    "stereo truth": (OUT, ("",)),
+    "stereo export": (OUT, ("", "--format", "--for-prediction", "--set")),
+    "stereo develop": (OUT, ("", "--preset", "--set")),
+    "nothing": ((), ("",)),
+    "": ((), ("",)),
+}
 FLAGS = {"--again", "--for-prediction", "--guiss", "--points", "--json", "--json-lines", "--dry-run", "--remove", "--x"}
 LIMIT_S = 60
 
@@ -97,8 +230,10 @@ def command(chance: random.Random, folder: Path) -> list[str]:
 @contextlib.contextmanager
 def limited(seconds: int):
     """Raise TimeoutError inside the block when it takes longer."""
+
     def late(number, frame):
         raise TimeoutError(f"more than {seconds} s")
+
     before = signal.signal(signal.SIGALRM, late)
     signal.alarm(seconds)
     try:
@@ -152,22 +287,33 @@ def test_every_command_line_ends_with_a_status_and_a_sentence(place):
     assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize("words", [["work", "x", "--shard", "²/3"], ["work", "x", "--shard", "9" * 5000 + "/1"],
-                                   ["verify", "n" * 3000], ["batch", "guiss_rocks", "--out", ""],
-                                   ["plan", "~nouser/x"], ["sources", "\ud7ff\n" + "x" * 300]],
-                         ids=lambda words: words[0])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["work", "x", "--shard", "²/3"],
+        ["work", "x", "--shard", "9" * 5000 + "/1"],
+        ["verify", "n" * 3000],
+        ["batch", "guiss_rocks", "--out", ""],
+        ["plan", "~nouser/x"],
+        ["sources", "\ud7ff\n" + "x" * 300],
+    ],
+    ids=lambda words: words[0],
+)
 def test_these_were_tracebacks(words, place):
     status, said = ended(words)
     assert status in (1, 2)
     assert len(said.strip().splitlines()[-1]) > 30
 
 
-@pytest.mark.parametrize("error", [PermissionError(13, "Permission denied", "pairs/x"), OSError("pairs/x is odd")],
-                         ids=str)
+@pytest.mark.parametrize(
+    "error", [PermissionError(13, "Permission denied", "pairs/x"), OSError("pairs/x is odd")], ids=str
+)
 def test_what_the_system_refuses_is_a_sentence(place, monkeypatch, error):
     """Whichever call it is that nobody thought of."""
+
     def refused(options):
         raise error
+
     monkeypatch.setattr(print_settings, "_run_sources", refused)
     status, said = ended(["sources", "pairs/x"])
     assert status == 1
@@ -184,8 +330,9 @@ seeds = 1000
 def test_a_plan_of_many_grounds_is_looked_at_on_some_and_says_so(place, monkeypatch):
     """Each ground takes some hundredths of a second; a hundred thousand took most of an hour, in silence."""
     looked, level = [], make_rocky_ground(merged(defaults(), {"terrain": {"rms_slope_deg": 0.0}}))
-    monkeypatch.setattr(combine, "make_rocky_ground",
-                        lambda settings: looked.append(settings["dataset"]["seed"]) or level)
+    monkeypatch.setattr(
+        combine, "make_rocky_ground", lambda settings: looked.append(settings["dataset"]["seed"]) or level
+    )
     (place / "many.toml").write_text(PLAN)
     many = plan_file.read_plan(place / "many.toml")
     assert len(many.pairs()) == 1000
@@ -198,10 +345,16 @@ def test_a_plan_of_many_grounds_is_looked_at_on_some_and_says_so(place, monkeypa
     assert plan_file.read_plan(place / "few.toml").describe_unchecked() == ""
 
 
-@pytest.mark.parametrize(("part", "word"), [
-    ({"rig": {"width_px": 16384, "height_px": 16384}}, "rig.width_px"), ({"mesh": {"most": 10**8}}, "mesh.most"),
-    ({"mesh": {"kind": "GRID"}, "terrain": {"resolution": 4097}}, "terrain.resolution"),
-    ({"source": {"kind": "HEIGHT_MAP", "file": "large.tif"}}, "large.tif")], ids=str)
+@pytest.mark.parametrize(
+    ("part", "word"),
+    [
+        ({"rig": {"width_px": 16384, "height_px": 16384}}, "rig.width_px"),
+        ({"mesh": {"most": 10**8}}, "mesh.most"),
+        ({"mesh": {"kind": "GRID"}, "terrain": {"resolution": 4097}}, "terrain.resolution"),
+        ({"source": {"kind": "HEIGHT_MAP", "file": "large.tif"}}, "large.tif"),
+    ],
+    ids=str,
+)
 def test_a_shortage_of_memory_names_what_is_large(place, part, word):
     with (place / "large.tif").open("wb") as file:
         file.truncate(10**9)  # takes no room on the disk
@@ -213,8 +366,13 @@ def test_a_shortage_of_memory_names_what_is_large(place, part, word):
 def test_ctrl_c_while_modules_load_is_quiet(words):
     """At moments of the start, once Python has begun with our code: a sentence at most, and a status that says it."""
     for module in ("icymoon.support.system", "numpy", "numpy.linalg", "icymoon.support.errors", "argparse"):
-        done = subprocess.run([sys.executable, "-c", INTERRUPTED, module, *words], capture_output=True, text=True,
-                              timeout=120, check=False)
+        done = subprocess.run(
+            [sys.executable, "-c", INTERRUPTED, module, *words],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
         assert done.returncode in (130, -signal.SIGINT), (module, done.stderr[-300:])
         assert "Traceback" not in done.stderr
         assert "Error" not in done.stderr

@@ -21,9 +21,20 @@ def facts(capsys, *words) -> list[dict]:
 
 def test_it_is_the_sky_of_the_settings(capsys):
     (found,) = facts(capsys, *PLACE)
-    light = merged(defaults(), load_preset("bodies/europa"), {"light": {
-        "directions_from": "DATE", "body": "EUROPA", "latitude_deg": 10.0, "longitude_deg": 331.0,
-        "date_utc": "2035-03-01T12:00", "planet": True}}).light
+    light = merged(
+        defaults(),
+        load_preset("bodies/europa"),
+        {
+            "light": {
+                "directions_from": "DATE",
+                "body": "EUROPA",
+                "latitude_deg": 10.0,
+                "longitude_deg": 331.0,
+                "date_utc": "2035-03-01T12:00",
+                "planet": True,
+            }
+        },
+    ).light
     expected = sky_facts(sky(light))
     for name in ("sun", "planet"):
         for key, value in expected[name].items():
@@ -33,8 +44,11 @@ def test_it_is_the_sky_of_the_settings(capsys):
 def test_a_body_brings_its_planet(capsys, monkeypatch):
     """Also with kernels and after the preset of another body, where Saturn was taken for Jupiter."""
     asked = []
-    monkeypatch.setattr(spice, "positions", lambda _, body, parent, *site: asked.append((body, parent)) or
-                        ephemeris.positions(body, *site))
+    monkeypatch.setattr(
+        spice,
+        "positions",
+        lambda _, body, parent, *site: asked.append((body, parent)) or ephemeris.positions(body, *site),
+    )
     (wanted,) = facts(capsys, "--preset", "bodies/europa", *PLACE)
     for words in ([], ["--kernels", "any.tm"], ["--preset", "enceladus_fresh_snow"]):
         (found,) = facts(capsys, *PLACE, *words)
@@ -60,8 +74,10 @@ def test_what_the_planet_hides_lights_nothing(capsys):
 
 def test_the_sky_of_another_body_than_the_grounds_has_a_fix_that_works(capsys):
     """Also where the radius is stated, which no preset changes; with a date, no angles are read."""
-    for words in (["--preset", "europa_rough_ice", "--set", "light.body=ENCELADUS"],
-                  ["--set", "terrain.body_radius_m=2631200"]):
+    for words in (
+        ["--preset", "europa_rough_ice", "--set", "light.body=ENCELADUS"],
+        ["--set", "terrain.body_radius_m=2631200"],
+    ):
         words += ["--date", "2035-03-01T12:00"]
         assert main(["sky", *words]) == 1
         shown = capsys.readouterr().err
@@ -97,14 +113,20 @@ def test_presets_and_angles_do_too(capsys):
     assert found["date_utc"] is None
 
 
-@pytest.mark.parametrize(("words", "text"), [
-    (["--body", "EUROPA", "--date", "soon"], "write it as 2035-03-01T12:00:00"),
-    (["--body", "EUROPA", "--date", "soon", "--hours", "3"], "write it as 2035-03-01T12:00:00"),
-    (["--body", "MARS", "--date", "2035-03-01"], "light.body is 'MARS'"),
-    ([*PLACE, "--hours", "nan"], "give numbers above 0"), ([*PLACE, "--hours", "1e9"], "at most 1000 rows"),
-    ([*PLACE, "--hours", "5", "--every", "0"], "give numbers above 0"), (["--hours", "3"], "give --date"),
-    ([*PLACE, "--latitude", "95"], "latitude_deg is 95"),
-    ([*PLACE, "--kernels", "/nowhere"], "/nowhere")])
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--body", "EUROPA", "--date", "soon"], "write it as 2035-03-01T12:00:00"),
+        (["--body", "EUROPA", "--date", "soon", "--hours", "3"], "write it as 2035-03-01T12:00:00"),
+        (["--body", "MARS", "--date", "2035-03-01"], "light.body is 'MARS'"),
+        ([*PLACE, "--hours", "nan"], "give numbers above 0"),
+        ([*PLACE, "--hours", "1e9"], "at most 1000 rows"),
+        ([*PLACE, "--hours", "5", "--every", "0"], "give numbers above 0"),
+        (["--hours", "3"], "give --date"),
+        ([*PLACE, "--latitude", "95"], "latitude_deg is 95"),
+        ([*PLACE, "--kernels", "/nowhere"], "/nowhere"),
+    ],
+)
 def test_wrong_input_is_a_sentence(capsys, words, text):
     assert main(["sky", *words]) == 1
     shown = capsys.readouterr().err

@@ -10,8 +10,7 @@ from icymoon.support.errors import IcyMoonError
 
 
 def described(*presets: str, **changes: dict) -> Settings:
-    return description.merged(description.defaults(),
-                              *(preset_files.load_preset(name) for name in presets), changes)
+    return description.merged(description.defaults(), *(preset_files.load_preset(name) for name in presets), changes)
 
 
 def found(settings: Settings, *asked: str) -> dict:
@@ -28,8 +27,13 @@ def test_every_number_that_a_scene_preset_states_is_traced_to_it_or_to_what_it_i
         files += raw["preset"].get("include", [])
         family[name] = raw
     settings = described(scene)
-    stated = {f"{topic}.{key}" for raw in family.values() for topic in raw if topic not in ("preset", "sources")
-              for key in raw[topic]}
+    stated = {
+        f"{topic}.{key}"
+        for raw in family.values()
+        for topic in raw
+        if topic not in ("preset", "sources")
+        for key in raw[topic]
+    }
     traced = found(settings, *settings)
     for name in stated:
         origin = traced[name]

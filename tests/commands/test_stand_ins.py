@@ -25,7 +25,12 @@ def test_one_is_written_to_a_folder(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(cached_files, "make_maps", lambda key: make_maps(key, size=64))
     assert cli.main(["stand-ins", "FIRN", "--out", str(tmp_path)]) == 0
     assert {path.name for path in (tmp_path / "firn").iterdir()} == {
-        "firn_albedo.png", "firn_roughness.png", "firn_normal.png", "firn_height.png", "made.json"}
+        "firn_albedo.png",
+        "firn_roughness.png",
+        "firn_normal.png",
+        "firn_height.png",
+        "made.json",
+    }
     assert capsys.readouterr().out.startswith(f"{tmp_path / 'firn'}: 0.8 m wide, 1024 pixels, height image of ")
 
 
@@ -34,9 +39,13 @@ def test_a_misspelt_name_is_one_sentence(capsys):
     assert "There is no stand-in 'powder_sno'" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("shown", "name", "paper"), [
-    ({"textures": {"set": "STAND_IN", "stand_in": "FIRN"}}, "textures.stand_in", "Snow009B"),
-    ({"source": {"kind": "STAND_IN", "stand_in": "SEAICE1"}}, "source.stand_in", "seaice1")])
+@pytest.mark.parametrize(
+    ("shown", "name", "paper"),
+    [
+        ({"textures": {"set": "STAND_IN", "stand_in": "FIRN"}}, "textures.stand_in", "Snow009B"),
+        ({"source": {"kind": "STAND_IN", "stand_in": "SEAICE1"}}, "source.stand_in", "seaice1"),
+    ],
+)
 def test_sources_name_a_stand_in(shown, name, paper):
     settings = merged(defaults(), check(shown, "test"))
     found = {origin.name: origin for origin in find_origins(settings)}

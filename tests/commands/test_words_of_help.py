@@ -16,9 +16,14 @@ from pairs import write_pair
 #: Words of help that stand for what happens without the option; beside numbers they are no value.
 WORDS = ("all", "none")
 #: The options that take a text and whose help names such a word; each has a test below.
-TRIED = {("evaluate", "--methods", "none"), ("trade", "--groups", "all"), ("gallery", "--only", "all"),
-         ("validate", "--only", "all"), ("stand-ins", "names", "all"),
-         *((verb, "--cards", "all") for verb in ("render", "batch", "work"))}
+TRIED = {
+    ("evaluate", "--methods", "none"),
+    ("trade", "--groups", "all"),
+    ("gallery", "--only", "all"),
+    ("validate", "--only", "all"),
+    ("stand-ins", "names", "all"),
+    *((verb, "--cards", "all") for verb in ("render", "batch", "work")),
+}
 
 
 def options_of(parser: argparse.ArgumentParser, verb: str = ""):
@@ -31,9 +36,13 @@ def options_of(parser: argparse.ArgumentParser, verb: str = ""):
 
 
 def test_each_such_word_is_tried():
-    found = {(verb, option, word) for parser in (cli.make_parser(), stereo.make_parser())
-             for verb, option, text in options_of(parser)
-             for word in WORDS if re.search(rf"(?:[(;] ?|or ){word}(?:[),]| that the)", text)}
+    found = {
+        (verb, option, word)
+        for parser in (cli.make_parser(), stereo.make_parser())
+        for verb, option, text in options_of(parser)
+        for word in WORDS
+        if re.search(rf"(?:[(;] ?|or ){word}(?:[),]| that the)", text)
+    }
     assert found == TRIED
 
 

@@ -29,12 +29,22 @@ LANGUAGES = ("sh", "powershell", "toml", "python", "text", "json")
 ONLY_SH = re.compile(r"(?m)\\$|^(for|make|export|\.) |(\.venv|evaluator|networks)/bin/|\$\(")
 #: Files of the user's, or made by hand for an example, which no block of code and no source names.
 OF_USERS = {
-    "argparse.py", "icymoon.py",  # in a folder of somebody else, where Python would find them
-    "icymoon_few_paths.py", "frost_waves/__init__.py",  # modules of a package that the page describes
-    "make_pair.py", "plane.exr", "plane.pfm", "view_0000_left.npy", "view_0000_left.png", "view_0000_right.png",
-    "mine.toml", "seaice1.obj", ".aux.xml",
+    "argparse.py",
+    "icymoon.py",  # in a folder of somebody else, where Python would find them
+    "icymoon_few_paths.py",
+    "frost_waves/__init__.py",  # modules of a package that the page describes
+    "make_pair.py",
+    "plane.exr",
+    "plane.pfm",
+    "view_0000_left.npy",
+    "view_0000_left.png",
+    "view_0000_right.png",
+    "mine.toml",
+    "seaice1.obj",
+    ".aux.xml",
     *(f"firn{map_}.png" for map_ in ("", "_albedo", "_height", "_normal", "_roughness", "_transmission")),
-    "evaluation/curves/surface.albedo.png", "right_deposits.png",  # made of a setting's name, of an eye's
+    "evaluation/curves/surface.albedo.png",
+    "right_deposits.png",  # made of a setting's name, of an eye's
     "dist/manual/index.html",  # by MkDocs
 }
 
@@ -88,8 +98,11 @@ def words_of_python(code: str) -> list[list[str]]:
     return [words for words in commands.words_of(code) if words[0].endswith("python")]
 
 
-@pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "sh" and ONLY_SH.search(b.code)
-                                   and b.page != "CONTRIBUTING.md"], ids=str)
+@pytest.mark.parametrize(
+    "block",
+    [b for b in BLOCKS if b.language == "sh" and ONLY_SH.search(b.code) and b.page != "CONTRIBUTING.md"],
+    ids=str,
+)
 def test_what_only_some_shells_understand_is_said_for_powershell_too(block):
     """Where the spelling differs, what is run does not; make is for those who have it, its steps for the others."""
     text = manual.written()[block.page]
@@ -183,8 +196,7 @@ def test_every_setting_that_is_named_exists(page):
 @cache
 def texts_of_files() -> tuple[str, str]:
     """What the package contains, and what the blocks of code of all pages contain: names of files are in them."""
-    return ("\n".join(path.read_text(encoding="utf-8") for path in SOURCES),
-            "\n".join(block.code for block in BLOCKS))
+    return ("\n".join(path.read_text(encoding="utf-8") for path in SOURCES), "\n".join(block.code for block in BLOCKS))
 
 
 def is_there(name: str) -> bool:
@@ -210,31 +222,41 @@ def test_every_file_that_is_named_is_there(page):
 
 
 def test_a_file_that_is_gone_is_found():
-    names = manual.named_files("`settings/table.py`, `properties.py`, `settings/tables.py`, `docs/old/`, `FILE.toml`, "
-                               "`scenes/nowhere`, `nowhere.json`, `a.b`, `scenes/hapke_…` and `hapke_*.py`\n")
+    names = manual.named_files(
+        "`settings/table.py`, `properties.py`, `settings/tables.py`, `docs/old/`, `FILE.toml`, "
+        "`scenes/nowhere`, `nowhere.json`, `a.b`, `scenes/hapke_…` and `hapke_*.py`\n"
+    )
     assert {name for name in names if not is_there(name)} == {
-        "properties.py", "settings/tables.py", "docs/old/", "scenes/nowhere", "nowhere.json"}
+        "properties.py",
+        "settings/tables.py",
+        "docs/old/",
+        "scenes/nowhere",
+        "nowhere.json",
+    }
     named = {name for text in manual.written().values() for name in manual.named_files(text)}
     assert named >= OF_USERS, "a name in OF_USERS is on no page any more"
     assert not [name for name in OF_USERS if name in manual.files()]
 
 
-@pytest.mark.parametrize(("command", "word"), [
-    ("python -m icymoon rendr", "invalid choice"),
-    ("python -m icymoon render --preset nowhere", "nowhere"),
-    ("python -m icymoon render --set rig.baseline=3", "baseline_m"),
-    ("python -m icymoon.stereo develop D --out O --set rig.baseline_m=3", "new render"),
-    ("python -m icymoon.stereo evaluate D --out O --methods bmm", "bmm"),
-    ("python -m icymoon.stereo evaluate D --out O --methods bm:windows=7", "windows"),
-    ("python -m icymoon.stereo match --method bm --left L --right R --out O --option windo=7", "windo"),
-    ("python benchmarks/nothing.py", "nothing"),
-    ("make tests", "tests"),
-    ("pip install icymoon[everything]", "everything"),
-    ("blender -b --python-expr 'import bpy; bpy.ops.icymoon.build()'", "build"),
-    ("blender -b --python-expr 'import bpy; bpy.ops.icymoon.render_pair(agin=True)'", "agin"),
-    ("blender -b --python-expr 'import bpy; s = bpy.context.scene.icymoon; s.rig.base_m = 1'", "base_m"),
-    ("rm -r /", "rm"),
-])
+@pytest.mark.parametrize(
+    ("command", "word"),
+    [
+        ("python -m icymoon rendr", "invalid choice"),
+        ("python -m icymoon render --preset nowhere", "nowhere"),
+        ("python -m icymoon render --set rig.baseline=3", "baseline_m"),
+        ("python -m icymoon.stereo develop D --out O --set rig.baseline_m=3", "new render"),
+        ("python -m icymoon.stereo evaluate D --out O --methods bmm", "bmm"),
+        ("python -m icymoon.stereo evaluate D --out O --methods bm:windows=7", "windows"),
+        ("python -m icymoon.stereo match --method bm --left L --right R --out O --option windo=7", "windo"),
+        ("python benchmarks/nothing.py", "nothing"),
+        ("make tests", "tests"),
+        ("pip install icymoon[everything]", "everything"),
+        ("blender -b --python-expr 'import bpy; bpy.ops.icymoon.build()'", "build"),
+        ("blender -b --python-expr 'import bpy; bpy.ops.icymoon.render_pair(agin=True)'", "agin"),
+        ("blender -b --python-expr 'import bpy; s = bpy.context.scene.icymoon; s.rig.base_m = 1'", "base_m"),
+        ("rm -r /", "rm"),
+    ],
+)
 def test_a_wrong_command_is_found(command, word):
     ((words),) = commands.words_of(command)
     assert word in commands.fault(words)

@@ -30,9 +30,28 @@ def test_every_example_is_tried():
 
 def test_every_kind_and_key_of_plans_is_documented():
     named = set(re.findall(r"`([a-z_]+)", TEXT))
-    keys = {"count", "case", "preset", "uniform", "log_uniform", "normal", "within", "choice", "name", "replaces",
-            "headings", "pitches_deg", "elevations_deg", "azimuths_deg", "distances_m", "target_height_m",
-            "clearance_m", "margin_m", "apart_m", "random_headings"}
+    keys = {
+        "count",
+        "case",
+        "preset",
+        "uniform",
+        "log_uniform",
+        "normal",
+        "within",
+        "choice",
+        "name",
+        "replaces",
+        "headings",
+        "pitches_deg",
+        "elevations_deg",
+        "azimuths_deg",
+        "distances_m",
+        "target_height_m",
+        "clearance_m",
+        "margin_m",
+        "apart_m",
+        "random_headings",
+    }
     inside = {key for example in EXAMPLES for key in re.findall(r"[a-z_]+", example)}
     assert set(sweeps.KINDS) | set(poses.KINDS) | set(plan_file.HEADER) | keys <= named | inside
     assert set(sweeps.KINDS) | set(poses.KINDS) <= named

@@ -48,8 +48,10 @@ def figure_fault(text: str, other: str) -> str:
     """What differs between two drawings, beside their last digits."""
     if _NUMBER.sub("#", text) != _NUMBER.sub("#", other):
         return "other shapes or words"
-    off = max((abs(float(a) - float(b)) for a, b in zip(_NUMBER.findall(text), _NUMBER.findall(other), strict=True)),
-              default=0.0)
+    off = max(
+        (abs(float(a) - float(b)) for a, b in zip(_NUMBER.findall(text), _NUMBER.findall(other), strict=True)),
+        default=0.0,
+    )
     return f"{off:g} pt off" if off > TOLERANCE else ""
 
 
@@ -84,8 +86,12 @@ def test_a_figure_is_what_the_code_draws(name):
 def test_no_file_is_left_of_a_page_or_figure_that_is_gone():
     drawn = {f"{name}.svg" for name in figure_names()}
     assert {path.name for path in (ROOT / "docs" / "figures").iterdir()} == drawn
-    marked = {path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*.md")
-              if path.read_text(encoding="utf-8").startswith(reference.HEADER)}
+    marked = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "docs").rglob("*.md")
+        if path.read_text(encoding="utf-8").startswith(reference.HEADER)
+    }
     assert marked == set(manual.generated())
-    assert {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs" / "notebooks").glob("*.png")
-            } == set(notebooks.images())
+    assert {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs" / "notebooks").glob("*.png")} == set(
+        notebooks.images()
+    )

@@ -19,28 +19,41 @@ from sources import SOURCES, tree_of
 
 #: A row of the glossary: its word, its meaning, the words that are not used for it.
 _ROW = re.compile(r"^\| ([^|]+) \| ([^|]+) \|([^|]*)\|$", re.MULTILINE)
-_PAPER = ("Ramchander Bhaskara et al.", "Icy Moon Surface Simulation and Stereo Depth Estimation for Sampling Autonomy",
-          "IEEE Aerospace Conference 2024")
+_PAPER = (
+    "Ramchander Bhaskara et al.",
+    "Icy Moon Surface Simulation and Stereo Depth Estimation for Sampling Autonomy",
+    "IEEE Aerospace Conference 2024",
+)
 
 
 def glossary(text: str) -> dict[str, str]:
     """The word to use for each word that is not used."""
     _, _, table = text.partition("\n## Words\n")
-    return {phrase.strip(): word.strip() for word, _, phrases in _ROW.findall(table) if word not in ("word", "---")
-            for phrase in phrases.split(",") if phrase.strip()}
+    return {
+        phrase.strip(): word.strip()
+        for word, _, phrases in _ROW.findall(table)
+        if word not in ("word", "---")
+        for phrase in phrases.split(",")
+        if phrase.strip()
+    }
 
 
 GLOSSARY = glossary((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))
 #: Not in a name: of a file, a setting, an option, a Python module.
-_FOUND = re.compile(r"(?<![\w./:<{-])(" + "|".join(sorted(map(re.escape, GLOSSARY), key=len, reverse=True))
-                    + r")(?!\w|[./:=_-]\w)", re.IGNORECASE)
+_FOUND = re.compile(
+    r"(?<![\w./:<{-])(" + "|".join(sorted(map(re.escape, GLOSSARY), key=len, reverse=True)) + r")(?!\w|[./:=_-]\w)",
+    re.IGNORECASE,
+)
 
 
 def faults(text: str) -> list[str]:
     """Each use of a word that the glossary rules out, with the words around it and the word to use."""
     text = " ".join(text.split())
-    return [f"'{text[max(found.start() - 30, 0):found.end() + 30]}': use '{GLOSSARY[found[1].lower()]}'"
-            for found in _FOUND.finditer(text) if not found[1].isupper()]  # DATASET stands for a folder
+    return [
+        f"'{text[max(found.start() - 30, 0) : found.end() + 30]}': use '{GLOSSARY[found[1].lower()]}'"
+        for found in _FOUND.finditer(text)
+        if not found[1].isupper()
+    ]  # DATASET stands for a folder
 
 
 def spoken(page: str) -> str:
@@ -62,8 +75,10 @@ def _strings(tree: ast.AST) -> Iterator[tuple[str, str]]:
     parts = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
     for node in ast.walk(tree):
         if isinstance(node, ast.JoinedStr):
-            yield "message", "".join(str(part.value) if isinstance(part, ast.Constant) else "{}"
-                                     for part in node.values)
+            yield (
+                "message",
+                "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values),
+            )
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts:
             yield docstrings.get(id(node), "message"), node.value
 
@@ -111,8 +126,10 @@ def test_words_are_those_of_the_glossary(kind):
 
 
 #: Turns that a reader reads twice: the thing is not named.
-_ROUNDABOUT = re.compile(r"\b[Ww]hat (is|are|was|has|have|can|they|it|the)\b|\b(that|those) of\b|\b(is|are) none\b"
-                         r"|\bof its own\b|\bof (which|whom)\b|\bso (many|much|often)\b")
+_ROUNDABOUT = re.compile(
+    r"\b[Ww]hat (is|are|was|has|have|can|they|it|the)\b|\b(that|those) of\b|\b(is|are) none\b"
+    r"|\bof its own\b|\bof (which|whom)\b|\bso (many|much|often)\b"
+)
 #: Some of them are the plainest English there is.
 _MOST_ROUNDABOUT = 0.015
 
@@ -125,14 +142,20 @@ def _docstrings_and_comments() -> Iterator[tuple[str, str]]:
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
                 yield f"{name}:{node.body[0].lineno}", text
         with path.open("rb") as file:
-            yield from ((f"{name}:{token.start[0]}", token.string) for token in tokenize.tokenize(file.readline)
-                        if token.type == tokenize.COMMENT)
+            yield from (
+                (f"{name}:{token.start[0]}", token.string)
+                for token in tokenize.tokenize(file.readline)
+                if token.type == tokenize.COMMENT
+            )
 
 
 def test_docstrings_and_comments_name_the_thing():
     texts = list(_docstrings_and_comments())
-    found = [f"{place}: …{text[max(turn.start() - 40, 0):turn.end() + 40]}…" for place, text in texts
-             if (turn := _ROUNDABOUT.search(text))]
+    found = [
+        f"{place}: …{text[max(turn.start() - 40, 0) : turn.end() + 40]}…"
+        for place, text in texts
+        if (turn := _ROUNDABOUT.search(text))
+    ]
     assert len(texts) > 1000
     assert len(found) <= _MOST_ROUNDABOUT * len(texts), "\n".join(found)
 
@@ -146,16 +169,49 @@ def test_a_page_that_names_the_paper_gives_its_reference(page):
 
 def test_the_glossary_has_the_words_of_the_field():
     words = {word.strip() for word, _, _ in _ROW.findall((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))}
-    assert words >= {"user", "fix", "rock", "pair", "plan", "data set", "scene", "setting", "preset", "quality",
-                     "radiance", "response", "develop", "matcher", "method", "truth", "coverage", "ground", "terrain",
-                     "surface", "worker", "runner", "claim", "id"}
+    assert words >= {
+        "user",
+        "fix",
+        "rock",
+        "pair",
+        "plan",
+        "data set",
+        "scene",
+        "setting",
+        "preset",
+        "quality",
+        "radiance",
+        "response",
+        "develop",
+        "matcher",
+        "method",
+        "truth",
+        "coverage",
+        "ground",
+        "terrain",
+        "surface",
+        "worker",
+        "runner",
+        "claim",
+        "id",
+    }
     assert not set(GLOSSARY) & words, "a word cannot be ruled out and explained"
 
 
-@pytest.mark.parametrize(("text", "count"), [
-    ("How to mend it.", 1), ("The person\nmends it", 2), ("an ice  block lies there", 1), ("A Dataset", 1),
-    ("Fix the data set", 0), ("dataset.headings and datasets/guiss_all", 0), ("block matching", 0),
-    ("recommended", 0), ("DATASET", 0)])
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        ("How to mend it.", 1),
+        ("The person\nmends it", 2),
+        ("an ice  block lies there", 1),
+        ("A Dataset", 1),
+        ("Fix the data set", 0),
+        ("dataset.headings and datasets/guiss_all", 0),
+        ("block matching", 0),
+        ("recommended", 0),
+        ("DATASET", 0),
+    ],
+)
 def test_words_that_are_ruled_out_are_found(text, count):
     assert len(faults(text)) == count
 
@@ -167,8 +223,12 @@ def test_code_links_and_the_glossary_itself_are_no_sentences():
 
 def test_messages_are_told_from_docstrings():
     tree = ast.parse('"""A."""\nclass ICYMOON_OT_x:\n    """B."""\ndef f(a):\n    """C."""\n    raise E(f"D {a} e")\n')
-    assert sorted(_strings(tree)) == [("docstring", "A."), ("docstring", "C."), ("message", "B."),
-                                      ("message", "D {} e")]
+    assert sorted(_strings(tree)) == [
+        ("docstring", "A."),
+        ("docstring", "C."),
+        ("message", "B."),
+        ("message", "D {} e"),
+    ]
 
 
 def test_presets_have_sentences():

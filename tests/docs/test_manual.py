@@ -21,8 +21,13 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]  # building the pages 
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The built manual."""
     folder = tmp_path_factory.mktemp("manual")
-    done = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)], cwd=ROOT,
-                          capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return folder
 

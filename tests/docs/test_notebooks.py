@@ -38,12 +38,19 @@ def test_it_gives_what_its_page_shows(name, tmp_path):
     """In a process of its own: a notebook changes the folder, and its worker ends with it."""
     pytest.importorskip("bpy", reason="notebooks render")
     pytest.importorskip("matplotlib")
-    program = ("import json, pathlib, sys; sys.path.insert(0, sys.argv[1]); import notebooks\n"
-               "found = notebooks.read(sys.argv[2]); notebooks.run(found)\n"
-               "pathlib.Path(sys.argv[3]).write_text(json.dumps(notebooks.texts(found)), encoding='utf-8')")
+    program = (
+        "import json, pathlib, sys; sys.path.insert(0, sys.argv[1]); import notebooks\n"
+        "found = notebooks.read(sys.argv[2]); notebooks.run(found)\n"
+        "pathlib.Path(sys.argv[3]).write_text(json.dumps(notebooks.texts(found)), encoding='utf-8')"
+    )
     out = tmp_path / "texts.json"
-    ended = subprocess.run([sys.executable, "-c", program, str(ROOT / "docs" / "make"), name, str(out)],
-                           capture_output=True, text=True, timeout=500, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", program, str(ROOT / "docs" / "make"), name, str(out)],
+        capture_output=True,
+        text=True,
+        timeout=500,
+        check=False,
+    )
     assert ended.returncode == 0, ended.stderr
     found, kept = json.loads(out.read_text(encoding="utf-8")), notebooks.texts(notebooks.read(name))
     assert len(found) == len(kept)

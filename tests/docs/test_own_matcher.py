@@ -29,9 +29,13 @@ def put_python_on_path(folder, monkeypatch):
     monkeypatch.setenv("PATH", str(folder), prepend=":")
 
 
-@pytest.mark.parametrize(("file", "program", "command", "name"), [
-    ("mynet.py", "from icymoon_serve import serve", "mynet=resident", "mynet"),
-    ("mine.py", "import sys", "command='python mine.py", "mine")])
+@pytest.mark.parametrize(
+    ("file", "program", "command", "name"),
+    [
+        ("mynet.py", "from icymoon_serve import serve", "mynet=resident", "mynet"),
+        ("mine.py", "import sys", "command='python mine.py", "mine"),
+    ],
+)
 def test_a_program_of_the_manual_gets_its_row(file, program, command, name, tmp_path, monkeypatch):
     pairs.write_pair(tmp_path / "DATASET" / "pairs" / "one", rig=pairs.camera(320, 180))
     text, words = CODE[after(program)], shlex.split(CODE[after(command)])

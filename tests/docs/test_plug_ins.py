@@ -38,7 +38,7 @@ MODULES = [code for code in re.findall(r"(?ms)^```python\n(.*?)^```$", PAGE) if 
 
 @pytest.mark.parametrize("code", MODULES, ids=lambda code: code.splitlines()[0])
 def test_each_module_of_the_page_passes_its_check(code, tmp_path, monkeypatch, capsys):
-    kind, = (kind for function, kind in KINDS.items() if f"def {function}(" in code)
+    (kind,) = (kind for function, kind in KINDS.items() if f"def {function}(" in code)
     add_package(tmp_path, monkeypatch, kind, "of_the_page", code)
     assert main(["check-plugin", "of_the_page"]) == 0, capsys.readouterr().out
 
@@ -63,9 +63,36 @@ def test_pip_installs_each_from_its_folder(project, tmp_path):
         if path.is_file():
             (copy / path.name).write_bytes(path.read_bytes())
     site = tmp_path / "site"
-    subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps",
-                    "--no-build-isolation", "--target", str(site), str(copy)], check=True, timeout=100)
-    done = subprocess.run([sys.executable, "-P", "-c", "import sys; sys.path.append(sys.argv[1]); "
-                           "from icymoon.__main__ import main; sys.exit(main(['check-plugin', sys.argv[2]]))",
-                           str(site), project.name], capture_output=True, text=True, check=False, timeout=100)
+    subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            "--no-deps",
+            "--no-build-isolation",
+            "--target",
+            str(site),
+            str(copy),
+        ],
+        check=True,
+        timeout=100,
+    )
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-P",
+            "-c",
+            "import sys; sys.path.append(sys.argv[1]); "
+            "from icymoon.__main__ import main; sys.exit(main(['check-plugin', sys.argv[2]]))",
+            str(site),
+            project.name,
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
+    )
     assert done.returncode == 0, done.stdout + done.stderr

@@ -38,10 +38,16 @@ def test_blender_reads_the_catalogs():
     assert lines[0] == "VERSION 1"
     entries = [line.split(":") for line in lines[1:]]
     assert [path for _, path, _ in entries] == [
-        "Icy Moon", "Icy Moon/Scenes", "Icy Moon/Surfaces", "Icy Moon/Rigs", "Icy Moon/Lights",
-        "Icy Moon/Skies"]
+        "Icy Moon",
+        "Icy Moon/Scenes",
+        "Icy Moon/Surfaces",
+        "Icy Moon/Rigs",
+        "Icy Moon/Lights",
+        "Icy Moon/Skies",
+    ]
     assert [asset_library.catalog_id(kind) for kind in ("gallery", "surfaces", "rigs", "bodies", "skies")] == [
-        str(uuid.UUID(number)) for number, *_ in entries[1:]]
+        str(uuid.UUID(number)) for number, *_ in entries[1:]
+    ]
 
 
 def test_a_second_library_replaces_the_first_and_what_is_gone_from_it(tmp_path, folder):
@@ -66,8 +72,17 @@ def test_files_of_the_user_are_left_alone(tmp_path, folder):
     assert not folder.exists()
 
 
-@pytest.mark.parametrize("name", ["../precious.blend", "scenes/../../precious.blend", "/precious.blend",
-                                  "scenes/precious.txt", "other/precious.blend", "scenes/a\n.blend"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../precious.blend",
+        "scenes/../../precious.blend",
+        "/precious.blend",
+        "scenes/precious.txt",
+        "other/precious.blend",
+        "scenes/a\n.blend",
+    ],
+)
 def test_a_record_that_names_other_files_removes_nothing(tmp_path, folder, name):
     install(tmp_path, folder, "scenes/one.blend")
     precious = tmp_path / "precious.blend"

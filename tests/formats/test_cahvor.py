@@ -122,10 +122,15 @@ def test_a_model_is_read_as_the_nearest_lens_or_refused(name):
         nearest_lens(model, most_px=1e-4)
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("Dimensions = 4 3\nC = 0 0 0\nA = 0 0 1\nH = 1 0 0\n", "vector V"), ("", "vector C"),
-    ("C = 0 0 0\nA = 0 0 1\nH = 1 0 0\nV = 0 1 0\n", "size of the image"),
-    ("Dimensions = 4 3\nC = 0 0 0\nA = 0 0 1\nH = 1 0 0\nV = 0 1 0\nO = 0 0 1\n", "O or R")])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("Dimensions = 4 3\nC = 0 0 0\nA = 0 0 1\nH = 1 0 0\n", "vector V"),
+        ("", "vector C"),
+        ("C = 0 0 0\nA = 0 0 1\nH = 1 0 0\nV = 0 1 0\n", "size of the image"),
+        ("Dimensions = 4 3\nC = 0 0 0\nA = 0 0 1\nH = 1 0 0\nV = 0 1 0\nO = 0 0 1\n", "O or R"),
+    ],
+)
 def test_what_is_no_model_is_a_sentence(tmp_path, text, words):
     path = tmp_path / "a.cahvor"
     path.write_text(text, encoding="utf-8")
@@ -145,11 +150,14 @@ def test_mrcal_reads_our_files_to_the_same_pixels(tmp_path, name):
         pytest.skip("there is no mrcal; apt-get install python3-mrcal")
     path = tmp_path / "a.cahvor"
     path.write_text(cahvor_text(model_of(name)), encoding="utf-8")
-    program = ("import json, sys, mrcal, numpy as np; m = mrcal.cameramodel(sys.argv[1])\n"
-               "v = mrcal.transform_point_Rt(m.extrinsics_Rt_fromref(), np.array(json.loads(sys.argv[2])))\n"
-               "print(json.dumps(mrcal.project(np.ascontiguousarray(v), *m.intrinsics()).tolist()))")
-    ended = subprocess.run([python, "-c", program, str(path), json.dumps(WORLD.tolist())], capture_output=True,
-                           text=True, check=True)
+    program = (
+        "import json, sys, mrcal, numpy as np; m = mrcal.cameramodel(sys.argv[1])\n"
+        "v = mrcal.transform_point_Rt(m.extrinsics_Rt_fromref(), np.array(json.loads(sys.argv[2])))\n"
+        "print(json.dumps(mrcal.project(np.ascontiguousarray(v), *m.intrinsics()).tolist()))"
+    )
+    ended = subprocess.run(
+        [python, "-c", program, str(path), json.dumps(WORLD.tolist())], capture_output=True, text=True, check=True
+    )
     assert np.abs(np.array(json.loads(ended.stdout)) - model_of(name).project(WORLD)).max() < 1e-9
 
 
@@ -177,40 +185,79 @@ def read_text_as(tmp_path, text: str | bytes, name: str = "a.lbl") -> Cahvor:
     return read_model(path)
 
 
-@pytest.mark.parametrize("text", [
-    SMALL + LABEL + SIZED.format("IMAGE", 1024) + "END", SMALL + SIZED.format("IMAGE_DATA", 1024) + LABEL,
-    SIZED.format("IMAGE", 1024) + LABEL + SIZED.format("LEFT_IMAGE", 9),
-    LABEL + " LINES = 1024 <pixel>\n LINE_SAMPLES = 1024\nEND\n"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        SMALL + LABEL + SIZED.format("IMAGE", 1024) + "END",
+        SMALL + SIZED.format("IMAGE_DATA", 1024) + LABEL,
+        SIZED.format("IMAGE", 1024) + LABEL + SIZED.format("LEFT_IMAGE", 9),
+        LABEL + " LINES = 1024 <pixel>\n LINE_SAMPLES = 1024\nEND\n",
+    ],
+)
 def test_a_label_is_read_as_the_language_has_it(tmp_path, text):
     """The size is the image's and not a thumbnail's, and a vector may go on in the next line."""
     for whole in (text, text.replace("\n", "\r\n"), text.encode() + b"\nEND\r\n" + bytes(range(256)) * 8192):
         model = read_text_as(tmp_path, whole)
         assert (model.kind, model.width_px, model.height_px) == ("CAHVOR", 1024, 1024)
         assert (model.c.tolist(), model.h.tolist(), model.v.tolist()) == (
-            [0.8, -0.1, -1.9], [511.5, 1200, 0], [511.5, 0, 1200])
+            [0.8, -0.1, -1.9],
+            [511.5, 1200, 0],
+            [511.5, 0, 1200],
+        )
 
 
 MODEL = "Dimensions = 4 3\nC = 0 0 0\nA = 0 0 1\nH = 1 0 0\nV = 0 1 0\n"
 PDS = LABEL + SIZED.format("IMAGE", 9)
 
 
-@pytest.mark.parametrize("text", [
-    "Model = CAHVOR\n" + "\n" * 100_000 + "C = (0,0,0)\n", f"Dimensions = {'9' * 5000} 480\n" + MODEL,
-    f"C = {'1' * 20_000} 0 0\n", MODEL.replace("4 3", f"4 {'9' * 5000}"), MODEL.replace("4 3", "-4 3"),
-    MODEL.replace("4 3", "0 3"), MODEL.replace("4 3", "100001 3"), MODEL.replace("4 3", "4.5 3"),
-    MODEL.replace("4 3", "4"), MODEL.replace("4 3", "４ ３"), MODEL.replace("H = 1", "H = nan"),
-    MODEL.replace("H = 1", "H = 1e999"), MODEL.replace("H = 1", "H = 1_0"), MODEL.replace("H = 1", "H = 1,5"),
-    MODEL.replace("H = 1 0 0", "H = 1 0"), MODEL + "C = 1 1 1\n", MODEL + "Dimensions = 9 9\n", MODEL + "E = 0 0 0\n",
-    MODEL.replace("H = 1 0 0", "H = " + "1\n" * 10**5), "=" * 10**5, "C =" * 10**5,
-    MODEL.encode("utf-16"), b"\0" * 10**5,
-    LABEL, LABEL + SMALL, PDS + PDS.replace("-0.1", "0.1") + SIZED.format("IMAGE", 8), PDS.replace("9", "9" * 5000),
-    PDS.replace("1200", "1" * 5000), PDS.replace("1200", "inf"), PDS.replace("511.5, 1200, 0", "511.5, 1200"),
-    PDS.replace("511.5, 1200, 0", "511.5, (1200), 0"), PDS.replace("(511.5, 1200, 0)", "511.5"),
-    PDS.replace("(1 <m>", "(" * 10**5), PDS.replace("= PDS3", '= "'),
-    LABEL + SIZED.format("ONE", 5) + SIZED.format("B", 6),
-    PDS.replace('"C", "A"', '"C", "X"'), PDS.replace('("C"', '("CA"'), LABEL.replace(")", ""),
-    "GEOMETRIC_CAMERA_MODEL" * 40_000, "GEOMETRIC_CAMERA_MODEL = (" * 30_000, PDS.replace(" = IMAGE\n", " = {IMAGE}\n"),
-    PDS.replace(" MODEL_COMPONENT_2", " MODEL_COMPONENT_2 = (2, 0, 0)\n MODEL_COMPONENT_2")], ids=range(42))
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Model = CAHVOR\n" + "\n" * 100_000 + "C = (0,0,0)\n",
+        f"Dimensions = {'9' * 5000} 480\n" + MODEL,
+        f"C = {'1' * 20_000} 0 0\n",
+        MODEL.replace("4 3", f"4 {'9' * 5000}"),
+        MODEL.replace("4 3", "-4 3"),
+        MODEL.replace("4 3", "0 3"),
+        MODEL.replace("4 3", "100001 3"),
+        MODEL.replace("4 3", "4.5 3"),
+        MODEL.replace("4 3", "4"),
+        MODEL.replace("4 3", "４ ３"),
+        MODEL.replace("H = 1", "H = nan"),
+        MODEL.replace("H = 1", "H = 1e999"),
+        MODEL.replace("H = 1", "H = 1_0"),
+        MODEL.replace("H = 1", "H = 1,5"),
+        MODEL.replace("H = 1 0 0", "H = 1 0"),
+        MODEL + "C = 1 1 1\n",
+        MODEL + "Dimensions = 9 9\n",
+        MODEL + "E = 0 0 0\n",
+        MODEL.replace("H = 1 0 0", "H = " + "1\n" * 10**5),
+        "=" * 10**5,
+        "C =" * 10**5,
+        MODEL.encode("utf-16"),
+        b"\0" * 10**5,
+        LABEL,
+        LABEL + SMALL,
+        PDS + PDS.replace("-0.1", "0.1") + SIZED.format("IMAGE", 8),
+        PDS.replace("9", "9" * 5000),
+        PDS.replace("1200", "1" * 5000),
+        PDS.replace("1200", "inf"),
+        PDS.replace("511.5, 1200, 0", "511.5, 1200"),
+        PDS.replace("511.5, 1200, 0", "511.5, (1200), 0"),
+        PDS.replace("(511.5, 1200, 0)", "511.5"),
+        PDS.replace("(1 <m>", "(" * 10**5),
+        PDS.replace("= PDS3", '= "'),
+        LABEL + SIZED.format("ONE", 5) + SIZED.format("B", 6),
+        PDS.replace('"C", "A"', '"C", "X"'),
+        PDS.replace('("C"', '("CA"'),
+        LABEL.replace(")", ""),
+        "GEOMETRIC_CAMERA_MODEL" * 40_000,
+        "GEOMETRIC_CAMERA_MODEL = (" * 30_000,
+        PDS.replace(" = IMAGE\n", " = {IMAGE}\n"),
+        PDS.replace(" MODEL_COMPONENT_2", " MODEL_COMPONENT_2 = (2, 0, 0)\n MODEL_COMPONENT_2"),
+    ],
+    ids=range(42),
+)
 @pytest.mark.timeout(20)
 def test_a_hostile_model_is_a_sentence(tmp_path, text):
     with pytest.raises(IcyMoonError) as caught:
@@ -221,9 +268,16 @@ def test_a_hostile_model_is_a_sentence(tmp_path, text):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("text", [
-    MODEL.replace("A = 0 0 1", "A = 0 0 0"), MODEL.replace("H = 1 0 0", "H = 0 0 0"), MODEL + "O = 0 0 0\nR = 0 1 1\n",
-    MODEL + "O = 1 0 0\nR = 0 1 1\n", MODEL.replace("= 1 0 0", "= 1e9 1e-9 1e9")])
+@pytest.mark.parametrize(
+    "text",
+    [
+        MODEL.replace("A = 0 0 1", "A = 0 0 0"),
+        MODEL.replace("H = 1 0 0", "H = 0 0 0"),
+        MODEL + "O = 0 0 0\nR = 0 1 1\n",
+        MODEL + "O = 1 0 0\nR = 0 1 1\n",
+        MODEL.replace("= 1 0 0", "= 1e9 1e-9 1e9"),
+    ],
+)
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_a_model_that_sees_nothing_is_a_sentence(tmp_path, text):
     with pytest.raises(IcyMoonError, match=r"axis A|skewed|equal|no place"):

@@ -19,11 +19,17 @@ LIGHT = ("Combined", "Combined_Sun", "Combined_Planet")
 def write(path, passes: dict[str, np.ndarray], several: bool, compression) -> None:
     """A file as Blender 5 writes it, a part for each pass, or as Blender 4 does, with one part."""
     header = {"compression": compression, "type": OpenEXR.scanlineimage}
-    channels = {name: {f"{name}.{band}": np.ascontiguousarray(values[..., k])
-                       for k, band in enumerate("RGBA"[:values.shape[-1]])}
-                for name, values in passes.items()}
-    parts = ([OpenEXR.Part(dict(header), found, name) for name, found in channels.items()] if several else
-             [OpenEXR.Part(dict(header), {k: v for found in channels.values() for k, v in found.items()}, "a")])
+    channels = {
+        name: {
+            f"{name}.{band}": np.ascontiguousarray(values[..., k]) for k, band in enumerate("RGBA"[: values.shape[-1]])
+        }
+        for name, values in passes.items()
+    }
+    parts = (
+        [OpenEXR.Part(dict(header), found, name) for name, found in channels.items()]
+        if several
+        else [OpenEXR.Part(dict(header), {k: v for found in channels.values() for k, v in found.items()}, "a")]
+    )
     OpenEXR.File(parts).write(str(path))
 
 
@@ -48,8 +54,12 @@ def test_parts_are_joined_and_light_is_added(tmp_path, several, compression, hei
         return values
 
     sun, planet, ice, normal = image(10.0), image(0.1), image(0.2), image(1.0)
-    write(tmp_path / "view.exr", {"Beauty.Combined": sun + planet, "Beauty.Combined_Sun": sun,
-                                  "Beauty.Combined_Planet": planet}, several, compression)
+    write(
+        tmp_path / "view.exr",
+        {"Beauty.Combined": sun + planet, "Beauty.Combined_Sun": sun, "Beauty.Combined_Planet": planet},
+        several,
+        compression,
+    )
     write(tmp_path / "planet.exr", {"Beauty.Combined": ice, "Beauty.Combined_Planet": ice}, several, compression)
     write(tmp_path / "truth.exr", {"Truth.Normal": normal}, several, compression)
     view, light, truth = (pieces_of(tmp_path / f"{name}.exr") for name in ("view", "planet", "truth"))
@@ -70,8 +80,10 @@ def test_parts_are_joined_and_light_is_added(tmp_path, several, compression, hei
 @pytest.mark.parametrize("height", [1, 16, 53])
 def test_passes_that_nobody_needs_are_left_out(tmp_path, several, compression, height):
     random = np.random.default_rng(height)
-    made = {name: random.random((height, 31, 3)).astype(np.float32) for name in (
-        "Truth.Combined", "Truth.Combined_Sun", "Truth.Normal", "Truth.Depth")}
+    made = {
+        name: random.random((height, 31, 3)).astype(np.float32)
+        for name in ("Truth.Combined", "Truth.Combined_Sun", "Truth.Normal", "Truth.Depth")
+    }
     write(tmp_path / "truth.exr", made, several, compression)
     data = (tmp_path / "truth.exr").read_bytes()
     for unwanted, kept in (({"Truth.Combined"}, 3), ({"Truth.Combined", "Truth.Combined_Sun"}, 2), ({"Truth.Comb"}, 4)):
@@ -99,8 +111,11 @@ def test_a_file_without_compression_is_compressed_and_has_the_same_values(tmp_pa
         (tmp_path / "view.exr").write_bytes(join_layers({"Beauty": read_pieces(before)}, compress))
         assert is_whole(tmp_path / "view.exr")
         file = OpenEXR.File(str(tmp_path / "view.exr"))
-        sizes[compression] = {part.compression() for part in file.parts}, len(before), len(
-            (tmp_path / "view.exr").read_bytes())
+        sizes[compression] = (
+            {part.compression() for part in file.parts},
+            len(before),
+            len((tmp_path / "view.exr").read_bytes()),
+        )
         found = read(tmp_path / "view.exr")
         for name, values in passes.items():
             assert all(np.array_equal(found[f"{name}.{band}"], values[..., k]) for k, band in enumerate("RGB"))
@@ -112,7 +127,7 @@ def test_a_file_without_compression_is_compressed_and_has_the_same_values(tmp_pa
 
 def test_a_line_of_another_size_is_refused(tmp_path):
     write(tmp_path / "view.exr", {"Beauty.Combined": np.ones((5, 4, 3), np.float32)}, True, OpenEXR.NO_COMPRESSION)
-    piece, = read_pieces((tmp_path / "view.exr").read_bytes())
+    (piece,) = read_pieces((tmp_path / "view.exr").read_bytes())
     piece.chunks[2] = piece.chunks[2][:-4]
     with pytest.raises(ValueError, match="another size"):
         Pixels(piece).decode()
@@ -158,8 +173,12 @@ def test_a_pass_is_added_beside_others(tmp_path, several, compression, height):
 def test_baked_light_is_added_to_the_image_and_its_share_is_known(tmp_path, several):
     random = np.random.default_rng(3)
     direct, baked, other = ((random.random((20, 31, 3)) * scale).astype(np.float32) for scale in (10.0, 3.0, 1.0))
-    write(tmp_path / "view.exr", {"Beauty.Combined": direct, "Beauty.Baked": baked, "Beauty.Depth": other}, several,
-          OpenEXR.ZIP_COMPRESSION)
+    write(
+        tmp_path / "view.exr",
+        {"Beauty.Combined": direct, "Beauty.Baked": baked, "Beauty.Depth": other},
+        several,
+        OpenEXR.ZIP_COMPRESSION,
+    )
     added, shares = add_baked(pieces_of(tmp_path / "view.exr"))
     assert shares == {"Sun": pytest.approx(baked.sum() / (direct + baked).sum(), rel=1e-6)}
     (tmp_path / "view.exr").write_bytes(join_layers({"Beauty": added}, partial(drop_passes, unwanted={"Beauty.Baked"})))
@@ -186,15 +205,27 @@ def test_a_pixel_without_baked_light_makes_the_share_unknown(tmp_path):
 @pytest.mark.parametrize("several", [True, False])
 def test_baked_light_of_sun_and_planet_is_added_to_the_light_groups_too(tmp_path, several):
     random = np.random.default_rng(4)
-    sun, planet, by_sun, by_planet = ((random.random((20, 31, 3)) * scale).astype(np.float32)
-                                      for scale in (10.0, 0.1, 2.0, 0.02))
-    write(tmp_path / "view.exr", {
-        "Beauty.Combined": sun + planet, "Beauty.Combined_Sun": sun, "Beauty.Combined_Planet": planet,
-        "Beauty.Baked": by_sun, "Beauty.BakedPlanet": by_planet}, several, OpenEXR.ZIP_COMPRESSION)
+    sun, planet, by_sun, by_planet = (
+        (random.random((20, 31, 3)) * scale).astype(np.float32) for scale in (10.0, 0.1, 2.0, 0.02)
+    )
+    write(
+        tmp_path / "view.exr",
+        {
+            "Beauty.Combined": sun + planet,
+            "Beauty.Combined_Sun": sun,
+            "Beauty.Combined_Planet": planet,
+            "Beauty.Baked": by_sun,
+            "Beauty.BakedPlanet": by_planet,
+        },
+        several,
+        OpenEXR.ZIP_COMPRESSION,
+    )
     added, shares = add_baked(pieces_of(tmp_path / "view.exr"))
     total = sun.sum() + planet.sum() + by_sun.sum() + by_planet.sum()
-    assert shares == {"Sun": pytest.approx(by_sun.sum() / total, rel=1e-5),
-                      "Planet": pytest.approx(by_planet.sum() / total, rel=1e-5)}
+    assert shares == {
+        "Sun": pytest.approx(by_sun.sum() / total, rel=1e-5),
+        "Planet": pytest.approx(by_planet.sum() / total, rel=1e-5),
+    }
     (tmp_path / "view.exr").write_bytes(join_layers({"Beauty": added}))
     light = read_light(tmp_path / "view.exr")
     assert np.array_equal(light.groups["Sun"], sun + by_sun)
@@ -208,15 +239,22 @@ def test_the_noise_of_baked_light_is_that_of_the_pixels_that_have_it(tmp_path, s
     direct, baked, planet = (random.random((20, 31, 3), np.float32) * np.float32(scale) for scale in (10.0, 3.0, 1.0))
     error, other = (random.standard_normal((20, 31, 1)).astype(np.float32) * np.float32(scale) for scale in (0.3, 0.1))
     baked[:5], planet[:5] = 0, 0  # sky
-    write(tmp_path / "view.exr", {
-        "Beauty.Combined": np.concatenate([direct, np.ones_like(direct[..., :1])], axis=-1),  # with alpha
-        "Beauty.Baked": baked, "Beauty.BakedPlanet": planet}, several, OpenEXR.ZIP_COMPRESSION)
+    write(
+        tmp_path / "view.exr",
+        {
+            "Beauty.Combined": np.concatenate([direct, np.ones_like(direct[..., :1])], axis=-1),  # with alpha
+            "Beauty.Baked": baked,
+            "Beauty.BakedPlanet": planet,
+        },
+        several,
+        OpenEXR.ZIP_COMPRESSION,
+    )
     errors = (("BakedError", error), ("BakedErrorPlanet", other))
     pieces, _ = add_baked(pieces_of(tmp_path / "view.exr"))
     pieces += [encode_part(f"Beauty.{name}", {"X": values[..., 0]}) for name, values in errors]
     light = (direct + baked + planet)[5:].astype(np.float64)
     both = (error.astype(np.float64) + other)[5:]
-    assert noise_of_baked(pieces) == pytest.approx(np.sqrt(np.mean(both ** 2)) / light.mean(), rel=1e-6)
+    assert noise_of_baked(pieces) == pytest.approx(np.sqrt(np.mean(both**2)) / light.mean(), rel=1e-6)
 
 
 def test_an_image_without_baked_light_has_no_noise_of_it(tmp_path):
@@ -234,11 +272,14 @@ def test_an_image_is_the_sum_of_its_lights_or_not(tmp_path, several):
     denoised[3, 4, 1] *= np.float32(1 + 2.0**-18)
     unknown[3, 4, 1] = np.nan
     dark[:] = 0
-    cases = {"rounded": (lights | {"Beauty.Combined": (sun + planet) * np.float32(1 + 2.0**-22)}, True),
-             "denoised": (lights | {"Beauty.Combined": denoised}, False),
-             "unknown": (lights | {"Beauty.Combined": unknown}, False),
-             "dark": (lights | {"Beauty.Combined": dark}, False),
-             "one light": ({"Beauty.Combined": sun}, False), "no image": (lights, False)}
+    cases = {
+        "rounded": (lights | {"Beauty.Combined": (sun + planet) * np.float32(1 + 2.0**-22)}, True),
+        "denoised": (lights | {"Beauty.Combined": denoised}, False),
+        "unknown": (lights | {"Beauty.Combined": unknown}, False),
+        "dark": (lights | {"Beauty.Combined": dark}, False),
+        "one light": ({"Beauty.Combined": sun}, False),
+        "no image": (lights, False),
+    }
     for name, (passes, is_sum) in cases.items():
         write(tmp_path / "view.exr", passes, several, OpenEXR.ZIP_COMPRESSION)
         assert is_sum_of_lights(pieces_of(tmp_path / "view.exr")) is is_sum, name

@@ -37,17 +37,28 @@ def test_what_is_no_exr_is_not_whole(tmp_path):
 @pytest.mark.parametrize("parts", [1, 3])
 def test_joined_files_hold_the_same_pixels_and_nothing_of_the_run(tmp_path, compression, parts):
     random = np.random.default_rng(0)
-    pixels = {layer: [random.random((53, 31)).astype(np.float32) for _ in range(parts)]
-              for layer in ("Beauty", "Truth")}
+    pixels = {
+        layer: [random.random((53, 31)).astype(np.float32) for _ in range(parts)] for layer in ("Beauty", "Truth")
+    }
 
     def written(date: str) -> dict[str, list[Piece]]:
         files = {}
         for layer, images in pixels.items():
-            header = {"compression": getattr(OpenEXR, compression), "type": OpenEXR.scanlineimage, "Date": date,
-                      "RenderTime": date, "Software": "Blender", f"cycles.{layer}.synchronization_time": date}
+            header = {
+                "compression": getattr(OpenEXR, compression),
+                "type": OpenEXR.scanlineimage,
+                "Date": date,
+                "RenderTime": date,
+                "Software": "Blender",
+                f"cycles.{layer}.synchronization_time": date,
+            }
             path = tmp_path / f"{layer}.exr"
-            OpenEXR.File([OpenEXR.Part(dict(header), {f"{layer}.{k}.Z": image.copy()}, f"{layer}.{k}")
-                          for k, image in enumerate(images)]).write(str(path))
+            OpenEXR.File(
+                [
+                    OpenEXR.Part(dict(header), {f"{layer}.{k}.Z": image.copy()}, f"{layer}.{k}")
+                    for k, image in enumerate(images)
+                ]
+            ).write(str(path))
             files[layer] = read_pieces(path.read_bytes())
         return files
 
@@ -68,8 +79,9 @@ def test_joined_files_hold_the_same_pixels_and_nothing_of_the_run(tmp_path, comp
 def test_a_file_taken_apart_and_put_together_is_the_same_image(tmp_path):
     path = tmp_path / "a.exr"
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    OpenEXR.File([OpenEXR.Part(dict(header), {"Z": np.full((20, 3), k, np.float32)}, f"p{k}")
-                  for k in range(3)]).write(str(path))
+    OpenEXR.File([OpenEXR.Part(dict(header), {"Z": np.full((20, 3), k, np.float32)}, f"p{k}") for k in range(3)]).write(
+        str(path)
+    )
     assert [piece.name for piece in read_pieces(path.read_bytes())] == ["p0", "p1", "p2"]
     path.write_bytes(assemble(read_pieces(path.read_bytes())[1:]))
     found = OpenEXR.File(str(path), separate_channels=True).parts

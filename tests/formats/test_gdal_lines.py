@@ -18,8 +18,9 @@ from icymoon.support.errors import IcyMoonError
 from tiffs import write_tiff
 
 rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")
-pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning",
-                                        "ignore::PendingDeprecationWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore::rasterio.errors.NotGeoreferencedWarning", "ignore::PendingDeprecationWarning"
+)
 WITH_GDAL = pytest.mark.skipif(shutil.which("gdal_translate") is None, reason="apt install gdal-bin")
 DATA = Path(__file__).parents[1] / "data" / "heights"
 VALUES = np.array([[1.5, 20.0, 2.0, 7.0], [3.0, 4.0, 5.0, 8.0], [6.0, 1.0, 9.0, 2.5]], np.float32)
@@ -67,15 +68,20 @@ def small(**options):
 
 #: Files that are refused, and the first height of what the command makes of each, in metres; None for that of the hill.
 REFUSED = {
-    "lerc": (data_file("lerc"), None), "unit": (data_file("unit_unknown"), None),
-    "depths": (data_file("depths"), "negative"), "scale 0": (small(metadata=METADATA.format("0", "")), 1.5),
-    "scale no number": (small(metadata=METADATA.format("one", "")), 1.5), "entities": (small(metadata=BOMB), 1.5),
+    "lerc": (data_file("lerc"), None),
+    "unit": (data_file("unit_unknown"), None),
+    "depths": (data_file("depths"), "negative"),
+    "scale 0": (small(metadata=METADATA.format("0", "")), 1.5),
+    "scale no number": (small(metadata=METADATA.format("one", "")), 1.5),
+    "entities": (small(metadata=BOMB), 1.5),
     "long metadata": (small(metadata=f'<GDALMetadata><Item name="X">{"a" * 2**20}</Item></GDALMetadata>'), 1.5),
-    "two units": (two_units, 1.5 * 0.3048), "third number": (small(scale_z=2.0, tie=(0, 0, 1, 0, 0, 10)), 11.0),
+    "two units": (two_units, 1.5 * 0.3048),
+    "third number": (small(scale_z=2.0, tie=(0, 0, 1, 0, 0, 10)), 11.0),
     "negative size": (small(pixel=(2.0, -3.0)), 1.5),
     "bands": (lambda path: by_rasterio(path, count=3), 1.5),
     "12 bits": (lambda path: by_rasterio(path, (100 * VALUES).astype(np.uint16), NBITS=12), 150.0),
-    "JPEG": (lambda path: by_rasterio(path, np.full((16, 16), 7, np.uint8), compress="JPEG"), 7.0)}
+    "JPEG": (lambda path: by_rasterio(path, np.full((16, 16), 7, np.uint8), compress="JPEG"), 7.0),
+}
 
 
 @WITH_GDAL
@@ -122,9 +128,13 @@ def test_a_turned_grid_is_a_map_without_false_heights(tmp_path):
 
 
 @WITH_GDAL
-@pytest.mark.parametrize(("side", "options", "command"), [
-    (10_000, {"blockysize": 10_000}, "store it in tiles"),
-    (8192, {"tiled": True, "blockxsize": 256, "blockysize": 256}, "make it coarser")])
+@pytest.mark.parametrize(
+    ("side", "options", "command"),
+    [
+        (10_000, {"blockysize": 10_000}, "store it in tiles"),
+        (8192, {"tiled": True, "blockxsize": 256, "blockysize": 256}, "make it coarser"),
+    ],
+)
 def test_a_file_that_takes_too_much_memory_is_stored_or_made_so_that_it_does_not(tmp_path, side, options, command):
     path = by_rasterio(tmp_path / "a.tif", np.full((side, side), 7, np.uint8), compress="deflate", **options)
     site = Site(True, (0.0, 0.0), 50.0) if command == "store it in tiles" else None
@@ -154,16 +164,24 @@ def test_a_map_without_a_true_scale_is_projected_by_the_command(tmp_path, crs):
     read = geotiff.read(follow(str(caught.value), tmp_path), Site(True, (0.0, 0.0), 60.0))
     assert read.warnings == ()
     rows, columns = read.heights_m.shape
-    rise = np.diff(read.heights_m[rows // 2, columns // 2 - 5:columns // 2 + 5]).mean() / read.pixel_m[0]
+    rise = np.diff(read.heights_m[rows // 2, columns // 2 - 5 : columns // 2 + 5]).mean() / read.pixel_m[0]
     assert rise == pytest.approx(0.5, rel=2e-3)
 
 
 #: Files that GDAL makes of a map: driver, suffix, options, the type of numbers.
 DRIVERS = {
-    "asc": ("AAIGrid", "dem.asc", ""), "hgt": ("SRTMHGT", "N46E007.hgt", ""), "cub": ("ISIS3", "dem.cub", ""),
-    "jp2": ("JP2OpenJPEG", "dem.jp2", "-co REVERSIBLE=YES -co QUALITY=100"), "dt0": ("DTED", "n46.dt0", ""),
-    "grd": ("GSBG", "dem.grd", ""), "nc": ("netCDF", "dem.nc", ""), "vrt": ("VRT", "dem.vrt", ""),
-    "bil": ("EHdr", "dem.bil", ""), "img": ("HFA", "dem.img", ""), "flt": ("EHdr", "dem.flt", "-ot Float32")}
+    "asc": ("AAIGrid", "dem.asc", ""),
+    "hgt": ("SRTMHGT", "N46E007.hgt", ""),
+    "cub": ("ISIS3", "dem.cub", ""),
+    "jp2": ("JP2OpenJPEG", "dem.jp2", "-co REVERSIBLE=YES -co QUALITY=100"),
+    "dt0": ("DTED", "n46.dt0", ""),
+    "grd": ("GSBG", "dem.grd", ""),
+    "nc": ("netCDF", "dem.nc", ""),
+    "vrt": ("VRT", "dem.vrt", ""),
+    "bil": ("EHdr", "dem.bil", ""),
+    "img": ("HFA", "dem.img", ""),
+    "flt": ("EHdr", "dem.flt", "-ot Float32"),
+}
 
 
 def heights_in(folder: Path, kind: str) -> Path:
@@ -172,8 +190,11 @@ def heights_in(folder: Path, kind: str) -> Path:
     values = (np.add.outer(np.arange(rows), np.arange(columns)) % 500).astype(np.int16)
     step = 1 / (columns - 1)
     tile = rasterio.transform.from_origin(7 - step / 2, 47 + step / 2, step, step)
-    place = {"crs": "EPSG:4326", "transform": tile} if kind in ("hgt", "dt0") else {
-        "transform": rasterio.transform.from_origin(1000, -500, 2, 2)}
+    place = (
+        {"crs": "EPSG:4326", "transform": tile}
+        if kind in ("hgt", "dt0")
+        else {"transform": rasterio.transform.from_origin(1000, -500, 2, 2)}
+    )
     return by_rasterio(folder / "source.tif", values, **place)
 
 
@@ -199,8 +220,11 @@ def test_files_of_other_formats_are_answered_with_a_command_that_works(tmp_path,
 
 @WITH_GDAL
 def test_degrees_are_stated_by_the_option_of_the_sentence(tmp_path):
-    by_rasterio(tmp_path / "source.tif", crs=f"+proj=longlat +R={EUROPA_M}",
-                transform=rasterio.transform.from_origin(15, 50, 1e-4, 1e-4))
+    by_rasterio(
+        tmp_path / "source.tif",
+        crs=f"+proj=longlat +R={EUROPA_M}",
+        transform=rasterio.transform.from_origin(15, 50, 1e-4, 1e-4),
+    )
     run("gdal_translate -of AAIGrid source.tif dem.asc", tmp_path)
     (tmp_path / "dem.prj").unlink()
     with pytest.raises(IcyMoonError) as caught:
@@ -217,15 +241,38 @@ def pds3(folder: Path, detached: bool) -> Path:
     """A PDS3 image of LOLA's kind, with its scale and offset, whose label is beside or within it."""
     values = np.arange(20, dtype="<i2").reshape(4, 5)
     head = 0 if detached else 2
-    label = "\r\n".join([
-        "PDS_VERSION_ID = PDS3", "RECORD_TYPE = FIXED_LENGTH", "RECORD_BYTES = 1024", f"FILE_RECORDS = {head + 1}",
-        *(['^IMAGE = "DEM.IMG"'] if detached else ["LABEL_RECORDS = 2", "^IMAGE = 3"]), "OBJECT = IMAGE", "LINES = 4",
-        "LINE_SAMPLES = 5", "SAMPLE_TYPE = LSB_INTEGER", "SAMPLE_BITS = 16", "SCALING_FACTOR = 0.5",
-        "OFFSET = 1737400.0", "BANDS = 1", "END_OBJECT = IMAGE", "OBJECT = IMAGE_MAP_PROJECTION",
-        'MAP_PROJECTION_TYPE = "SIMPLE CYLINDRICAL"', "A_AXIS_RADIUS = 1737.4 <KM>", "B_AXIS_RADIUS = 1737.4 <KM>",
-        "C_AXIS_RADIUS = 1737.4 <KM>", "CENTER_LATITUDE = 0.0 <DEG>", "CENTER_LONGITUDE = 0.0 <DEG>",
-        "MAP_SCALE = 10.0 <M/PIXEL>", "MAP_RESOLUTION = 3032.33 <PIX/DEG>", "LINE_PROJECTION_OFFSET = 2.0 <PIXEL>",
-        "SAMPLE_PROJECTION_OFFSET = 2.5 <PIXEL>", "END_OBJECT = IMAGE_MAP_PROJECTION", "END", ""]).encode()
+    label = "\r\n".join(
+        [
+            "PDS_VERSION_ID = PDS3",
+            "RECORD_TYPE = FIXED_LENGTH",
+            "RECORD_BYTES = 1024",
+            f"FILE_RECORDS = {head + 1}",
+            *(['^IMAGE = "DEM.IMG"'] if detached else ["LABEL_RECORDS = 2", "^IMAGE = 3"]),
+            "OBJECT = IMAGE",
+            "LINES = 4",
+            "LINE_SAMPLES = 5",
+            "SAMPLE_TYPE = LSB_INTEGER",
+            "SAMPLE_BITS = 16",
+            "SCALING_FACTOR = 0.5",
+            "OFFSET = 1737400.0",
+            "BANDS = 1",
+            "END_OBJECT = IMAGE",
+            "OBJECT = IMAGE_MAP_PROJECTION",
+            'MAP_PROJECTION_TYPE = "SIMPLE CYLINDRICAL"',
+            "A_AXIS_RADIUS = 1737.4 <KM>",
+            "B_AXIS_RADIUS = 1737.4 <KM>",
+            "C_AXIS_RADIUS = 1737.4 <KM>",
+            "CENTER_LATITUDE = 0.0 <DEG>",
+            "CENTER_LONGITUDE = 0.0 <DEG>",
+            "MAP_SCALE = 10.0 <M/PIXEL>",
+            "MAP_RESOLUTION = 3032.33 <PIX/DEG>",
+            "LINE_PROJECTION_OFFSET = 2.0 <PIXEL>",
+            "SAMPLE_PROJECTION_OFFSET = 2.5 <PIXEL>",
+            "END_OBJECT = IMAGE_MAP_PROJECTION",
+            "END",
+            "",
+        ]
+    ).encode()
     if detached:
         (folder / "dem.lbl").write_bytes(label)
     (folder / "DEM.IMG").write_bytes((b"" if detached else label.ljust(2048)) + values.tobytes().ljust(1024, b"\0"))
@@ -258,15 +305,21 @@ def test_an_image_without_its_label_and_a_tile_without_its_corner_are_named(tmp_
 @pytest.mark.parametrize("keep", [4, 20, 200, 0.5, 0.9])
 def test_a_torn_file_is_not_sent_to_a_program_that_cannot_mend_it(tmp_path, keep):
     data = (DATA / "lzw_long.tif").read_bytes()
-    (tmp_path / "a.tif").write_bytes(data[:keep if keep > 1 else int(keep * len(data))])
+    (tmp_path / "a.tif").write_bytes(data[: keep if keep > 1 else int(keep * len(data))])
     with pytest.raises(IcyMoonError, match="copy it again from where it is whole") as caught:
         geotiff.read(tmp_path / "a.tif")
     assert "gdal" not in str(caught.value)
 
 
-@pytest.mark.parametrize(("name", "word"), [
-    ("dem.tif", "dem.tif"), ("my dem.tif", '"my dem.tif"'), ("-o.tif", '"./-o.tif"'),
-    ('a"$b`.tif', '"a\\"\\$b\\`.tif"')])
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [
+        ("dem.tif", "dem.tif"),
+        ("my dem.tif", '"my dem.tif"'),
+        ("-o.tif", '"./-o.tif"'),
+        ('a"$b`.tif', '"a\\"\\$b\\`.tif"'),
+    ],
+)
 def test_names_are_one_word_of_a_shell(name, word):
     assert gdal_lines.quoted(name) == word
     said = subprocess.run(["bash", "-c", f"printf %s {word}"], capture_output=True, text=True, check=True).stdout
@@ -300,12 +353,19 @@ def test_a_world_file_beside_a_map_with_a_place_changes_nothing(tmp_path):
 
 
 @WITH_GDAL
-@pytest.mark.parametrize(("element", "words"), [
-    ("<GeoTransform> 1000, 2, 0, -500, 0, -3</GeoTransform>", "its place"),
-    ('<SRS dataAxisToSRSAxisMapping="1,2">GEOGCS[]</SRS>', "its map system"),
-    ('<PAMRasterBand band="1"><NoDataValue>3</NoDataValue></PAMRasterBand>', "which heights are missing"),
-    ('<PAMRasterBand band="1"><Offset>5</Offset><Scale>2</Scale></PAMRasterBand>', "the scale of its heights, their"),
-    ('<PAMRasterBand band="1"><Metadata><MDI key="STATISTICS_MEAN">3</MDI></Metadata></PAMRasterBand>', "")])
+@pytest.mark.parametrize(
+    ("element", "words"),
+    [
+        ("<GeoTransform> 1000, 2, 0, -500, 0, -3</GeoTransform>", "its place"),
+        ('<SRS dataAxisToSRSAxisMapping="1,2">GEOGCS[]</SRS>', "its map system"),
+        ('<PAMRasterBand band="1"><NoDataValue>3</NoDataValue></PAMRasterBand>', "which heights are missing"),
+        (
+            '<PAMRasterBand band="1"><Offset>5</Offset><Scale>2</Scale></PAMRasterBand>',
+            "the scale of its heights, their",
+        ),
+        ('<PAMRasterBand band="1"><Metadata><MDI key="STATISTICS_MEAN">3</MDI></Metadata></PAMRasterBand>', ""),
+    ],
+)
 def test_what_notes_of_gdal_state_is_named_and_written_into_the_map(tmp_path, element, words):
     path = write_tiff(tmp_path / "a.tif", VALUES, pixel=(2.0, 3.0))
     plain = geotiff.read(path).warnings

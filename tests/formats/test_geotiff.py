@@ -20,8 +20,11 @@ SURVEY_FOOT_M = 1200 / 3937
 #: Step of the stored values in metres, of those that are whole numbers; floats round to half of 2^-23 of themselves.
 STEPS_M = {"scaled": 0.004, "lzw_words": 0.004, "packbits": 0.004, "long_words": 0.001}
 HALF_STEPS = {"half_floats": 2.0**-10}  # GDAL cuts them off, which is a whole step
-REFUSED = {"unit_unknown": r"furlong.*gdal_edit\.py -units m unit_unknown", "depths": r"depths \(EPSG:5715\)",
-           "lerc": "LERC.*gdal_translate"}
+REFUSED = {
+    "unit_unknown": r"furlong.*gdal_edit\.py -units m unit_unknown",
+    "depths": r"depths \(EPSG:5715\)",
+    "lerc": "LERC.*gdal_translate",
+}
 UNPLACED = {"feet_by_number": r"EPSG:2263.*GEOTIFF_VERSION=1\.0"}
 NAMES = sorted(path.stem for path in DATA.glob("*.tif"))
 
@@ -113,26 +116,52 @@ def test_a_mark_is_that_number_and_no_height_beside_it(tmp_path, sign):
     assert np.isnan(geotiff.read(path).heights_m).tolist() == [[True, True, False], [False, False, False]]
 
 
-@pytest.mark.parametrize(("options", "words"), [
-    ({"metadata": METADATA.format("0", "")}, "scale of 0"),
-    ({"metadata": METADATA.format("one", "")}, "'one'"),
-    ({"metadata": METADATA.format("nan", "")}, "no number"),
-    ({"metadata": "<GDALMetadata><Item"}, "not a whole TIFF"),
-    ({"keys": {4099: 9002}, "metadata": METADATA.format(1, '<Item name="U" sample="0" role="unittype">m</Item>')},
-     "two units"),
-    ({"keys": {4099: 9999}}, "9999"), ({"keys": {4096: 1234}}, "1234"),
-    ({"pixel": (2.0, -3.0)}, "negative size.*gdal_translate"), ({"scale_z": 2.0}, "third number"),
-    ({"matrix": (2.0, 0.1, 0, 0, 0.1, -3.0, 0, 0, *(0.0,) * 7, 1.0)}, "turned.*gdalwarp"),
-    ({"extra": {274: (3,)}}, "reverse order.*first row on top"), ({"extra": {262: (3,)}}, "palette")], ids=str)
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"metadata": METADATA.format("0", "")}, "scale of 0"),
+        ({"metadata": METADATA.format("one", "")}, "'one'"),
+        ({"metadata": METADATA.format("nan", "")}, "no number"),
+        ({"metadata": "<GDALMetadata><Item"}, "not a whole TIFF"),
+        (
+            {
+                "keys": {4099: 9002},
+                "metadata": METADATA.format(1, '<Item name="U" sample="0" role="unittype">m</Item>'),
+            },
+            "two units",
+        ),
+        ({"keys": {4099: 9999}}, "9999"),
+        ({"keys": {4096: 1234}}, "1234"),
+        ({"pixel": (2.0, -3.0)}, "negative size.*gdal_translate"),
+        ({"scale_z": 2.0}, "third number"),
+        ({"matrix": (2.0, 0.1, 0, 0, 0.1, -3.0, 0, 0, *(0.0,) * 7, 1.0)}, "turned.*gdalwarp"),
+        ({"extra": {274: (3,)}}, "reverse order.*first row on top"),
+        ({"extra": {262: (3,)}}, "palette"),
+    ],
+    ids=str,
+)
 def test_contradictions_and_unknown_things_are_refused(tmp_path, options, words):
     with pytest.raises(IcyMoonError, match=words):
         geotiff.read(small(tmp_path, **options))
 
 
-@pytest.mark.parametrize(("keys", "metres"), [
-    ({3076: 9001}, 1.0), ({3076: 9002}, 0.3048), ({3076: 9003}, SURVEY_FOOT_M), ({3076: 9036}, 1000.0),
-    ({3072: 32633}, 1.0), ({3072: 32767}, 1.0), ({}, 1.0), ({3072: 2263}, None), ({3076: 32767}, None),
-    ({3076: 9102}, None), ({1024: 3}, None)], ids=str)
+@pytest.mark.parametrize(
+    ("keys", "metres"),
+    [
+        ({3076: 9001}, 1.0),
+        ({3076: 9002}, 0.3048),
+        ({3076: 9003}, SURVEY_FOOT_M),
+        ({3076: 9036}, 1000.0),
+        ({3072: 32633}, 1.0),
+        ({3072: 32767}, 1.0),
+        ({}, 1.0),
+        ({3072: 2263}, None),
+        ({3076: 32767}, None),
+        ({3076: 9102}, None),
+        ({1024: 3}, None),
+    ],
+    ids=str,
+)
 def test_the_unit_of_the_map(tmp_path, keys, metres):
     read = geotiff.read(small(tmp_path, keys=keys))
     assert read.pixel_m == (pytest.approx((2 * metres, 3 * metres)) if metres else None)
@@ -141,10 +170,18 @@ def test_the_unit_of_the_map(tmp_path, keys, metres):
     assert bool(read.warnings) == (is_assumed or metres not in (1.0, None))
 
 
-@pytest.mark.parametrize(("keys", "fix"), [
-    ({3076: 9003}, r"gdal_edit\.py -units 'us-ft'"), ({3076: 9036}, "-units 'km'"),
-    ({3076: 9030}, "write them in metres"), ({3076: 9001}, None), ({3076: 9003, 4099: 9003}, None),
-    ({3076: 9003, 4099: 9001}, None)], ids=str)
+@pytest.mark.parametrize(
+    ("keys", "fix"),
+    [
+        ({3076: 9003}, r"gdal_edit\.py -units 'us-ft'"),
+        ({3076: 9036}, "-units 'km'"),
+        ({3076: 9030}, "write them in metres"),
+        ({3076: 9001}, None),
+        ({3076: 9003, 4099: 9003}, None),
+        ({3076: 9003, 4099: 9001}, None),
+    ],
+    ids=str,
+)
 def test_heights_without_a_unit_on_a_map_that_is_not_in_metres_are_doubted(tmp_path, keys, fix):
     read = geotiff.read(small(tmp_path, keys=keys))
     found = [each for each in read.warnings if "no unit for its heights" in each]
@@ -163,8 +200,8 @@ def test_metadata_with_entities_is_not_unfolded(tmp_path):
 def test_sizes_beyond_reason_are_refused_before_memory_is_taken(tmp_path, tag):
     path = write_tiff(tmp_path / "a.tif", VALUES, tile=16 if tag == 322 else 0)
     data = bytearray(path.read_bytes())
-    at = next(k for k in range(len(data) - 12, 8, -1) if data[k:k + 4] == tag.to_bytes(2, "little") + b"\4\0")
-    data[at + 8:at + 12] = (2**31).to_bytes(4, "little")
+    at = next(k for k in range(len(data) - 12, 8, -1) if data[k : k + 4] == tag.to_bytes(2, "little") + b"\4\0")
+    data[at + 8 : at + 12] = (2**31).to_bytes(4, "little")
     path.write_bytes(data)
     if tag == 278:
         assert np.array_equal(geotiff.read(path).heights_m, VALUES)  # one strip of more rows than there are
@@ -179,9 +216,9 @@ def test_a_tag_of_another_type_is_a_sentence(tmp_path, tag, kind):
     """As text, as fractions, or as numbers larger than any place in memory."""
     data = bytearray((DATA / "scaled.tif").read_bytes())
     start = int.from_bytes(data[4:8], "little")
-    for at in range(start + 2, start + 2 + 12 * int.from_bytes(data[start:start + 2], "little"), 12):
-        if int.from_bytes(data[at:at + 2], "little") == tag:
-            data[at + 2:at + 4] = kind.to_bytes(2, "little")
+    for at in range(start + 2, start + 2 + 12 * int.from_bytes(data[start : start + 2], "little"), 12):
+        if int.from_bytes(data[at : at + 2], "little") == tag:
+            data[at + 2 : at + 4] = kind.to_bytes(2, "little")
     (tmp_path / "b.tif").write_bytes(data)
     with contextlib.suppress(IcyMoonError):
         geotiff.read(tmp_path / "b.tif")
@@ -190,8 +227,8 @@ def test_a_tag_of_another_type_is_a_sentence(tmp_path, tag, kind):
 def test_directories_in_a_circle_end(tmp_path):
     data = bytearray(small(tmp_path).read_bytes())
     start = int.from_bytes(data[4:8], "little")
-    end = start + 2 + 12 * int.from_bytes(data[start:start + 2], "little")
-    data[end:end + 4] = start.to_bytes(4, "little")
+    end = start + 2 + 12 * int.from_bytes(data[start : start + 2], "little")
+    data[end : end + 4] = start.to_bytes(4, "little")
     assert len(tiff.read_directories(ForeignBytes(bytes(data), len(data), Budget()))) == 1
 
 

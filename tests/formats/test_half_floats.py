@@ -10,8 +10,10 @@ from icymoon.stereo.images.exr import read_view
 from icymoon.support.labels import ROUNDED
 
 #: The largest has all passes.
-FILE = max((Path(__file__).parent.parent / "data" / "v0_1_0" / "dataset" / "pairs").glob("*/left.exr"),
-           key=lambda path: path.stat().st_size)
+FILE = max(
+    (Path(__file__).parent.parent / "data" / "v0_1_0" / "dataset" / "pairs").glob("*/left.exr"),
+    key=lambda path: path.stat().st_size,
+)
 
 
 def channels_of(data):
@@ -63,8 +65,15 @@ def test_openexr_reads_the_same_as_numpy(stored, tmp_path):
     assert np.array_equal(view.depth, full.depth, equal_nan=True)
     assert np.array_equal(view.instance, full.instance)
     # Two of three components of a unit vector are at most half a step of a 16-bit float off, 2^-12.
-    angle = np.arccos(np.clip((view.normal * full.normal).sum(-1) / np.linalg.norm(view.normal, axis=-1)
-                              / np.linalg.norm(full.normal, axis=-1), -1, 1))
+    angle = np.arccos(
+        np.clip(
+            (view.normal * full.normal).sum(-1)
+            / np.linalg.norm(view.normal, axis=-1)
+            / np.linalg.norm(full.normal, axis=-1),
+            -1,
+            1,
+        )
+    )
     assert np.degrees(np.nanmax(angle)) <= 0.03 + 0.03  # arccos of single precision is that far off by itself
 
 
@@ -98,4 +107,5 @@ def test_a_part_encoded_in_16_bits_is_what_rounding_makes_of_it_and_is_not_round
     assert assemble([round_passes(full, passes)]) == assemble([half])
     assert round_passes(half, passes) is half
     assert channels_of(assemble([half]))["Truth.GeometricNormal.R"].tolist() == (
-        values["R"].astype(np.float16).astype(np.float32).tolist())
+        values["R"].astype(np.float16).astype(np.float32).tolist()
+    )

@@ -22,8 +22,13 @@ DATA = Path(__file__).parents[1] / "data" / "heights"
 SHORT, LONG, DOUBLE = 3, 4, 12
 
 
-def made(tags: dict[int, tuple[int, int, int]], data: bytes = bytes(64), big: bool = False, count: int | None = None,
-         following: int = 0) -> bytes:
+def made(
+    tags: dict[int, tuple[int, int, int]],
+    data: bytes = bytes(64),
+    big: bool = False,
+    count: int | None = None,
+    following: int = 0,
+) -> bytes:
     """A file of ``data`` from byte 16 on, and a directory of tags: type, number of values, and the value or its place.
 
     ``count`` is stated in place of the true number of tags.
@@ -32,18 +37,34 @@ def made(tags: dict[int, tuple[int, int, int]], data: bytes = bytes(64), big: bo
     if big:
         head = struct.pack("<2sHHHQ", b"II", 43, 8, 0, at)
         entries = b"".join(struct.pack("<HHQQ", tag, *rest) for tag, rest in tags.items())
-        return head + data + struct.pack("<Q", len(tags) if count is None else count) + entries + struct.pack(
-            "<Q", following)
+        return (
+            head
+            + data
+            + struct.pack("<Q", len(tags) if count is None else count)
+            + entries
+            + struct.pack("<Q", following)
+        )
     head = struct.pack("<2sHI8x", b"II", 42, at)
     entries = b"".join(struct.pack("<HHII", tag, *rest) for tag, rest in tags.items())
-    return head + data + struct.pack("<H", len(tags) if count is None else count) + entries + struct.pack(
-        "<I", following)
+    return (
+        head + data + struct.pack("<H", len(tags) if count is None else count) + entries + struct.pack("<I", following)
+    )
 
 
 def grey(**replaced: tuple[int, int, int]) -> dict[int, tuple[int, int, int]]:
     """The tags of 4 x 4 floats in one strip; ``t256`` replaces the tag 256."""
-    tags = {256: (LONG, 1, 4), 257: (LONG, 1, 4), 258: (SHORT, 1, 32), 259: (SHORT, 1, 1), 262: (SHORT, 1, 1),
-            273: (LONG, 1, 16), 277: (SHORT, 1, 1), 278: (LONG, 1, 4), 279: (LONG, 1, 64), 339: (SHORT, 1, 3)}
+    tags = {
+        256: (LONG, 1, 4),
+        257: (LONG, 1, 4),
+        258: (SHORT, 1, 32),
+        259: (SHORT, 1, 1),
+        262: (SHORT, 1, 1),
+        273: (LONG, 1, 16),
+        277: (SHORT, 1, 1),
+        278: (LONG, 1, 4),
+        279: (LONG, 1, 64),
+        339: (SHORT, 1, 3),
+    }
     return dict(sorted((tags | {int(key[1:]): value for key, value in replaced.items()}).items()))
 
 
@@ -57,30 +78,50 @@ def test_the_file_made_by_hand_is_good(tmp_path):
 SPARSE = {"t273": (LONG, 1, 0), "t279": (LONG, 1, 0)}
 BOMB = zlib.compress(bytes(50_000_000), 9)
 BAD = {
-    "no width": made({k: v for k, v in grey().items() if k != 256}), "width 0": made(grey(t256=(LONG, 1, 0))),
-    "width -1": made(grey(t256=(9, 1, 2**32 - 1))), "no values of the width": made(grey(t256=(LONG, 0, 0))),
-    "width as text": made(grey(t256=(2, 1, 65))), "width as doubles": made(grey(t256=(DOUBLE, 1, 16))),
+    "no width": made({k: v for k, v in grey().items() if k != 256}),
+    "width 0": made(grey(t256=(LONG, 1, 0))),
+    "width -1": made(grey(t256=(9, 1, 2**32 - 1))),
+    "no values of the width": made(grey(t256=(LONG, 0, 0))),
+    "width as text": made(grey(t256=(2, 1, 65))),
+    "width as doubles": made(grey(t256=(DOUBLE, 1, 16))),
     "sparse and huge": made(grey(t256=(LONG, 1, 2**15), t257=(LONG, 1, 2**15), t278=(LONG, 1, 2**15), **SPARSE)),
     "2^32 pixels": made(grey(t256=(LONG, 1, 2**32 - 1), t257=(LONG, 1, 2**32 - 1))),
     "huge tile": made(grey(t322=(LONG, 1, 2**20), t323=(LONG, 1, 2**20), t324=(LONG, 1, 0), t325=(LONG, 1, 0))),
     "tile of 0": made(grey(t322=(LONG, 1, 0), t323=(LONG, 1, 16), t324=(LONG, 1, 0), t325=(LONG, 1, 0))),
     "tiles without places": made(grey(t322=(LONG, 1, 16), t323=(LONG, 1, 16))),
-    "offsets without end": made(grey(t273=(LONG, 2**31, 16))), "sizes without end": made(grey(t279=(LONG, 2**31, 16))),
-    "two strips": made(grey(t273=(LONG, 2, 16), t279=(LONG, 2, 16))), "sizes of one more": made(grey(
-        t279=(LONG, 2, 16))), "strips of 0 rows": made(grey(t278=(LONG, 1, 0))),
-    "strip beyond the end": made(grey(t273=(LONG, 1, 10**6))), "strip cut": made(grey(t279=(LONG, 1, 63))),
-    "negative offset": made(grey(t273=(9, 1, 2**32 - 1))), "negative size": made(grey(t279=(9, 1, 2**32 - 1))),
-    "offset as a fraction": made(grey(t273=(11, 1, 2**31 - 1))), "predictor 9": made(grey(t317=(SHORT, 1, 9))),
-    "bits 0": made(grey(t258=(SHORT, 1, 0))), "bits 7": made(grey(t258=(SHORT, 1, 7))),
-    "bits 65528": made(grey(t258=(SHORT, 1, 65528))), "bands 0": made(grey(t277=(SHORT, 1, 0))),
-    "torn deflate": made(grey(t259=(SHORT, 1, 8))), "torn LZW": made(grey(t259=(SHORT, 1, 5)), b"\xff" * 64),
-    "torn LZMA": made(grey(t259=(SHORT, 1, 34925))), "torn ZSTD": made(grey(t259=(SHORT, 1, 50000))),
-    "short PackBits": made(grey(t259=(SHORT, 1, 32773))), "65535 tags": made(grey(), count=65535),
-    "2^64 tags": made(grey(), big=True, count=2**64 - 1), "no tags": made({}), "directory beyond the end": struct.pack(
-        "<2sHI", b"II", 42, 10**9) + bytes(100), "directory at the end": struct.pack("<2sHI", b"II", 42, 8),
-    "next directory beyond the end": made(grey(), following=2**31), "no directory": struct.pack(
-        "<2sHI", b"II", 42, 0) + bytes(100), "empty": b"", "two bytes": b"II", "magic": b"II*\0", "zeros": bytes(100),
-    "names of another order": b"IM" + made(grey())[2:]}
+    "offsets without end": made(grey(t273=(LONG, 2**31, 16))),
+    "sizes without end": made(grey(t279=(LONG, 2**31, 16))),
+    "two strips": made(grey(t273=(LONG, 2, 16), t279=(LONG, 2, 16))),
+    "sizes of one more": made(grey(t279=(LONG, 2, 16))),
+    "strips of 0 rows": made(grey(t278=(LONG, 1, 0))),
+    "strip beyond the end": made(grey(t273=(LONG, 1, 10**6))),
+    "strip cut": made(grey(t279=(LONG, 1, 63))),
+    "negative offset": made(grey(t273=(9, 1, 2**32 - 1))),
+    "negative size": made(grey(t279=(9, 1, 2**32 - 1))),
+    "offset as a fraction": made(grey(t273=(11, 1, 2**31 - 1))),
+    "predictor 9": made(grey(t317=(SHORT, 1, 9))),
+    "bits 0": made(grey(t258=(SHORT, 1, 0))),
+    "bits 7": made(grey(t258=(SHORT, 1, 7))),
+    "bits 65528": made(grey(t258=(SHORT, 1, 65528))),
+    "bands 0": made(grey(t277=(SHORT, 1, 0))),
+    "torn deflate": made(grey(t259=(SHORT, 1, 8))),
+    "torn LZW": made(grey(t259=(SHORT, 1, 5)), b"\xff" * 64),
+    "torn LZMA": made(grey(t259=(SHORT, 1, 34925))),
+    "torn ZSTD": made(grey(t259=(SHORT, 1, 50000))),
+    "short PackBits": made(grey(t259=(SHORT, 1, 32773))),
+    "65535 tags": made(grey(), count=65535),
+    "2^64 tags": made(grey(), big=True, count=2**64 - 1),
+    "no tags": made({}),
+    "directory beyond the end": struct.pack("<2sHI", b"II", 42, 10**9) + bytes(100),
+    "directory at the end": struct.pack("<2sHI", b"II", 42, 8),
+    "next directory beyond the end": made(grey(), following=2**31),
+    "no directory": struct.pack("<2sHI", b"II", 42, 0) + bytes(100),
+    "empty": b"",
+    "two bytes": b"II",
+    "magic": b"II*\0",
+    "zeros": bytes(100),
+    "names of another order": b"IM" + made(grey())[2:],
+}
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -99,8 +140,9 @@ def test_what_cannot_be_is_refused(tmp_path, name):
 def many_tags(path: Path, tags: int = 4000) -> Path:
     """Each tag states two million bytes, all the same ones."""
     entries = b"".join(struct.pack("<HHII", 1000 + k, 1, 2_000_000, 8) for k in range(tags))
-    path.write_bytes(struct.pack("<2sHI", b"II", 42, 2_000_008) + bytes(2_000_000) + struct.pack("<H", tags) + entries
-                     + bytes(4))
+    path.write_bytes(
+        struct.pack("<2sHI", b"II", 42, 2_000_008) + bytes(2_000_000) + struct.pack("<H", tags) + entries + bytes(4)
+    )
     return path
 
 
@@ -123,7 +165,8 @@ def many_directories(path: Path) -> Path:
 def many_keys(path: Path) -> Path:
     """65,000 GeoKeys, each of the same 65,000 letters, beside those that are used."""
     keys = struct.pack("<4H", 1, 1, 0, 65000) + b"".join(
-        struct.pack("<4H", k, 34737, 65000, 0) for k in range(5000, 65000))
+        struct.pack("<4H", k, 34737, 65000, 0) for k in range(5000, 65000)
+    )
     path.write_bytes(made(grey(t34735=(SHORT, len(keys) // 2, 80), t34737=(2, 65000, 80)), bytes(64) + keys))
     return path
 
@@ -131,16 +174,37 @@ def many_keys(path: Path) -> Path:
 def strips_of_one_place(path: Path) -> Path:
     """Strips that all are the same megabyte."""
     places = struct.pack("<4000I", *(16,) * 4000) + struct.pack("<4000I", *(10**6,) * 4000)
-    path.write_bytes(made(grey(t256=(LONG, 1, 2500), t257=(LONG, 1, 400_000), t278=(LONG, 1, 100), t273=(
-        LONG, 4000, 16 + 10**6), t279=(LONG, 4000, 16 + 10**6 + 16000)), bytes(10**6) + places))
+    path.write_bytes(
+        made(
+            grey(
+                t256=(LONG, 1, 2500),
+                t257=(LONG, 1, 400_000),
+                t278=(LONG, 1, 100),
+                t273=(LONG, 4000, 16 + 10**6),
+                t279=(LONG, 4000, 16 + 10**6 + 16000),
+            ),
+            bytes(10**6) + places,
+        )
+    )
     return path
 
 
 def unfolding(path: Path) -> Path:
     """Strips that unfold a thousandfold."""
     places = struct.pack("<40I", *(32 + 320,) * 40) + struct.pack("<40I", *(len(BOMB),) * 40)
-    path.write_bytes(made(grey(t256=(LONG, 1, 2**14), t257=(LONG, 1, 2**15), t278=(LONG, 1, 820), t259=(SHORT, 1, 8),
-                               t273=(LONG, 40, 16), t279=(LONG, 40, 176)), places + bytes(16) + BOMB))
+    path.write_bytes(
+        made(
+            grey(
+                t256=(LONG, 1, 2**14),
+                t257=(LONG, 1, 2**15),
+                t278=(LONG, 1, 820),
+                t259=(SHORT, 1, 8),
+                t273=(LONG, 40, 16),
+                t279=(LONG, 40, 176),
+            ),
+            places + bytes(16) + BOMB,
+        )
+    )
     return path
 
 
@@ -173,8 +237,22 @@ def long_metadata(path: Path) -> Path:
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize("make", [many_tags, used_tags, many_directories, many_keys, strips_of_one_place, unfolding,
-                                  remembering, stating, nested, long_metadata], ids=lambda make: make.__name__)
+@pytest.mark.parametrize(
+    "make",
+    [
+        many_tags,
+        used_tags,
+        many_directories,
+        many_keys,
+        strips_of_one_place,
+        unfolding,
+        remembering,
+        stating,
+        nested,
+        long_metadata,
+    ],
+    ids=lambda make: make.__name__,
+)
 def test_little_memory_and_time_is_taken(tmp_path, make):
     path = make(tmp_path / "a.tif")
     ended = run_bounded(f"""
@@ -209,22 +287,37 @@ def foreign(path: Path) -> ForeignBytes:
     return ForeignBytes(data, len(data), Budget())
 
 
-@pytest.mark.parametrize("options", [
-    {"tile": 16}, {"tile": 16, "deflate": True, "predictor": 3}, {"rows_per_strip": 7}, {"rows_per_strip": 1}, {},
-    {"rows_per_strip": 7, "deflate": True, "predictor": 3}, {"order": ">", "tile": 32}], ids=str)
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"tile": 16},
+        {"tile": 16, "deflate": True, "predictor": 3},
+        {"rows_per_strip": 7},
+        {"rows_per_strip": 1},
+        {},
+        {"rows_per_strip": 7, "deflate": True, "predictor": 3},
+        {"order": ">", "tile": 32},
+    ],
+    ids=str,
+)
 def test_a_window_is_a_cut_of_the_whole(tmp_path, options):
     values = np.random.default_rng(2).random((53, 71)).astype(np.float32)
     path = write_tiff(tmp_path / "a.tif", values, **options)
     random = np.random.default_rng(3)
-    edges = [(range(53), range(71)), (range(1), range(1)), (range(52, 53), range(70, 71)),
-             (range(16, 32), range(16, 32)), (range(15, 17), range(31, 33))]
+    edges = [
+        (range(53), range(71)),
+        (range(1), range(1)),
+        (range(52, 53), range(70, 71)),
+        (range(16, 32), range(16, 32)),
+        (range(15, 17), range(31, 33)),
+    ]
     for _ in range(30):
         top, left = random.integers(0, 53), random.integers(0, 71)
         edges.append((range(top, random.integers(top, 53) + 1), range(left, random.integers(left, 71) + 1)))
     image = tiff.read_directories(foreign(path))[0]
     for rows, columns in edges:
         found, number = tiff.read_pixels(foreign(path), image, (rows, columns))
-        assert np.array_equal(found, values[rows.start:rows.stop, columns.start:columns.stop])
+        assert np.array_equal(found, values[rows.start : rows.stop, columns.start : columns.stop])
         assert number.kind == "f"
     for rows, columns in ((range(54), range(3)), (range(3), range(72)), (range(0), range(3)), (range(-1, 3), range(3))):
         with pytest.raises(ValueError, match="no window"):
@@ -245,7 +338,7 @@ def test_a_window_of_what_gdal_wrote_is_a_cut_of_the_whole(name):
 def test_only_the_tiles_of_a_window_are_read(tmp_path):
     """Of a file of 64 GB, whose other tiles are holes on the disk."""
     side, tile = 131072, 4096
-    count = (side // tile)**2
+    count = (side // tile) ** 2
     size = tile * tile * 4
     start = 16 + 16 * count
     path = tmp_path / "large.tif"
@@ -256,11 +349,21 @@ def test_only_the_tiles_of_a_window_are_read(tmp_path):
         stream.seek(start + 33 * size)  # the second tile of the second row
         stream.write(np.arange(tile * tile, dtype="<f4").tobytes())
         stream.seek(start + count * size)
-        tags = {256: (LONG, 1, side), 257: (LONG, 1, side), 258: (SHORT, 1, 32), 259: (SHORT, 1, 1),
-                277: (SHORT, 1, 1), 322: (LONG, 1, tile), 323: (LONG, 1, tile), 324: (16, count, 16),
-                325: (16, count, 16 + 8 * count), 339: (SHORT, 1, 3)}
-        stream.write(struct.pack("<Q", len(tags)) + b"".join(struct.pack("<HHQQ", t, *r) for t, r in tags.items())
-                     + bytes(8))
+        tags = {
+            256: (LONG, 1, side),
+            257: (LONG, 1, side),
+            258: (SHORT, 1, 32),
+            259: (SHORT, 1, 1),
+            277: (SHORT, 1, 1),
+            322: (LONG, 1, tile),
+            323: (LONG, 1, tile),
+            324: (16, count, 16),
+            325: (16, count, 16 + 8 * count),
+            339: (SHORT, 1, 3),
+        }
+        stream.write(
+            struct.pack("<Q", len(tags)) + b"".join(struct.pack("<HHQQ", t, *r) for t, r in tags.items()) + bytes(8)
+        )
     ended = run_bounded(f"""
 from pathlib import Path
 from icymoon.formats import tiff

@@ -13,26 +13,41 @@ ON_A_SPHERE = {
     "+proj=merc +lat_ts=0": (MapSystem("Mercator", "", EUROPA_M), (4e5, 2e6)),
     "+proj=merc +lat_ts=30 +lon_0=40": (MapSystem("Mercator", "", EUROPA_M, 40.0, parallel_deg=30.0), (-4e5, -1e6)),
     "+proj=eqc +lat_ts=0": (MapSystem("Equidistant cylindrical", "", EUROPA_M), (5e5, -1.9e6)),
-    "+proj=eqc +lat_ts=45 +lon_0=180": (MapSystem("Equidistant cylindrical", "", EUROPA_M, 180.0, parallel_deg=45.0),
-                                        (5e5, 1.2e6)),
+    "+proj=eqc +lat_ts=45 +lon_0=180": (
+        MapSystem("Equidistant cylindrical", "", EUROPA_M, 180.0, parallel_deg=45.0),
+        (5e5, 1.2e6),
+    ),
     "+proj=stere +lat_0=90 +lat_ts=90": (MapSystem("Polar stereographic", "", EUROPA_M, 0.0, 90.0, 90.0), (3e5, 5e5)),
     "+proj=stere +lat_0=-90 +lat_ts=-70 +lon_0=30 +x_0=1000 +y_0=2000": (
-        MapSystem("Polar stereographic", "", EUROPA_M, 30.0, -90.0, -70.0, east_m=1000.0, north_m=2000.0), (3e5, -6e5)),
+        MapSystem("Polar stereographic", "", EUROPA_M, 30.0, -90.0, -70.0, east_m=1000.0, north_m=2000.0),
+        (3e5, -6e5),
+    ),
     "+proj=stere +lat_0=20 +lon_0=10": (MapSystem("Stereographic", "", EUROPA_M, 10.0, 20.0), (7e5, -3e5)),
     "+proj=laea +lat_0=52 +lon_0=10": (MapSystem("Lambert azimuthal equal area", "", EUROPA_M, 10.0, 52.0), (5e5, 4e5)),
     "+proj=aeqd +lat_0=-15 +lon_0=60": (MapSystem("Azimuthal equidistant", "", EUROPA_M, 60.0, -15.0), (-9e5, 4e5)),
     "+proj=ortho +lat_0=10 +lon_0=-30": (MapSystem("Orthographic", "", EUROPA_M, -30.0, 10.0), (6e5, 7e5)),
     "+proj=sinu +lon_0=20": (MapSystem("Sinusoidal", "", EUROPA_M, 20.0), (4e5, 1e6)),
-    "+proj=tmerc +lat_0=10 +lon_0=15 +k=0.9996": (MapSystem("Transverse Mercator", "", EUROPA_M, 15.0, 10.0,
-                                                            scale=0.9996), (2e5, 9e5)),
-    "+proj=lcc +lat_1=30 +lat_2=60 +lat_0=40 +lon_0=5": (MapSystem("Lambert conformal conic", "", EUROPA_M, 5.0, 40.0,
-                                                                   30.0, 60.0), (3e5, 2e5)),
-    "+proj=aea +lat_1=30 +lat_2=60 +lat_0=40 +lon_0=5": (MapSystem("Albers equal area", "", EUROPA_M, 5.0, 40.0, 30.0,
-                                                                   60.0), (3e5, 2e5)),
-    "+proj=aea +lat_1=-30 +lat_2=-60 +lat_0=-40": (MapSystem("Albers equal area", "", EUROPA_M, 0.0, -40.0, -30.0,
-                                                             -60.0), (3e5, -2e5)),
-    "+proj=lcc +lat_1=-45 +lat_0=-45": (MapSystem("Lambert conformal conic", "", EUROPA_M, 0.0, -45.0, -45.0, -45.0),
-                                        (-3e5, 2e5))}
+    "+proj=tmerc +lat_0=10 +lon_0=15 +k=0.9996": (
+        MapSystem("Transverse Mercator", "", EUROPA_M, 15.0, 10.0, scale=0.9996),
+        (2e5, 9e5),
+    ),
+    "+proj=lcc +lat_1=30 +lat_2=60 +lat_0=40 +lon_0=5": (
+        MapSystem("Lambert conformal conic", "", EUROPA_M, 5.0, 40.0, 30.0, 60.0),
+        (3e5, 2e5),
+    ),
+    "+proj=aea +lat_1=30 +lat_2=60 +lat_0=40 +lon_0=5": (
+        MapSystem("Albers equal area", "", EUROPA_M, 5.0, 40.0, 30.0, 60.0),
+        (3e5, 2e5),
+    ),
+    "+proj=aea +lat_1=-30 +lat_2=-60 +lat_0=-40": (
+        MapSystem("Albers equal area", "", EUROPA_M, 0.0, -40.0, -30.0, -60.0),
+        (3e5, -2e5),
+    ),
+    "+proj=lcc +lat_1=-45 +lat_0=-45": (
+        MapSystem("Lambert conformal conic", "", EUROPA_M, 0.0, -45.0, -45.0, -45.0),
+        (-3e5, 2e5),
+    ),
+}
 
 
 def by_proj(text: str, points: list[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -53,8 +68,10 @@ def test_places_and_scales_are_those_of_proj(text):
     assert (found.longitude_deg, found.latitude_deg) == (pytest.approx(lon, abs=1e-9), pytest.approx(lat, abs=1e-9))
 
     def on_ground(a, b):
-        return (math.radians(b[0] - a[0]) * math.cos(math.radians(lat)) * EUROPA_M / 100,
-                math.radians(b[1] - a[1]) * EUROPA_M / 100)
+        return (
+            math.radians(b[0] - a[0]) * math.cos(math.radians(lat)) * EUROPA_M / 100,
+            math.radians(b[1] - a[1]) * EUROPA_M / 100,
+        )
 
     along_x, along_y = on_ground(west, east), on_ground(south, north)
     assert found.east == pytest.approx(math.hypot(*along_x), rel=1e-6)
@@ -74,14 +91,19 @@ def test_systems_of_earth_by_number_are_right_to_its_flattening(code):
     # A place that is on every one of these maps but near their middle.
     x, y = system.east_m + 3.1e5, system.north_m + (-2.2e6 if code in (32733,) else 7.4e5)
     (lon,), (lat,) = warp.transform(CRS.from_epsg(code), CRS.from_epsg(4326), [x], [y])
-    assert system.to_sphere(x, y) == (pytest.approx(lon, abs=0.25 / max(math.cos(math.radians(lat)), 0.1)),
-                                      pytest.approx(lat, abs=0.25))
+    assert system.to_sphere(x, y) == (
+        pytest.approx(lon, abs=0.25 / max(math.cos(math.radians(lat)), 0.1)),
+        pytest.approx(lat, abs=0.25),
+    )
 
 
 def test_a_web_map_at_60_degrees_is_twice_too_wide():
     found = local_scale(KNOWN[3857], 1e6, 8399737.8898)
     assert (found.east, found.north, found.latitude_deg) == (
-        pytest.approx(0.5, rel=1e-6), pytest.approx(0.5, rel=1e-6), pytest.approx(60, abs=1e-5))
+        pytest.approx(0.5, rel=1e-6),
+        pytest.approx(0.5, rel=1e-6),
+        pytest.approx(60, abs=1e-5),
+    )
 
 
 def test_a_cylindrical_map_at_70_degrees_is_wider_than_high():
@@ -106,17 +128,33 @@ def test_what_is_not_known_is_none(keys):
     assert read_system(keys, 1.0) is None
 
 
-@pytest.mark.parametrize(("kind", "place"), [
-    ("Orthographic", (2e6, 0.0)), ("Equidistant cylindrical", (0.0, 3e6)), ("Sinusoidal", (0.0, 3e6)),
-    ("Lambert azimuthal equal area", (9e6, 0.0)), ("Albers equal area", (9e6, 9e6))])
+@pytest.mark.parametrize(
+    ("kind", "place"),
+    [
+        ("Orthographic", (2e6, 0.0)),
+        ("Equidistant cylindrical", (0.0, 3e6)),
+        ("Sinusoidal", (0.0, 3e6)),
+        ("Lambert azimuthal equal area", (9e6, 0.0)),
+        ("Albers equal area", (9e6, 9e6)),
+    ],
+)
 def test_a_place_beyond_the_edge_of_a_map_is_an_error(kind, place):
     with pytest.raises((ValueError, OverflowError)):
         local_scale(MapSystem(kind, "", EUROPA_M, 0.0, 0.0, 30.0, 60.0), *place)
 
 
 @pytest.mark.parametrize("pole", [90.0, -90.0])
-@pytest.mark.parametrize("kind", ["Polar stereographic", "Stereographic", "Azimuthal equidistant",
-                                  "Lambert azimuthal equal area", "Orthographic", "Transverse Mercator"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "Polar stereographic",
+        "Stereographic",
+        "Azimuthal equidistant",
+        "Lambert azimuthal equal area",
+        "Orthographic",
+        "Transverse Mercator",
+    ],
+)
 def test_at_a_pole_the_central_meridian_says_where_north_is(kind, pole):
     """Whatever its coordinates are rounded to; it is north at places before the pole on that meridian."""
     origin = 0.0 if kind == "Transverse Mercator" else pole

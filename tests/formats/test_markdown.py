@@ -53,26 +53,33 @@ def test_a_page_has_the_parts_that_python_markdown_finds(page):
 
 
 def test_what_is_no_markdown_stays_text_and_runs_nothing():
-    page = page_html("<script>alert(1)</script> a < b & *c* `<i>`\n\n[x](javascript:alert(1))", lambda link: None,
-                     lambda tex: None)
+    page = page_html(
+        "<script>alert(1)</script> a < b & *c* `<i>`\n\n[x](javascript:alert(1))", lambda link: None, lambda tex: None
+    )
     assert "<script" not in page
     assert "href" not in page
     assert "a &lt; b &amp; <i>c</i> <code>&lt;i&gt;</code>" in page
 
 
 def test_of_html_only_breaks_places_and_two_signs_are_kept():
-    page = page_html('<!-- x -->\n\n<span id="a.b"></span>c<br>1&nbsp;m &lt;d> <span id="x" onclick="y"> <br x> &copy;',
-                     lambda link: None, lambda tex: None)
-    assert page == ('<p><span id="a.b"></span>c<br>1&nbsp;m &lt;d&gt; &lt;span id="x" onclick="y"&gt; &lt;br x&gt; '
-                    '&amp;copy;</p>')
+    page = page_html(
+        '<!-- x -->\n\n<span id="a.b"></span>c<br>1&nbsp;m &lt;d> <span id="x" onclick="y"> <br x> &copy;',
+        lambda link: None,
+        lambda tex: None,
+    )
+    assert page == (
+        '<p><span id="a.b"></span>c<br>1&nbsp;m &lt;d&gt; &lt;span id="x" onclick="y"&gt; &lt;br x&gt; &amp;copy;</p>'
+    )
 
 
 def test_formulas_are_found_outside_of_code_and_replaced():
     text = "The $a_1 *b* c$ of `$x$`, 5 $ and 6 $, or\n\n```\necho $HOME $USER\n```\n\n$$y\n= 2$$\n"
     assert formulas(text) == [("a_1 *b* c", False), ("y = 2", True)]
     page = page_html(text, lambda link: None, {"a_1 *b* c": "<math>1</math>", "y = 2": "<math>2</math>"}.get)
-    assert page == ("<p>The <math>1</math> of <code>$x$</code>, 5 $ and 6 $, or</p>\n"
-                    "<pre><code>echo $HOME $USER</code></pre>\n<p><math>2</math></p>")
+    assert page == (
+        "<p>The <math>1</math> of <code>$x$</code>, 5 $ and 6 $, or</p>\n"
+        "<pre><code>echo $HOME $USER</code></pre>\n<p><math>2</math></p>"
+    )
 
 
 def test_a_formula_without_mathml_stays_as_it_is_written():

@@ -31,10 +31,22 @@ def matrix(turn, scale, place):
 @pytest.fixture
 def meshes():
     """Ground in one place, and a rock in three, one of them mirrored."""
-    return [PlacedMesh("terrain", VERTICES * 10, NORMALS, TRIANGLES, np.eye(4)[None]),
-            PlacedMesh("rock", VERTICES, NORMALS, TRIANGLES, np.array([
-                matrix(0.3, (1, 1, 1), (5, 6, 7)), matrix(2.0, (0.5, 2, 1), (-5, 6, 1 / 3)),
-                matrix(-1.0, (-1, 1, 1), (0, 0, -7))]))]
+    return [
+        PlacedMesh("terrain", VERTICES * 10, NORMALS, TRIANGLES, np.eye(4)[None]),
+        PlacedMesh(
+            "rock",
+            VERTICES,
+            NORMALS,
+            TRIANGLES,
+            np.array(
+                [
+                    matrix(0.3, (1, 1, 1), (5, 6, 7)),
+                    matrix(2.0, (0.5, 2, 1), (-5, 6, 1 / 3)),
+                    matrix(-1.0, (-1, 1, 1), (0, 0, -7)),
+                ]
+            ),
+        ),
+    ]
 
 
 def volumes(places, triangles):
@@ -48,8 +60,9 @@ def test_triangles_are_where_the_meshes_stand_and_face_outward(suffix, meshes, t
     path = tmp_path / f"ground.{suffix}"
     WRITERS[suffix](path, meshes, "a frame, in metres")
     places, triangles = read_mesh(path)
-    wanted = np.sort(np.concatenate([mesh.vertices @ at[:3, :3].T + at[:3, 3]
-                                     for mesh in meshes for at in mesh.places]), axis=0)
+    wanted = np.sort(
+        np.concatenate([mesh.vertices @ at[:3, :3].T + at[:3, 3] for mesh in meshes for at in mesh.places]), axis=0
+    )
     assert np.sort(places, axis=0) == pytest.approx(wanted, abs=2e-6)
     if suffix in ("ply", "obj"):  # instances of the others are turned by their readers
         assert volumes(places, triangles) == pytest.approx([1000.0, 1.0, 1.0, 1.0], rel=1e-5)
@@ -57,8 +70,9 @@ def test_triangles_are_where_the_meshes_stand_and_face_outward(suffix, meshes, t
 
 def test_normals_lean_with_the_scale():
     """On what is stretched twofold along y, a normal in the diagonal leans to x by half."""
-    lean = PlacedMesh("rock", VERTICES, np.full((4, 3), [1.0, 1.0, 0.0]) / np.sqrt(2), TRIANGLES,
-                      np.diag([1.0, 2.0, 1.0, 1.0])[None])
+    lean = PlacedMesh(
+        "rock", VERTICES, np.full((4, 3), [1.0, 1.0, 0.0]) / np.sqrt(2), TRIANGLES, np.diag([1.0, 2.0, 1.0, 1.0])[None]
+    )
     _, normals, _ = next(lean.in_places())
     assert normals == pytest.approx(np.tile([2.0, 1.0, 0.0], (4, 1)) / np.sqrt(5))
 
@@ -67,10 +81,10 @@ def test_a_mesh_is_in_usd_and_gltf_once(meshes, tmp_path):
     write_usd(tmp_path / "a.usd", meshes, 'a "frame"')
     text = (tmp_path / "a.usd").read_text(encoding="utf-8")
     assert (text.count("def Mesh"), text.count("instanceable = true")) == (2, 3)
-    assert r'a \"frame\"' in text
+    assert r"a \"frame\"" in text
     write_gltf(tmp_path / "a.glb", meshes, "a frame")
     data = (tmp_path / "a.glb").read_bytes()
-    described = json.loads(data[20:20 + int.from_bytes(data[12:16], "little")])
+    described = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
     assert len(described["meshes"]) == 2
     assert [node.get("mesh") for node in described["nodes"]] == [None, None, 0, None, 1, 1, 1]
     assert int.from_bytes(data[8:12], "little") == len(data)

@@ -14,9 +14,11 @@ POINTS = np.array([(500000.0625, -4.5e6, 3.25), (math.nan, 1.0, 2.0), (0.1, math
 
 
 def write(path: Path, encoding: str, number: str = "double", properties: str = "") -> Path:
-    header = (f"ply\nformat {encoding} 1.0\ncomment made by a test\nelement vertex 3\n"
-              f"property uchar quality\n{properties}property {number} x\nproperty {number} y\n"
-              f"property {number} z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n")
+    header = (
+        f"ply\nformat {encoding} 1.0\ncomment made by a test\nelement vertex 3\n"
+        f"property uchar quality\n{properties}property {number} x\nproperty {number} y\n"
+        f"property {number} z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    )
     order, code = (">" if "big" in encoding else "<"), {"double": "d", "float": "f"}[number]
     if encoding == "ascii":
         rows = "".join(f"9 {x!r} {y!r} {z!r}\n" for x, y, z in POINTS.tolist())
@@ -35,8 +37,10 @@ def test_doubles_and_what_is_no_number_are_kept(tmp_path, encoding):
 
 
 def test_layouts_that_are_not_usual_are_left_to_blender(tmp_path):
-    assert read_vertices(write(tmp_path / "a.ply", "binary_little_endian",
-                               properties="property list uchar int k\n")) is None
+    assert (
+        read_vertices(write(tmp_path / "a.ply", "binary_little_endian", properties="property list uchar int k\n"))
+        is None
+    )
     whole = write(tmp_path / "a.ply", "binary_little_endian").read_bytes()
     (tmp_path / "torn.ply").write_bytes(whole[:-60])
     assert read_vertices(tmp_path / "torn.ply") is None

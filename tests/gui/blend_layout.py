@@ -46,7 +46,7 @@ class _Words:
 
     def expect(self, code: bytes) -> None:
         """Go over the four letters that a part begins with."""
-        found = self._data[self._at:self._at + 4]
+        found = self._data[self._at : self._at + 4]
         if found != code:
             raise ValueError(f"{code!r} is missing; {found!r} is there")
         self._at += 4
@@ -70,7 +70,7 @@ class _Words:
         found = []
         for _ in range(self.integer()):
             end = self._data.index(0, self._at)
-            found.append(self._data[self._at:end].decode())
+            found.append(self._data[self._at : end].decode())
             self._at = end + 1
         self._align()
         return found

@@ -35,19 +35,33 @@ class Blender:
     windowed: tuple[str, ...]
     environment: Mapping[str, str] = field(default_factory=dict)
 
-    def run(self, *arguments: str, window: bool = False, timeout_s: float = 900.0,
-            environment: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    def run(
+        self,
+        *arguments: str,
+        window: bool = False,
+        timeout_s: float = 900.0,
+        environment: Mapping[str, str] | None = None,
+    ) -> subprocess.CompletedProcess[str]:
         """Run it to its end; status 124 if it had to be killed."""
         command = [*(self.windowed if window else (self.executable,)), *arguments]
         return run(command, timeout_s, {**self.environment, **(environment or {})})
 
 
-def run(command: list[str], timeout_s: float,
-        environment: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+def run(
+    command: list[str], timeout_s: float, environment: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
     """Run a command in the repository, with its children killed when the time is up (status 124)."""
-    process = subprocess.Popen(command, cwd=ROOT, env={**os.environ, **(environment or {})}, text=True,
-                               errors="replace", stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                               stderr=subprocess.STDOUT, start_new_session=True)
+    process = subprocess.Popen(
+        command,
+        cwd=ROOT,
+        env={**os.environ, **(environment or {})},
+        text=True,
+        errors="replace",
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )
     try:
         output, _ = process.communicate(timeout=timeout_s)
         status = process.returncode
@@ -77,8 +91,12 @@ def find(which: str) -> Blender:
         raise CannotRunError(f"there is no {script}, which installs it")
     if os.geteuid() != 0:
         raise CannotRunError(f"{script} needs root")
-    return Blender(f"{which}-{SUITES[which]}", str(script), (str(script), "--window"),
-                   {"BLENDER_SUITE": SUITES[which], "XVFB_DISPLAY": display})
+    return Blender(
+        f"{which}-{SUITES[which]}",
+        str(script),
+        (str(script), "--window"),
+        {"BLENDER_SUITE": SUITES[which], "XVFB_DISPLAY": display},
+    )
 
 
 def requirements(*extras: str) -> list[str]:
@@ -94,9 +112,26 @@ def install_packages(target: Path, python: str, packages: list[str]) -> None:
         return
     shutil.rmtree(target, ignore_errors=True)
     platforms = [word for platform in PLATFORMS for word in ("--platform", platform)]
-    done = run([sys.executable, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--target", str(target),
-                "--python-version", python, "--implementation", "cp", "--only-binary=:all:", *platforms, *packages],
-               900.0)
+    done = run(
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            "install",
+            "-q",
+            "--disable-pip-version-check",
+            "--target",
+            str(target),
+            "--python-version",
+            python,
+            "--implementation",
+            "cp",
+            "--only-binary=:all:",
+            *platforms,
+            *packages,
+        ],
+        900.0,
+    )
     if done.returncode:
         raise AssertionError(f"pip could not install for Python {python}: {done.stdout.strip()[-500:]}")
     mark.write_text(wanted)
@@ -104,8 +139,12 @@ def install_packages(target: Path, python: str, packages: list[str]) -> None:
 
 def python_of(blender: Blender) -> tuple[str, str]:
     """(version such as '3.13', program) of a Blender's Python."""
-    asked = blender.run("-b", "--factory-startup", "--python-expr",
-                        "import sys; print('PYTHON', sys.version_info[0], sys.version_info[1], sys.executable)")
+    asked = blender.run(
+        "-b",
+        "--factory-startup",
+        "--python-expr",
+        "import sys; print('PYTHON', sys.version_info[0], sys.version_info[1], sys.executable)",
+    )
     words = next((line.split() for line in asked.stdout.splitlines() if line.startswith("PYTHON ")), None)
     if words is None:
         raise AssertionError(f"Blender {blender.name} does not start: {asked.stdout.strip()[-500:]}")
@@ -146,8 +185,12 @@ class Installed:
         folder = Path(self.environment["BLENDER_USER_RESOURCES"])
         done = self.run("--command", "extension", "remove", "icymoon")
         left = [path for path in folder.rglob("*") if "icymoon" in path.name]
-        asked = self.run("-b", "--python-expr", "import bpy; print('LEFT', 'icymoon' in "
-                         "str(bpy.context.preferences.addons.keys()) or hasattr(bpy.types.Scene, 'icymoon'))")
+        asked = self.run(
+            "-b",
+            "--python-expr",
+            "import bpy; print('LEFT', 'icymoon' in "
+            "str(bpy.context.preferences.addons.keys()) or hasattr(bpy.types.Scene, 'icymoon'))",
+        )
         if done.returncode or left or "LEFT False" not in asked.stdout:
             raise AssertionError(f"uninstalling leaves {left or asked.stdout.strip()[-300:]}: {done.stdout[-500:]}")
 
@@ -164,10 +207,21 @@ def install(blender: Blender, archive: Path) -> Installed:
     folder = Path(tempfile.mkdtemp(prefix="icymoon-blender-"))
     with zipfile.ZipFile(archive) as opened:
         complete = any(name.startswith("wheels/") for name in opened.namelist())
-    environment = {"BLENDER_USER_RESOURCES": str(folder),
-                   "ICYMOON_EVALUATOR": "" if complete else str(evaluator(blender))}
-    done = blender.run("--offline-mode", "--command", "extension", "install-file", "--repo", "user_default", "--enable",
-                       str(archive), environment=environment)
+    environment = {
+        "BLENDER_USER_RESOURCES": str(folder),
+        "ICYMOON_EVALUATOR": "" if complete else str(evaluator(blender)),
+    }
+    done = blender.run(
+        "--offline-mode",
+        "--command",
+        "extension",
+        "install-file",
+        "--repo",
+        "user_default",
+        "--enable",
+        str(archive),
+        environment=environment,
+    )
     if done.returncode or not list(folder.glob("**/user_default/icymoon/blender_manifest.toml")):
         shutil.rmtree(folder, ignore_errors=True)
         raise AssertionError(f"The zip could not be installed in {blender.name}:\n{done.stdout}")

@@ -60,7 +60,7 @@ from person import (
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 DATASET = FOLDER / "dataset"
 #: Names of the steps; without any, all.
-WANTED = sys.argv[sys.argv.index("--") + 2:]
+WANTED = sys.argv[sys.argv.index("--") + 2 :]
 #: Light paths per pixel: enough that a render is seen to advance.
 SAMPLES = 48
 
@@ -120,11 +120,14 @@ def heights() -> list[float]:
 def shown() -> bool:
     """Whether what is built shows the settings, be it coarsely."""
     preview, description = module("nodes.preview"), module("settings.description")
-    there, wanted = module("nodes.scene").find(window().scene), (
-        module("settings.blender.scene_properties").read_settings(settings()))
+    there, wanted = (
+        module("nodes.scene").find(window().scene),
+        (module("settings.blender.scene_properties").read_settings(settings())),
+    )
     before = description.merged(there.settings, there.preview)
-    return (not there.edited and preview.geometry(before) == preview.geometry(wanted)
-            and before["light"] == wanted["light"])
+    return (
+        not there.edited and preview.geometry(before) == preview.geometry(wanted) and before["light"] == wanted["light"]
+    )
 
 
 def previewing() -> bool:
@@ -138,6 +141,7 @@ def ended() -> Waiting:
 
 
 # ---- the steps ------------------------------------------------------------------------------------------------------
+
 
 def open_the_tab() -> Waiting:
     yield from person.open_the_tab()
@@ -172,9 +176,11 @@ def load_europa() -> Waiting:
 def render_a_data_set() -> Waiting:
     """A plan from a file, its dry run, and its pairs; Esc, which means other things meanwhile, does not stop it."""
     plan, folder = FOLDER / "plan.toml", FOLDER / "set"
-    plan.write_text('[plan]\ntitle = "Four Suns"\n[mesh]\nkind = "GRID"\n[terrain]\nresolution = 65\n[rig]\n'
-                    'width_px = 64\nheight_px = 48\n[quality]\nsamples = 4\n[[sweep]]\nkind = "grid"\n'
-                    'light.sun_elevation_deg = [10, 30, 50, 70]\n')
+    plan.write_text(
+        '[plan]\ntitle = "Four Suns"\n[mesh]\nkind = "GRID"\n[terrain]\nresolution = 65\n[rig]\n'
+        'width_px = 64\nheight_px = 48\n[quality]\nsamples = 4\n[[sweep]]\nkind = "grid"\n'
+        "light.sun_elevation_deg = [10, 30, 50, 70]\n"
+    )
     group = window().scene.icymoon.dataset
     before, group.folder = group.folder, str(folder)
     operators = module("operators.dataset")
@@ -276,12 +282,14 @@ def evaluate_other_pairs() -> Waiting:
     texture = np.random.default_rng(1).integers(0, 256, (60, 90, 3)).repeat(2, axis=0).repeat(2, axis=1)
     folder.mkdir()
     for eye, first in (("left", 0), ("right", shift)):
-        image = np.ascontiguousarray(texture[:, first:first + 160]).astype(np.uint8)
+        image = np.ascontiguousarray(texture[:, first : first + 160]).astype(np.uint8)
         (folder / f"{eye}_a.png").write_bytes(module("formats.png").encode_png(image))
     np.save(folder / "disparity_a.npy", np.full((120, 160), float(shift), np.float32))
     (folder / "pairs.toml").write_text(
         '[images]\nleft = "left_{pair}.png"\nright = "right_{pair}.png"\n[truth]\ndisparity = "disparity_{pair}.npy"\n'
-        '[camera]\nfocal_px = 100\nbaseline_m = 0.1\n', encoding="utf-8")
+        "[camera]\nfocal_px = 100\nbaseline_m = 0.1\n",
+        encoding="utf-8",
+    )
     opened: list[str] = []
     webbrowser.open, open_page = opened.append, webbrowser.open  # type: ignore[assignment]
     yield from to(*middle("UI"))
@@ -421,8 +429,10 @@ def slide_by_mouse() -> Waiting:
     area().spaces.active.shading.type = "SOLID"
     yield from to(*middle("UI"))
     yield from scroll(-400)
-    return (f"{len(spans)} updates, {rate:.1f} a second with redraws, {took * 1e3:.0f} ms each, "
-            f"{worked * 1e3:.0f} of them work")
+    return (
+        f"{len(spans)} updates, {rate:.1f} a second with redraws, {took * 1e3:.0f} ms each, "
+        f"{worked * 1e3:.0f} of them work"
+    )
 
 
 def render_by_mouse() -> Waiting:
@@ -446,7 +456,7 @@ def render_by_mouse() -> Waiting:
     # Drawing is Blender's own, and slow without a graphics card: one turn of the event loop draws the window once.
     # A window that waits for its render would be blocked for all of it.
     bound = min(3.0 * drawing + duration / 10, duration / 2)
-    gap = max(b[0] - a[1] for a, b in zip(ticks[start:], ticks[start + 1:], strict=False))
+    gap = max(b[0] - a[1] for a, b in zip(ticks[start:], ticks[start + 1 :], strict=False))
     check(gap < bound, f"the window was blocked for {gap:.1f} of {duration:.1f} s, where drawing takes {drawing:.1f} s")
     check(len(pairs()) == 1, f"{len(pairs())} pairs are there")
     check(len(fractions) > 2, f"progress was {sorted(fractions)}")
@@ -456,8 +466,12 @@ def render_by_mouse() -> Waiting:
 def cell_means(image: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Mean colours (12, 24, 3) of the cells of an image between two corners, columns and rows."""
     columns, rows = (np.rint(np.linspace(low[k], high[k], n + 1)).astype(int) for k, n in enumerate((24, 12)))
-    return np.array([[image[top:bottom, left:right].mean(axis=(0, 1)) for left, right in pairwise(columns)]
-                     for top, bottom in pairwise(rows)])
+    return np.array(
+        [
+            [image[top:bottom, left:right].mean(axis=(0, 1)) for left, right in pairwise(columns)]
+            for top, bottom in pairwise(rows)
+        ]
+    )
 
 
 def read_screenshot(name: str) -> np.ndarray:
@@ -544,6 +558,7 @@ def evaluate_by_mouse() -> Waiting:
 
 def measured_surface() -> Waiting:
     """What a matcher measured appears beside the true ground, also within the view of our objects only, and goes."""
+
     def there() -> list[bpy.types.Object]:
         return [item for item in bpy.data.objects if item.get("icymoon") == "measured surface"]
 
@@ -673,8 +688,10 @@ def drag_an_asset() -> Waiting:
         bpy.ops.icymoon.make_asset_library("INVOKE_DEFAULT")
     yield from ended()
     operator.blender_command = whole
-    check([each.name for each in bpy.context.preferences.filepaths.asset_libraries].count("Icy Moon") == 1,
-          "the asset library is not listed once")
+    check(
+        [each.name for each in bpy.context.preferences.filepaths.asset_libraries].count("Icy Moon") == 1,
+        "the asset library is not listed once",
+    )
     with in_region("WINDOW"):
         bpy.ops.screen.area_split(direction="HORIZONTAL", factor=0.5)
     browser = min((each for each in window().screen.areas if each.type == "VIEW_3D"), key=lambda each: each.y)
@@ -735,8 +752,9 @@ def choose_by_picture() -> Waiting:
             yield from away()
         for keys, expected in (("ctrl+z", before), ("ctrl+shift+z", chosen), ("ctrl+z", before)):
             yield from key(keys)
-            yield from until(partial(holds, expected, now),
-                             f"{keys} after choosing a scene by its picture, the mouse {where},")
+            yield from until(
+                partial(holds, expected, now), f"{keys} after choosing a scene by its picture, the mouse {where},"
+            )
             check(not covered(), f"the picture of the scene is still there after {keys}")
 
 
@@ -748,14 +766,22 @@ def undo_by_key() -> Waiting:
 
     def state() -> object:
         read = module("settings.blender.scene_properties")
-        return (read.read_settings(settings()), read.read_variations(settings()),
-                sorted(item.name for item in bpy.data.objects))
+        return (
+            read.read_settings(settings()),
+            read.read_variations(settings()),
+            sorted(item.name for item in bpy.data.objects),
+        )
 
-    for operator, options in ((operators.add_terrain, {}), (operators.add_block, {}), (operators.layer_add, {}),
-                              (operators.load_settings, {"filepath": str(file)}),
-                              (operators.vary, {"setting": "surface.albedo"}), (operators.variation_remove, {}),
-                              (operators.choose_plan, {"plan": "datasets/guiss_snow"}),
-                              (operators.load_preset, {"preset": "lights/guiss_europa"})):
+    for operator, options in (
+        (operators.add_terrain, {}),
+        (operators.add_block, {}),
+        (operators.layer_add, {}),
+        (operators.load_settings, {"filepath": str(file)}),
+        (operators.vary, {"setting": "surface.albedo"}),
+        (operators.variation_remove, {}),
+        (operators.choose_plan, {"plan": "datasets/guiss_snow"}),
+        (operators.load_preset, {"preset": "lights/guiss_europa"}),
+    ):
         before = state()
         yield from away()
         with in_region("WINDOW"):
@@ -807,8 +833,11 @@ def turn_an_arm() -> Waiting:
     yield from build_a_workspace()
 
     def scoop() -> list[tuple[float, ...]]:
-        return [tuple(round(x, 5) for x in item.matrix_world.translation) for item in bpy.data.objects
-                if item.get("icymoon") == "lander scoop"]
+        return [
+            tuple(round(x, 5) for x in item.matrix_world.translation)
+            for item in bpy.data.objects
+            if item.get("icymoon") == "lander scoop"
+        ]
 
     ground = heights()
     yield from person.turn_choice("lander.kind", 1)
@@ -911,8 +940,12 @@ def decide_by_mouse() -> Waiting:
     webbrowser.open = open_page
     check(opened == [decided.as_uri()] and decided.is_file(), f"what opens is {opened}")
     before = shading.type, shading.color_type
-    for method, kind in (("sgbm", "SUITABILITY"), ("true depth", "SUITABILITY"), ("sgbm", "SLOPE"),
-                         ("sgbm", "HEIGHT_ERROR")):
+    for method, kind in (
+        ("sgbm", "SUITABILITY"),
+        ("true depth", "SUITABILITY"),
+        ("sgbm", "SLOPE"),
+        ("sgbm", "HEIGHT_ERROR"),
+    ):
         title = f"{painted.TITLES[kind]} by {'SGBM' if method == 'sgbm' else method}"
         yield from press("icymoon.paint_decisions", method=method, map=kind)
         yield from until(partial(holds, title, legend), f"Painting {kind} by {method}")
@@ -920,7 +953,9 @@ def decide_by_mouse() -> Waiting:
         yield from away()
         yield from screenshot(name := f"decisions_{kind.lower()}_{method.replace(' ', '_')}")
         screen, view = read_screenshot(name), region("WINDOW")
-        red, green, blue = screen[view.y:view.y + view.height, view.x:view.x + view.width // 2 + 100].reshape(-1, 3).T
+        red, green, blue = (
+            screen[view.y : view.y + view.height, view.x : view.x + view.width // 2 + 100].reshape(-1, 3).T
+        )
         check(((blue - red > 0.3) & (green - red > 0.3)).sum() > 50, "no line of the reach is seen in cyan")
         check(method == "sgbm" or ((red - green > 0.3) & (blue - green > 0.15)).sum() > 20, "no magenta ring is seen")
         white = float((np.minimum(np.minimum(red, green), blue) > 0.85).mean())
@@ -939,19 +974,44 @@ def decide_by_mouse() -> Waiting:
     check(not module("nodes.scene").find(window().scene).edited, "painting counts as an edit by hand")
 
 
-STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
-         pair_on_the_screen, escape_a_render, evaluate_by_mouse, measured_surface, painted_errors, show_error,
-         camera_image_follows, render_a_data_set, vary_by_plus, vary_by_mouse, evaluate_other_pairs, preferences_page,
-         search_and_clear, drag_an_asset, choose_by_picture, undo_by_key, render_in_a_local_view, turn_an_arm,
-         dig_a_trench, decide_by_mouse)
+STEPS = (
+    open_the_tab,
+    load_europa,
+    open_all_panels,
+    build_by_mouse,
+    undo_and_redo,
+    slide_by_mouse,
+    render_by_mouse,
+    pair_on_the_screen,
+    escape_a_render,
+    evaluate_by_mouse,
+    measured_surface,
+    painted_errors,
+    show_error,
+    camera_image_follows,
+    render_a_data_set,
+    vary_by_plus,
+    vary_by_mouse,
+    evaluate_other_pairs,
+    preferences_page,
+    search_and_clear,
+    drag_an_asset,
+    choose_by_picture,
+    undo_by_key,
+    render_in_a_local_view,
+    turn_an_arm,
+    dig_a_trench,
+    decide_by_mouse,
+)
 NAMES = [step.__name__ for step in STEPS]
 #: From the opened tab to a measured pair.
-FIRST_STEPS = STEPS[:STEPS.index(measured_surface) + 1]
+FIRST_STEPS = STEPS[: STEPS.index(measured_surface) + 1]
 
 
 def write(finished: bool) -> None:
-    (FOLDER / "steps.json").write_text(json.dumps(
-        {"blender": bpy.app.version_string, "finished": finished, "steps": steps}, indent=1))
+    (FOLDER / "steps.json").write_text(
+        json.dumps({"blender": bpy.app.version_string, "finished": finished, "steps": steps}, indent=1)
+    )
 
 
 def walk() -> Waiting:

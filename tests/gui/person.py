@@ -59,6 +59,7 @@ def check(holds: object, otherwise: str) -> None:
 
 # ---- where things are -----------------------------------------------------------------------------------------------
 
+
 def manager() -> bpy.types.WindowManager:
     return bpy.context.window_manager
 
@@ -89,6 +90,7 @@ def middle(kind: str) -> Place:
 
 
 # ---- what a person does ---------------------------------------------------------------------------------------------
+
 
 def xdotool(*words: object) -> None:
     """Mouse and keys, through the X server."""
@@ -161,8 +163,9 @@ def over_setting(path: str) -> bool:
     return manager().clipboard.endswith(path)
 
 
-def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
-          start: float = 0.0) -> Generator[float, None, Place | None]:
+def _look(
+    recognised: Callable[[], bool], columns: tuple[float, ...], start: float = 0.0
+) -> Generator[float, None, Place | None]:
     """Look all over the sidebar, rows nearest to ``start`` (down from its top) first."""
     sidebar = region("UI")
     # At the very edge a click would drag the edge.
@@ -227,8 +230,9 @@ def scroll(clicks: int) -> Generator[float, None, bool]:
             return abs(now - before) > 1
 
 
-def _look_on_every_page(recognised: Callable[[], bool], passes: Sequence[tuple[float, ...]],
-                        start: float = 0.0) -> Generator[float, None, Place | None]:
+def _look_on_every_page(
+    recognised: Callable[[], bool], passes: Sequence[tuple[float, ...]], start: float = 0.0
+) -> Generator[float, None, Place | None]:
     """Look where the sidebar is scrolled to and on every page further down, then on all pages from the top, each time
     in the columns of one of the ``passes``. What slid away under the mouse is where it belongs the second time."""
     for columns in passes:

@@ -36,9 +36,18 @@ def drive(blender: Blender, archive: Path, *which: str) -> str:
     shutil.rmtree(folder, ignore_errors=True)
     installed = install(blender, archive)
     start = time.monotonic()
-    done = installed.run("--offline-mode", "--python-exit-code", "5",
-                         "--python", str(Path(__file__).with_name("drive.py")), "--", str(folder), *which, window=True,
-                         timeout_s=TIMEOUT_S)
+    done = installed.run(
+        "--offline-mode",
+        "--python-exit-code",
+        "5",
+        "--python",
+        str(Path(__file__).with_name("drive.py")),
+        "--",
+        str(folder),
+        *which,
+        window=True,
+        timeout_s=TIMEOUT_S,
+    )
     installed.remove()
     report = folder / "steps.json"
     facts = json.loads(report.read_text()) if report.is_file() else {"steps": [], "finished": False}
@@ -57,8 +66,17 @@ def shoot(blender: Blender, archive: Path, *what: str) -> str:
     """Let one Blender take its pictures with ``shots.py``. Raises AssertionError if it fails; returns a summary."""
     folder = ROOT / "out" / "shots" / blender.name
     installed = install(blender, archive)
-    done = installed.run("--python-exit-code", "5", "--python", str(Path(__file__).with_name("shots.py")), "--",
-                         str(folder), *what, window=True, timeout_s=TIMEOUT_S)
+    done = installed.run(
+        "--python-exit-code",
+        "5",
+        "--python",
+        str(Path(__file__).with_name("shots.py")),
+        "--",
+        str(folder),
+        *what,
+        window=True,
+        timeout_s=TIMEOUT_S,
+    )
     installed.remove()
     if done.returncode:
         raise AssertionError(f"Blender {blender.name} ended with status {done.returncode}:\n{done.stdout[-4000:]}")
@@ -74,7 +92,9 @@ def main(words: list[str]) -> int:
     """Drive the named Blenders, or all there are; or take pictures."""
     names = [word for word in words if not word.startswith("--")]
     pictures: dict[str, Callable[[Blender, Path], str]] = {
-        "--shots": shoot, **{f"--{what}": partial(shoot_only, what) for what in ("manual", "narrow")}}
+        "--shots": shoot,
+        **{f"--{what}": partial(shoot_only, what) for what in ("manual", "narrow")},
+    }
     steps = [step for word in words if word.startswith("--steps=") for step in word.partition("=")[2].split(",")]
     act = pictures.get(words[0] if words else "", lambda blender, archive: drive(blender, archive, *steps))
     failed = ran = 0

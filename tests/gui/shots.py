@@ -87,12 +87,13 @@ def sheet(name: str) -> Waiting:
             break
     for first in range(0, len(pages), 5):
         target = FOLDER / f"{name}_{first // 5 + 1}.png"
-        subprocess.run(["convert", *map(str, pages[first:first + 5]), "+append", str(target)], check=True)
+        subprocess.run(["convert", *map(str, pages[first : first + 5]), "+append", str(target)], check=True)
     for page in pages:
         page.unlink()
 
 
 # ---- the states -----------------------------------------------------------------------------------------------------
+
 
 def open_panels() -> None:
     """Let all panels be open where they have not been drawn yet."""
@@ -121,24 +122,42 @@ def built() -> None:
         bpy.ops.icymoon.build_scene()
     area().spaces.active.shading.type = "SOLID"
     settings().terrain.rms_slope_deg += 1.0  # so that the preset was changed, and the roughness is of an earlier ground
-    row = {"method": "bm", "total_bad_1": 0.35, "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25,
-           "coverage": 0.75}
+    row = {
+        "method": "bm",
+        "total_bad_1": 0.35,
+        "l1_m": 0.123,
+        "l1_rate_10": 0.5,
+        "si_rmse": None,
+        "dod": 0.25,
+        "coverage": 0.75,
+    }
     settings().dataset.folder = str(FOLDER)
     (FOLDER / "evaluation_scene").mkdir(exist_ok=True)
-    (FOLDER / "evaluation_scene" / "report.json").write_text(json.dumps({
-        "summary": [row, {**row, "method": "sgbm"}], "rows": [],
-        "notes": ["Noise of the render decides the result: in light or in shadow, more than 5 % of the pixels have "
-                  "less texture than noise; raise quality.samples and look whether their order stays."],
-        "briefs": ["Noise of the render decides the result"],
-        "provenance": {"created": "2038-06-01T12:00:00+00:00"}}))
+    (FOLDER / "evaluation_scene" / "report.json").write_text(
+        json.dumps(
+            {
+                "summary": [row, {**row, "method": "sgbm"}],
+                "rows": [],
+                "notes": [
+                    "Noise of the render decides the result: in light or in shadow, more than 5 % of the pixels have "
+                    "less texture than noise; raise quality.samples and look whether their order stays."
+                ],
+                "briefs": ["Noise of the render decides the result"],
+                "provenance": {"created": "2038-06-01T12:00:00+00:00"},
+            }
+        )
+    )
     module("operators.results").keep_results(
-        bpy.context.scene, "SCENE", module("settings.blender.scene_properties").read_settings(settings()), ["0" * 12])
-    module("operators.dataset").readout.update(plan=settings().dataset.plan, lines=[
-        "12 pairs", "about 3 min and 40 MB on another machine with 1 process"])
+        bpy.context.scene, "SCENE", module("settings.blender.scene_properties").read_settings(settings()), ["0" * 12]
+    )
+    module("operators.dataset").readout.update(
+        plan=settings().dataset.plan, lines=["12 pairs", "about 3 min and 40 MB on another machine with 1 process"]
+    )
     jobs = module("operators.jobs")
     process = SimpleNamespace(running=True, cancelled=False, stop=lambda: None, cancel=lambda: None)
-    jobs.current = jobs.Job("Render Stereo Pair", process, lambda message: None, lambda: None,
-                            time.monotonic() - 30, 1 / 3, "Left eye")
+    jobs.current = jobs.Job(
+        "Render Stereo Pair", process, lambda message: None, lambda: None, time.monotonic() - 30, 1 / 3, "Left eye"
+    )
 
 
 def otherwise() -> None:
@@ -147,19 +166,39 @@ def otherwise() -> None:
     module("operators.results").clear_results(bpy.context.scene)
     group = settings()
     for topic, key, value in (
-            ("source", "kind", "MESH"), ("source", "detail", True), ("ridges", "height_m", 1.0),
-            ("cracks", "depth_m", 0.2), ("chaos", "relief_m", 1.0), ("craters", "coverage", 0.2),
-            ("hollows", "depth_m", 0.1), ("penitentes", "height_m", 1.0),
-            ("pits", "depth_m", 0.2), ("mantle", "thickness_m", 0.1),
-            ("surface", "model", "PRINCIPLED"), ("surface", "subsurface_weight", 0.5),
-            ("surface", "grain_amplitude_m", 0.01), ("surface", "salt_share", 0.2),
-            ("surface", "albedo_variation", 0.2), ("surface", "bubble_share", 0.02), ("surface", "frost_share", 0.3),
-            ("surface", "crust_share", 0.2), ("surface", "glint_share", 0.03), ("textures", "set", "OWN"),
-            ("rocks", "law", "POWER"), ("sensor", "colour", "BAYER"),
-            ("rocks", "clustering", 0.5), ("light", "directions_from", "KERNELS"), ("light", "planet", True),
-            ("light", "stars", True), ("sensor", "auto_exposure", False), ("sensor", "brackets", 3),
-            ("sensor", "radiation_flux_cm2_s", 1.0e4), ("rig", "motion_exposure_s", 0.01),
-            ("lander", "kind", "PARAMETRIC"), ("excavation", "path", "ARC")):
+        ("source", "kind", "MESH"),
+        ("source", "detail", True),
+        ("ridges", "height_m", 1.0),
+        ("cracks", "depth_m", 0.2),
+        ("chaos", "relief_m", 1.0),
+        ("craters", "coverage", 0.2),
+        ("hollows", "depth_m", 0.1),
+        ("penitentes", "height_m", 1.0),
+        ("pits", "depth_m", 0.2),
+        ("mantle", "thickness_m", 0.1),
+        ("surface", "model", "PRINCIPLED"),
+        ("surface", "subsurface_weight", 0.5),
+        ("surface", "grain_amplitude_m", 0.01),
+        ("surface", "salt_share", 0.2),
+        ("surface", "albedo_variation", 0.2),
+        ("surface", "bubble_share", 0.02),
+        ("surface", "frost_share", 0.3),
+        ("surface", "crust_share", 0.2),
+        ("surface", "glint_share", 0.03),
+        ("textures", "set", "OWN"),
+        ("rocks", "law", "POWER"),
+        ("sensor", "colour", "BAYER"),
+        ("rocks", "clustering", 0.5),
+        ("light", "directions_from", "KERNELS"),
+        ("light", "planet", True),
+        ("light", "stars", True),
+        ("sensor", "auto_exposure", False),
+        ("sensor", "brackets", 3),
+        ("sensor", "radiation_flux_cm2_s", 1.0e4),
+        ("rig", "motion_exposure_s", 0.01),
+        ("lander", "kind", "PARAMETRIC"),
+        ("excavation", "path", "ARC"),
+    ):
         setattr(getattr(group, topic), key, value)
 
 
@@ -181,8 +220,9 @@ def make_narrow(px: int) -> Waiting:
     for shown in (False, True):  # after which Blender lays the regions out anew
         area().spaces.active.show_region_ui = shown
         yield 10 * TICK_S
-    yield from until(lambda: abs(region("UI").width - px * bpy.context.preferences.system.ui_scale) < 3,
-                     "Making the sidebar narrow")
+    yield from until(
+        lambda: abs(region("UI").width - px * bpy.context.preferences.system.ui_scale) < 3, "Making the sidebar narrow"
+    )
 
 
 def decided() -> None:
@@ -191,8 +231,16 @@ def decided() -> None:
     reach = np.zeros((60, 80), bool)
     reach[10:50, 15:65] = True
     values = np.linspace(-0.5, 0.5, reach.size).reshape(reach.shape)
-    stored = maps.StoredMap(maps.SUITABILITY, module("stereo.decisions.dem").Grid(0.05, 60, 80, -2.0, 5.0), values,
-                            np.zeros(reach.shape), reach, (30, 40), 0.3, 10.0)
+    stored = maps.StoredMap(
+        maps.SUITABILITY,
+        module("stereo.decisions.dem").Grid(0.05, 60, 80, -2.0, 5.0),
+        values,
+        np.zeros(reach.shape),
+        reach,
+        (30, 40),
+        0.3,
+        10.0,
+    )
     scene = bpy.context.scene
     collection = module("nodes.painted_decisions").paint(scene, module("nodes.scene").find(scene), stored, "StereoBM")
     module("operators.coloured_views").show_colours(bpy.context, list(collection.objects), solid=True)
@@ -235,18 +283,21 @@ def scene_pictures() -> Waiting:
 
 def sharing(name: str) -> Callable[[], Waiting]:
     """A menu that stands open."""
+
     def show() -> Waiting:
         yield from away()
         with in_region("WINDOW"):
             bpy.ops.wm.call_menu("INVOKE_DEFAULT", name=name)
         yield 10 * TICK_S
+
     return show
 
 
 def in_both_themes(name: str, take: Callable[[str], Waiting]) -> Waiting:
     for theme, file in THEMES.items():
-        found = next(path for folder in bpy.utils.preset_paths("interface_theme")
-                     if (path := Path(folder, file)).is_file())
+        found = next(
+            path for folder in bpy.utils.preset_paths("interface_theme") if (path := Path(folder, file)).is_file()
+        )
         with in_region("WINDOW"):
             bpy.ops.script.execute_preset(filepath=str(found), menu_idname="USERPREF_MT_interface_theme_presets")
         yield from take(f"{theme}_{name}")
@@ -316,8 +367,14 @@ def walk() -> Waiting:
 
 def menus() -> Waiting:
     """The menus, each open."""
-    for menu in ("ICYMOON_MT_presets", "ICYMOON_MT_presets_terrains", "ICYMOON_MT_icymoon", "ICYMOON_MT_dataset",
-                 "TOPBAR_MT_render", "VIEW3D_MT_mesh_add"):
+    for menu in (
+        "ICYMOON_MT_presets",
+        "ICYMOON_MT_presets_terrains",
+        "ICYMOON_MT_icymoon",
+        "ICYMOON_MT_dataset",
+        "TOPBAR_MT_render",
+        "VIEW3D_MT_mesh_add",
+    ):
         yield from sharing(menu)()
         yield from picture(f"menu_{menu}")
         person.xdotool("key", "Escape")

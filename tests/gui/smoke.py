@@ -1,6 +1,6 @@
 """Use the installed extension in a real Blender without its window; runs inside it.
 
-    blender -b --addons bl_ext.user_default.icymoon --python-exit-code 1 --python tests/gui/smoke.py -- DATASET
+blender -b --addons bl_ext.user_default.icymoon --python-exit-code 1 --python tests/gui/smoke.py -- DATASET
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ for step in (operators.build_scene, operators.render_pair, operators.evaluate):
 assert len(list(dataset.glob("pairs/*/pair.json"))) == 1
 assert (dataset / "evaluation_scene" / "report.html").is_file()
 plan = dataset / "plan.toml"
-plan.write_text('[plan]\ntitle = "Two"\n[mesh]\nkind = "GRID"\n[terrain]\nresolution = 65\n[rig]\nwidth_px = 64\n'
-                'height_px = 48\n[quality]\nsamples = 1\n[[sweep]]\nkind = "panorama"\nheadings = 2\n')
+plan.write_text(
+    '[plan]\ntitle = "Two"\n[mesh]\nkind = "GRID"\n[terrain]\nresolution = 65\n[rig]\nwidth_px = 64\n'
+    'height_px = 48\n[quality]\nsamples = 1\n[[sweep]]\nkind = "panorama"\nheadings = 2\n'
+)
 group.dataset.plan, group.dataset.folder = str(plan), str(dataset / "set")
 for step in (operators.plan_dry_run, operators.render_dataset):
     assert step() == {"FINISHED"}, step
@@ -37,8 +39,9 @@ assert operators.clear_scene() == {"FINISHED"}
 assert not [c for c in bpy.data.collections if c.get("icymoon")]
 # Scripts in Blender have the library, whose worker is another Blender.
 library = importlib.import_module("bl_ext.user_default.icymoon")
-scene = library.Scene(mesh={"kind": "GRID"}, terrain={"resolution": 65}, rig={"width_px": 64, "height_px": 48},
-                      quality={"samples": 1})
+scene = library.Scene(
+    mesh={"kind": "GRID"}, terrain={"resolution": 65}, rig={"width_px": 64, "height_px": 48}, quality={"samples": 1}
+)
 for renderer in (library.Worker, library.InProcess):
     with renderer() as worker:
         pair = scene.render(dataset / renderer.__name__, renderer=worker)

@@ -28,8 +28,12 @@ from icymoon.settings.topics.scene import Settings
 from icymoon.settings.user_files import content
 from icymoon.support.version import ROOT
 
-SMALL: Any = {"rig": {"width_px": 64, "height_px": 48}, "terrain": {"resolution": 33, "size_m": 20.0},
-              "mesh": {"kind": "GRID"}, "quality": {"samples": 2, "threads": 1}}
+SMALL: Any = {
+    "rig": {"width_px": 64, "height_px": 48},
+    "terrain": {"resolution": 33, "size_m": 20.0},
+    "mesh": {"kind": "GRID"},
+    "quality": {"samples": 2, "threads": 1},
+}
 
 
 @pytest.fixture
@@ -38,22 +42,28 @@ def pair(tmp_path) -> icymoon.RenderedPair:
 
 
 def test_the_import_is_light_and_every_name_is_there():
-    program = ("import sys, icymoon\nheavy = {'numpy', 'bpy', 'cv2', 'rich'} & set(sys.modules)\n"
-               "assert not heavy, heavy\nassert set(icymoon.__all__) <= set(dir(icymoon))\n"
-               "sys.modules |= dict.fromkeys(('bpy', 'cv2', 'torch', 'OpenEXR', 'rich'))\n"
-               "assert all(getattr(icymoon, name).__doc__ for name in icymoon.__all__)")
+    program = (
+        "import sys, icymoon\nheavy = {'numpy', 'bpy', 'cv2', 'rich'} & set(sys.modules)\n"
+        "assert not heavy, heavy\nassert set(icymoon.__all__) <= set(dir(icymoon))\n"
+        "sys.modules |= dict.fromkeys(('bpy', 'cv2', 'torch', 'OpenEXR', 'rich'))\n"
+        "assert all(getattr(icymoon, name).__doc__ for name in icymoon.__all__)"
+    )
     subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
     with pytest.raises(AttributeError, match="scene"):
         icymoon.scene  # noqa: B018
 
 
-@pytest.mark.parametrize(("make", "words"), [
-    (lambda: Scene("europa_rough_icee"), ["europa_rough_ice"]),
-    (lambda: Scene(rigg={}), ["rigg", "'rig'"]),  # type: ignore[call-arg]
-    (lambda: Scene(rig={"width": 3}), ["rig.width", "width_px"]),  # type: ignore[typeddict-unknown-key]
-    (lambda: Scene(rig={"width_px": 2.5}), ["rig.width_px", "whole number"]),  # type: ignore[typeddict-item]
-    (lambda: Scene(rig={"baseline_m": -1}), ["rig.baseline_m", "m"]),
-    (lambda: Scene().change(surface={"model": "LAMBERTT"}), ["LAMBERT"])])  # type: ignore[typeddict-item]
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Scene("europa_rough_icee"), ["europa_rough_ice"]),
+        (lambda: Scene(rigg={}), ["rigg", "'rig'"]),  # type: ignore[call-arg]
+        (lambda: Scene(rig={"width": 3}), ["rig.width", "width_px"]),  # type: ignore[typeddict-unknown-key]
+        (lambda: Scene(rig={"width_px": 2.5}), ["rig.width_px", "whole number"]),  # type: ignore[typeddict-item]
+        (lambda: Scene(rig={"baseline_m": -1}), ["rig.baseline_m", "m"]),
+        (lambda: Scene().change(surface={"model": "LAMBERTT"}), ["LAMBERT"]),
+    ],
+)  # type: ignore[typeddict-item]
 def test_what_is_unknown_is_refused_with_the_nearest_name(make, words):
     """The type checker refuses all but the first and the fifth, too."""
     with pytest.raises(IcyMoonError) as raised:
@@ -76,14 +86,21 @@ def test_a_scene_never_changes_and_states_what_it_is():
 
 def test_heights_of_a_function_are_those_of_its_places():
     """Read as the ground reads them: the height at any vertex is the function's there."""
+
     def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return 0.3 * x - 0.1 * y + 5.0
 
     given, stated = heights_input(height, 20.0, 33, None)
     source = stated["source"]
     pixel = source["metres_per_pixel"]
-    ground, _ = place_map(np.load(io.BytesIO(given.content)), (pixel, pixel), (0.0, 0.0), centre=False,
-                          origin_m=(source["origin_x_m"], source["origin_y_m"]), size_m=20.0)
+    ground, _ = place_map(
+        np.load(io.BytesIO(given.content)),
+        (pixel, pixel),
+        (0.0, 0.0),
+        centre=False,
+        origin_m=(source["origin_x_m"], source["origin_y_m"]),
+        size_m=20.0,
+    )
     x, y = np.meshgrid(np.linspace(-10, 10, 7), np.linspace(-10, 10, 5))
     assert ground.heights(x, y) == pytest.approx(height(x, y), abs=1e-12)  # bilinear is exact on a plane
 
@@ -94,10 +111,17 @@ def test_an_array_has_the_size_that_its_spacing_gives():
     assert (stated["source"]["origin_x_m"], stated["source"]["origin_y_m"]) == (2.0, 1.0)
 
 
-@pytest.mark.parametrize(("heights", "words"), [
-    (np.zeros(5), "shape"), (np.full((3, 3), np.nan), "not finite"), (lambda x, y: x[:1], "shape"),
-    (lambda x, y: float("1" if x > 0 else "2"), "numpy.vectorize"), (np.zeros((3, 3, 3)), "one height"),
-    ("flat", "no array of numbers")])
+@pytest.mark.parametrize(
+    ("heights", "words"),
+    [
+        (np.zeros(5), "shape"),
+        (np.full((3, 3), np.nan), "not finite"),
+        (lambda x, y: x[:1], "shape"),
+        (lambda x, y: float("1" if x > 0 else "2"), "numpy.vectorize"),
+        (np.zeros((3, 3, 3)), "one height"),
+        ("flat", "no array of numbers"),
+    ],
+)
 def test_heights_that_cannot_be_are_refused(heights, words):
     with pytest.raises(IcyMoonError, match=words):
         Scene().with_heights(heights)
@@ -182,14 +206,23 @@ def test_a_function_is_measured_beside_our_matchers(pair, tmp_path, undrawn):
 
 def test_a_function_that_changed_is_measured_anew(pair, tmp_path, undrawn):
     """Results are kept by the content of the disparities, so no result of another function is taken for its own."""
-    errors = [icymoon.evaluate(pair, {"mine": lambda left, right, off=off: pair.disparity_px + off}, tmp_path / "e")
-              .summary["mine"]["epe_px"] for off in (0.25, 1.5)]
+    errors = [
+        icymoon.evaluate(pair, {"mine": lambda left, right, off=off: pair.disparity_px + off}, tmp_path / "e").summary[
+            "mine"
+        ]["epe_px"]
+        for off in (0.25, 1.5)
+    ]
     assert errors == pytest.approx([0.25, 1.5], abs=1e-4)
 
 
-@pytest.mark.parametrize(("matcher", "words"), [
-    (lambda left, right: left[:2], "shape"), ("sgbmm", "sgbm"),
-    (lambda left, right: np.full(left.shape, np.nan), "mine|lambda")])
+@pytest.mark.parametrize(
+    ("matcher", "words"),
+    [
+        (lambda left, right: left[:2], "shape"),
+        ("sgbmm", "sgbm"),
+        (lambda left, right: np.full(left.shape, np.nan), "mine|lambda"),
+    ],
+)
 def test_a_matcher_that_cannot_be_is_a_sentence(pair, tmp_path, matcher, words):
     with pytest.raises(IcyMoonError, match=words):
         icymoon.evaluate(pair, [matcher], tmp_path / "evaluation")
@@ -219,15 +252,19 @@ class Counting:
 
 def test_a_sweep_goes_on_where_it_was_stopped(tmp_path):
     scene = Scene(**SMALL)
-    vary: Any = {"heights": {"flat": lambda x, y: 0 * x, "tilted": lambda x, y: 0.1 * x},
-                 "light.sun_elevation_deg": np.array([5.0, 20.0])}
+    vary: Any = {
+        "heights": {"flat": lambda x, y: 0 * x, "tilted": lambda x, y: 0.1 * x},
+        "light.sun_elevation_deg": np.array([5.0, 20.0]),
+    }
     first = Counting()
     sweep = icymoon.Sweep(scene, tmp_path, vary, renderer=first)
     assert len(sweep) == 4
     assert "2 heights x 2 light.sun_elevation_deg" in repr(sweep)
     with pytest.warns(UserWarning, match="a warning"):
         assert [point.values for point in itertools.islice(sweep, 2)][-1] == {
-            "heights": "flat", "light.sun_elevation_deg": 20.0}
+            "heights": "flat",
+            "light.sun_elevation_deg": 20.0,
+        }
     assert len(first.rendered) == 2
     second = Counting()
     with warnings.catch_warnings():
@@ -237,9 +274,15 @@ def test_a_sweep_goes_on_where_it_was_stopped(tmp_path):
     assert len({point.pair.id for point in points}) == 4
 
 
-@pytest.mark.parametrize(("vary", "words"), [
-    ({"light.sun_elevation": [1]}, "sun_elevation_deg"), ({"heights": [1]}, "need names"),
-    ({"rig.baseline_m": []}, "list of values"), ({"rig.baseline_m": [-5]}, "outside")])
+@pytest.mark.parametrize(
+    ("vary", "words"),
+    [
+        ({"light.sun_elevation": [1]}, "sun_elevation_deg"),
+        ({"heights": [1]}, "need names"),
+        ({"rig.baseline_m": []}, "list of values"),
+        ({"rig.baseline_m": [-5]}, "outside"),
+    ],
+)
 def test_a_sweep_that_cannot_be_is_refused_before_anything_is_rendered(tmp_path, vary, words):
     with pytest.raises(IcyMoonError, match=words):
         icymoon.Sweep(Scene(), tmp_path, vary)
@@ -253,9 +296,15 @@ def test_the_reference_page_has_every_name_and_every_member_is_described():
     page = python_api.page()
     assert " at 0x" not in page
     assert "### Scene.with_heights" in page
-    bare = [f"{name}.{key}" for name in icymoon.__all__ if inspect.isclass(kind := getattr(icymoon, name))
-            for key, member in vars(kind).items() if not key.startswith("_")
-            and (inspect.isfunction(member) or isinstance(member, property)) and not member.__doc__]
+    bare = [
+        f"{name}.{key}"
+        for name in icymoon.__all__
+        if inspect.isclass(kind := getattr(icymoon, name))
+        for key, member in vars(kind).items()
+        if not key.startswith("_")
+        and (inspect.isfunction(member) or isinstance(member, property))
+        and not member.__doc__
+    ]
     assert not bare
 
 

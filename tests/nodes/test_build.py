@@ -118,9 +118,17 @@ def test_fingerprint_survives_saving_and_loading(tmp_path):
 
 
 def test_sun_and_camera_stand_as_described():
-    settings = complete({"light": {"sun_elevation_deg": 15.0, "sun_azimuth_deg": 200.0, "sun_irradiance_wm2": 50.26,
-                                   "sun_angular_diameter_deg": 0.1024},
-                         "rig": {"height_m": 2.0, "pitch_deg": 30.0, "heading_deg": 90.0}})
+    settings = complete(
+        {
+            "light": {
+                "sun_elevation_deg": 15.0,
+                "sun_azimuth_deg": 200.0,
+                "sun_irradiance_wm2": 50.26,
+                "sun_angular_diameter_deg": 0.1024,
+            },
+            "rig": {"height_m": 2.0, "pitch_deg": 30.0, "heading_deg": 90.0},
+        }
+    )
     built = scenes.build(empty_scene(), settings)
     bpy.context.view_layer.update()
     assert np.allclose(built.sun.matrix_world.to_3x3().col[2], toward(200.0, 15.0), atol=1e-6)
@@ -150,8 +158,7 @@ def test_a_node_with_an_input_nobody_set_is_refused():
 
 
 def test_property_groups_hold_a_description_and_give_it_back(scene):
-    loaded = description.merged(description.defaults(),
-                                preset_files.load_preset("scenes/europa_rough_ice"))
+    loaded = description.merged(description.defaults(), preset_files.load_preset("scenes/europa_rough_ice"))
     scene_properties.write_settings(scene.icymoon, loaded)
     assert scene_properties.read_settings(scene.icymoon) == loaded
 

@@ -14,10 +14,16 @@ from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
 
 #: The right eye is 36 mm under the ground, and rendered black.
-UNDERGROUND = {"terrain": {"rms_slope_deg": 25.0}, "rig": {"height_m": 0.1, "baseline_m": 0.3},
-               "mesh": {"kind": "GRADED", "most": 20_000}, "quality": {"samples": 1}}
-TALL = {"terrain": {"rms_slope_deg": 0.0}, "rocks": {
-    "coverage": 0.5, "smallest_m": 1.0, "largest_m": 1.0, "height_ratio": 3.0, "burial": 0.0}}
+UNDERGROUND = {
+    "terrain": {"rms_slope_deg": 25.0},
+    "rig": {"height_m": 0.1, "baseline_m": 0.3},
+    "mesh": {"kind": "GRADED", "most": 20_000},
+    "quality": {"samples": 1},
+}
+TALL = {
+    "terrain": {"rms_slope_deg": 0.0},
+    "rocks": {"coverage": 0.5, "smallest_m": 1.0, "largest_m": 1.0, "height_ratio": 3.0, "burial": 0.0},
+}
 
 
 def silent(*args, **facts):
@@ -55,8 +61,9 @@ def test_eyes_that_were_moved_by_hand_are_asked_of_the_scene():
     assert not eyes_above_ground.reasons(built)
     camera = built.camera
     start = camera.location.copy()
-    block = max((item for item in bpy.data.objects if item.get("icymoon") == "rock"),
-                key=lambda item: len(item.data.vertices))
+    block = max(
+        (item for item in bpy.data.objects if item.get("icymoon") == "rock"), key=lambda item: len(item.data.vertices)
+    )
     camera.location = block.data.vertices[0].co  # the middle of the largest block
     assert any("left eye in a rock" in text for text in eyes_above_ground.reasons(built))
     camera.location = start
@@ -72,13 +79,16 @@ def test_eyes_that_were_moved_by_hand_are_asked_of_the_scene():
 
 def test_turned_with_the_headings_of_a_standing_scene():
     """The rig of a built scene is turned about its left eye: the right one comes round to where a wall stands."""
-    built = scenes.build(empty_scene(), complete({"terrain": {"rms_slope_deg": 0.0, "size_m": 4.0}, "rig": {
-        "height_m": 0.5, "baseline_m": 1.0}}))
+    built = scenes.build(
+        empty_scene(),
+        complete({"terrain": {"rms_slope_deg": 0.0, "size_m": 4.0}, "rig": {"height_m": 0.5, "baseline_m": 1.0}}),
+    )
     mesh = built.terrain.data
     mesh.clear_geometry()
     # A ramp that rises to the west of the left eye, 45 degrees.
-    mesh.from_pydata([(-4, -4, 4), (0, -4, 0), (4, -4, 0), (-4, 4, 4), (0, 4, 0), (4, 4, 0)], [],
-                     [(0, 1, 4, 3), (1, 2, 5, 4)])
+    mesh.from_pydata(
+        [(-4, -4, 4), (0, -4, 0), (4, -4, 0), (-4, 4, 4), (0, 4, 0), (4, 4, 0)], [], [(0, 1, 4, 3), (1, 2, 5, 4)]
+    )
     found = [bool(eyes_above_ground.reasons(built, turn)) for turn in (0.0, 90.0, 180.0, 270.0)]
     assert found == [False, False, True, False]
 
@@ -90,12 +100,15 @@ def box(low, high):
     return corners, [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (1, 3, 7, 5), (3, 2, 6, 7), (2, 0, 4, 6)]
 
 
-@pytest.mark.parametrize(("low", "high", "admitted"), [
-    ((-3.0, -3.0, 1.0), (3.0, 3.0, 1.2), True), ((0.5, -1.0, -0.5), (3.0, 1.0, 2.0), False)],
-    ids=["under a roof", "in a cliff"])
+@pytest.mark.parametrize(
+    ("low", "high", "admitted"),
+    [((-3.0, -3.0, 1.0), (3.0, 3.0, 1.2), True), ((0.5, -1.0, -0.5), (3.0, 1.0, 2.0), False)],
+    ids=["under a roof", "in a cliff"],
+)
 def test_a_roof_over_the_eyes_is_open_and_a_cliff_about_one_is_not(low, high, admitted):
-    built = scenes.build(empty_scene(), complete({"terrain": {"rms_slope_deg": 0.0}, "rig": {
-        "height_m": 0.5, "baseline_m": 1.0}}))
+    built = scenes.build(
+        empty_scene(), complete({"terrain": {"rms_slope_deg": 0.0}, "rig": {"height_m": 0.5, "baseline_m": 1.0}})
+    )
     ground = [(-5, -5, 0), (5, -5, 0), (5, 5, 0), (-5, 5, 0)]
     corners, faces = box(low, high)
     built.terrain.data.clear_geometry()
@@ -103,11 +116,23 @@ def test_a_roof_over_the_eyes_is_open_and_a_cliff_about_one_is_not(low, high, ad
     assert bool(eyes_above_ground.reasons(built)) != admitted
 
 
-@pytest.mark.parametrize(("parts", "names"), [
-    ({"rocks": {"coverage": 0.3, "smallest_m": 50.0, "largest_m": 50.0}, "terrain": {"size_m": 5.0}},
-     ("rocks.coverage",)),
-    ({"surface": {"model": "HAPKE"}, "hapke": {"w": 1.0, "filling_factor": 0.75},
-      "light": {"directions_from": "DATE", "date_utc": "1850-01-01"}}, ("hapke.w", "light.date_utc"))])
+@pytest.mark.parametrize(
+    ("parts", "names"),
+    [
+        (
+            {"rocks": {"coverage": 0.3, "smallest_m": 50.0, "largest_m": 50.0}, "terrain": {"size_m": 5.0}},
+            ("rocks.coverage",),
+        ),
+        (
+            {
+                "surface": {"model": "HAPKE"},
+                "hapke": {"w": 1.0, "filling_factor": 0.75},
+                "light": {"directions_from": "DATE", "date_utc": "1850-01-01"},
+            },
+            ("hapke.w", "light.date_utc"),
+        ),
+    ],
+)
 def test_what_needs_no_scene_is_refused_before_anything_is_made(parts, names):
     scene = empty_scene()
     with pytest.raises(IcyMoonError) as refused:
@@ -118,10 +143,16 @@ def test_what_needs_no_scene_is_refused_before_anything_is_made(parts, names):
 
 
 def test_the_pair_says_what_to_know_of_it(tmp_path):
-    settings = complete({"mesh": {"kind": "GRID"}, "terrain": {"resolution": 2, "size_m": 2000.0, "rms_slope_deg": 0.0},
-                         "quality": {"samples": 1}, "rig": {"width_px": 16, "height_px": 16}})
+    settings = complete(
+        {
+            "mesh": {"kind": "GRID"},
+            "terrain": {"resolution": 2, "size_m": 2000.0, "rms_slope_deg": 0.0},
+            "quality": {"samples": 1},
+            "rig": {"width_px": 16, "height_px": 16},
+        }
+    )
     built = scenes.build(empty_scene(), settings)
-    folder, = render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, silent)
+    (folder,) = render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, silent)
     (told,) = read_pair(folder).data["advice"]
     assert told in built.warnings
     assert "1e-4" in told

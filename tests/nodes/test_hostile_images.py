@@ -23,8 +23,12 @@ def part(kind: bytes, body: bytes) -> bytes:
 
 
 def png(width: int, height: int, bits: int = 16, colours: int = 0, data: bytes = bytes(40)) -> bytes:
-    return b"\x89PNG\r\n\x1a\n" + part(b"IHDR", struct.pack(">2I5B", width, height, bits, colours, 0, 0, 0)) + part(
-        b"IDAT", zlib.compress(data)) + part(b"IEND", b"")
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + part(b"IHDR", struct.pack(">2I5B", width, height, bits, colours, 0, 0, 0))
+        + part(b"IDAT", zlib.compress(data))
+        + part(b"IEND", b"")
+    )
 
 
 def npy(shape: str, kind: str = "<f4", data: bytes = bytes(64)) -> bytes:
@@ -37,17 +41,35 @@ def exr_window(*ends: int) -> dict[bytes, bytes]:
 
 
 HEIGHTS = {
-    "huge.png": png(30000, 20000, data=bytes(10**6)), "zero.png": png(0, 9), "bits.png": png(9, 9, 3),
-    "colour.png": png(9, 9, 8, 2), "cut.png": png(9, 9)[:-14], "text.png": b"no image", "empty.png": b"",
-    "huge.exr": exr(exr_window(0, 0, 10**8, 3)), "cut.exr": exr()[:-1], "text.exr": b"no image",
+    "huge.png": png(30000, 20000, data=bytes(10**6)),
+    "zero.png": png(0, 9),
+    "bits.png": png(9, 9, 3),
+    "colour.png": png(9, 9, 8, 2),
+    "cut.png": png(9, 9)[:-14],
+    "text.png": b"no image",
+    "empty.png": b"",
+    "huge.exr": exr(exr_window(0, 0, 10**8, 3)),
+    "cut.exr": exr()[:-1],
+    "text.exr": b"no image",
     "named.exr": exr({b"channels": attribute(b"channels", b"chlist", channel(b"\x1b[31mred\x1b[0m") + b"\0")}),
-    "negative.exr": exr(before=attribute(b"a", b"b", b"", -8)), "turned.exr": exr(exr_window(3, 3, 0, 0)),
-    "many.exr": exr({b"channels": attribute(b"channels", b"chlist", b"".join(
-        channel(b"c%03d" % k) for k in range(500)) + b"\0")}),
-    "huge.npy": npy("(100000000000, 3)"), "digits.npy": npy("(" + "9" * 300 + ",)"), "minus.npy": npy("(-4, -4)"),
-    "cube.npy": npy("(4, 2, 2)"), "text.npy": npy("(4, 4)", "|O"), "complex.npy": npy("(2, 4)", "<c8"),
-    "bool.npy": npy("(8, 8)", "|b1"), "cut.npy": npy("(4, 4)")[:-1], "deep.npy": npy("(" * 5000),
-    "pickle.npy": b"\x80\4N.", "row.npy": npy("(1, 16)"), "empty.npy": b""}
+    "negative.exr": exr(before=attribute(b"a", b"b", b"", -8)),
+    "turned.exr": exr(exr_window(3, 3, 0, 0)),
+    "many.exr": exr(
+        {b"channels": attribute(b"channels", b"chlist", b"".join(channel(b"c%03d" % k) for k in range(500)) + b"\0")}
+    ),
+    "huge.npy": npy("(100000000000, 3)"),
+    "digits.npy": npy("(" + "9" * 300 + ",)"),
+    "minus.npy": npy("(-4, -4)"),
+    "cube.npy": npy("(4, 2, 2)"),
+    "text.npy": npy("(4, 4)", "|O"),
+    "complex.npy": npy("(2, 4)", "<c8"),
+    "bool.npy": npy("(8, 8)", "|b1"),
+    "cut.npy": npy("(4, 4)")[:-1],
+    "deep.npy": npy("(" * 5000),
+    "pickle.npy": b"\x80\4N.",
+    "row.npy": npy("(1, 16)"),
+    "empty.npy": b"",
+}
 
 
 @pytest.mark.parametrize("name", HEIGHTS)
@@ -83,10 +105,17 @@ def test_good_height_maps_are_read(tmp_path):
 
 
 TEXTURES = {
-    "huge.png": png(30000, 20000, 8, 2, bytes(10**6)), "huge.exr": exr(exr_window(0, 0, 10**8, 3)),
-    "cut.exr": exr()[:-1], "negative.exr": exr(before=attribute(b"a", b"b", b"", -8)), "text.png": b"no image",
-    "movie.png": b"\0\0\0\x20ftypisom" + bytes(1000), "empty.jpg": b"", "psd.png": b"8BPS\0\1" + bytes(100),
-    "torn.png": png(9, 9, 8, 2)[:20], "torn.jpg": b"\xff\xd8\xff\xe0\0\x10JFIF"}
+    "huge.png": png(30000, 20000, 8, 2, bytes(10**6)),
+    "huge.exr": exr(exr_window(0, 0, 10**8, 3)),
+    "cut.exr": exr()[:-1],
+    "negative.exr": exr(before=attribute(b"a", b"b", b"", -8)),
+    "text.png": b"no image",
+    "movie.png": b"\0\0\0\x20ftypisom" + bytes(1000),
+    "empty.jpg": b"",
+    "psd.png": b"8BPS\0\1" + bytes(100),
+    "torn.png": png(9, 9, 8, 2)[:20],
+    "torn.jpg": b"\xff\xd8\xff\xe0\0\x10JFIF",
+}
 
 
 def own(path: Path) -> TexturesSettings:
@@ -115,7 +144,8 @@ def test_a_texture_that_is_no_regular_file_is_a_sentence(tmp_path):
 def test_little_memory_is_taken(tmp_path, name):
     path = tmp_path / name
     path.write_bytes(HEIGHTS[name])
-    ended = run_bounded(f"""
+    ended = run_bounded(
+        f"""
 from pathlib import Path
 import icymoon.nodes.ground.import_heights as heights
 import resource
@@ -125,5 +155,7 @@ try:
     heights.read_heights(Path({str(path)!r}))
 except IcyMoonError:
     print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
-""", memory=4 * 10**9)  # Blender reserves address space; so its memory is measured
+""",
+        memory=4 * 10**9,
+    )  # Blender reserves address space; so its memory is measured
     assert 1024 * int(ended) < 100e6

@@ -1,6 +1,5 @@
 """The measured surface back in Blender, beside the true one."""
 
-
 import bpy
 import numpy as np
 import pytest
@@ -109,8 +108,11 @@ def test_a_surface_of_an_older_evaluation_does_not_say_what_is_missing(shown, tm
     folder, _ = shown
     content = (folder / "quarters.ply").read_bytes().split(b"\n")
     old = tmp_path / "old.ply"
-    old.write_bytes(b"\n".join(line for line in content[:5] if not line.startswith(b"comment missing"))
-                    + b"\n" + b"\n".join(content[5:]))
+    old.write_bytes(
+        b"\n".join(line for line in content[:5] if not line.startswith(b"comment missing"))
+        + b"\n"
+        + b"\n".join(content[5:])
+    )
     measured_surface.build_points(bpy.context.scene, [old], "old")
     assert not any("Missing" in line for line, _ in measured_surface.legend(bpy.context.scene))
     assert any("Too far" in line for line, _ in measured_surface.legend(bpy.context.scene))
@@ -150,9 +152,11 @@ def test_files_that_cannot_be_used_change_nothing(shown, tmp_path):
     item = measured_surface.build_points(scene, [folder / "right.ply"], "right")
     content = (folder / "right.ply").read_bytes()
     (tmp_path / "cut.ply").write_bytes(content[:-100])
-    for paths, reason in (([tmp_path / "none.ply"], "cannot be read"),
-                          ([tmp_path / "cut.ply"], "missing or damaged"),
-                          ([folder / "blind.ply"], "measured nothing")):
+    for paths, reason in (
+        ([tmp_path / "none.ply"], "cannot be read"),
+        ([tmp_path / "cut.ply"], "missing or damaged"),
+        ([folder / "blind.ply"], "measured nothing"),
+    ):
         with pytest.raises(IcyMoonError, match=reason):
             measured_surface.build_points(scene, paths, "bad")
     assert measured_surface.find_points(scene) == item
@@ -164,8 +168,10 @@ def test_by_operator(shown, tmp_path):
     (tmp_path / "evaluation_scene").mkdir()
     for name in ("right", "wrong"):
         (tmp_path / "evaluation_scene" / f"{name}.ply").write_bytes((folder / f"{name}.ply").read_bytes())
-    summary = [{"method": name, "l1_m": l1, "l1_rate_10": 0, "si_rmse": 0, "dod": 0, "coverage": 1}
-               for name, l1 in (("wrong", 0.3), ("right", 0.0))]
+    summary = [
+        {"method": name, "l1_m": l1, "l1_rate_10": 0, "si_rmse": 0, "dod": 0, "coverage": 1}
+        for name, l1 in (("wrong", 0.3), ("right", 0.0))
+    ]
     rows = [{"method": name, "pair": "p", "images": {"points": f"{name}.ply"}} for name in ("wrong", "right")]
     scene = bpy.context.scene
     evaluated(scene, tmp_path, *summary, shown=rows)

@@ -23,8 +23,11 @@ from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.support.errors import IcyMoonError
 from rendering import render
 
-SCENE = {"rig": {"width_px": 160, "height_px": 120}, "terrain": {"resolution": 257, "size_m": 8.0},
-         "rocks": {"coverage": 0.1, "smallest_m": 0.2}}
+SCENE = {
+    "rig": {"width_px": 160, "height_px": 120},
+    "terrain": {"resolution": 257, "size_m": 8.0},
+    "rocks": {"coverage": 0.1, "smallest_m": 0.2},
+}
 ROWS, COLUMNS, CELL_M = 20, 30, 0.1
 
 
@@ -49,13 +52,15 @@ def made(kind: str = SUITABILITY) -> StoredMap:
     values = np.linspace(-1, 1, ROWS * COLUMNS).reshape(ROWS, COLUMNS)
     reach = np.zeros((ROWS, COLUMNS), bool)
     reach[2:8, 5:25] = True
-    return StoredMap(kind, Grid(CELL_M, ROWS, COLUMNS, -1.5, 1.0), values, np.full((ROWS, COLUMNS), 0.2), reach,
-                     (3, 7), 0.3, 10.0)
+    return StoredMap(
+        kind, Grid(CELL_M, ROWS, COLUMNS, -1.5, 1.0), values, np.full((ROWS, COLUMNS), 0.2), reach, (3, 7), 0.3, 10.0
+    )
 
 
 def colours(mesh) -> np.ndarray:
-    return np.rint(255 * read_property(mesh.attributes[painted_errors.COLOUR].data, "color_srgb", width=4).reshape(
-        -1, 4)[:, :3])
+    return np.rint(
+        255 * read_property(mesh.attributes[painted_errors.COLOUR].data, "color_srgb", width=4).reshape(-1, 4)[:, :3]
+    )
 
 
 def positions(mesh) -> np.ndarray:
@@ -63,8 +68,10 @@ def positions(mesh) -> np.ndarray:
 
 
 def blocks() -> list[int]:
-    return [len(data) for data in (bpy.data.objects, bpy.data.meshes, bpy.data.curves, bpy.data.materials,
-                                   bpy.data.collections)]
+    return [
+        len(data)
+        for data in (bpy.data.objects, bpy.data.meshes, bpy.data.curves, bpy.data.materials, bpy.data.collections)
+    ]
 
 
 def test_vertices_have_the_colours_of_their_cells(shown):
@@ -86,8 +93,9 @@ def test_vertices_have_the_colours_of_their_cells(shown):
 
 def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
     _, built = shown
-    site, reach = sorted(painted_decisions.paint(bpy.context.scene, built, made(), "bm").objects,
-                         key=lambda item: item.name)
+    site, reach = sorted(
+        painted_decisions.paint(bpy.context.scene, built, made(), "bm").objects, key=lambda item: item.name
+    )
     assert (site.name, reach.name) == ("Chosen Site", "Reach")
     thick_m = 0.0065  # half a line, and rounding
     place = positions(site.data)
@@ -98,10 +106,12 @@ def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
     assert len(site.data.polygons) >= 100  # with a thickness, or it is hidden with the overlays
     place = positions(reach.data)
     # The line is as wide at the corners as between them.
-    np.testing.assert_allclose(place.min(axis=0)[:2], np.array((-1.5 + 5 * CELL_M, 1.0 - 8 * CELL_M)) - 0.006,
-                               atol=1e-5)
-    np.testing.assert_allclose(place.max(axis=0)[:2], np.array((-1.5 + 25 * CELL_M, 1.0 - 2 * CELL_M)) + 0.006,
-                               atol=1e-5)
+    np.testing.assert_allclose(
+        place.min(axis=0)[:2], np.array((-1.5 + 5 * CELL_M, 1.0 - 8 * CELL_M)) - 0.006, atol=1e-5
+    )
+    np.testing.assert_allclose(
+        place.max(axis=0)[:2], np.array((-1.5 + 25 * CELL_M, 1.0 - 2 * CELL_M)) + 0.006, atol=1e-5
+    )
     for item in (site, reach):  # closed: two faces meet at each edge
         assert set(Counter(edge for face in item.data.polygons for edge in face.edge_keys).values()) == {2}
     assert site.hide_render
@@ -154,8 +164,9 @@ def test_a_ground_elsewhere_is_refused_and_what_is_shown_stays(shown):
     _, built = shown
     painted_decisions.paint(bpy.context.scene, built, made(), "first")
     with pytest.raises(IcyMoonError, match="No vertex of the ground"):
-        painted_decisions.paint(bpy.context.scene, built, replace(made(), grid=Grid(CELL_M, ROWS, COLUMNS, 99.0, 0.0)),
-                                "second")
+        painted_decisions.paint(
+            bpy.context.scene, built, replace(made(), grid=Grid(CELL_M, ROWS, COLUMNS, 99.0, 0.0)), "second"
+        )
     assert painted_decisions.legend(bpy.context.scene)[0][0] == "Suitability by first"
     painted_errors.clear(bpy.context.scene)
     assert painted_decisions.legend(bpy.context.scene) == ()

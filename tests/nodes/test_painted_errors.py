@@ -20,8 +20,11 @@ from icymoon.support.errors import IcyMoonError
 from mathutils import Vector
 from rendering import render
 
-SCENE = {"rig": {"width_px": 240, "height_px": 180}, "terrain": {"resolution": 257, "size_m": 8.0},
-         "rocks": {"coverage": 0.1, "smallest_m": 0.2}}
+SCENE = {
+    "rig": {"width_px": 240, "height_px": 180},
+    "terrain": {"resolution": 257, "size_m": 8.0},
+    "rocks": {"coverage": 0.1, "smallest_m": 0.2},
+}
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +50,11 @@ def paint(shown, name="far", full_m=1.0):
 def read(mesh):
     """Error, kind and colour of the vertices."""
     colour = read_property(mesh.attributes[painted_errors.COLOUR].data, "color_srgb", width=4).reshape(-1, 4)[:, :3]
-    return (read_property(mesh.attributes[painted_errors.ERROR_M].data, "value"),
-            read_property(mesh.attributes[painted_errors.KIND].data, "value", np.int8), np.rint(255 * colour))
+    return (
+        read_property(mesh.attributes[painted_errors.ERROR_M].data, "value"),
+        read_property(mesh.attributes[painted_errors.KIND].data, "value", np.int8),
+        np.rint(255 * colour),
+    )
 
 
 def test_vertices_that_rays_reach_have_the_error_of_their_depth(shown):
@@ -77,9 +83,13 @@ def test_vertices_that_rays_reach_have_the_error_of_their_depth(shown):
     assert len(rays) > 300
     share = np.array([free(k) for k in rays])
     sampled, kinds = error[::7][rays], kind[::7][rays]
-    hidden = np.array([share < 0.95 and all(free(k, *beside) < 0.95 for beside in
-                                            ((-1.5, -1.5), (-1.5, 1.5), (1.5, -1.5), (1.5, 1.5)))
-                       for k, share in zip(rays, share, strict=True)])
+    hidden = np.array(
+        [
+            share < 0.95
+            and all(free(k, *beside) < 0.95 for beside in ((-1.5, -1.5), (-1.5, 1.5), (1.5, -1.5), (1.5, 1.5)))
+            for k, share in zip(rays, share, strict=True)
+        ]
+    )
     assert hidden.sum() > 20
     assert (kinds[hidden] == UNSEEN).all()
     assert np.mean(kinds[share > 0.999] < UNSEEN) > 0.98
@@ -104,8 +114,11 @@ def test_rocks_that_are_seen_show_their_errors_too(shown):
     for shape in shapes:  # what is behind the copies is dark, never white
         assert (read(shape.data)[2] == 60).all()
     error, kind, _ = read(copies.data)
-    depth = np.linalg.norm(read_property(copies.data.vertices, "co", width=3).reshape(-1, 3)
-                           - np.array(built.camera.matrix_world.translation), axis=1)
+    depth = np.linalg.norm(
+        read_property(copies.data.vertices, "co", width=3).reshape(-1, 3)
+        - np.array(built.camera.matrix_world.translation),
+        axis=1,
+    )
     assert copies.hide_render
     assert (kind == MEASURED).sum() > 50
     assert (error[kind == MEASURED] < 0).all()
@@ -132,8 +145,9 @@ def test_nothing_that_is_rendered_or_identified_changes(shown, tmp_path):
     assert set(mesh.attributes.keys()) == before[2]
     assert parts(built.collection) == before[0]
     assert mesh.attributes.default_color_name == before[3]
-    assert blocks == [len(data) for data in (bpy.data.objects, bpy.data.meshes, bpy.data.materials,
-                                             bpy.data.collections)]
+    assert blocks == [
+        len(data) for data in (bpy.data.objects, bpy.data.meshes, bpy.data.materials, bpy.data.collections)
+    ]
     for eye in ("left", "right"):
         one, other = (read_view(folder / f"{eye}.exr", eye) for folder in (pair.folder, again))
         np.testing.assert_array_equal(one.radiance, other.radiance)
@@ -167,9 +181,11 @@ def test_a_ground_of_wide_triangles_is_refused_and_one_of_both_kinds_says_so(sho
     paint(shown)
     lines = dict(line.split(": ") for line, _ in painted_errors.legend(scene) if ": " in line)
     assert sum(float(lines[key].removesuffix(" %")) for key in lines if "Triangles" not in key) == pytest.approx(
-        100, abs=0.2)
+        100, abs=0.2
+    )
     assert float(lines["Not measured, grey"].removesuffix(" %")) == pytest.approx(
-        100 * known[:, 120:].sum() / known.sum(), abs=0.06)
+        100 * known[:, 120:].sum() / known.sum(), abs=0.06
+    )
     fine, coarse = built.terrain.data, bpy.data.meshes.new("Coarse")
     corners = [(-4.0, -4.0, 0.0), (4.0, -4.0, 0.0), (4.0, 4.0, 0.0), (-4.0, 4.0, 0.0)]
     coarse.from_pydata(corners, [], [(0, 1, 2, 3)])
@@ -195,10 +211,14 @@ def evaluated_pair(shown):
     """A scene whose pair was evaluated."""
     pair, *_ = shown
     scene = bpy.context.scene
-    rows = [{"method": name, "pair": pair.id, "images": {"disparity": f"pairs/{pair.id}/{file}.npz"}}
-            for name, file in (("far", "far"), ("near", "near"), ("bm:window=7", "far"))]
-    summary = [{"method": name, "l1_m": l1, "l1_rate_10": 0, "si_rmse": 0, "dod": 0, "coverage": 1}
-               for name, l1 in (("far", 0.3), ("near", 0.1), ("bm:window=7", 0.3))]
+    rows = [
+        {"method": name, "pair": pair.id, "images": {"disparity": f"pairs/{pair.id}/{file}.npz"}}
+        for name, file in (("far", "far"), ("near", "near"), ("bm:window=7", "far"))
+    ]
+    summary = [
+        {"method": name, "l1_m": l1, "l1_rate_10": 0, "si_rmse": 0, "dod": 0, "coverage": 1}
+        for name, l1 in (("far", 0.3), ("near", 0.1), ("bm:window=7", 0.3))
+    ]
     evaluated(scene, pair.folder.parent.parent, *summary, shown=rows)
     yield scene
     painted_errors.clear(scene)
@@ -232,8 +252,12 @@ def test_other_sampling_light_and_surface_are_painted_as_the_same(shown):
     _, built, _ = shown
     bpy.ops.icymoon.paint_errors(method="far")
     painted = read(built.terrain.data)
-    for topic, key, value in (("quality", "samples", 77), ("light", "sun_elevation_deg", 41.0),
-                              ("surface", "albedo", 0.31), ("quality", "diffuse_bounces", 2)):
+    for topic, key, value in (
+        ("quality", "samples", 77),
+        ("light", "sun_elevation_deg", 41.0),
+        ("surface", "albedo", 0.31),
+        ("quality", "diffuse_bounces", 2),
+    ):
         group = getattr(bpy.context.scene.icymoon, topic)
         was = getattr(group, key)
         setattr(group, key, value)
@@ -244,8 +268,10 @@ def test_other_sampling_light_and_surface_are_painted_as_the_same(shown):
         setattr(group, key, was)
 
 
-@pytest.mark.parametrize(("topic", "key", "other"), [
-    ("terrain", "rms_slope_deg", "ground"), ("rig", "pitch_deg", "camera"), ("rig", "heading_deg", "camera")])
+@pytest.mark.parametrize(
+    ("topic", "key", "other"),
+    [("terrain", "rms_slope_deg", "ground"), ("rig", "pitch_deg", "camera"), ("rig", "heading_deg", "camera")],
+)
 @pytest.mark.usefixtures("evaluated_pair")
 def test_another_ground_or_camera_is_refused_by_name(shown, topic, key, other):
     """Before it is built, and after: ``remember`` is what a build leaves."""

@@ -72,10 +72,23 @@ def test_what_is_built_again_is_what_a_first_build_makes(populated):
         populate()
     counts = everything()
     of_added = ("material_of_an_object", "material_of_the_ground", "parented_sun", "constraint_on_the_sun")
-    for name in ("moved_vertex", "turned_faces", "attribute_of_the_ground", "modifier_on_the_ground",
-                 "kind of noise of the ground", "displacement", "not rendered", "sun's colour", "delta", "holdout",
-                 "near end of the camera", "place of the camera", "surface_of_a_rock", "removed_rocks",
-                 *(of_added if populated else ())):
+    for name in (
+        "moved_vertex",
+        "turned_faces",
+        "attribute_of_the_ground",
+        "modifier_on_the_ground",
+        "kind of noise of the ground",
+        "displacement",
+        "not rendered",
+        "sun's colour",
+        "delta",
+        "holdout",
+        "near end of the camera",
+        "place of the camera",
+        "surface_of_a_rock",
+        "removed_rocks",
+        *(of_added if populated else ()),
+    ):
         EDITS[name](scenes.find(scene))
     built = scenes.find(scene)
     built.terrain["mine"] = 1.0
@@ -177,7 +190,8 @@ def test_copies_of_what_is_built_are_the_persons_own():
     built = scenes.build(scene, complete(ROUGHER))
     assert held(built) == before
     assert sorted(o.name for o in built.collection.all_objects if TAG not in o) == sorted(
-        [sun.name, rock.name, "A copy", "A copy.001"])
+        [sun.name, rock.name, "A copy", "A copy.001"]
+    )
     assert len(list(scenes.instanced_objects(rock))) > 0  # its shapes are still there
     assert all(shape.data is not None for shape in scenes.instanced_objects(rock))
     scenes.clear(scene)
@@ -272,6 +286,7 @@ def test_a_ground_that_is_being_edited_is_not_built_anew():
 @contextmanager
 def cycles_off() -> Iterator[None]:
     import addon_utils  # which is there once Blender is
+
     addon_utils.disable("cycles")
     try:
         yield

@@ -19,8 +19,13 @@ def small(tmp_path, monkeypatch):
     monkeypatch.setenv(cache.FOLDER_VARIABLE, str(tmp_path))
     monkeypatch.setattr(cached_files, "make_maps", lambda key: make_maps(key, size=64))
     places = np.array([[-8.0, -8, 0], [8, -8, 0], [8, 8, 1], [-8, 8, 0]])
-    monkeypatch.setattr(cached_files, "reconstruct", lambda key: Reconstruction(
-        places, np.array([[0, 1, 2], [0, 2, 3]]), places[:, :2] / 16 + 0.5, np.full((64, 64, 3), 0.25)))
+    monkeypatch.setattr(
+        cached_files,
+        "reconstruct",
+        lambda key: Reconstruction(
+            places, np.array([[0, 1, 2], [0, 2, 3]]), places[:, :2] / 16 + 0.5, np.full((64, 64, 3), 0.25)
+        ),
+    )
 
 
 def built(**settings):

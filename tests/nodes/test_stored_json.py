@@ -11,13 +11,39 @@ from icymoon.operators.user_render import NOTE, restore_render
 from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
 
-HOSTILE = ["", "[", "{", "[" * 10**5, '{"a":' * 10**5, "1" * 5000, '{"a": NaN}', '{"a": 1e999}', "3", "null",
-           '"text"', "\0",
-           '{"a": 1}', "[1]", "[[[]]]", '{"a": "\\ud800"}', 3, 2.5, [1, 2], {"a": 1}, b"bytes"]
-READERS = {SETTINGS: lambda scene: scenes.find(scene), FINGERPRINT: lambda scene: scenes.find(scene).edited,
-           GROUND: lambda scene: scenes.find(scene).ground, STATISTICS: lambda scene: scenes.find(scene).statistics,
-           EXCAVATION: lambda scene: scenes.find(scene).excavation, PREVIEW: lambda scene: scenes.find(scene).preview,
-           NOTES: preview.notes, NOTE: lambda scene: restore_render(scene, scenes.find_collection(scene))}
+HOSTILE = [
+    "",
+    "[",
+    "{",
+    "[" * 10**5,
+    '{"a":' * 10**5,
+    "1" * 5000,
+    '{"a": NaN}',
+    '{"a": 1e999}',
+    "3",
+    "null",
+    '"text"',
+    "\0",
+    '{"a": 1}',
+    "[1]",
+    "[[[]]]",
+    '{"a": "\\ud800"}',
+    3,
+    2.5,
+    [1, 2],
+    {"a": 1},
+    b"bytes",
+]
+READERS = {
+    SETTINGS: lambda scene: scenes.find(scene),
+    FINGERPRINT: lambda scene: scenes.find(scene).edited,
+    GROUND: lambda scene: scenes.find(scene).ground,
+    STATISTICS: lambda scene: scenes.find(scene).statistics,
+    EXCAVATION: lambda scene: scenes.find(scene).excavation,
+    PREVIEW: lambda scene: scenes.find(scene).preview,
+    NOTES: preview.notes,
+    NOTE: lambda scene: restore_render(scene, scenes.find_collection(scene)),
+}
 
 
 @pytest.fixture(scope="module")

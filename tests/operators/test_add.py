@@ -31,7 +31,8 @@ def test_terrain_has_the_size_and_slope_that_are_asked_for(scene):
     bpy.ops.icymoon.add_terrain(**SMALL, rms_slope_deg=20.0)
     # The heights of one seed are in proportion to the slope's tangent.
     assert np.ptp(positions(bpy.context.object)[:, 2]) / gentle == pytest.approx(
-        np.tan(np.radians(20.0)) / np.tan(np.radians(10.0)), rel=0.02)
+        np.tan(np.radians(20.0)) / np.tan(np.radians(10.0)), rel=0.02
+    )
 
 
 def test_terrain_is_that_of_the_sidebar_but_for_what_is_given(scene):

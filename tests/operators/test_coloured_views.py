@@ -13,8 +13,9 @@ BEFORE = ("WIREFRAME", "MATCAP", "OBJECT")
 
 
 def shading():
-    return next(area for window in bpy.context.window_manager.windows for area in window.screen.areas
-                if area.type == "VIEW_3D").spaces.active.shading
+    return next(
+        area for window in bpy.context.window_manager.windows for area in window.screen.areas if area.type == "VIEW_3D"
+    ).spaces.active.shading
 
 
 def look() -> tuple[str, str, str]:

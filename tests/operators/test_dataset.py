@@ -55,8 +55,10 @@ def run_until(job, there, seconds=120.0):
 
 def started(scene, name="icymoon.render_dataset"):
     """The job that an operator would watch in a window, and the operator's stand-in."""
-    kind: Any = {"icymoon.render_dataset": dataset.ICYMOON_OT_render_dataset,
-                 "icymoon.watch_dataset": dataset.ICYMOON_OT_watch_dataset}[name]
+    kind: Any = {
+        "icymoon.render_dataset": dataset.ICYMOON_OT_render_dataset,
+        "icymoon.watch_dataset": dataset.ICYMOON_OT_watch_dataset,
+    }[name]
     operator = stand_in(bl_label=kind.bl_label)
     operator._job_of = lambda process, context: kind._job_of(operator, process, context)
     return kind.start(operator, SimpleNamespace(scene=scene)), operator
@@ -122,8 +124,9 @@ def test_it_is_evaluated_afterwards_if_asked(described, tmp_path):
 
 @pytest.mark.slow
 def test_it_is_stopped_within_a_sample_and_goes_on_later(described, tmp_path):
-    (tmp_path / "plan.toml").write_text('[plan]\ntitle = "Long"\n' + TINY.replace("samples = 1", "samples = 20000")
-                                        + GRID)
+    (tmp_path / "plan.toml").write_text(
+        '[plan]\ntitle = "Long"\n' + TINY.replace("samples = 1", "samples = 20000") + GRID
+    )
     job, _ = started(described)
     assert run_until(job, lambda: job.fraction > 0.01)
     job.process.cancel()
@@ -198,15 +201,19 @@ def test_evaluation_that_cannot_be_is_refused_before_anything_is_rendered(descri
 
 
 def test_a_pair_that_is_set_aside_is_named_and_does_not_end_the_others():
-    process = stand_in(cancelled=False, poll=lambda: [
-        {"type": "error", "pair": "abc", "message": "Cycles could not"},
-        {"type": "progress", "fraction": 0.5, "message": "Pair 2 of 3"},
-        {"type": "pair", "id": "b", "folder": "/set/pairs/b"}, {"type": "done", "pairs": 2}], running=True)
+    process = stand_in(
+        cancelled=False,
+        poll=lambda: [
+            {"type": "error", "pair": "abc", "message": "Cycles could not"},
+            {"type": "progress", "fraction": 0.5, "message": "Pair 2 of 3"},
+            {"type": "pair", "id": "b", "folder": "/set/pairs/b"},
+            {"type": "done", "pairs": 2},
+        ],
+        running=True,
+    )
     dataset.readout.update(set_aside=[], last=None)
     job = dataset.DatasetJob("Render Data Set", process, dataset._note_pairs, lambda: None)
     job.advance()
     assert job.shown[:2] == ("Pair 2 of 3", 50)
     assert job.failure == "1 pair was set aside, first abc: Cycles could not"
     assert dataset.readout["last"] == Path("/set/pairs/b")
-
-

@@ -110,9 +110,13 @@ def test_after_installing_what_was_asked_for_is_evaluated(monkeypatch):
     assert asked == [{"scope": "DATASET"}]
 
 
-@pytest.mark.parametrize(("background", "said"), [
-    (True, r"install it with blender --online-mode -b --python-expr .*install_evaluator.*or set ICYMOON_EVALUATOR"),
-    (False, "open Preferences ▸ Add-ons ▸ Icy Moon and press Install Evaluator")])
+@pytest.mark.parametrize(
+    ("background", "said"),
+    [
+        (True, r"install it with blender --online-mode -b --python-expr .*install_evaluator.*or set ICYMOON_EVALUATOR"),
+        (False, "open Preferences ▸ Add-ons ▸ Icy Moon and press Install Evaluator"),
+    ],
+)
 def test_who_has_no_evaluator_is_told_what_can_be_done_there(extension, monkeypatch, background, said):
     monkeypatch.setattr(bpy, "app", SimpleNamespace(binary_path="/blender", background=background))
     with pytest.raises(IcyMoonError, match=said):

@@ -110,11 +110,25 @@ def test_the_previewed_blocks_lie_on_the_previewed_ground(watched):
     assert not scenes.find(watched).edited
 
 
-@pytest.mark.parametrize(("name", "value"), [
-    ("light.sun_elevation_deg", 3.0), ("light.sun_irradiance_wm2", 50.26), ("light.sun_angular_diameter_deg", 5.0),
-    ("rig.heading_deg", 40.0), ("rig.focal_length_mm", 20.0), ("rig.baseline_m", 0.5), ("rig.x_m", 2.5),
-    ("surface.albedo", 0.4), ("surface.albedo_variation", 0.5), ("surface.grain_amplitude_m", 0.0),
-    ("rocks.own_surface", True), ("surface.trough_dirt", 0.5), ("surface.salt_share", 0.2), ("textures.set", "CRACKS")])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("light.sun_elevation_deg", 3.0),
+        ("light.sun_irradiance_wm2", 50.26),
+        ("light.sun_angular_diameter_deg", 5.0),
+        ("rig.heading_deg", 40.0),
+        ("rig.focal_length_mm", 20.0),
+        ("rig.baseline_m", 0.5),
+        ("rig.x_m", 2.5),
+        ("surface.albedo", 0.4),
+        ("surface.albedo_variation", 0.5),
+        ("surface.grain_amplitude_m", 0.0),
+        ("rocks.own_surface", True),
+        ("surface.trough_dirt", 0.5),
+        ("surface.salt_share", 0.2),
+        ("textures.set", "CRACKS"),
+    ],
+)
 def test_light_camera_and_surface_become_what_build_scene_makes(watched, name, value):
     before = positions(scenes.find(watched).terrain)
     built = change(watched, name, value)
@@ -131,8 +145,15 @@ def test_light_camera_and_surface_become_what_build_scene_makes(watched, name, v
 
 def test_build_after_previews_is_build_without(watched):
     counts = everything()
-    for name, value in (("terrain.hurst", 0.6), ("rocks.angularity", 0.2), ("dataset.seed", 7), ("cracks.depth_m", 0.3),
-                        ("surface.albedo_variation", 0.4), ("rig.x_m", 1.0), ("light.sun_azimuth_deg", 200.0)):
+    for name, value in (
+        ("terrain.hurst", 0.6),
+        ("rocks.angularity", 0.2),
+        ("dataset.seed", 7),
+        ("cracks.depth_m", 0.3),
+        ("surface.albedo_variation", 0.4),
+        ("rig.x_m", 1.0),
+        ("light.sun_azimuth_deg", 200.0),
+    ):
         built = change(watched, name, value)
         assert not built.edited, name
     assert built.preview
@@ -142,8 +163,9 @@ def test_build_after_previews_is_build_without(watched):
     assert built.preview == {}
     assert preview.notes(watched) == []
     assert everything() == counts
-    assert not any("." in block.name for kind in (bpy.data.objects, bpy.data.meshes, bpy.data.materials)
-                   for block in kind)
+    assert not any(
+        "." in block.name for kind in (bpy.data.objects, bpy.data.meshes, bpy.data.materials) for block in kind
+    )
     assert after == fresh(watched, current(watched))
 
 
@@ -220,7 +242,7 @@ def test_kernels_that_are_missing_are_told_once_at_their_field(watched):
     assert telling == ["ICYMOON_PT_light"]
     shown = drawn(bpy.types.ICYMOON_PT_light)
     field = next(k for k, entry in enumerate(shown) if entry[:2] == ("prop", "icymoon.light.kernels"))
-    assert "Kernels is empty" in texts(shown[field + 1:])
+    assert "Kernels is empty" in texts(shown[field + 1 :])
     assert live_preview.lines(watched) == ["The light is as before: see Light"]
     assert drawn(bpy.types.ICYMOON_PT_sky) == []
     change(watched, "light.directions_from", "ANGLES")
@@ -266,11 +288,21 @@ def test_edits_by_hand_stay(watched):
     assert any("Sun was edited" in sentence for sentence in preview.notes(watched))
 
 
-@pytest.mark.parametrize(("edit", "name", "value", "said"), [
-    (lambda b: setattr(b.camera.location, "x", 3.0), "rig.height_m", 2.0, "camera was edited"),
-    (lambda b: setattr(b.terrain.data.materials[0].node_tree.nodes["Snow"].inputs["Roughness"], "default_value", 0.1),
-     "surface.albedo", 0.3, "surface of the ground"),
-    (lambda b: setattr(blocks(b).data.vertices[0].co, "z", 3.0), "rocks.coverage", 0.1, "field of rocks")])
+@pytest.mark.parametrize(
+    ("edit", "name", "value", "said"),
+    [
+        (lambda b: setattr(b.camera.location, "x", 3.0), "rig.height_m", 2.0, "camera was edited"),
+        (
+            lambda b: setattr(
+                b.terrain.data.materials[0].node_tree.nodes["Snow"].inputs["Roughness"], "default_value", 0.1
+            ),
+            "surface.albedo",
+            0.3,
+            "surface of the ground",
+        ),
+        (lambda b: setattr(blocks(b).data.vertices[0].co, "z", 3.0), "rocks.coverage", 0.1, "field of rocks"),
+    ],
+)
 def test_each_edited_part_says_so_and_stays(watched, edit, name, value, said):
     built = scenes.find(watched)
     edit(built)
@@ -337,9 +369,9 @@ def test_a_surface_that_differs_from_rock_to_rock_is_no_edit_by_hand(watched):
 def test_a_ground_of_ones_own_is_left_but_light_and_camera_follow(watched, tmp_path):
     heights = np.add.outer(np.linspace(0, 1, 50), np.linspace(0, 2, 50))
     np.save(tmp_path / "dem.npy", heights)
-    scene_properties.write_settings(watched.icymoon,
-                                    {"source": {"kind": "HEIGHT_MAP", "file": str(tmp_path / "dem.npy"),
-                                                      "metres_per_pixel": 0.2}})
+    scene_properties.write_settings(
+        watched.icymoon, {"source": {"kind": "HEIGHT_MAP", "file": str(tmp_path / "dem.npy"), "metres_per_pixel": 0.2}}
+    )
     _turn()
     assert any("no live preview" in sentence for sentence in preview.notes(watched))
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
@@ -418,8 +450,12 @@ def test_undo_and_redo_bring_back_what_was_shown(watched):
         assert state(built) == before, "the preview was not what the settings say"
         return before, built
 
-    for operator, expected in ((bpy.ops.ed.undo, second), (bpy.ops.ed.undo, first), (bpy.ops.ed.redo, second),
-                               (bpy.ops.ed.redo, third)):
+    for operator, expected in (
+        (bpy.ops.ed.undo, second),
+        (bpy.ops.ed.undo, first),
+        (bpy.ops.ed.redo, second),
+        (bpy.ops.ed.redo, third),
+    ):
         assert operator() == {"FINISHED"}
         found, built = there()
         assert found == expected
@@ -466,10 +502,16 @@ def test_a_failing_listener_does_not_hold_back_the_next_changes(scene, monkeypat
 
 def test_a_surface_that_knows_the_sun_follows_light_and_accuracy(watched):
     for name, value, traced in (
-            ("surface.model", "HAPKE", False), ("light.sun_azimuth_deg", 10.0, False),
-            ("hapke.accuracy", "ACCURATE", True), ("hapke.w", 0.5, True), ("light.sun_elevation_deg", 50.0, True),
-            ("hapke.backend", "NODES", False), ("light.sun_angular_diameter_deg", 1.0, False),
-            ("surface.model", "LUNAR_LAMBERT", False), ("light.sun_azimuth_deg", 70.0, False)):
+        ("surface.model", "HAPKE", False),
+        ("light.sun_azimuth_deg", 10.0, False),
+        ("hapke.accuracy", "ACCURATE", True),
+        ("hapke.w", 0.5, True),
+        ("light.sun_elevation_deg", 50.0, True),
+        ("hapke.backend", "NODES", False),
+        ("light.sun_angular_diameter_deg", 1.0, False),
+        ("surface.model", "LUNAR_LAMBERT", False),
+        ("light.sun_azimuth_deg", 70.0, False),
+    ):
         built = change(watched, name, value)
         assert not built.edited
         assert (built.sun.light_linking.receiver_collection is not None) == traced

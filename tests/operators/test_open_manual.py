@@ -21,8 +21,19 @@ PANELS = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel)]
 def opened(monkeypatch):
     """The addresses that Blender is asked to open."""
     addresses: list[str] = []
-    monkeypatch.setattr(manual, "bpy", type("Stand", (), {"ops": type("Ops", (), {"wm": type("Wm", (), {
-        "url_open": staticmethod(lambda url: addresses.append(url))})})}))
+    monkeypatch.setattr(
+        manual,
+        "bpy",
+        type(
+            "Stand",
+            (),
+            {
+                "ops": type(
+                    "Ops", (), {"wm": type("Wm", (), {"url_open": staticmethod(lambda url: addresses.append(url))})}
+                )
+            },
+        ),
+    )
     return addresses
 
 
@@ -51,11 +62,17 @@ def test_no_other_file_can_be_opened(opened):
 
 def test_links_between_pages_lead_to_pages():
     folder = manual.written_folder()
-    links = [(path, link) for path in folder.rglob("*.html")
-             for link in re.findall(r'href="([^"]*)"', path.read_text(encoding="utf-8"))]
+    links = [
+        (path, link)
+        for path in folder.rglob("*.html")
+        for link in re.findall(r'href="([^"]*)"', path.read_text(encoding="utf-8"))
+    ]
     assert len(links) > 100
-    assert [(path.name, link) for path, link in links
-            if not link.startswith("https://") and not (path.parent / link).is_file()] == []
+    assert [
+        (path.name, link)
+        for path, link in links
+        if not link.startswith("https://") and not (path.parent / link).is_file()
+    ] == []
 
 
 def test_online_manual_leads_to_the_page_of_each_setting():
@@ -70,11 +87,15 @@ def test_online_manual_leads_to_the_page_of_each_setting():
 
 def test_every_formula_of_the_manual_is_mathml():
     assert "docs/formulas.json" in shipped()
-    assert not [path.name for path in manual.written_folder().rglob("*.html")
-                if re.search(r"\\(frac|theta|mathrm|hat)", re.sub(r"<(code|pre)>.*?</\1>", "", path.read_text("utf-8"),
-                                                                   flags=re.DOTALL))]
+    assert not [
+        path.name
+        for path in manual.written_folder().rglob("*.html")
+        if re.search(
+            r"\\(frac|theta|mathrm|hat)", re.sub(r"<(code|pre)>.*?</\1>", "", path.read_text("utf-8"), flags=re.DOTALL)
+        )
+    ]
 
 
 def test_every_page_is_linked_from_every_page():
     page = (manual.written_folder() / "theory" / "terrain.html").read_text(encoding="utf-8")
-    assert page[:page.index("</nav>")].count("<a ") == len(manual.page_names())
+    assert page[: page.index("</nav>")].count("<a ") == len(manual.page_names())

@@ -50,7 +50,8 @@ def test_a_preset_of_ones_own_comes_back_as_it_was(scene, own):
 
 def test_a_preset_of_ones_own_says_where_its_values_are_from(scene, own):
     own.mkdir(parents=True, exist_ok=True)
-    (own / "ganymede.toml").write_text("""[preset]
+    (own / "ganymede.toml").write_text(
+        """[preset]
 include = ["bodies/europa"]
 [terrain]
 body_radius_m = 2631200.0
@@ -59,7 +60,9 @@ coverage = 0.07
 [sources]
 "terrain.body_radius_m" = "Archinal et al. 2018, \\"mean\\""
 "rocks.coverage" = "Counted"
-""", encoding="utf-8")
+""",
+        encoding="utf-8",
+    )
     bpy.ops.icymoon.load_preset(preset="own/ganymede")
     scene.icymoon.rocks.coverage = 0.08  # which the source does not speak of
     scene.icymoon.light.planet_albedo = 0.123
@@ -83,13 +86,17 @@ def test_removing_a_preset_of_ones_own(scene, own):
     assert not bpy.ops.icymoon.remove_preset.poll(), "shipped presets stay"
 
 
-@pytest.mark.parametrize(("text", "said"), [
-    ("[preset\n", "is not valid TOML"),
-    ("[terrain]\nhurts = 1\n", "did you mean 'hurst'"),
-    (f"[preset]\nmade_with = '{NEWER}'\n[terrain]\nfractality = 1\n", f"saved by Icy Moon {NEWER}"),
-    (f"[preset]\nmade_with = '{NEWER}'\nmood = 1\n", "update Icy Moon"),
-    ("preset = 3\n", "[preset] must be a table"),
-    ("[preset]\ninclude = 5\n", "preset.include must be a list")])
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[preset\n", "is not valid TOML"),
+        ("[terrain]\nhurts = 1\n", "did you mean 'hurst'"),
+        (f"[preset]\nmade_with = '{NEWER}'\n[terrain]\nfractality = 1\n", f"saved by Icy Moon {NEWER}"),
+        (f"[preset]\nmade_with = '{NEWER}'\nmood = 1\n", "update Icy Moon"),
+        ("preset = 3\n", "[preset] must be a table"),
+        ("[preset]\ninclude = 5\n", "preset.include must be a list"),
+    ],
+)
 def test_a_preset_that_cannot_be_read_is_one_sentence_and_changes_nothing(scene, own, text, said):
     own.mkdir()
     (own / "bad.toml").write_text(text)
@@ -153,8 +160,13 @@ def test_a_scene_that_is_chosen_by_its_picture_is_shown_at_once(scene, monkeypat
     setattr(bpy.context.window_manager, previews.CHOICE, "gallery/fresh_snow")
     assert find_collection(scene) is None, "without a window nothing is built"
     monkeypatch.setattr(live_preview, "has_window", lambda: True)
-    monkeypatch.setattr(preset_files, "load", lambda path, load=preset_files.load: merged(
-        load(path), {"mesh": {"kind": "GRID"}, "terrain": {"resolution": 33}}))
+    monkeypatch.setattr(
+        preset_files,
+        "load",
+        lambda path, load=preset_files.load: merged(
+            load(path), {"mesh": {"kind": "GRID"}, "terrain": {"resolution": 33}}
+        ),
+    )
     setattr(bpy.context.window_manager, previews.CHOICE, "gallery/ridge")
     built = find_collection(scene)
     assert built is not None
@@ -200,8 +212,11 @@ def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
         scene.icymoon.preset = ""
         bpy.ops.icymoon.load_preset(preset=name)
         alone[name] = described(scene.icymoon)
-        assert alone[name] == {topic: values for topic, values in description.merged(
-            description.defaults(), preset_files.load_preset(name)).items() if topic != "dataset"}
+        assert alone[name] == {
+            topic: values
+            for topic, values in description.merged(description.defaults(), preset_files.load_preset(name)).items()
+            if topic != "dataset"
+        }
     for k, before in enumerate(names):  # every one before some whole scene, and each of these after some other
         name = whole[k % len(whole)]
         scene_properties.write_settings(scene.icymoon, description.defaults())

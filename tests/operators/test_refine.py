@@ -25,9 +25,18 @@ RIDGES, ROCKS = "scenes/europa_ridged_plain", "scenes/enceladus_block_field"
 def watched(scene, monkeypatch):
     """An empty file in a window, and scenes that are small."""
     load = preset_files.load
-    monkeypatch.setattr(preset_files, "load", lambda path: description.merged(load(path), {
-        "mesh": {"error_px": 8.0, "edge_px": 24.0}, "rig": {"width_px": 240, "height_px": 180},
-        "rocks": {"most": 60}}))
+    monkeypatch.setattr(
+        preset_files,
+        "load",
+        lambda path: description.merged(
+            load(path),
+            {
+                "mesh": {"error_px": 8.0, "edge_px": 24.0},
+                "rig": {"width_px": 240, "height_px": 180},
+                "rocks": {"most": 60},
+            },
+        ),
+    )
     monkeypatch.setattr(live_preview, "has_window", lambda: True)
     monkeypatch.setattr(preview, "MOST_VERTICES", 1200)
     monkeypatch.setattr(preview, "MOST_ROCKS", 20)

@@ -66,8 +66,15 @@ def test_what_limits_the_results_is_kept_with_them(scene, tmp_path):
     evaluated(scene, tmp_path)
     assert results.limits(scene) == ()
     path = tmp_path / "evaluation_scene" / "summary.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {
-        "notes": ["Noise decides: so.", "bm misses.", "A third."], "briefs": ["Noise decides", "bm:x=2 misses", "A"]}))
+    path.write_text(
+        json.dumps(
+            json.loads(path.read_text())
+            | {
+                "notes": ["Noise decides: so.", "bm misses.", "A third."],
+                "briefs": ["Noise decides", "bm:x=2 misses", "A"],
+            }
+        )
+    )
     results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
     assert results.limits(scene) == ("Noise decides: so.", "bm misses.")
     assert results.limits_in_brief(scene) == ("Noise decides", "bm:x=2 misses")
@@ -84,8 +91,12 @@ def test_a_result_that_noise_decides_comes_with_the_button_that_finds_the_remedy
     part = {"share": 0.5, "noise_dn": 3.0, "hidden": 0.1}
     notes.add_pair({"noise": {"verdict": DECIDES, "lit": part, "shadow": part, "doubt": 0.2}})
     path = tmp_path / "evaluation_scene" / "summary.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {
-        "notes": [note.sentence for note in notes.found()], "briefs": [note.brief for note in notes.found()]}))
+    path.write_text(
+        json.dumps(
+            json.loads(path.read_text())
+            | {"notes": [note.sentence for note in notes.found()], "briefs": [note.brief for note in notes.found()]}
+        )
+    )
     results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
     assert buttons_of_results().count("icymoon.auto_quality") == 1
     labels = " ".join(entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label")
@@ -99,9 +110,11 @@ def buttons_of_results():
 
 def test_matchers_that_fail_rarely_stand_whole_below_the_ranks(scene, tmp_path):
     evaluated(scene, tmp_path)
-    sentence = ("SGBM fails rarely but heavily: 2 of 40 pairs contain 45 % of its wrong or missing pixels, and other "
-                "methods have far fewer there. Chance decides how many such pairs a data set contains, and so any "
-                "verdict on it; evaluate more scenes.")
+    sentence = (
+        "SGBM fails rarely but heavily: 2 of 40 pairs contain 45 % of its wrong or missing pixels, and other "
+        "methods have far fewer there. Chance decides how many such pairs a data set contains, and so any "
+        "verdict on it; evaluate more scenes."
+    )
     path = tmp_path / "evaluation_scene" / "summary.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"rare_failures": [sentence]}))
     results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
@@ -115,7 +128,7 @@ def test_matchers_that_fail_rarely_stand_whole_below_the_ranks(scene, tmp_path):
 def test_typical_differences_are_shown_and_an_older_report_has_none(scene, tmp_path):
     evaluated(scene, tmp_path)
     assert results.typical_differences(scene) == ()
-    sentence = ("In the typical scene StereoBM has 8.4 points more wrong or missing pixels than SGBM (2.2 to 20.3).")
+    sentence = "In the typical scene StereoBM has 8.4 points more wrong or missing pixels than SGBM (2.2 to 20.3)."
     path = tmp_path / "evaluation_scene" / "summary.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"typical_differences": [sentence]}))
     results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
@@ -136,11 +149,22 @@ def test_each_scene_has_its_own_and_a_copy_those_of_its_settings(scene, tmp_path
     assert len(results.notes(scene)) == 1
 
 
-@pytest.mark.parametrize(("topic", "key", "value", "of_a_data_set"), [
-    ("light", "sun_elevation_deg", 33.0, False), ("terrain", "size_m", 30.0, False), ("quality", "samples", 5, False),
-    ("rig", "baseline_m", 0.3, False), ("surface", "albedo", 0.2, False), ("dataset", "headings", 2, False),
-    ("dataset", "seed", 9, False), ("sensor", "exposure_s", 0.5, True), ("sensor", "auto_exposure", False, True),
-    ("rig", "distortion_k1", 0.1, True), ("dataset", "methods", "sgbm:window=7", True)])
+@pytest.mark.parametrize(
+    ("topic", "key", "value", "of_a_data_set"),
+    [
+        ("light", "sun_elevation_deg", 33.0, False),
+        ("terrain", "size_m", 30.0, False),
+        ("quality", "samples", 5, False),
+        ("rig", "baseline_m", 0.3, False),
+        ("surface", "albedo", 0.2, False),
+        ("dataset", "headings", 2, False),
+        ("dataset", "seed", 9, False),
+        ("sensor", "exposure_s", 0.5, True),
+        ("sensor", "auto_exposure", False, True),
+        ("rig", "distortion_k1", 0.1, True),
+        ("dataset", "methods", "sgbm:window=7", True),
+    ],
+)
 def test_what_is_not_as_it_was_measured_is_said_until_it_is_set_back(scene, tmp_path, topic, key, value, of_a_data_set):
     group = getattr(scene.icymoon, topic)
     was = getattr(group, key)
@@ -220,10 +244,22 @@ def test_only_a_report_that_was_made_here_is_opened(scene, tmp_path, monkeypatch
     assert len(opened) == 2
 
 
-@pytest.mark.parametrize("text", [
-    "", "{", "[]", "null", "{}", "[" * 100_000, '{"made": 1}', json.dumps({"summary": [ROW]}), "\x00",
-    json.dumps({"made": "x", "scope": "SCENE", "pairs": [1], "settings": {}, "summary": []}),
-    json.dumps({"made": "x", "scope": "SCENE", "pairs": [], "settings": {}, "summary": [{"method": ["bm"]}]})])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        "null",
+        "{}",
+        "[" * 100_000,
+        '{"made": 1}',
+        json.dumps({"summary": [ROW]}),
+        "\x00",
+        json.dumps({"made": "x", "scope": "SCENE", "pairs": [1], "settings": {}, "summary": []}),
+        json.dumps({"made": "x", "scope": "SCENE", "pairs": [], "settings": {}, "summary": [{"method": ["bm"]}]}),
+    ],
+)
 def test_what_is_no_result_is_none(scene, text):
     scene.icymoon.results = text
     assert results.kept_results(scene) is None
@@ -233,16 +269,32 @@ def test_what_is_no_result_is_none(scene, text):
 def test_what_a_file_says_is_text_and_leads_nowhere(scene, tmp_path):
     evil = "/usr/bin/evil\n" * 50
     scene.icymoon.dataset.folder = str(tmp_path)
-    scene.icymoon.results = json.dumps({"made": evil, "scope": evil, "pairs": [evil], "folder": evil, "settings": {
-        "light": {"sun_elevation_deg": evil}}, "notes": [evil] * 9, "briefs": [evil] * 9, "rare_failures": [evil] * 9,
-        "typical_differences": [evil] * 9,
-        "summary": [{"method": evil, **dict.fromkeys(results.METRICS, 0.5)}]})
+    scene.icymoon.results = json.dumps(
+        {
+            "made": evil,
+            "scope": evil,
+            "pairs": [evil],
+            "folder": evil,
+            "settings": {"light": {"sun_elevation_deg": evil}},
+            "notes": [evil] * 9,
+            "briefs": [evil] * 9,
+            "rare_failures": [evil] * 9,
+            "typical_differences": [evil] * 9,
+            "summary": [{"method": evil, **dict.fromkeys(results.METRICS, 0.5)}],
+        }
+    )
     assert all(len(line) < 200 and line.isprintable() for line in results.notes(scene))
     assert len(results.summary(scene)[0]["method"]) <= 40
     assert len(results.limits(scene)) == 2
-    assert all(len(line) <= 400 and line.isprintable()
-               for line in (*results.limits(scene), *results.limits_in_brief(scene), *results.rare_failures(scene),
-                            *results.typical_differences(scene)))
+    assert all(
+        len(line) <= 400 and line.isprintable()
+        for line in (
+            *results.limits(scene),
+            *results.limits_in_brief(scene),
+            *results.rare_failures(scene),
+            *results.typical_differences(scene),
+        )
+    )
     with pytest.raises(IcyMoonError, match="no report"):
         results.report_folder(scene)
 

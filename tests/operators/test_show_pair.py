@@ -85,8 +85,9 @@ def test_there_is_one_image_that_blender_never_asks_to_save_nor_writes(rendered,
 
 def test_a_pair_is_read_once_and_again_when_the_response_or_the_pair_changes(rendered, monkeypatch):
     read = []
-    monkeypatch.setattr(show_pair, "read_pair_views",
-                        lambda folder, response: read.append(folder) or read_pair_views(folder, response))
+    monkeypatch.setattr(
+        show_pair, "read_pair_views", lambda folder, response: read.append(folder) or read_pair_views(folder, response)
+    )
     for view in ("SIDE_BY_SIDE", "LEFT", "DEPTH"):
         bpy.ops.icymoon.show_pair(view=view)
     assert len(read) == 1
@@ -243,8 +244,10 @@ def test_pictures_are_gone_with_icy_moon(rendered, monkeypatch):
         show_pair.register()
 
 
-@pytest.mark.parametrize(("preference", "automatic", "opens"), [
-    ("WINDOW", True, True), ("AREA", True, True), ("NONE", True, False), ("NONE", False, True)])
+@pytest.mark.parametrize(
+    ("preference", "automatic", "opens"),
+    [("WINDOW", True, True), ("AREA", True, True), ("NONE", True, False), ("NONE", False, True)],
+)
 def test_a_render_opens_a_window_where_the_user_wants_it(rendered, monkeypatch, preference, automatic, opens):
     asked = []
     monkeypatch.setattr(image_editor, "find_or_open", lambda context, open_window: asked.append(open_window))

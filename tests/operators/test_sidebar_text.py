@@ -22,7 +22,10 @@ ROOMS = ("formats", "nodes", "operators", "panels", "physics", "render", "settin
 SETTING = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)")
 #: Names of choices that are no words of the window; OSL, CPU and GPU are.
 CHOICES = {choice[0] for topic in TOPICS.values() for setting in topic.settings for choice in setting.choices} - {
-    "OSL", "CPU", "GPU"}
+    "OSL",
+    "CPU",
+    "GPU",
+}
 
 
 def sentences(path: Path) -> Iterator[str]:
@@ -37,8 +40,10 @@ def sentences(path: Path) -> Iterator[str]:
 
 
 def names_setting(text: str) -> bool:
-    return any(topic in TOPICS and key in {setting.key for setting in TOPICS[topic].settings}
-               for topic, key in SETTING.findall(text))
+    return any(
+        topic in TOPICS and key in {setting.key for setting in TOPICS[topic].settings}
+        for topic, key in SETTING.findall(text)
+    )
 
 
 def test_settings_are_read_once_a_redraw_and_again_after_every_change(scene, monkeypatch):
@@ -75,14 +80,23 @@ def test_undo_is_displayed_however_soon_it_comes_after_a_redraw(scene, monkeypat
     assert properties.read_for_display(scene.icymoon).terrain.size_m == 7.0
 
 
-@pytest.mark.parametrize(("region", "scale", "longest"), [
-    (None, 1.0, 36), (("WINDOW", 900), 1.0, 36), (("UI", 280), 1.0, 36), (("UI", 560), 1.0, 72), (("UI", 560), 2.0, 36),
-    (("UI", 30), 1.0, 18)])
+@pytest.mark.parametrize(
+    ("region", "scale", "longest"),
+    [
+        (None, 1.0, 36),
+        (("WINDOW", 900), 1.0, 36),
+        (("UI", 280), 1.0, 36),
+        (("UI", 560), 1.0, 72),
+        (("UI", 560), 2.0, 36),
+        (("UI", 30), 1.0, 18),
+    ],
+)
 def test_text_is_as_wide_as_the_sidebar(monkeypatch, region, scale, longest):
     shown = region and SimpleNamespace(type=region[0], width=region[1])
     system = SimpleNamespace(ui_scale=scale)
-    monkeypatch.setattr(sidebar_text.bpy, "context", SimpleNamespace(
-        region=shown, preferences=SimpleNamespace(system=system)))
+    monkeypatch.setattr(
+        sidebar_text.bpy, "context", SimpleNamespace(region=shown, preferences=SimpleNamespace(system=system))
+    )
     lines = sidebar_text.in_lines("word " * 60, "  ")
     assert max(map(len, lines)) <= longest < max(map(len, lines)) + 5
     assert all(line.startswith("  ") for line in lines[1:])

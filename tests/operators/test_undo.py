@@ -7,13 +7,41 @@ from icymoon.operators import CLASSES, jobs, render
 from icymoon.settings.blender import scene_properties
 
 #: Operators that change files, processes and windows, but nothing that a .blend file holds.
-CHANGE_NOTHING = {"save_settings", "show_roughness", "trade", "measure_machine", "plan_dry_run",
-                  "open_report", "check_evaluator", "install_evaluator",
-                  "remove_evaluator", "cancel", "add_matcher", "remove_matcher", "save_plan", "open_manual", "wait",
-                  "make_asset_library", "remove_asset_library", "show_ends", "evaluate_folder", "decide"}
+CHANGE_NOTHING = {
+    "save_settings",
+    "show_roughness",
+    "trade",
+    "measure_machine",
+    "plan_dry_run",
+    "open_report",
+    "check_evaluator",
+    "install_evaluator",
+    "remove_evaluator",
+    "cancel",
+    "add_matcher",
+    "remove_matcher",
+    "save_plan",
+    "open_manual",
+    "wait",
+    "make_asset_library",
+    "remove_asset_library",
+    "show_ends",
+    "evaluate_folder",
+    "decide",
+}
 #: Operators that go on when what they change is changed, and take the step then.
-TAKE_THEIR_OWN = {"render_pair", "render_dataset", "watch_dataset", "evaluate", "expose", "show_error",
-                  "show_last_pair", "show_pair", "render_variations", "show_curve"}
+TAKE_THEIR_OWN = {
+    "render_pair",
+    "render_dataset",
+    "watch_dataset",
+    "evaluate",
+    "expose",
+    "show_error",
+    "show_last_pair",
+    "show_pair",
+    "render_variations",
+    "show_curve",
+}
 
 
 @pytest.fixture
@@ -25,14 +53,18 @@ def pushed(monkeypatch):
 
 
 def test_every_operator_that_changes_the_file_is_a_step_of_its_own():
-    without = {cls.bl_idname.removeprefix("icymoon.") for cls in CLASSES
-               if "UNDO" not in getattr(cls, "bl_options", ())}
+    without = {
+        cls.bl_idname.removeprefix("icymoon.") for cls in CLASSES if "UNDO" not in getattr(cls, "bl_options", ())
+    }
     assert without == CHANGE_NOTHING | TAKE_THEIR_OWN
 
 
 def test_no_operator_that_starts_a_process_can_be_done_again_with_other_options():
-    assert [cls.bl_idname for cls in CLASSES if issubclass(cls, jobs.JobOperator)
-            and "REGISTER" in getattr(cls, "bl_options", ())] == []
+    assert [
+        cls.bl_idname
+        for cls in CLASSES
+        if issubclass(cls, jobs.JobOperator) and "REGISTER" in getattr(cls, "bl_options", ())
+    ] == []
 
 
 def test_a_render_that_builds_the_scene_is_a_step_and_one_that_does_not_is_none(small, pushed):

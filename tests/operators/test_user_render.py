@@ -23,10 +23,19 @@ def default_file():
 
 
 def values(scene):
-    return {name: getattr(getattr(scene, group), name) for group, name in (
-        ("render", "engine"), ("render", "resolution_x"), ("render", "use_compositing"), ("cycles", "samples"),
-        ("cycles", "sample_clamp_indirect"), ("cycles", "use_light_tree"), ("cycles", "use_denoising"),
-        ("cycles", "preview_samples"))}
+    return {
+        name: getattr(getattr(scene, group), name)
+        for group, name in (
+            ("render", "engine"),
+            ("render", "resolution_x"),
+            ("render", "use_compositing"),
+            ("cycles", "samples"),
+            ("cycles", "sample_clamp_indirect"),
+            ("cycles", "use_light_tree"),
+            ("cycles", "use_denoising"),
+            ("cycles", "preview_samples"),
+        )
+    }
 
 
 @pytest.mark.slow

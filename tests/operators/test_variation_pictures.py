@@ -52,8 +52,12 @@ def test_the_ends_are_shown_until_what_they_show_changes(varied, tmp_path):
     assert sum(entry[0] == "template_icon" for entry in record) == 2
     assert "First" in texts(record)
     assert "icymoon.show_ends" not in buttons()
-    for topic, key, value, same in (("quality", "samples", 99, True), ("dataset", "workers", 2, True),
-                                    ("surface", "albedo", 0.11, False), ("sensor", "gain", 2.5, False)):
+    for topic, key, value, same in (
+        ("quality", "samples", 99, True),
+        ("dataset", "workers", 2, True),
+        ("surface", "albedo", 0.11, False),
+        ("sensor", "gain", 2.5, False),
+    ):
         group = getattr(varied.icymoon, topic)
         was = getattr(group, key)
         setattr(group, key, value)
@@ -74,7 +78,8 @@ def test_pictures_are_small_and_rough_for_every_scene(monkeypatch, denoises):
         assert max(found.rig.width_px, found.rig.height_px) <= (128 if denoises else 96)
         assert found.quality.denoiser == ("OIDN" if denoises else "NONE")
         assert found.rig.width_px / found.rig.height_px == pytest.approx(
-            settings.rig.width_px / settings.rig.height_px, rel=0.02)
+            settings.rig.width_px / settings.rig.height_px, rel=0.02
+        )
         assert found.mesh.most <= 20_000
         for topic in ("light", "surface", "sensor", "terrain", "source"):
             changed = {key for key in found[topic] if found[topic][key] != settings[topic][key]}

@@ -61,8 +61,11 @@ def test_whole_numbers_choices_and_ticks_vary(tiny):
     bpy.ops.icymoon.vary(setting="light.planet")
     models = tuple(choice[0] for choice in vary_scene.VariedSetting("surface.model").setting.choices)
     assert varied(tiny) == (
-        VariedSetting("quality.samples", 2, 8, 3), VariedSetting("surface.model", values=models),
-        VariedSetting("rocks.family", values=("BOULDERS", "SLABS")), VariedSetting("light.planet"))
+        VariedSetting("quality.samples", 2, 8, 3),
+        VariedSetting("surface.model", values=models),
+        VariedSetting("rocks.family", values=("BOULDERS", "SLABS")),
+        VariedSetting("light.planet"),
+    )
     assert all(isinstance(end, int) for end in (varied(tiny)[0].first, varied(tiny)[0].last))
     tiny.icymoon.variations.varied[1].ticks["HAPKE"].on = False
     assert varied(tiny)[1].values == tuple(name for name in models if name != "HAPKE")
@@ -113,6 +116,7 @@ def test_settings_are_moved_and_removed(tiny):
 def test_a_context_menu_knows_the_setting_under_the_mouse(tiny):
     def under(group, key):
         return vary.setting_of_button(SimpleNamespace(button_prop=group.bl_rna.properties[key], button_pointer=group))
+
     assert under(tiny.icymoon.light, "sun_elevation_deg") == ELEVATION
     assert under(tiny.icymoon.rock_surface, "albedo") == "rock_surface.albedo"
     assert under(tiny.icymoon, "live") == under(tiny.render, "resolution_x") == ""
@@ -129,8 +133,10 @@ def test_the_tooltip_of_vary_tells_what_the_field_tells():
     assert vary.ICYMOON_OT_vary.description(bpy.context, none) == vary.ICYMOON_OT_vary.__doc__
 
 
-@pytest.mark.parametrize(("topic", "key", "possible"), [("light", "sun_elevation_deg", True),
-                                                        ("sensor", "bits", False), ("light", "body", False)])
+@pytest.mark.parametrize(
+    ("topic", "key", "possible"),
+    [("light", "sun_elevation_deg", True), ("sensor", "bits", False), ("light", "body", False)],
+)
 def test_what_cannot_vary_is_grey_in_the_context_menu(tiny, topic, key, possible):
     group = getattr(tiny.icymoon, topic)
     context = SimpleNamespace(button_prop=group.bl_rna.properties[key], button_pointer=group)
@@ -183,7 +189,8 @@ def test_the_saved_plan_makes_the_scenes_pairs(tiny, tmp_path):
     present = scene_properties.read_settings(tiny.icymoon)
     assert [pair.settings for pair in pairs] == [
         merged(present, {"light": {"sun_elevation_deg": e}, "dataset": pair.settings.dataset})
-        for e, pair in zip((10.0, 30.0, 50.0), pairs, strict=True)]
+        for e, pair in zip((10.0, 30.0, 50.0), pairs, strict=True)
+    ]
 
 
 def test_a_file_beside_the_blend_is_found_from_the_plan(tiny, tmp_path):
@@ -204,8 +211,10 @@ def test_a_scene_edited_by_hand_is_refused_and_objects_of_ones_own_are_told_at_o
     assert vary.why_not_a_plan(tiny, thorough=True) == ""
     built = vary.scenes.find(tiny)
     built.sun.data.energy *= 2
-    for call in (lambda: bpy.ops.icymoon.save_plan(filepath=str(tmp_path / "mine.toml")),
-                 bpy.ops.icymoon.render_variations):
+    for call in (
+        lambda: bpy.ops.icymoon.save_plan(filepath=str(tmp_path / "mine.toml")),
+        bpy.ops.icymoon.render_variations,
+    ):
         with pytest.raises(RuntimeError, match="edited by hand, and a plan contains settings only"):
             call()
     bpy.ops.icymoon.build_scene()
@@ -291,8 +300,10 @@ def test_variations_are_rendered_evaluated_and_their_curve_is_shown(tiny, tmp_pa
     written = {p.folder: (p.folder / "pair.json").stat().st_mtime_ns for p in pairs}
     tiny.icymoon.variations.seeds, group.evaluate = 2, False
     assert bpy.ops.icymoon.render_variations() == {"FINISHED"}
-    assert written.items() <= {p.folder: (p.folder / "pair.json").stat().st_mtime_ns
-                               for p in find_pairs(tmp_path / "other")}.items()
+    assert (
+        written.items()
+        <= {p.folder: (p.folder / "pair.json").stat().st_mtime_ns for p in find_pairs(tmp_path / "other")}.items()
+    )
     assert len(find_pairs(tmp_path / "other")) == 4
 
 
@@ -307,8 +318,9 @@ def test_a_confirmed_dialog_reports_what_cannot_be(tiny, tmp_path):
     bpy.ops.icymoon.vary(setting=ELEVATION, first=10, last=20, count=2)
     freeze(tmp_path / "set", variations_of(tiny, 10, 30))
     said = []
-    dialog: Any = SimpleNamespace(_asked=True, folder=str(tmp_path / "set"),
-                                  report=lambda kind, text: said.append(text))
+    dialog: Any = SimpleNamespace(
+        _asked=True, folder=str(tmp_path / "set"), report=lambda kind, text: said.append(text)
+    )
     assert vary.ICYMOON_OT_render_variations.execute(dialog, bpy.context) == {"CANCELLED"}
     assert len(said) == 1
     assert said[0].startswith(str(tmp_path / "set"))
@@ -344,8 +356,9 @@ def test_curves_of_settings_in_the_list_come_first(tiny, tmp_path, monkeypatch):
     assert list(vary.sorted_curves(tiny)) == [ELEVATION, "a.b"]
     shown: list = []
     called: dict = {}
-    monkeypatch.setattr(results, "show_images", lambda context, paths, open_window, names: (
-        shown.append(paths), called.update(names)))
+    monkeypatch.setattr(
+        results, "show_images", lambda context, paths, open_window, names: (shown.append(paths), called.update(names))
+    )
     bpy.ops.icymoon.show_curve(setting="a.b")
     bpy.ops.icymoon.show_curve()
     assert called[tmp_path / "e"] == "Error against Sun Elevation"  # what the Image Editor shows, not the file's name

@@ -24,9 +24,15 @@ SENSOR = {"shot_noise": False, "read_noise_e": 0.0, "prnu": 0.0, "dsnu_e": 0.0, 
 @pytest.fixture
 def built(small, tmp_path):
     """A scene that is lit, of a camera almost without noise."""
-    scene_properties.write_settings(small.icymoon, {
-        "sensor": SENSOR, "dataset": {"folder": str(tmp_path)}, "quality": {"samples": 16},
-        "light": {"sun_elevation_deg": 30.0, "sun_irradiance_wm2": 50.0}})
+    scene_properties.write_settings(
+        small.icymoon,
+        {
+            "sensor": SENSOR,
+            "dataset": {"folder": str(tmp_path)},
+            "quality": {"samples": 16},
+            "light": {"sun_elevation_deg": 30.0, "sun_irradiance_wm2": 50.0},
+        },
+    )
     small.view_settings.view_transform, small.view_settings.exposure = "Filmic", 0.25
     small.view_settings.look = "High Contrast"
     bpy.ops.icymoon.build_scene()
@@ -46,7 +52,7 @@ def brightness(scene, folder) -> tuple[float, float]:
     image = read_pair_views(folder, changes.response(scene_properties.read_settings(scene.icymoon))).left / 255
     kept = (image > 0.05) & (image < 0.95)
     assert kept.mean() > 0.2
-    return float((left * 2.0 ** scene.view_settings.exposure)[kept].mean()), float(image[kept].mean())
+    return float((left * 2.0**scene.view_settings.exposure)[kept].mean()), float(image[kept].mean())
 
 
 @pytest.mark.heavy
@@ -69,9 +75,16 @@ def test_the_view_is_as_bright_as_the_image(built, pair):
 @pytest.mark.parametrize("name", ["scenes/europa_chaos", "scenes/europa_sublimation_pits", "gallery/rugged_1_low"])
 def test_the_estimate_knows_which_ground_has_faces_that_face_the_sun(tmp_path, name):
     """The view of a chosen scene is within a half of an f-stop of its image before a pair was rendered."""
-    pair, _ = render(tmp_path, load_preset(name), {
-        "mesh": {"kind": "GRADED"}, "quality": {"samples": 8, "denoiser": "NONE"},
-        "rig": {"width_px": 96, "height_px": 72}, "dataset": {"folder": str(tmp_path)}})
+    pair, _ = render(
+        tmp_path,
+        load_preset(name),
+        {
+            "mesh": {"kind": "GRADED"},
+            "quality": {"samples": 8, "denoiser": "NONE"},
+            "rig": {"width_px": 96, "height_px": 72},
+            "dataset": {"folder": str(tmp_path)},
+        },
+    )
     brightest = np.quantile(read_view(pair.image("left"), "left").radiance.mean(axis=2), 0.99)
     expected = view_exposure.white_of(pair.settings) * pair.settings.sensor.auto_target
     assert abs(math.log2(brightest / expected)) < 0.5
@@ -141,7 +154,7 @@ def test_planetshine_that_nobody_can_see_is_only_in_renders(under_jupiter):
     assert not scenes.find(under_jupiter).edited
     assert view_exposure.is_without_planetshine(under_jupiter)
     # What it adds at most, to ground that faces it, is less than a step of 8 bits.
-    assert irradiance / math.pi * 2.0 ** under_jupiter.view_settings.exposure < 1 / 255
+    assert irradiance / math.pi * 2.0**under_jupiter.view_settings.exposure < 1 / 255
 
 
 def test_planetshine_that_can_be_seen_is_shown(under_jupiter):

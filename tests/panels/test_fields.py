@@ -17,7 +17,10 @@ from stand_ins import stand_in
 
 #: Operators that start a job from the sidebar.
 STARTING = {cls.bl_idname for cls in operators.CLASSES if issubclass(cls, jobs.JobOperator)} - {
-    "icymoon.watch_dataset", "icymoon.install_evaluator", "icymoon.make_asset_library"}
+    "icymoon.watch_dataset",
+    "icymoon.install_evaluator",
+    "icymoon.make_asset_library",
+}
 #: Their buttons that have other words than the operator.
 OTHER_WORDS = {"icymoon.evaluate", "icymoon.evaluate_folder", "icymoon.trade", "icymoon.auto_quality"}
 
@@ -41,8 +44,7 @@ def test_the_same_texts_are_there_while_a_job_runs_but_start_nothing(request):
     request.getfixturevalue("running")
     busy = buttons()
     assert not {name for name, _ in busy} & STARTING
-    assert {text for name, text in busy if name == "icymoon.wait"} == {
-        text for name, text in free if name in STARTING}
+    assert {text for name, text in busy if name == "icymoon.wait"} == {text for name, text in free if name in STARTING}
     assert not bpy.ops.icymoon.wait.poll()
 
 
@@ -69,9 +71,14 @@ NONE_OF_IT = re.compile(r"\b0 (for|if|gives) (no\b|none|parallel|a single|an eve
 def test_what_0_stands_for_is_in_the_label_where_it_is_not_none_of_it():
     """The number 0 of threads, for example, is all of them."""
     told = {f"{topic}.{s.key}" for topic, s in all_settings() if s.zero}
-    special = {f"{topic}.{s.key}" for topic, s in all_settings()
-               if s.kind in ("int", "float") and s.subtype != "FACTOR" and not NONE_OF_IT.search(s.description)
-               and re.search(r"\b0 (for|if|gives|uses) ", s.description)}
+    special = {
+        f"{topic}.{s.key}"
+        for topic, s in all_settings()
+        if s.kind in ("int", "float")
+        and s.subtype != "FACTOR"
+        and not NONE_OF_IT.search(s.description)
+        and re.search(r"\b0 (for|if|gives|uses) ", s.description)
+    }
     assert special <= told | ALWAYS_ON
     for _, setting in all_settings():
         if setting.zero:
@@ -87,8 +94,11 @@ ALWAYS_ON = {"light.planet_least"}
 @pytest.mark.usefixtures("scene")
 def test_the_label_of_a_number_changes_at_0(scene):
     def shown() -> list[str]:
-        return [entry[2].get("text", "") for entry in drawn(bpy.types.ICYMOON_PT_quality_advanced)
-                if entry[:2] == ("prop", "icymoon.quality.threads")]
+        return [
+            entry[2].get("text", "")
+            for entry in drawn(bpy.types.ICYMOON_PT_quality_advanced)
+            if entry[:2] == ("prop", "icymoon.quality.threads")
+        ]
 
     assert shown() == ["Threads (0: all)"]
     scene.icymoon.quality.threads = 3
@@ -126,8 +136,10 @@ def test_darker_ice_is_one_field_of_ice_whatever_its_law(scene, model, there):
 def header_of(panel: Any, width: int, monkeypatch) -> list:
     monkeypatch.setattr(sidebar_text, "line_length", lambda: width)
     layout = Layout()
-    made = stand_in(layout=layout, **{name: getattr(panel, name) for name in ("bl_label", "page", "bl_parent_id")
-                                      if hasattr(panel, name)})
+    made = stand_in(
+        layout=layout,
+        **{name: getattr(panel, name) for name in ("bl_label", "page", "bl_parent_id") if hasattr(panel, name)},
+    )
     panel.draw_header_preset(made, bpy.context)
     return layout.record
 
@@ -145,8 +157,13 @@ def test_the_help_button_hides_no_title(scene, monkeypatch):
 @pytest.mark.usefixtures("scene")
 def test_a_running_job_has_one_bar_in_the_sidebar(request):
     request.getfixturevalue("running")
-    bars = [name for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")
-            for entry in drawn(getattr(bpy.types, name)) if entry[0] == "progress"]
+    bars = [
+        name
+        for name in dir(bpy.types)
+        if name.startswith("ICYMOON_PT_")
+        for entry in drawn(getattr(bpy.types, name))
+        if entry[0] == "progress"
+    ]
     assert bars == ["ICYMOON_PT_main"]
 
 

@@ -26,8 +26,7 @@ from stand_ins import stand_in
 
 def everything() -> list:
     """What all panels and menus draw now."""
-    record = [entry for cls in CLASSES
-              if issubclass(cls, bpy.types.Panel | bpy.types.Menu) for entry in drawn(cls)]
+    record = [entry for cls in CLASSES if issubclass(cls, bpy.types.Panel | bpy.types.Menu) for entry in drawn(cls)]
     top = SimpleNamespace(layout=Layout(record))
     menu._draw_menu(top, bpy.context)
     menu._draw_meshes(top, bpy.context)
@@ -35,8 +34,9 @@ def everything() -> list:
 
 
 def operators(record: list) -> set[str]:
-    return ({entry[1] for entry in record if entry[0] == "operator"}
-            | {entry[1][0] for entry in record if entry[0] == "operator_menu_enum"})
+    return {entry[1] for entry in record if entry[0] == "operator"} | {
+        entry[1][0] for entry in record if entry[0] == "operator_menu_enum"
+    }
 
 
 def preferences_drawn() -> tuple[list, list[str]]:
@@ -92,13 +92,27 @@ def test_every_operator_is_on_a_button_or_in_a_menu(small, measured, running, mo
 
 
 #: Choices that between them leave every setting a meaning.
-CHOICES = ({}, {"source.kind": "MESH", "source.detail": True}, {"source.kind": "HEIGHT_MAP"}, {"mesh.kind": "GRID"},
-           {"surface.model": "LUNAR_LAMBERT", "rock_surface.model": "LUNAR_LAMBERT"}, {"surface.model": "HAPKE"},
-           {"surface.ice_colour": "SNOW", "rock_surface.ice_colour": "SNOW"}, {"rocks.law": "TABLE"},
-           {"sensor.colour": "BAYER"}, {"textures.set": "OWN"}, {"textures.set": "STAND_IN", "source.kind": "STAND_IN"},
-           {"light.directions_from": "KERNELS"}, {"dataset.plan": "//plan.toml"}, {"quality.indirect": "BAKED"},
-           {"lander.kind": "PARAMETRIC"}, {"lander.kind": "OWN"}, {"excavation.path": "ARC"},
-           {"excavation.path": "RECORDED"}, {"sensor.auto_exposure": False})
+CHOICES = (
+    {},
+    {"source.kind": "MESH", "source.detail": True},
+    {"source.kind": "HEIGHT_MAP"},
+    {"mesh.kind": "GRID"},
+    {"surface.model": "LUNAR_LAMBERT", "rock_surface.model": "LUNAR_LAMBERT"},
+    {"surface.model": "HAPKE"},
+    {"surface.ice_colour": "SNOW", "rock_surface.ice_colour": "SNOW"},
+    {"rocks.law": "TABLE"},
+    {"sensor.colour": "BAYER"},
+    {"textures.set": "OWN"},
+    {"textures.set": "STAND_IN", "source.kind": "STAND_IN"},
+    {"light.directions_from": "KERNELS"},
+    {"dataset.plan": "//plan.toml"},
+    {"quality.indirect": "BAKED"},
+    {"lander.kind": "PARAMETRIC"},
+    {"lander.kind": "OWN"},
+    {"excavation.path": "ARC"},
+    {"excavation.path": "RECORDED"},
+    {"sensor.auto_exposure": False},
+)
 
 
 def set_choices(root: object, chosen: dict) -> None:
@@ -114,8 +128,11 @@ def paths_drawn() -> list[str]:
 @pytest.mark.parametrize("chosen", CHOICES, ids=str)
 def test_no_panel_that_is_shown_is_empty(scene, chosen):
     set_choices(scene.icymoon, chosen)
-    shown: list[Any] = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel)
-                        and getattr(cls, "poll", lambda context: True)(bpy.context)]
+    shown: list[Any] = [
+        cls
+        for cls in CLASSES
+        if issubclass(cls, bpy.types.Panel) and getattr(cls, "poll", lambda context: True)(bpy.context)
+    ]
     assert len(shown) > 20
     assert [cls.bl_idname for cls in shown if not drawn(cls)] == []
 
@@ -131,12 +148,20 @@ def test_every_setting_is_drawn_where_it_has_a_meaning(scene):
     assert {f"icymoon.{topic}.{s.key}" for topic, s in all_settings()} - set(paths) == set()
 
 
-@pytest.mark.parametrize(("chosen", "hidden", "there"), [
-    ({}, {"source.file", "light.date_utc", "textures.albedo_file", "hapke.w", "terrain.resolution"}, {"mesh.error_px"}),
-    ({"source.kind": "MESH"}, {"mesh.kind", "terrain.hurst", "source.metres_per_pixel"}, {"source.scale"}),
-    ({"surface.model": "HAPKE"}, {"surface.albedo", "surface.roughness"}, {"hapke.w", "surface.grain_size_m"}),
-    ({"light.directions_from": "DATE"}, {"light.sun_elevation_deg", "light.kernels"}, {"light.latitude_deg"}),
-    ({"dataset.plan": "datasets/guiss_smoke"}, {"dataset.plan"}, {"dataset.workers"})])
+@pytest.mark.parametrize(
+    ("chosen", "hidden", "there"),
+    [
+        (
+            {},
+            {"source.file", "light.date_utc", "textures.albedo_file", "hapke.w", "terrain.resolution"},
+            {"mesh.error_px"},
+        ),
+        ({"source.kind": "MESH"}, {"mesh.kind", "terrain.hurst", "source.metres_per_pixel"}, {"source.scale"}),
+        ({"surface.model": "HAPKE"}, {"surface.albedo", "surface.roughness"}, {"hapke.w", "surface.grain_size_m"}),
+        ({"light.directions_from": "DATE"}, {"light.sun_elevation_deg", "light.kernels"}, {"light.latitude_deg"}),
+        ({"dataset.plan": "datasets/guiss_smoke"}, {"dataset.plan"}, {"dataset.workers"}),
+    ],
+)
 def test_what_a_choice_rules_out_is_not_shown(scene, chosen, hidden, there):
     set_choices(scene.icymoon, chosen)
     paths = set(paths_drawn())
@@ -167,15 +192,21 @@ def test_a_panel_begins_with_what_turns_the_others_on():
     assert TOPICS["light"].main_keys[:3] == ("directions_from", "sun_elevation_deg", "sun_azimuth_deg")
 
 
-@pytest.mark.parametrize(("sentence", "said"), [
-    ("light.kernels is empty; choose a path.", "Light ▸ Kernels is empty; choose a path."),
-    ("truth: none, since quality.truth is DEPTH.", "Truth: none, since Quality and Speed ▸ Truth is Depth Only."),
-    ("Set quality.denoiser NONE or textures.set = MESH.", "Set Quality and Speed ▸ Denoiser None or Textures ▸ "
-     "Texture = From Mesh."),
-    ("Lower quality.samples FIRST.", "Lower Quality and Speed ▸ Samples FIRST."),
-    ("rock_surface: under quality.walk_px.", "Rock Ice: under Quality and Speed ▸ Subsurface Cutoff."),
-    ("the file a.toml is not there.", "The file a.toml is not there."),
-    ("Settings that rig.no_such is of stay.", "Settings that rig.no_such is of stay.")])
+@pytest.mark.parametrize(
+    ("sentence", "said"),
+    [
+        ("light.kernels is empty; choose a path.", "Light ▸ Kernels is empty; choose a path."),
+        ("truth: none, since quality.truth is DEPTH.", "Truth: none, since Quality and Speed ▸ Truth is Depth Only."),
+        (
+            "Set quality.denoiser NONE or textures.set = MESH.",
+            "Set Quality and Speed ▸ Denoiser None or Textures ▸ Texture = From Mesh.",
+        ),
+        ("Lower quality.samples FIRST.", "Lower Quality and Speed ▸ Samples FIRST."),
+        ("rock_surface: under quality.walk_px.", "Rock Ice: under Quality and Speed ▸ Subsurface Cutoff."),
+        ("the file a.toml is not there.", "The file a.toml is not there."),
+        ("Settings that rig.no_such is of stay.", "Settings that rig.no_such is of stay."),
+    ],
+)
 def test_the_sidebar_names_settings_as_it_shows_them(sentence, said):
     assert sidebar_text.plain(sentence) == said
 
@@ -201,8 +232,11 @@ def test_the_matchers_of_plug_ins_have_a_tick_once_check_has_found_them(scene):
         bpy.ops.icymoon.toggle_matcher(matcher="census")
     preferences.show_findings([Finding("Evaluator", "ok", "Python"), Finding(PLUGINS, "ok", "", names=("census",))])
     try:
-        assert "census" in {entry[2] for entry in drawn(sidebar.ICYMOON_PT_evaluation)
-                            if entry[:2] == ("operator", "icymoon.toggle_matcher")}
+        assert "census" in {
+            entry[2]
+            for entry in drawn(sidebar.ICYMOON_PT_evaluation)
+            if entry[:2] == ("operator", "icymoon.toggle_matcher")
+        }
         assert bpy.ops.icymoon.toggle_matcher(matcher="census") == {"FINISHED"}
         assert group.methods == "bm,sgbm,census"
     finally:
@@ -219,14 +253,27 @@ def test_the_matchers_there_are_stand_in_the_tooltip():
 def test_the_panels_follow_the_work_from_top_to_bottom():
     tops: list[Any] = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel) and not hasattr(cls, "bl_parent_id")]
     assert [cls.bl_label for cls in sorted(tops, key=lambda cls: getattr(cls, "bl_order", 0))] == [
-        "Icy Moon", "Ground", "Ice", "Rocks", "Light", "Stereo Camera", "Lander", "Exposure and Sensor",
-        "Quality and Speed", "Data Set", "Evaluation"]
+        "Icy Moon",
+        "Ground",
+        "Ice",
+        "Rocks",
+        "Light",
+        "Stereo Camera",
+        "Lander",
+        "Exposure and Sensor",
+        "Quality and Speed",
+        "Data Set",
+        "Evaluation",
+    ]
 
 
 def test_a_panel_opens_with_few_settings():
     """Six at most, and what few scenes change comes last, under Advanced."""
-    long = {key: main for key, topic in TOPICS.items() if not topic.parent and not topic.inside
-            and len(main := topic.main_keys) > 6 and key != "light"}
+    long = {
+        key: main
+        for key, topic in TOPICS.items()
+        if not topic.parent and not topic.inside and len(main := topic.main_keys) > 6 and key != "light"
+    }
     assert long == {}
     # Of these of Light, one, two or five are shown at once.
     dated = {"body", "date_utc", "latitude_deg", "longitude_deg", "kernels"}
@@ -253,8 +300,11 @@ def test_a_quality_is_a_button_and_a_message_has_the_labels_of_settings(scene, m
 
 def test_a_setting_has_one_place():
     for topic in TOPICS.values():
-        parts = [topic.main_keys, topic.keys_in(ELSEWHERE),
-                 *((*topic.keys_in(s), *([s.switch] if s.switch else [])) for s in topic.sections)]
+        parts = [
+            topic.main_keys,
+            topic.keys_in(ELSEWHERE),
+            *((*topic.keys_in(s), *([s.switch] if s.switch else [])) for s in topic.sections),
+        ]
         assert sorted(key for part in parts for key in part) == sorted(s.key for s in topic.settings)
 
 
@@ -312,14 +362,18 @@ def test_a_running_job_shows_how_far_it_is_and_can_be_cancelled(scene, running):
     assert "left" not in texts(drawn(sidebar.ICYMOON_PT_main))
 
 
-@pytest.mark.parametrize(("seconds", "said"), [
-    (None, ""), (0.4, "0:00 left"), (65.0, "1:05 left"), (3599.9, "59:59 left"), (7400.0, "2:03:20 left")])
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [(None, ""), (0.4, "0:00 left"), (65.0, "1:05 left"), (3599.9, "59:59 left"), (7400.0, "2:03:20 left")],
+)
 def test_the_time_that_is_left_is_told_in_hours_minutes_and_seconds(seconds, said):
     assert jobs.remaining_text(seconds) == said
 
 
-@pytest.mark.parametrize(("fraction", "past_s", "left_s"), [
-    (0.02, 3600.0, None), (0.05, 60.0, None), (0.05, 600.0, 11400.0), (0.1, 60.0, 540.0), (0.5, 60.0, 60.0)])
+@pytest.mark.parametrize(
+    ("fraction", "past_s", "left_s"),
+    [(0.02, 3600.0, None), (0.05, 60.0, None), (0.05, 600.0, 11400.0), (0.1, 60.0, 540.0), (0.5, 60.0, 60.0)],
+)
 def test_no_time_is_left_while_the_start_of_the_process_decides_it(monkeypatch, fraction, past_s, left_s):
     process: Any = SimpleNamespace()
     job = jobs.Job("Render", process, lambda message: None, lambda: None, started=100.0, fraction=fraction)
@@ -337,17 +391,28 @@ def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, measured)
     record = drawn(sidebar.ICYMOON_PT_results)
     labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
     assert {"StereoBM", "SGBM"} <= set(labels)
-    values = {name: labels[labels.index(name) + 1] for name in (
-        "Wrong", "Covered", "Mean L1 error", "Over 10 cm off", "Wrong order", "Shape error")}
-    assert values == {"Wrong": "35.0 %", "Covered": "75.0 %", "Mean L1 error": "0.123 m", "Over 10 cm off": "50.0 %",
-                      "Wrong order": "25.0 %", "Shape error": "–"}
+    values = {
+        name: labels[labels.index(name) + 1]
+        for name in ("Wrong", "Covered", "Mean L1 error", "Over 10 cm off", "Wrong order", "Shape error")
+    }
+    assert values == {
+        "Wrong": "35.0 %",
+        "Covered": "75.0 %",
+        "Mean L1 error": "0.123 m",
+        "Over 10 cm off": "50.0 %",
+        "Wrong order": "25.0 %",
+        "Shape error": "–",
+    }
     assert {"icymoon.open_report", "icymoon.show_error", "icymoon.show_surface"} <= operators(record)
 
 
 def labels_of_results(scene, tmp_path, *rows):
     evaluated(scene, tmp_path, *rows, scope="DATASET")
-    return [(entry[2]["text"], entry[2].get("icon", "NONE")) for entry in drawn(sidebar.ICYMOON_PT_results)
-            if entry[0] == "label"]
+    return [
+        (entry[2]["text"], entry[2].get("icon", "NONE"))
+        for entry in drawn(sidebar.ICYMOON_PT_results)
+        if entry[0] == "label"
+    ]
 
 
 def ranked(method, wrong, *rank):
@@ -355,11 +420,18 @@ def ranked(method, wrong, *rank):
 
 
 def test_ranks_are_those_of_the_report_and_a_star_needs_a_worse_one(scene, tmp_path):
-    labels = labels_of_results(scene, tmp_path, ranked("bm", 0.3, 3, 3), ranked("sgbm", 0.1, 1, 2),
-                               ranked("jplv", 0.2, 1, 2))
+    labels = labels_of_results(
+        scene, tmp_path, ranked("bm", 0.3, 3, 3), ranked("sgbm", 0.1, 1, 2), ranked("jplv", 0.2, 1, 2)
+    )
     first = [label for label in labels if label[0] in ("StereoBM", "SGBM", "JPLV") or label[0].startswith("Rank ")]
-    assert first == [("SGBM", "NONE"), ("Rank 1–2", "SOLO_ON"), ("JPLV", "NONE"), ("Rank 1–2", "SOLO_ON"),
-                     ("StereoBM", "NONE"), ("Rank 3", "NONE")]
+    assert first == [
+        ("SGBM", "NONE"),
+        ("Rank 1–2", "SOLO_ON"),
+        ("JPLV", "NONE"),
+        ("Rank 1–2", "SOLO_ON"),
+        ("StereoBM", "NONE"),
+        ("Rank 3", "NONE"),
+    ]
     undecided = labels_of_results(scene, tmp_path, ranked("bm", 0.3, 1, 2), ranked("sgbm", 0.1, 1, 2))
     assert ("Rank 1–2", "NONE") in undecided
     assert "SOLO_ON" not in {icon for _, icon in undecided}
@@ -394,8 +466,12 @@ def test_each_metric_of_a_matcher_has_its_own_line(scene, tmp_path):
 
 
 def test_a_metric_and_its_value_fit_a_line_of_the_narrowest_sidebar(scene, tmp_path):
-    labels = [text for text, _ in labels_of_results(scene, tmp_path, {
-        **ROW, "l1_m": 12.3456, "dod": 1.0, "si_rmse": 0.12345, "l1_rate_10": 1.0, "n": 5})]
+    labels = [
+        text
+        for text, _ in labels_of_results(
+            scene, tmp_path, {**ROW, "l1_m": 12.3456, "dod": 1.0, "si_rmse": 0.12345, "l1_rate_10": 1.0, "n": 5}
+        )
+    ]
     names = ("Wrong", "Covered", "Mean L1 error", "Over 10 cm off", "Wrong order", "Shape error")
     # 24 characters fit a sidebar of 200 pixels, as below; the two parts of the line have 0.62 and 0.38 of it.
     for name in names:
@@ -422,8 +498,15 @@ def test_no_button_has_an_icon_without_words(small, measured, running, monkeypat
 
 
 #: Operators whose button shows what it chooses or what was measured, not what it does.
-OF_VALUES = {"icymoon.load_preset", "icymoon.choose_plan", "icymoon.show_pair", "icymoon.toggle_matcher",
-             "icymoon.show_curve", "icymoon.show_roughness", "icymoon.wait"}
+OF_VALUES = {
+    "icymoon.load_preset",
+    "icymoon.choose_plan",
+    "icymoon.show_pair",
+    "icymoon.toggle_matcher",
+    "icymoon.show_curve",
+    "icymoon.show_roughness",
+    "icymoon.wait",
+}
 
 
 @pytest.mark.usefixtures("measured")
@@ -443,14 +526,19 @@ def test_a_command_has_one_name(small):
 def test_matchers_are_ticked_and_keep_their_options(scene):
     group = scene.icymoon.dataset
     group.methods = "bm, sgbm:window=7"
-    ticked = {entry[2] for entry in drawn(sidebar.ICYMOON_PT_evaluation)
-              if entry[:2] == ("operator", "icymoon.toggle_matcher")}
+    ticked = {
+        entry[2]
+        for entry in drawn(sidebar.ICYMOON_PT_evaluation)
+        if entry[:2] == ("operator", "icymoon.toggle_matcher")
+    }
     assert ticked == set(TITLES.values())
     assert bpy.ops.icymoon.toggle_matcher(matcher="igev") == {"FINISHED"}
     assert group.methods == "bm,sgbm:window=7,igev"
     assert "PyTorch" in texts(drawn(sidebar.ICYMOON_PT_evaluation))
-    tips = {name: evaluate.ICYMOON_OT_toggle_matcher.description(bpy.context, SimpleNamespace(matcher=name))
-            for name in ("bm", "igev")}
+    tips = {
+        name: evaluate.ICYMOON_OT_toggle_matcher.description(bpy.context, SimpleNamespace(matcher=name))
+        for name in ("bm", "igev")
+    }
     assert ["PyTorch" in tips[name] for name in tips] == [False, True]  # before it is ticked too
     assert bpy.ops.icymoon.toggle_matcher(matcher="sgbm") == {"FINISHED"}
     assert group.methods == "bm,igev"
@@ -506,7 +594,10 @@ def test_no_line_is_cut_in_a_narrow_sidebar(scene, monkeypatch, width):
 @pytest.mark.parametrize("model", ["LAMBERT", "HAPKE"])
 def test_the_albedos_of_the_ground_stand_in_one_panel(scene, model):
     scene.icymoon.surface.model = model
-    shown = {panel: texts(drawn(getattr(bpy.types, panel))) for panel in ("ICYMOON_PT_surface", "ICYMOON_PT_hapke")
-             if getattr(bpy.types, panel).poll(bpy.context)}
+    shown = {
+        panel: texts(drawn(getattr(bpy.types, panel)))
+        for panel in ("ICYMOON_PT_surface", "ICYMOON_PT_hapke")
+        if getattr(bpy.types, panel).poll(bpy.context)
+    }
     found = [panel for panel, text in shown.items() if "Bond albedo" in text]
     assert found == [{"LAMBERT": "ICYMOON_PT_surface", "HAPKE": "ICYMOON_PT_hapke"}[model]]

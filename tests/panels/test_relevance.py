@@ -18,26 +18,45 @@ from icymoon.settings.table import TOPICS
 from icymoon.settings.topics.declaration import LANDFORMS
 
 #: Other values of the numbers of Hapke's law.
-OTHERS = {"w": 0.5, "b": 0.2, "c": 0.6, "b_s0": 0.9, "h_s": 0.05, "b_c0": 0.7, "h_c": 0.03, "theta_bar_deg": 20.0,
-          "filling_factor": 0.3, "h_function": "2002"}
+OTHERS = {
+    "w": 0.5,
+    "b": 0.2,
+    "c": 0.6,
+    "b_s0": 0.9,
+    "h_s": 0.05,
+    "b_c0": 0.7,
+    "h_c": 0.03,
+    "theta_bar_deg": 20.0,
+    "filling_factor": 0.3,
+    "h_function": "2002",
+}
 
 
 def root(**topics: dict) -> SimpleNamespace:
     """Stands in for ``Scene.icymoon``: the defaults with changes."""
-    return SimpleNamespace(**{topic: SimpleNamespace(**values) for topic, values in (
-        (topic, {**group, **topics.get(topic, {})}) for topic, group in defaults().items())})
+    return SimpleNamespace(
+        **{
+            topic: SimpleNamespace(**values)
+            for topic, values in ((topic, {**group, **topics.get(topic, {})}) for topic, group in defaults().items())
+        }
+    )
 
 
 def relevant(topic: str, state: dict[str, dict] | None = None) -> set[str]:
     """The settings of a topic that are neither hidden nor grey."""
     of_scene = root(**(state or {}))
-    return {setting.key for setting in TOPICS[topic].settings
-            if TOPICS[topic].is_shown(setting.key, of_scene) and TOPICS[topic].has_effect(setting.key, of_scene)}
+    return {
+        setting.key
+        for setting in TOPICS[topic].settings
+        if TOPICS[topic].is_shown(setting.key, of_scene) and TOPICS[topic].has_effect(setting.key, of_scene)
+    }
 
 
-@pytest.mark.parametrize("state", [
-    {}, {"b": 0.0}, {"b_s0": 0.0}, {"b_c0": 0.0}, {"b_c0": 0.5, "h_c": 0.01}, {"b": 0.0, "b_s0": 0.0, "b_c0": 0.5}],
-    ids=str)
+@pytest.mark.parametrize(
+    "state",
+    [{}, {"b": 0.0}, {"b_s0": 0.0}, {"b_c0": 0.0}, {"b_c0": 0.5, "h_c": 0.01}, {"b": 0.0, "b_s0": 0.0, "b_c0": 0.5}],
+    ids=str,
+)
 @pytest.mark.parametrize("key", OTHERS)
 def test_a_number_of_hapke_s_law_is_grey_where_another_changes_no_brightness(state, key):
     def brightness(**changes):
@@ -49,11 +68,20 @@ def test_a_number_of_hapke_s_law_is_grey_where_another_changes_no_brightness(sta
     assert TOPICS["hapke"].has_effect(key, root(hapke=state)) == acts
 
 
-@pytest.mark.parametrize("state", [
-    {}, {"auto_exposure": False}, {"brackets": 3}, {"radiation_flux_cm2_s": 1e5}], ids=str)
-@pytest.mark.parametrize(("key", "other"), [
-    ("auto_percentile", 0.5), ("auto_target", 0.3), ("exposure_s", 0.7), ("bracket_stops", 5.0),
-    ("radiation_depth_um", 99.0), ("radiation_e_per_um", 9.0)])
+@pytest.mark.parametrize(
+    "state", [{}, {"auto_exposure": False}, {"brackets": 3}, {"radiation_flux_cm2_s": 1e5}], ids=str
+)
+@pytest.mark.parametrize(
+    ("key", "other"),
+    [
+        ("auto_percentile", 0.5),
+        ("auto_target", 0.3),
+        ("exposure_s", 0.7),
+        ("bracket_stops", 5.0),
+        ("radiation_depth_um", 99.0),
+        ("radiation_e_per_um", 9.0),
+    ],
+)
 def test_a_setting_of_exposure_or_radiation_is_hidden_or_grey_where_it_changes_no_exposure(state, key, other):
     def exposures(**changes):
         response = defaults().sensor | state | changes
@@ -79,10 +107,20 @@ def test_only_the_exposure_that_is_used_is_shown(automatic):
 
 
 @pytest.mark.parametrize("colour", ["MONO", "BAYER"])
-@pytest.mark.parametrize(("key", "other"), [
-    ("band_centre_nm", 650.0), ("band_width_nm", 90.0), ("quantum_efficiency", 0.1), ("red_centre_nm", 590.0),
-    ("green_half_width_nm", 20.0), ("blue_efficiency", 0.2), ("filter_leak", 0.2), ("cut_on_nm", 420.0),
-    ("cut_off_nm", 650.0)])
+@pytest.mark.parametrize(
+    ("key", "other"),
+    [
+        ("band_centre_nm", 650.0),
+        ("band_width_nm", 90.0),
+        ("quantum_efficiency", 0.1),
+        ("red_centre_nm", 590.0),
+        ("green_half_width_nm", 20.0),
+        ("blue_efficiency", 0.2),
+        ("filter_leak", 0.2),
+        ("cut_on_nm", 420.0),
+        ("cut_off_nm", 650.0),
+    ],
+)
 def test_a_setting_of_glass_or_filters_is_hidden_where_it_changes_no_light(colour, key, other):
     def rates(**changes):
         return channel_rates(defaults().light, defaults().sensor | {"colour": colour} | changes, 1e-5).tolist()
@@ -103,9 +141,17 @@ def test_the_exposure_of_a_motion_is_grey_unless_something_moves():
             assert blur_of(merged(defaults(), {"rig": {moving: speed, "motion_exposure_s": 0.1}})) is not None
 
 
-@pytest.mark.parametrize(("source", "shown"), [
-    ({}, True), ({"kind": "MESH", "detail": True}, False), ({"kind": "STAND_IN"}, False),
-    ({"kind": "HEIGHT_MAP"}, False), ({"kind": "HEIGHT_MAP", "detail": True}, True)], ids=str)
+@pytest.mark.parametrize(
+    ("source", "shown"),
+    [
+        ({}, True),
+        ({"kind": "MESH", "detail": True}, False),
+        ({"kind": "STAND_IN"}, False),
+        ({"kind": "HEIGHT_MAP"}, False),
+        ({"kind": "HEIGHT_MAP", "detail": True}, True),
+    ],
+    ids=str,
+)
 def test_landforms_are_hidden_for_ground_that_has_none(source, shown):
     assert TOPICS["ridges"].is_shown("height_m", root(source=source)) == shown
     assert TOPICS["terrain"].is_shown("layers", root(source=source)) == shown
@@ -125,67 +171,153 @@ def test_a_landform_that_there_is_none_of_has_but_the_setting_that_makes_some(to
     assert relevant(topic, {topic: {keys[0]: 0.001}}) == set(keys)
 
 
-PRINCIPLED = {"subsurface_weight", "transmission", "roughness", "specular", "refractive_index", "glint_share",
-              "bubble_share", "fracture_share", "frost_share", "crust_share"}
-IDLE = {"transmitted", "bubble_radius_m", "bubble_band_m", "fracture_spacing_m", "frost_patch_m", "patch_raggedness",
-        "frost_albedo", "crust_patch_m", "crust_height_m",
-        "crust_roughness", "albedo_patch_m", "subsurface_radius_m", "subsurface_method", "salt_patch_m", "salt_red",
-        "salt_green", "salt_blue", "glint_size_m", "snow_grain_m", "dirt", "dirt_patch_m", "salt"}
+PRINCIPLED = {
+    "subsurface_weight",
+    "transmission",
+    "roughness",
+    "specular",
+    "refractive_index",
+    "glint_share",
+    "bubble_share",
+    "fracture_share",
+    "frost_share",
+    "crust_share",
+}
+IDLE = {
+    "transmitted",
+    "bubble_radius_m",
+    "bubble_band_m",
+    "fracture_spacing_m",
+    "frost_patch_m",
+    "patch_raggedness",
+    "frost_albedo",
+    "crust_patch_m",
+    "crust_height_m",
+    "crust_roughness",
+    "albedo_patch_m",
+    "subsurface_radius_m",
+    "subsurface_method",
+    "salt_patch_m",
+    "salt_red",
+    "salt_green",
+    "salt_blue",
+    "glint_size_m",
+    "snow_grain_m",
+    "dirt",
+    "dirt_patch_m",
+    "salt",
+}
 #: What only baked light uses.
 _BAKING = {"direct_samples", "bake_area", "bake_samples", "bake_noise"}
 #: What a state of the settings leaves of a topic: all keys but those named, or those named alone.
 CASES = [
-    ("terrain", {}, "but", {"resolution"}), ("terrain", {"mesh": {"kind": "GRID"}}, "but", {"body_radius_m"}),
+    ("terrain", {}, "but", {"resolution"}),
+    ("terrain", {"mesh": {"kind": "GRID"}}, "but", {"body_radius_m"}),
     ("terrain", {"source": {"kind": "MESH"}}, "only", set()),
     ("terrain", {"source": {"kind": "HEIGHT_MAP"}}, "only", {"size_m", "resolution"}),
     ("terrain", {"source": {"kind": "MESH", "detail": True}}, "but", {"body_radius_m", "layers"}),
     ("terrain", {"source": {"kind": "HEIGHT_MAP", "detail": True}}, "but", {"body_radius_m"}),
-    ("mesh", {}, "but", set()), ("mesh", {"mesh": {"kind": "GRID"}}, "only", {"kind"}),
-    ("hills", {}, "only", {"rms_slope_deg"}), ("hills", {"hills": {"rms_slope_deg": 1.0}}, "but", set()),
+    ("mesh", {}, "but", set()),
+    ("mesh", {"mesh": {"kind": "GRID"}}, "only", {"kind"}),
+    ("hills", {}, "only", {"rms_slope_deg"}),
+    ("hills", {"hills": {"rms_slope_deg": 1.0}}, "but", set()),
     ("hills", {"hills": {"rms_slope_deg": 1.0}, "mesh": {"kind": "GRID"}}, "only", set()),
     ("source", {}, "only", {"kind"}),
     ("source", {"source": {"kind": "STAND_IN"}}, "but", {"metres_per_pixel", "height_scale_m", "missing", "file"}),
-    ("textures", {"textures": {"set": "STAND_IN"}}, "but", {
-        "albedo_file", "roughness_file", "normal_file", "transmission_file", "height_file"}),
+    (
+        "textures",
+        {"textures": {"set": "STAND_IN"}},
+        "but",
+        {"albedo_file", "roughness_file", "normal_file", "transmission_file", "height_file"},
+    ),
     ("source", {"source": {"kind": "MESH"}}, "but", {"metres_per_pixel", "height_scale_m", "missing", "stand_in"}),
     ("source", {"source": {"kind": "HEIGHT_MAP"}}, "but", {"scale", "up_axis", "repair", "stand_in"}),
     ("surface", {}, "but", {"lommel_seeliger_share", *IDLE}),
-    ("surface", {"surface": {"subsurface_weight": 0.1, "salt_share": 0.1, "albedo_variation": 0.1,
-                             "glint_share": 0.01, "transmission": 0.1, "frost_share": 0.1, "crust_share": 0.1}}, "but",
-     {"lommel_seeliger_share", "snow_grain_m", "dirt", "dirt_patch_m", "bubble_radius_m", "bubble_band_m",
-      "fracture_spacing_m"}),
-    ("surface", {"surface": {"fracture_share": 0.1}}, "but",
-     {"lommel_seeliger_share", *IDLE} - {"fracture_spacing_m"}),
-    ("surface", {"surface": {"bubble_share": 0.01, "ice_colour": "SNOW"}}, "but",
-     {"lommel_seeliger_share", "albedo", "ice_colour"} | IDLE - {"bubble_radius_m", "bubble_band_m"}),
-    ("surface", {"surface": {"slope_dirt": 0.1, "dirt": "THOLIN", "ice_colour": "SNOW", "salt": "SULPHUR",
-                             "salt_share": 0.1}}, "but",
-     {"lommel_seeliger_share", "salt_red", "salt_green", "salt_blue"} | IDLE - {
-         "snow_grain_m", "dirt", "dirt_patch_m", "salt", "salt_patch_m"}),
-    ("surface", {"surface": {"slope_dirt": 0.1, "dirt": "THOLIN", "dirt_patch_m": 0.1}}, "but",
-     {"lommel_seeliger_share"} | IDLE - {"dirt", "dirt_patch_m", "patch_raggedness"}),
-    ("surface", {"surface": {"grain_amplitude_m": 0.0}}, "but",
-     {"lommel_seeliger_share", "grain_size_m", "grain_patchiness", "relief", *IDLE}),
+    (
+        "surface",
+        {
+            "surface": {
+                "subsurface_weight": 0.1,
+                "salt_share": 0.1,
+                "albedo_variation": 0.1,
+                "glint_share": 0.01,
+                "transmission": 0.1,
+                "frost_share": 0.1,
+                "crust_share": 0.1,
+            }
+        },
+        "but",
+        {
+            "lommel_seeliger_share",
+            "snow_grain_m",
+            "dirt",
+            "dirt_patch_m",
+            "bubble_radius_m",
+            "bubble_band_m",
+            "fracture_spacing_m",
+        },
+    ),
+    ("surface", {"surface": {"fracture_share": 0.1}}, "but", {"lommel_seeliger_share", *IDLE} - {"fracture_spacing_m"}),
+    (
+        "surface",
+        {"surface": {"bubble_share": 0.01, "ice_colour": "SNOW"}},
+        "but",
+        {"lommel_seeliger_share", "albedo", "ice_colour"} | IDLE - {"bubble_radius_m", "bubble_band_m"},
+    ),
+    (
+        "surface",
+        {"surface": {"slope_dirt": 0.1, "dirt": "THOLIN", "ice_colour": "SNOW", "salt": "SULPHUR", "salt_share": 0.1}},
+        "but",
+        {"lommel_seeliger_share", "salt_red", "salt_green", "salt_blue"}
+        | IDLE - {"snow_grain_m", "dirt", "dirt_patch_m", "salt", "salt_patch_m"},
+    ),
+    (
+        "surface",
+        {"surface": {"slope_dirt": 0.1, "dirt": "THOLIN", "dirt_patch_m": 0.1}},
+        "but",
+        {"lommel_seeliger_share"} | IDLE - {"dirt", "dirt_patch_m", "patch_raggedness"},
+    ),
+    (
+        "surface",
+        {"surface": {"grain_amplitude_m": 0.0}},
+        "but",
+        {"lommel_seeliger_share", "grain_size_m", "grain_patchiness", "relief", *IDLE},
+    ),
     ("surface", {"surface": {"model": "LAMBERT"}}, "but", {"lommel_seeliger_share", *PRINCIPLED, *IDLE}),
     ("surface", {"surface": {"model": "LUNAR_LAMBERT"}}, "but", {*PRINCIPLED, *IDLE}),
-    ("rock_surface", {"rock_surface": {"model": "HAPKE"}}, "but",
-     {"albedo", "lommel_seeliger_share", *PRINCIPLED, *IDLE}),
+    (
+        "rock_surface",
+        {"rock_surface": {"model": "HAPKE"}},
+        "but",
+        {"albedo", "lommel_seeliger_share", *PRINCIPLED, *IDLE},
+    ),
     ("hapke", {"hapke": {"backend": "NODES"}, "surface": {"model": "HAPKE"}}, "but", {"accuracy", "h_c"}),
     ("rocks", {}, "only", {"coverage"}),
     ("rocks", {"rocks": {"coverage": 0.01}}, "but", {"cluster_blocks", "cluster_radius_m", "file"}),
     ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1}}, "but", {"file"}),
     ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1}, "mesh": {"kind": "GRID"}}, "but", {"beyond_px", "file"}),
     ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1, "law": "GOLOMBEK"}}, "but", {"power_index", "file"}),
-    ("rocks", {"rocks": {"coverage": 0.01, "law": "TABLE"}}, "but",
-     {"power_index", "smallest_m", "largest_m", "clustering", "cluster_blocks", "cluster_radius_m", "beyond_px"}),
+    (
+        "rocks",
+        {"rocks": {"coverage": 0.01, "law": "TABLE"}},
+        "but",
+        {"power_index", "smallest_m", "largest_m", "clustering", "cluster_blocks", "cluster_radius_m", "beyond_px"},
+    ),
     ("rig", {}, "but", {"motion_exposure_s"}),
-    ("workspace", {}, "only", {"cell_m"}), ("workspace", {"workspace": {"cell_m": 0.02}}, "but", set()),
-    ("dataset", {}, "but", {"plan"}), ("dataset", {"dataset": {"plan": "mine.toml"}}, "but", set()),
-    ("quality", {}, "but", _BAKING), ("quality", {"surface": {"model": "HAPKE"}}, "but", {"fine_relief", *_BAKING}),
+    ("workspace", {}, "only", {"cell_m"}),
+    ("workspace", {"workspace": {"cell_m": 0.02}}, "but", set()),
+    ("dataset", {}, "but", {"plan"}),
+    ("dataset", {"dataset": {"plan": "mine.toml"}}, "but", set()),
+    ("quality", {}, "but", _BAKING),
+    ("quality", {"surface": {"model": "HAPKE"}}, "but", {"fine_relief", *_BAKING}),
     ("quality", {"surface": {"model": "LAMBERT"}}, "but", _BAKING),
     ("quality", {"surface": {"model": "HAPKE"}, "rocks": {"own_surface": True}}, "but", _BAKING),
-    ("quality", {"surface": {"model": "HAPKE"}, "rocks": {"own_surface": True}, "rock_surface": {"model": "HAPKE"}},
-     "but", {"fine_relief", *_BAKING}),
+    (
+        "quality",
+        {"surface": {"model": "HAPKE"}, "rocks": {"own_surface": True}, "rock_surface": {"model": "HAPKE"}},
+        "but",
+        {"fine_relief", *_BAKING},
+    ),
     ("quality", {"quality": {"indirect": "BAKED"}}, "but", set()),
     ("quality", {"quality": {"indirect": "AUTO"}}, "but", set()),
     ("textures", {}, "only", {"set"}),
@@ -198,8 +330,11 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("topic", "state", "how", "keys"), CASES,
-                         ids=lambda value: str(sorted(value) if isinstance(value, set) else value)[:70])
+@pytest.mark.parametrize(
+    ("topic", "state", "how", "keys"),
+    CASES,
+    ids=lambda value: str(sorted(value) if isinstance(value, set) else value)[:70],
+)
 def test_what_choices_and_other_numbers_leave_of_a_topic(topic, state, how, keys):
     every = {setting.key for setting in TOPICS[topic].settings}
     assert keys <= every
@@ -213,8 +348,12 @@ def of_light(**state) -> set[str]:
 def test_what_a_date_gives_is_not_asked_for_and_a_planet_or_stars_that_are_not_there_have_no_settings():
     every = {setting.key for setting in TOPICS["light"].settings}
     dated = {"body", "date_utc", "longitude_deg"}
-    given = {key for key in every if key.startswith(("sun_", "planet_")) and key.endswith((
-        "elevation_deg", "azimuth_deg", "diameter_deg", "irradiance_wm2", "flattening"))}
+    given = {
+        key
+        for key in every
+        if key.startswith(("sun_", "planet_"))
+        and key.endswith(("elevation_deg", "azimuth_deg", "diameter_deg", "irradiance_wm2", "flattening"))
+    }
     planet = {key for key in every if key.startswith("planet_")}
     stars = {"stars_faintest_mag"}
     assert of_light() == every - dated - {"parent", "kernels", "latitude_deg"} - planet - stars

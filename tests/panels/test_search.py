@@ -10,28 +10,62 @@ from icymoon import operators
 from icymoon.panels import menu
 from panel_drawing import Layout, drawn
 
-SOUGHT = {"Render Stereo Pair": "icymoon.render_pair", "Evaluate Stereo": "icymoon.evaluate",
-          "Stereo Error": "icymoon.show_error", "Icy Moon Manual": "icymoon.open_manual",
-          "Show Stereo Pair": "icymoon.show_pair", "Europa Chaos": "icymoon.load_preset",
-          "Load Preset": "icymoon.load_preset", "Live Preview": "icymoon.live", "Build Scene": "icymoon.build_scene",
-          "Vary": "icymoon.vary", "Anaglyph": "icymoon.show_pair", "Evaluation Report": "icymoon.open_report",
-          "Measured Surface": "icymoon.show_surface", "Install Evaluator": "icymoon.install_evaluator",
-          "Render Data Set": "icymoon.render_dataset", "Icy Terrain": "icymoon.add_terrain",
-          "Decisions on Ground": "icymoon.paint_decisions",
-          "Where to Dig": "icymoon.decide", "Lander": "icymoon.load_preset", "dry run": "icymoon.plan_dry_run",
-          "true depth": "icymoon.show_pair", "flicker": "icymoon.show_pair", "error curve": "icymoon.show_curve",
-          "paint errors": "icymoon.paint_errors", "camera image": "icymoon.expose", "ice rock": "icymoon.add_block",
-          "save settings": "icymoon.save_settings", "import ground": "icymoon.import_ground",
-          "cheapest quality": "icymoon.auto_quality", "compare qualities": "icymoon.trade",
-          "asset library": "icymoon.make_asset_library", "other pairs": "icymoon.evaluate_folder",
-          "whole data set": "icymoon.evaluate", "save plan": "icymoon.save_plan", "cancel": "icymoon.cancel",
-          "stop": "icymoon.cancel", "sweep": "icymoon.vary", "point cloud": "icymoon.show_surface"}
+SOUGHT = {
+    "Render Stereo Pair": "icymoon.render_pair",
+    "Evaluate Stereo": "icymoon.evaluate",
+    "Stereo Error": "icymoon.show_error",
+    "Icy Moon Manual": "icymoon.open_manual",
+    "Show Stereo Pair": "icymoon.show_pair",
+    "Europa Chaos": "icymoon.load_preset",
+    "Load Preset": "icymoon.load_preset",
+    "Live Preview": "icymoon.live",
+    "Build Scene": "icymoon.build_scene",
+    "Vary": "icymoon.vary",
+    "Anaglyph": "icymoon.show_pair",
+    "Evaluation Report": "icymoon.open_report",
+    "Measured Surface": "icymoon.show_surface",
+    "Install Evaluator": "icymoon.install_evaluator",
+    "Render Data Set": "icymoon.render_dataset",
+    "Icy Terrain": "icymoon.add_terrain",
+    "Decisions on Ground": "icymoon.paint_decisions",
+    "Where to Dig": "icymoon.decide",
+    "Lander": "icymoon.load_preset",
+    "dry run": "icymoon.plan_dry_run",
+    "true depth": "icymoon.show_pair",
+    "flicker": "icymoon.show_pair",
+    "error curve": "icymoon.show_curve",
+    "paint errors": "icymoon.paint_errors",
+    "camera image": "icymoon.expose",
+    "ice rock": "icymoon.add_block",
+    "save settings": "icymoon.save_settings",
+    "import ground": "icymoon.import_ground",
+    "cheapest quality": "icymoon.auto_quality",
+    "compare qualities": "icymoon.trade",
+    "asset library": "icymoon.make_asset_library",
+    "other pairs": "icymoon.evaluate_folder",
+    "whole data set": "icymoon.evaluate",
+    "save plan": "icymoon.save_plan",
+    "cancel": "icymoon.cancel",
+    "stop": "icymoon.cancel",
+    "sweep": "icymoon.vary",
+    "point cloud": "icymoon.show_surface",
+}
 #: Rows of a menu that fit a screen of 1080 pixels with its bars, at 24 pixels each as Blender draws them.
 MOST_ROWS = 36
 #: Commands that need what is selected in a list or under the mouse, and those of the page of preferences.
-IN_PANELS_ONLY = {"icymoon.layer_add", "icymoon.layer_remove", "icymoon.layer_move", "icymoon.variation_remove",
-                  "icymoon.variation_move", "icymoon.toggle_matcher", "icymoon.show_roughness", "icymoon.wait",
-                  "icymoon.add_matcher", "icymoon.remove_matcher", "icymoon.remove_evaluator"}
+IN_PANELS_ONLY = {
+    "icymoon.layer_add",
+    "icymoon.layer_remove",
+    "icymoon.layer_move",
+    "icymoon.variation_remove",
+    "icymoon.variation_move",
+    "icymoon.toggle_matcher",
+    "icymoon.show_roughness",
+    "icymoon.wait",
+    "icymoon.add_matcher",
+    "icymoon.remove_matcher",
+    "icymoon.remove_evaluator",
+}
 
 
 def entries(record: list, path: str = "") -> list[tuple[str, str]]:
@@ -68,8 +102,11 @@ def found(scene):
 def found_by(typed: str, found: list[tuple[str, str]]) -> set[str]:
     """What Blender lists: each word that is typed begins a word of the entry, or of the menus above it."""
     words = typed.lower().split()
-    return {started for started, text in found
-            if all(any(part.startswith(word) for part in text.lower().split()) for word in words)}
+    return {
+        started
+        for started, text in found
+        if all(any(part.startswith(word) for part in text.lower().split()) for word in words)
+    }
 
 
 def test_every_menu_fits_the_screen(scene):
@@ -83,6 +120,9 @@ def test_the_words_that_users_type_find_it(found, typed):
 
 
 def test_every_command_is_found_by_its_name(found):
-    missing = {cls.bl_idname for cls in operators.CLASSES if issubclass(cls, bpy.types.Operator)
-               and cls.bl_idname not in found_by(cls.bl_label, found)}
+    missing = {
+        cls.bl_idname
+        for cls in operators.CLASSES
+        if issubclass(cls, bpy.types.Operator) and cls.bl_idname not in found_by(cls.bl_label, found)
+    }
     assert missing == IN_PANELS_ONLY

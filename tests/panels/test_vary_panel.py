@@ -39,17 +39,26 @@ def test_the_selected_setting_is_drawn_with_its_unit(scene):
     assert "no effect" not in texts(record)
 
 
-@pytest.mark.parametrize(("name", "line"), [
-    ("quality.samples", "Samples: 16 to 64 samples, 5"), ("light.planet", "Planet: off, on"),
-    ("mesh.crests", "Crests: Rounded, "), ("textures.mapping", "Mapping: 3 values"),
-    ("surface.model", "Model: 6 values"), ("rig.baseline_m", "Baseline: 0.125 to 0.5 m, 5")])
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("quality.samples", "Samples: 16 to 64 samples, 5"),
+        ("light.planet", "Planet: off, on"),
+        ("mesh.crests", "Crests: Rounded, "),
+        ("textures.mapping", "Mapping: 3 values"),
+        ("surface.model", "Model: 6 values"),
+        ("rig.baseline_m", "Baseline: 0.125 to 0.5 m, 5"),
+    ],
+)
 def test_a_line_of_the_list_has_the_values(scene, name, line):
     bpy.ops.icymoon.vary(setting=name)
     assert line in texts(drawn(vary.ICYMOON_PT_vary))
 
 
-@pytest.mark.parametrize(("name", "first"), [("light.sun_elevation_deg", 10.25), ("rig.baseline_m", 0.25),
-                                             ("light.sun_temperature_k", 1000.25)])
+@pytest.mark.parametrize(
+    ("name", "first"),
+    [("light.sun_elevation_deg", 10.25), ("rig.baseline_m", 0.25), ("light.sun_temperature_k", 1000.25)],
+)
 def test_ends_are_drawn_with_the_decimals_of_the_setting(scene, name, first):
     topic, key = name.split(".")
     bpy.ops.icymoon.vary(setting=name, first=first, last=2 * first)
@@ -103,9 +112,9 @@ def test_draws_are_asked_for_where_they_are_made(scene):
 def test_the_context_menu_offers_settings_only(scene):
     def menu(group, key):
         shown = stand_in(layout=Layout())
-        vary._draw_context_menu(shown, SimpleNamespace(button_prop=group.bl_rna.properties[key],
-                                                       button_pointer=group))
+        vary._draw_context_menu(shown, SimpleNamespace(button_prop=group.bl_rna.properties[key], button_pointer=group))
         return operators(shown.layout.record)
+
     assert menu(scene.icymoon.light, "sun_elevation_deg") == {"icymoon.vary"}
     assert menu(scene.icymoon.sensor, "bits") == {"icymoon.vary"}  # grey, with the reason
     assert menu(scene.render, "resolution_x") == menu(scene.icymoon, "live") == set()

@@ -56,13 +56,20 @@ def test_the_height_image_has_the_stated_relief():
 def test_a_photograph_shows_one_image_and_has_the_others_beside_it(folder):
     assert set(cached_files.find_texture_files("CRACKED_ICE")) == {"albedo"}
     assert {path.stem.removeprefix("cracked_ice_") for path in (folder / "cracked_ice").glob("*.png")} == {
-        "albedo", "roughness", "normal", "height"}
+        "albedo",
+        "roughness",
+        "normal",
+        "height",
+    }
 
 
 def test_a_mesh_file_says_what_it_is_and_names_its_image(folder, monkeypatch):
     positions, uv = np.arange(12.0).reshape(4, 3), np.linspace(0, 1, 8).reshape(4, 2)
-    monkeypatch.setattr(cached_files, "reconstruct", lambda key: Reconstruction(
-        positions, np.array([[0, 1, 2], [0, 2, 3]]), uv, np.full((8, 8, 3), 0.5)))
+    monkeypatch.setattr(
+        cached_files,
+        "reconstruct",
+        lambda key: Reconstruction(positions, np.array([[0, 1, 2], [0, 2, 3]]), uv, np.full((8, 8, 3), 0.5)),
+    )
     path = cached_files.find_mesh_file("SEAICE1")
     assert path == folder / "seaice1" / "seaice1.ply"
     assert b"comment stand-in for seaice1" in path.read_bytes()
@@ -74,9 +81,11 @@ def test_a_mesh_file_says_what_it_is_and_names_its_image(folder, monkeypatch):
 def test_what_a_killed_process_leaves_is_not_taken(tmp_path):
     """Killed at a moment of its work that differs from try to try, a process leaves whole files, parts, or nothing; the
     next one returns whole files only."""
-    code = ("import sys; from icymoon.paper_stand_ins import cached_files, items, texture_maps;"
-            "make = texture_maps.make_maps; cached_files.make_maps = lambda key: make(key, size=64);"
-            "print('go', flush=True); cached_files.make_files(items.texture_item('FIRN'))")
+    code = (
+        "import sys; from icymoon.paper_stand_ins import cached_files, items, texture_maps;"
+        "make = texture_maps.make_maps; cached_files.make_maps = lambda key: make(key, size=64);"
+        "print('go', flush=True); cached_files.make_files(items.texture_item('FIRN'))"
+    )
     whole = cached_files.make_files(texture_item("FIRN"), tmp_path / "whole")
     known = {path.name: path.read_bytes() for path in whole.iterdir()}
     folder = cached_files.folder_of(texture_item("FIRN"))
@@ -93,14 +102,25 @@ def test_what_a_killed_process_leaves_is_not_taken(tmp_path):
             path.unlink()
 
 
-@pytest.mark.parametrize("spoil", [
-    lambda record: record.write_bytes(b""), lambda record: record.write_bytes(b"[" * 50_000),
-    lambda record: record.write_text("{}"), lambda record: put(record, "pipe"), lambda record: put(record, "device"),
-    lambda record: change(record, sha256={}), lambda record: change(record, recipe=RECIPE + 1),
-    lambda record: change(record, height_m=None), lambda record: change(record, sha256={"../x": "0" * 64}),
-    lambda record: change(record, sha256={"made.json": "0" * 64}), lambda record: change(record, recipe=10**400),
-    lambda record: forget(record, "firn_normal.png"), lambda record: put(record.with_name("firn_normal.png"), "pipe"),
-    lambda record: put(record.with_name("firn_normal.png"), "device")])
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda record: record.write_bytes(b""),
+        lambda record: record.write_bytes(b"[" * 50_000),
+        lambda record: record.write_text("{}"),
+        lambda record: put(record, "pipe"),
+        lambda record: put(record, "device"),
+        lambda record: change(record, sha256={}),
+        lambda record: change(record, recipe=RECIPE + 1),
+        lambda record: change(record, height_m=None),
+        lambda record: change(record, sha256={"../x": "0" * 64}),
+        lambda record: change(record, sha256={"made.json": "0" * 64}),
+        lambda record: change(record, recipe=10**400),
+        lambda record: forget(record, "firn_normal.png"),
+        lambda record: put(record.with_name("firn_normal.png"), "pipe"),
+        lambda record: put(record.with_name("firn_normal.png"), "device"),
+    ],
+)
 def test_a_record_or_an_image_that_is_none_is_made_again(folder, spoil):
     """In bounded time: the checksum of a pipe or a device would never be known."""
     cached_files.find_texture_files("FIRN")
@@ -132,6 +152,7 @@ def test_an_interruption_between_the_files_leaves_no_record(folder, monkeypatch,
         if len(writes) > done:
             raise KeyboardInterrupt
         files.write_atomically(path, how)
+
     monkeypatch.setattr(cached_files, "write_atomically", write)
     with pytest.raises(KeyboardInterrupt):
         cached_files.find_texture_files("FIRN")
@@ -162,6 +183,7 @@ def test_a_folder_that_may_not_be_written_to_is_one_sentence(tmp_path, monkeypat
 def test_a_full_disk_is_one_sentence(folder, monkeypatch):
     def write_bytes(*_):
         raise OSError(28, "No space left on device")
+
     monkeypatch.setattr(cached_files, "_write", write_bytes)
     with pytest.raises(IcyMoonError, match=r"^Cannot write \S+: the disk is full; free some space.*ICYMOON_CACHE.*\.$"):
         cached_files.find_texture_files("FIRN")

@@ -29,8 +29,9 @@ def test_there_are_the_papers_fourteen():
     assert [item.number for item in TEXTURES] == list(range(1, 15))
     assert sum(item.photograph for item in TEXTURES) == 6  # six photographs, eight materials, five with transmission
     assert sum("transmission" in item.kinds for item in TEXTURES) == 5
-    assert all(item.kinds == ("albedo",) if item.photograph else {"roughness", "normal"} < set(item.kinds)
-               for item in TEXTURES)
+    assert all(
+        item.kinds == ("albedo",) if item.photograph else {"roughness", "normal"} < set(item.kinds) for item in TEXTURES
+    )
 
 
 @pytest.mark.parametrize("key", KEYS)
@@ -80,8 +81,9 @@ def test_any_two_differ(small):
     # Independent pictures of a thousand independent patches correlate by 0.03; 0.2 is a shared pattern.
     grey = {key: fields.normalise(maps.albedo[..., 1]) for key, maps in small.items()}
     # Without the longest waves, of which each has only a few.
-    relief = {key: fields.normalise(maps.height_m - fields.blur(maps.height_m, SIZE / 24))
-              for key, maps in small.items()}
+    relief = {
+        key: fields.normalise(maps.height_m - fields.blur(maps.height_m, SIZE / 24)) for key, maps in small.items()
+    }
     for one, other in itertools.combinations(KEYS, 2):
         assert abs((grey[one] * grey[other]).mean()) < 0.2, (one, other)
         assert abs((relief[one] * relief[other]).mean()) < 0.2, (one, other)
@@ -125,10 +127,19 @@ def test_colours_of_snow_and_ice_follow_from_absorption():
 
 @pytest.mark.parametrize("key", heavy_but([], ["POWDER_SNOW"]))
 def test_another_process_makes_the_same_bytes(key):
-    code = ("import hashlib, sys; from icymoon.paper_stand_ins import cached_files, items;"
-            "made = cached_files._encode_texture(items.texture_item(sys.argv[1]))[1];"
-            "print(hashlib.sha256(b''.join(made.values())).hexdigest())")
-    found = [subprocess.run([sys.executable, "-c", code, key], capture_output=True, text=True, check=True,
-                            env={"PYTHONHASHSEED": seed, "OMP_NUM_THREADS": threads, "PATH": ""}).stdout
-             for seed, threads in (("1", "1"), ("2", "2"))]
+    code = (
+        "import hashlib, sys; from icymoon.paper_stand_ins import cached_files, items;"
+        "made = cached_files._encode_texture(items.texture_item(sys.argv[1]))[1];"
+        "print(hashlib.sha256(b''.join(made.values())).hexdigest())"
+    )
+    found = [
+        subprocess.run(
+            [sys.executable, "-c", code, key],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={"PYTHONHASHSEED": seed, "OMP_NUM_THREADS": threads, "PATH": ""},
+        ).stdout
+        for seed, threads in (("1", "1"), ("2", "2"))
+    ]
     assert found[0] == found[1] != ""

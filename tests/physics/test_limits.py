@@ -55,19 +55,29 @@ def _value(setting):
 
 def topic(name, *left_out):
     """Complete descriptions with a topic's settings anywhere in their range."""
-    varied = st.fixed_dictionaries({}, optional={s.key: _value(s) for s in TOPICS[name].settings
-                                                 if s.kind in ("int", "float", "bool", "choice")
-                                                 and s.key not in left_out})
+    varied = st.fixed_dictionaries(
+        {},
+        optional={
+            s.key: _value(s)
+            for s in TOPICS[name].settings
+            if s.kind in ("int", "float", "bool", "choice") and s.key not in left_out
+        },
+    )
     # A filter that passes no wavelength is refused.
     varied = varied.filter(lambda values: values.get("cut_on_nm", 400.0) < values.get("cut_off_nm", 700.0))
-    return varied.map(lambda values: description.merged(description.defaults(),
-                                                        description.check({name: values}, "test")))
+    return varied.map(
+        lambda values: description.merged(description.defaults(), description.check({name: values}, "test"))
+    )
 
 
 def images(*shape):
     """Arrays of what is a depth and of what is none."""
-    return arrays.arrays(np.float64, shape or arrays.array_shapes(min_dims=2, max_dims=2, max_side=7),
-                         elements=st.sampled_from(_ODD) | st.floats(1e-6, 1e6), fill=st.nothing())
+    return arrays.arrays(
+        np.float64,
+        shape or arrays.array_shapes(min_dims=2, max_dims=2, max_side=7),
+        elements=st.sampled_from(_ODD) | st.floats(1e-6, 1e6),
+        fill=st.nothing(),
+    )
 
 
 def made(make, *arguments):
@@ -122,8 +132,12 @@ def test_what_an_eye_sees_of_the_other_is_ground(depth, baseline_m, focal_px):
 
 
 @hypothesis(max_examples=60)
-@given(topic("sensor", "radiation_flux_cm2_s"), arrays.arrays(np.float64, (6, 5), elements=st.sampled_from(
-    (0.0, math.nan, math.inf, -1.0)) | st.floats(1e-12, 1e12)))
+@given(
+    topic("sensor", "radiation_flux_cm2_s"),
+    arrays.arrays(
+        np.float64, (6, 5), elements=st.sampled_from((0.0, math.nan, math.inf, -1.0)) | st.floats(1e-12, 1e12)
+    ),
+)
 def test_a_sensor_gives_numbers_of_its_range(settings, light):
     sensor = settings["sensor"]
     rate = electron_rate(settings["light"], sensor, 94e-6)
@@ -183,8 +197,9 @@ def test_snow_is_as_white_as_can_be(settings):
     assert 0 <= base <= 1
     assert 0 <= principled.real_albedo(surface) <= 1
     told = principled.albedo_advice(surface)
-    assert bool(told) == (abs(principled.real_albedo(surface) - surface["albedo"])
-                          > principled.REPORTED_FROM * surface["albedo"])
+    assert bool(told) == (
+        abs(principled.real_albedo(surface) - surface["albedo"]) > principled.REPORTED_FROM * surface["albedo"]
+    )
 
 
 @hypothesis(max_examples=60)
@@ -269,8 +284,10 @@ def test_rocks_keep_to_their_sizes_and_their_number(settings, area_m2, most):
 
 
 @hypothesis(max_examples=25)
-@given(topic("terrain", "size_m", "resolution"), st.lists(st.tuples(st.floats(-5e4, 5e4), st.floats(-5e4, 5e4)),
-                                                          min_size=1, max_size=5))
+@given(
+    topic("terrain", "size_m", "resolution"),
+    st.lists(st.tuples(st.floats(-5e4, 5e4), st.floats(-5e4, 5e4)), min_size=1, max_size=5),
+)
 def test_ground_has_a_height_everywhere(settings, places):
     ground = settings["terrain"]
     ground["inner_scale_m"] = min(ground["inner_scale_m"], ground["outer_scale_m"])

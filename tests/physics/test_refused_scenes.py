@@ -68,9 +68,14 @@ def returned(parameters, incidence_deg):
     return 2 * np.pi * float((r * cosines).mean()) / np.cos(i)
 
 
-@pytest.mark.parametrize("hapke", [
-    {"w": 1.0, "b_s0": 3.0, "h_s": 10.0, "b_c0": 1.0, "h_c": 10.0, "filling_factor": 0.75, "h_function": "2002"},
-    {"w": 1.0, "b": 0.9, "c": 1.0, "theta_bar_deg": 0.0}, {"filling_factor": 0.75}])
+@pytest.mark.parametrize(
+    "hapke",
+    [
+        {"w": 1.0, "b_s0": 3.0, "h_s": 10.0, "b_c0": 1.0, "h_c": 10.0, "filling_factor": 0.75, "h_function": "2002"},
+        {"w": 1.0, "b": 0.9, "c": 1.0, "theta_bar_deg": 0.0},
+        {"filling_factor": 0.75},
+    ],
+)
 def test_ice_that_makes_light_is_refused_up_to_the_w_that_is_advised(hapke):
     settings = complete({"surface": {"model": "HAPKE"}, "hapke": hapke})
     (said,) = refused_scenes.find_reasons(settings)
@@ -85,32 +90,46 @@ def test_ice_that_makes_light_is_refused_up_to_the_w_that_is_advised(hapke):
     for w, admitted in ((advised, True), (advised + 0.01, False)):
         assert (refused_scenes.returned_share(replace(parameters, w=min(w, 1.0)))[0] <= most) == admitted
     assert not refused_scenes.find_reasons(complete(settings, {"hapke": {"w": advised}}))
-    assert not refused_scenes.find_reasons(complete(settings,
-                                               {"surface": {"model": "LAMBERT"}}))  # which has no such parameters
+    assert not refused_scenes.find_reasons(
+        complete(settings, {"surface": {"model": "LAMBERT"}})
+    )  # which has no such parameters
 
 
-@pytest.mark.parametrize("parameters", [
-    # Isotropic grains that lose nothing: what is over 1 is the H function's.
-    *(HapkeParameters(1.0, h_function=name) for name in ("1981", "1993", "2002")),
-    # Of Enceladus, Verbiscer and Veverka 1994; calibrated to an albedo and a Bond albedo that were measured.
-    HapkeParameters(0.998, 0.39, 1.0, 0.21, 0.014, theta_bar=np.radians(6), h_function="1981"),
-    HapkeParameters(0.97943, 0.39, 1.0, 1.256, 0.014, theta_bar=np.radians(6))])
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        # Isotropic grains that lose nothing: what is over 1 is the H function's.
+        *(HapkeParameters(1.0, h_function=name) for name in ("1981", "1993", "2002")),
+        # Of Enceladus, Verbiscer and Veverka 1994; calibrated to an albedo and a Bond albedo that were measured.
+        HapkeParameters(0.998, 0.39, 1.0, 0.21, 0.014, theta_bar=np.radians(6), h_function="1981"),
+        HapkeParameters(0.97943, 0.39, 1.0, 1.256, 0.014, theta_bar=np.radians(6)),
+    ],
+)
 def test_parameters_that_were_published_are_admitted(parameters):
     assert refused_scenes.returned_share(parameters)[0] <= (1.045 if parameters.h_function == "1981" else 1.01)
 
 
 def test_an_image_that_smooths_the_ice_counts():
-    bright = {"surface": {"model": "HAPKE"}, "hapke": {"w": 1.0, "b": 0.3, "c": 1.0, "theta_bar_deg": 25.0,
-                                                       "h_function": "2002"}}
+    bright = {
+        "surface": {"model": "HAPKE"},
+        "hapke": {"w": 1.0, "b": 0.3, "c": 1.0, "theta_bar_deg": 25.0, "h_function": "2002"},
+    }
     smoothing = complete(bright, {"hapke": {"theta_bar_range_deg": 50.0}})
     assert not refused_scenes.find_reasons(complete(bright))
     assert not refused_scenes.find_reasons(smoothing)  # without an image
     assert refused_scenes.find_reasons(complete(smoothing, {"textures": {"set": "FROST"}}))
 
 
-@pytest.mark.parametrize(("date", "admitted"), [
-    ("1999-12-31T23:59:59", False), ("2000-01-01T00:00:00", True), ("2060-12-31T23:59:59", True),
-    ("2061-01-01T00:00:01", False), ("9999-01-01", False)])
+@pytest.mark.parametrize(
+    ("date", "admitted"),
+    [
+        ("1999-12-31T23:59:59", False),
+        ("2000-01-01T00:00:00", True),
+        ("2060-12-31T23:59:59", True),
+        ("2061-01-01T00:00:01", False),
+        ("9999-01-01", False),
+    ],
+)
 def test_a_date_of_years_that_are_not_known_is_refused(date, admitted):
     at = complete({"light": {"directions_from": "DATE", "date_utc": date}})
     said = refused_scenes.find_reasons(at)
@@ -121,10 +140,17 @@ def test_a_date_of_years_that_are_not_known_is_refused(date, admitted):
 
 def test_all_reasons_are_said_at_once():
     with pytest.raises(IcyMoonError) as caught:
-        refused_scenes.refuse(complete(UNDERGROUND, {
-            "light": {"directions_from": "DATE", "date_utc": "1850-01-01"},
-            "rock_surface": {"model": "HAPKE"}, "hapke": {"w": 1.0, "filling_factor": 0.7},
-            "rocks": {"own_surface": True, "coverage": 0.01, "smallest_m": 90.0, "largest_m": 90.0}}))
+        refused_scenes.refuse(
+            complete(
+                UNDERGROUND,
+                {
+                    "light": {"directions_from": "DATE", "date_utc": "1850-01-01"},
+                    "rock_surface": {"model": "HAPKE"},
+                    "hapke": {"w": 1.0, "filling_factor": 0.7},
+                    "rocks": {"own_surface": True, "coverage": 0.01, "smallest_m": 90.0, "largest_m": 90.0},
+                },
+            )
+        )
     for name in ("light.date_utc", "hapke.w", "rocks.coverage", "rig.height_m"):
         assert name in str(caught.value)
 
@@ -139,13 +165,24 @@ def test_what_may_be_meant_is_told_and_not_refused():
     assert not refused_scenes.scene_advice(complete())
 
 
-@pytest.mark.parametrize(("rig", "words"), [
-    ({"width_px": 320, "principal_x_px": 200.0}, "outside of the image: rig.principal_x_px puts it 200 px to the "
-                                                 "right, and rig.width_px is 320."),
-    ({"width_px": 320, "principal_x_px": -81.0}, "far from the middle of the image: rig.principal_x_px puts it -81"),
-    ({"height_px": 240, "principal_y_px": 121.0}, "outside of the image: rig.principal_y_px puts it 121 px down, and "
-                                                  "rig.height_px is 240."),
-    ({"width_px": 320, "principal_x_px": 80.0}, "")])
+@pytest.mark.parametrize(
+    ("rig", "words"),
+    [
+        (
+            {"width_px": 320, "principal_x_px": 200.0},
+            "outside of the image: rig.principal_x_px puts it 200 px to the right, and rig.width_px is 320.",
+        ),
+        (
+            {"width_px": 320, "principal_x_px": -81.0},
+            "far from the middle of the image: rig.principal_x_px puts it -81",
+        ),
+        (
+            {"height_px": 240, "principal_y_px": 121.0},
+            "outside of the image: rig.principal_y_px puts it 121 px down, and rig.height_px is 240.",
+        ),
+        ({"width_px": 320, "principal_x_px": 80.0}, ""),
+    ],
+)
 def test_a_principal_point_that_did_not_follow_the_size_of_the_image_is_told(rig, words):
     settings = complete({"rig": rig})
     assert not refused_scenes.find_reasons(settings)
@@ -154,15 +191,23 @@ def test_a_principal_point_that_did_not_follow_the_size_of_the_image_is_told(rig
     assert all(words in each and each.endswith("by the same factor.") for each in said)
 
 
-@pytest.mark.parametrize(("indirect", "samples", "model", "told"), [
-    ("BAKED", 63, "LAMBERT", True), ("AUTO", 63, "LAMBERT", True), ("BAKED", 64, "LAMBERT", False),
-    ("TRACED", 63, "LAMBERT", False), ("BAKED", 63, "PRINCIPLED", False)])
+@pytest.mark.parametrize(
+    ("indirect", "samples", "model", "told"),
+    [
+        ("BAKED", 63, "LAMBERT", True),
+        ("AUTO", 63, "LAMBERT", True),
+        ("BAKED", 64, "LAMBERT", False),
+        ("TRACED", 63, "LAMBERT", False),
+        ("BAKED", 63, "PRINCIPLED", False),
+    ],
+)
 def test_light_that_is_baked_with_few_samples_is_told(indirect, samples, model, told):
     """Noise that both eyes share passes for texture; where light is traced there is none."""
     few = complete({"quality": {"indirect": indirect, "bake_samples": samples}, "surface": {"model": model}})
     said = refused_scenes.scene_advice(few)
     assert [("only 63 samples" in each, "raise quality.bake_samples to 64" in each) for each in said] == (
-        [(True, True)] if told else [])
+        [(True, True)] if told else []
+    )
 
 
 @pytest.mark.parametrize("name", render_scenes.DEMO)
@@ -208,8 +253,13 @@ quality.bake_samples = [16, 32, 64]
 def test_a_dry_run_counts_the_pairs_with_bakes_of_few_samples(tmp_path):
     file = tmp_path / "plan.toml"
     file.write_text(BAKED_PLAN)
-    done = subprocess.run([sys.executable, str(ROOT / "__main__.py"), "plan", str(file), "--dry-run"], text=True,
-                          capture_output=True, timeout=120, check=False)
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "__main__.py"), "plan", str(file), "--dry-run"],
+        text=True,
+        capture_output=True,
+        timeout=120,
+        check=False,
+    )
     assert "In 2 of 3 pairs: Indirect light is baked with only 16 samples." in done.stdout, done.stderr
 
 
@@ -221,11 +271,17 @@ def test_a_plan_sets_aside_what_is_refused_and_keeps_the_others(tmp_path):
     assert len(pairs) == 6
     assert 0 < len(refused) < 6
     for name, pair in pairs.items():  # the same as one that renders says of it, with the line
-        assert refused.get(name,
-                           "").removeprefix(f"{file}, line 8: ") == " ".join(refused_scenes.find_reasons(pair.settings))
+        assert refused.get(name, "").removeprefix(f"{file}, line 8: ") == " ".join(
+            refused_scenes.find_reasons(pair.settings)
+        )
     for options in ([], ["--dry-run"]):
-        done = subprocess.run([sys.executable, str(ROOT / "__main__.py"), "plan", str(file), *options], text=True,
-                              capture_output=True, timeout=120, check=False)
+        done = subprocess.run(
+            [sys.executable, str(ROOT / "__main__.py"), "plan", str(file), *options],
+            text=True,
+            capture_output=True,
+            timeout=120,
+            check=False,
+        )
         assert done.returncode == 1
         assert next(iter(refused.values())) in done.stdout + done.stderr
         assert "Traceback" not in done.stderr
@@ -238,14 +294,17 @@ def test_a_joint_beyond_its_limits_and_an_eye_in_the_arm_are_refused_only_with_a
     there = {"lander": {"kind": "PARAMETRIC"}}
     fault = {"arm": {"elbow_deg": 160.0, "elbow_offset_deg": 10.0}}
     assert not list(refused_scenes.lander_reasons(complete(fault)))
-    reason, = refused_scenes.lander_reasons(complete(there, fault))
+    (reason,) = refused_scenes.lander_reasons(complete(there, fault))
     assert is_sentence(reason)
     assert "the joint elbow at 170°" in reason
     assert "arm.elbow_offset_deg" in reason.names
-    upright = {"arm": {"shoulder_deg": 90.0, "elbow_deg": 0.0, "wrist_deg": 0.0, "yaw_deg": 0.0, "shoulder_y_m": 0.1},
-               "rig": {"height_m": 1.3, "baseline_m": 0.2}}
+    upright = {
+        "arm": {"shoulder_deg": 90.0, "elbow_deg": 0.0, "wrist_deg": 0.0, "yaw_deg": 0.0, "shoulder_y_m": 0.1},
+        "rig": {"height_m": 1.3, "baseline_m": 0.2},
+    }
     assert not list(refused_scenes.lander_reasons(complete(there, upright)))
     # The shoulder's axis is 0.1 m ahead of the yaw axis: it is now under the left eye.
-    found = list(refused_scenes.lander_reasons(complete(there, upright, {"arm": {
-        **upright["arm"], "shoulder_x_m": -0.1}})))
+    found = list(
+        refused_scenes.lander_reasons(complete(there, upright, {"arm": {**upright["arm"], "shoulder_x_m": -0.1}}))
+    )
     assert [text.split(" is ")[0] for text in found] == ["The left eye"]

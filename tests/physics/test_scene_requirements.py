@@ -24,8 +24,18 @@ SNOW = {"surface": {"subsurface_weight": 1.0, "subsurface_radius_m": 0.005}}
 
 
 def test_the_nearest_ground_is_at_the_foot_of_the_image():
-    rig = described({"rig": {"height_m": 2.0, "pitch_deg": 30.0, "focal_length_mm": 30.0, "sensor_width_mm": 60.0,
-                             "width_px": 640, "height_px": 640}})["rig"]
+    rig = described(
+        {
+            "rig": {
+                "height_m": 2.0,
+                "pitch_deg": 30.0,
+                "focal_length_mm": 30.0,
+                "sensor_width_mm": 60.0,
+                "width_px": 640,
+                "height_px": 640,
+            }
+        }
+    )["rig"]
     assert scene_requirements.nearest_m(rig) == pytest.approx(2.0 / math.sin(math.radians(30.0 + 45.0)))
     assert scene_requirements.nearest_m(rig | {"pitch_deg": 80.0}) == 2.0  # straight down is in the image
     assert scene_requirements.nearest_m(rig | {"pitch_deg": -60.0}) == 2.0  # no level ground is: be careful
@@ -51,9 +61,15 @@ def test_a_walk_is_worth_it_where_a_pixel_is_as_small():
 def test_what_is_left_out_is_told_with_its_reason():
     plain = described()
     assert scene_requirements.find_left_out(plain, sky_facts(sky(plain["light"]))) == []
-    own = described({"rocks": {"own_surface": True, "coverage": 0.1}, "rock_surface": SNOW["surface"],
-                     "rig": {"height_m": 50.0}, "light": {"planet": True, "planet_elevation_deg": -50.0},
-                     "quality": {"truth": "DEPTH"}})
+    own = described(
+        {
+            "rocks": {"own_surface": True, "coverage": 0.1},
+            "rock_surface": SNOW["surface"],
+            "rig": {"height_m": 50.0},
+            "light": {"planet": True, "planet_elevation_deg": -50.0},
+            "quality": {"truth": "DEPTH"},
+        }
+    )
     said = scene_requirements.find_left_out(own, sky_facts(sky(own["light"])))
     assert [line.split(":")[0] for line in said] == ["rock_surface", "light", "truth"]
     assert "5 mm is 0.03" in said[0]
@@ -71,9 +87,11 @@ def test_the_planet_counts_against_the_sun_of_the_ground_that_it_lights():
 
 
 def test_torch_is_loaded_for_networks_only():
-    program = ("import sys\nimport numpy as np\nimport icymoon.stereo.cli\nimport icymoon.stereo.evaluate\n"
-               "from icymoon.stereo.matchers.methods import parse_methods\nprint(parse_methods('bm,sgbm'))\n"
-               "assert 'torch' not in sys.modules")
+    program = (
+        "import sys\nimport numpy as np\nimport icymoon.stereo.cli\nimport icymoon.stereo.evaluate\n"
+        "from icymoon.stereo.matchers.methods import parse_methods\nprint(parse_methods('bm,sgbm'))\n"
+        "assert 'torch' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-c", program], check=True, timeout=240, stdout=subprocess.DEVNULL)
 
 

@@ -25,14 +25,25 @@ def test_a_plug_in_is_found_by_its_name_with_its_package(tmp_path, monkeypatch):
 def test_nothing_of_a_plug_in_is_imported_before_it_is_used(tmp_path, monkeypatch):
     add_package(tmp_path, monkeypatch, "matcher", "bomb", "raise RuntimeError('imported')")
     plugin = find("matcher", ()).usable["bomb"]
-    with pytest.raises(IcyMoonError, match=r"The matcher bomb of the package icymoon-test-bomb 1\.0 cannot be loaded "
-                       r"\(RuntimeError: imported, plugin_of_a_test_\d+\.py line 1\)"):
+    with pytest.raises(
+        IcyMoonError,
+        match=r"The matcher bomb of the package icymoon-test-bomb 1\.0 cannot be loaded "
+        r"\(RuntimeError: imported, plugin_of_a_test_\d+\.py line 1\)",
+    ):
         load(plugin)
 
 
-@pytest.mark.parametrize(("name", "said"), [
-    ("sgbm", "Icy Moon has a matcher of this name"), ("Twelve", "small letters"), ("a" * 31, "30 characters"),
-    ("a,b", "small letters"), ("a:b", "small letters"), ("../a", "small letters")])
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("sgbm", "Icy Moon has a matcher of this name"),
+        ("Twelve", "small letters"),
+        ("a" * 31, "30 characters"),
+        ("a,b", "small letters"),
+        ("a:b", "small letters"),
+        ("../a", "small letters"),
+    ],
+)
 def test_a_bad_name_is_refused(tmp_path, monkeypatch, name, said):
     add_package(tmp_path, monkeypatch, "matcher", name, MATCHER, package="some-package")
     found = find("matcher", ["sgbm"])
@@ -81,11 +92,19 @@ def test_a_missing_function_is_named(tmp_path, monkeypatch):
 def test_a_package_in_the_current_folder_is_none(tmp_path, monkeypatch):
     """``python -m`` looks for modules there, and a data set may be there."""
     add_package(tmp_path, monkeypatch, "matcher", "twelve", "raise SystemExit('it was run')")
-    program = ("from icymoon.plugins.installed import find\nimport sys\n"
-               "print(sorted(find('matcher', ()).usable), sys.path[0] in ('', sys.argv[1]))")
+    program = (
+        "from icymoon.plugins.installed import find\nimport sys\n"
+        "print(sorted(find('matcher', ()).usable), sys.path[0] in ('', sys.argv[1]))"
+    )
     for where, expected in ((tmp_path, "[] True"), (Path(__file__).parent, "[] True")):
-        done = subprocess.run([sys.executable, "-c", program, str(where)], cwd=where, capture_output=True, text=True,
-                              check=True, timeout=60)
+        done = subprocess.run(
+            [sys.executable, "-c", program, str(where)],
+            cwd=where,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=60,
+        )
         assert done.stdout.strip() == expected
 
 
@@ -95,10 +114,18 @@ def test_a_module_in_the_current_folder_does_not_stand_for_an_installed_one(tmp_
     (module,) = installed.glob("*.py")
     dataset.mkdir()
     (dataset / module.name).write_text("raise SystemExit('it was run')", encoding="utf-8")
-    program = ("import sys; sys.path.append(sys.argv[1])\nfrom icymoon.plugins.installed import find, load\n"
-               "print(load(find('matcher', ()).usable['twelve']).__doc__, sys.path[0])")
-    done = subprocess.run([sys.executable, "-c", program, str(installed)], cwd=dataset, capture_output=True, text=True,
-                          check=True, timeout=60)
+    program = (
+        "import sys; sys.path.append(sys.argv[1])\nfrom icymoon.plugins.installed import find, load\n"
+        "print(load(find('matcher', ()).usable['twelve']).__doc__, sys.path[0])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(installed)],
+        cwd=dataset,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
     assert done.stdout.strip() == "Twelve everywhere."  # and the search path is as it was, with '' first
 
 
@@ -106,8 +133,13 @@ def test_the_evaluator_of_a_store_build_finds_those_in_other_extensions(tmp_path
     """Blender unpacks the wheels of all extensions into one folder."""
     add_package(tmp_path, monkeypatch, "matcher", "twelve", MATCHER)
     monkeypatch.setenv(VARIABLE, f"{sys.prefix}{os.pathsep}{tmp_path}")
-    done = subprocess.run([sys.executable, str(ROOT / "__main__.py"), "check-plugin"], capture_output=True, text=True,
-                          check=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "__main__.py"), "check-plugin"],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
     assert "matcher twelve, icymoon-test-twelve 1.0" in done.stdout
 
 

@@ -16,8 +16,12 @@ NEAR, FAR = 1e-4, 1e6
 
 
 def quad(corners, number, label=1):
-    placed = Shape(np.array(corners, np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.uint32), np.zeros(2, bool),
-                   np.full(2, label, np.uint8))
+    placed = Shape(
+        np.array(corners, np.float32),
+        np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+        np.zeros(2, bool),
+        np.full(2, label, np.uint8),
+    )
     return Placed(placed, np.eye(4)[None], np.array([number]))
 
 

@@ -27,6 +27,7 @@ def make(request: pytest.FixtureRequest) -> Make:
     if request.param == "BVHTree":
         pytest.importorskip("bpy")
         from icymoon.render.tree_tracer import TreeTracer
+
         return TreeTracer
     if LIBRARY is None:
         pytest.skip(NO_EMBREE)
@@ -118,8 +119,9 @@ def test_depth_is_exact_where_single_precision_is_not(make):
     corners = np.array([[-2e4, -2e4, 0.0], [6e4, -2e4, 0.0], [-2e4, 6e4, 0.0]])
     world = World([Placed(shape(corners, [[0, 1, 2]]), np.eye(4)[None], np.array([1]))])
     origin = np.array([3000.123, 2000.456, 1.7])
-    direction = np.stack([np.cos(np.radians(np.arange(40))), np.sin(np.radians(np.arange(40))),
-                          np.full(40, -1.7 / 9000.0)], axis=1)
+    direction = np.stack(
+        [np.cos(np.radians(np.arange(40))), np.sin(np.radians(np.arange(40))), np.full(40, -1.7 / 9000.0)], axis=1
+    )
     found = find_surface(world, make(world).intersect(origin, direction, 1e-4, 1e6), origin, direction)
     focal_baseline = 429.0
     assert found.along == pytest.approx(np.full(40, 9000.0), rel=1e-10)
@@ -132,9 +134,13 @@ def test_a_ray_goes_on_behind_what_lets_most_of_the_light_pass(make):
     two = [[0, 1, 2], [0, 2, 3]]
     lifted = [np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, z], [0, 0, 0, 1]])[None] for z in (4, 5, 6)]
     share = np.array([0, 1, 1, 0], np.float32)
-    world = World([Placed(shape(corners, two, 3, np.ones(4, np.float32)), lifted[0], np.array([1])),
-                   Placed(shape(corners, two, 4, share), lifted[1], np.array([2])),
-                   Placed(shape(corners, two, 5), lifted[2], np.array([3]))])
+    world = World(
+        [
+            Placed(shape(corners, two, 3, np.ones(4, np.float32)), lifted[0], np.array([1])),
+            Placed(shape(corners, two, 4, share), lifted[1], np.array([2])),
+            Placed(shape(corners, two, 5), lifted[2], np.array([3])),
+        ]
+    )
     tracer = make(world)
     direction = some_rays(500)
     hits = intersect_opaque(tracer, world, HERE, direction, 0.0, np.inf)
@@ -213,11 +219,14 @@ def test_embree_of_blender_and_of_embreex_give_the_same_bits():
     bpy = pytest.importorskip("bpy")
     pytest.importorskip("embreex")
     from icymoon.support.blender import compat
+
     own = [file for folder in compat.library_folders() for file in folder.glob("*embree4*")]
     assert own, bpy.app.version_string
     world, direction = some_world(), some_rays(2000)
-    found = [EmbreeTracer(load_library(folders), world).intersect(HERE, direction, 0.0, np.inf)
-             for folders in ((own[0].parent,), ())]
+    found = [
+        EmbreeTracer(load_library(folders), world).intersect(HERE, direction, 0.0, np.inf)
+        for folders in ((own[0].parent,), ())
+    ]
     for name in ("place", "triangle"):
         assert np.array_equal(*(getattr(each, name) for each in found))
     assert found[0].along == pytest.approx(found[1].along, rel=3e-7)

@@ -22,11 +22,25 @@ from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
 from rendering import complete, empty_scene
 
-NAMES = ("gallery/block_field", "scenes/europa_rough_ice", "surfaces/rough_ice", "surfaces/hapke_europa_dark_lineae",
-         "rigs/guiss", "rigs/mer_navcam", "lights/guiss_europa", "bodies/enceladus")
+NAMES = (
+    "gallery/block_field",
+    "scenes/europa_rough_ice",
+    "surfaces/rough_ice",
+    "surfaces/hapke_europa_dark_lineae",
+    "rigs/guiss",
+    "rigs/mer_navcam",
+    "lights/guiss_europa",
+    "bodies/enceladus",
+)
 SKY = assets.SKY
-KINDS = {"gallery": "collections", "scenes": "collections", "surfaces": "materials", "rigs": "objects",
-         "lights": "collections", "bodies": "collections"}
+KINDS = {
+    "gallery": "collections",
+    "scenes": "collections",
+    "surfaces": "materials",
+    "rigs": "objects",
+    "lights": "collections",
+    "bodies": "collections",
+}
 SMALL: Parts = {"mesh": {"kind": "GRID"}, "terrain": {"resolution": 17}, "rocks": {"most": 20}}
 
 
@@ -73,8 +87,13 @@ def test_blender_finds_each_asset_with_its_facts(library, name):
     np.testing.assert_allclose(shown, expected, atol=1 / 255)
     ours = [each for each in bpy.data.user_map() if not isinstance(each, bpy.types.Scene)]
     assert not [key for each in ours for key in each.keys() if key.startswith(TAG)]  # noqa: SIM118 - no mapping
-    assert not [image for image in bpy.data.images if image.source == "FILE" and not image.packed_file
-                and image.filepath != bpy.path.abspath(str(preset_files.preview_path(name)))]
+    assert not [
+        image
+        for image in bpy.data.images
+        if image.source == "FILE"
+        and not image.packed_file
+        and image.filepath != bpy.path.abspath(str(preset_files.preview_path(name)))
+    ]
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name.startswith("surfaces/")])
@@ -151,7 +170,8 @@ def test_a_landscape_and_a_light_are_whole(library):
     light = append(library, "bodies/enceladus")
     lamps = [item.data for item in light.all_objects if item.type == "LIGHT"]
     assert max(lamp.energy for lamp in lamps) == pytest.approx(
-        assets.asset_settings("bodies/enceladus").light.sun_irradiance_wm2)
+        assets.asset_settings("bodies/enceladus").light.sun_irradiance_wm2
+    )
     assert not [item for item in light.all_objects if item.constraints]
 
 

@@ -31,10 +31,20 @@ from rendering import complete, empty_scene, png
 #: Rough Lambert ground, of which much sees other ground, with fine relief that bakes must not see.
 ROUGH: dict[str, Any] = {
     "surface": {"model": "LAMBERT", "albedo": 0.8, "grain_size_m": 0.5, "grain_amplitude_m": 0.02},
-    "terrain": {"size_m": 20.0, "rms_slope_deg": 30.0, "slope_baseline_m": 1.0}, "dataset": {"headings": 2},
-    "light": {"sun_elevation_deg": 24.0, "sun_irradiance_wm2": 10.0}, "rig": {"width_px": 64, "height_px": 48},
-    "quality": {"diffuse_bounces": 3, "truth": "DEPTH", "threads": 2, "indirect": "BAKED", "bake_samples": 16,
-                "bake_noise": 0.0, "direct_samples": 2}}
+    "terrain": {"size_m": 20.0, "rms_slope_deg": 30.0, "slope_baseline_m": 1.0},
+    "dataset": {"headings": 2},
+    "light": {"sun_elevation_deg": 24.0, "sun_irradiance_wm2": 10.0},
+    "rig": {"width_px": 64, "height_px": 48},
+    "quality": {
+        "diffuse_bounces": 3,
+        "truth": "DEPTH",
+        "threads": 2,
+        "indirect": "BAKED",
+        "bake_samples": 16,
+        "bake_noise": 0.0,
+        "direct_samples": 2,
+    },
+}
 
 
 def planned(*parts: dict) -> list[PlannedPair]:
@@ -99,6 +109,7 @@ def test_a_closed_sphere_has_the_light_of_the_integrating_sphere(registered, bou
 
 def test_noise_falls_with_the_root_of_the_samples_and_is_what_differs_from_many(registered):
     with ScenesFromSettings(lambda warning: None) as source:
+
         def baked(samples: int):
             settings = planned({"quality": {"bake_samples": samples, "bake_noise": 0.0}})[0]
             built, scene, _ = source.prepare(settings)
@@ -123,14 +134,16 @@ def test_the_error_of_a_bake_is_as_large_as_the_spread_of_independent_bakes(regi
     with ScenesFromSettings(lambda warning: None) as source:
         pair = planned(flat)[0]
         built, scene, _ = source.prepare(pair)
-        bakes = [baked_light.bake(built.terrain, scene, complete(ROUGH, flat, {"dataset": {"seed": seed}}))
-                 for seed in range(8)]
+        bakes = [
+            baked_light.bake(built.terrain, scene, complete(ROUGH, flat, {"dataset": {"seed": seed}}))
+            for seed in range(8)
+        ]
         again = baked_light.bake(built.terrain, scene, complete(ROUGH, flat, {"dataset": {"seed": 7}}))
     assert np.array_equal(again.values, bakes[7].values)
     assert np.array_equal(again.error, bakes[7].error)
     values = np.array([bake.values.mean(axis=1) for bake in bakes], np.float64)
     errors = np.array([bake.error for bake in bakes], np.float64)
-    assert np.mean(errors ** 2) == pytest.approx(np.mean(values.var(axis=0, ddof=1)), rel=0.2)
+    assert np.mean(errors**2) == pytest.approx(np.mean(values.var(axis=0, ddof=1)), rel=0.2)
     assert abs(np.corrcoef((values - values.mean(axis=0)).ravel(), errors.ravel())[0, 1]) < 4 / math.sqrt(5600)
 
 
@@ -141,8 +154,9 @@ def error_of(pair: PlannedPair, dataset: Path, eye: str) -> dict[str, np.ndarray
 def test_the_pass_of_the_error_is_what_such_light_adds_to_the_image(registered, tmp_path, monkeypatch):
     """An error that is all of the baked light must be what the image has more of than without any."""
     bake = baked_light.bake
-    pair, = planned({"dataset": {"headings": 1}, "quality": {"files": "FULL"}})
+    (pair,) = planned({"dataset": {"headings": 1}, "quality": {"files": "FULL"}})
     for name, share in (("with", 1.0), ("without", 0.0)):
+
         def changed(*of: Any, share: float = share) -> baked_file.BakedLight:
             made = bake(*of)
             return replace(made, values=share * made.values, error=made.values.mean(axis=1))
@@ -160,12 +174,12 @@ def test_the_pass_of_the_error_is_what_such_light_adds_to_the_image(registered, 
 def test_a_pair_states_the_noise_of_its_image(registered, tmp_path):
     """The root mean square over the left image, which shows ground alone, not over the mesh: neither is far from the
     other."""
-    pair, = planned({"dataset": {"headings": 1}})
+    (pair,) = planned({"dataset": {"headings": 1}})
     run(tmp_path, [pair])
     view, error = read_view(read_pair(pair.folder(tmp_path)).image("left")), error_of(pair, tmp_path, "left")["Sun"]
     assert np.isfinite(view.depth).all()
     told = stated(pair, tmp_path)["indirect"]
-    of_image = math.sqrt(np.mean(error ** 2)) / view.radiance.mean()
+    of_image = math.sqrt(np.mean(error**2)) / view.radiance.mean()
     assert told["noise_of_image"] == pytest.approx(of_image, rel=2e-3)  # of light in 16 bits
     assert 0.5 < told["noise_of_image"] / told["noise"] < 2
 
@@ -224,8 +238,13 @@ def test_a_worker_waits_for_the_bake_of_another(registered, tmp_path):
 def test_noise_is_kept_below_the_bound_in_images_of_all_headings(registered, tmp_path):
     """The noise of 16 samples, from which their number follows, is an estimate, and images show part of the ground."""
     bound = 0.015
-    pairs = planned({"quality": {"bake_samples": 4096, "bake_noise": bound}, "terrain": {"resolution": 65},
-                     "dataset": {"headings": 4}})
+    pairs = planned(
+        {
+            "quality": {"bake_samples": 4096, "bake_noise": bound},
+            "terrain": {"resolution": 65},
+            "dataset": {"headings": 4},
+        }
+    )
     run(tmp_path, pairs)
     told = [stated(pair, tmp_path)["indirect"] for pair in pairs]
     assert [each["method"] for each in told] == ["BAKED"] * 4
@@ -254,8 +273,10 @@ def test_light_that_is_baked_where_it_is_seen_is_that_of_the_whole_ground(regist
         noise = math.hypot(told["noise"], all_of_it["noise"])
         light = light_of(other, tmp_path).mean()
         assert light_of(one, tmp_path).mean() == pytest.approx(light, rel=noise)
-        with np.load(tmp_path / told["lights"]["Sun"]["file"]) as found, \
-                np.load(tmp_path / all_of_it["lights"]["Sun"]["file"]) as of_all:
+        with (
+            np.load(tmp_path / told["lights"]["Sun"]["file"]) as found,
+            np.load(tmp_path / all_of_it["lights"]["Sun"]["file"]) as of_all,
+        ):
             baked = found["values"].any(axis=1)
             assert 0.02 < baked.mean() < 0.5
             assert found["values"][baked].mean() == pytest.approx(of_all["values"][baked].mean(), rel=0.05)
@@ -280,11 +301,11 @@ def test_an_image_that_shows_ground_without_baked_light_is_traced(registered, tm
     def lose(*of: Any) -> np.ndarray:
         found = find(*of)
         seen = np.flatnonzero(found)
-        found[seen[len(seen) // 2:]] = False
+        found[seen[len(seen) // 2 :]] = False
         return found
 
     monkeypatch.setattr(baked_light, "find_seen", lose)
-    pair, = planned(VIEW, {"dataset": {"headings": 1}})
+    (pair,) = planned(VIEW, {"dataset": {"headings": 1}})
     run(tmp_path, [pair])
     told = stated(pair, tmp_path)["indirect"]
     assert told["method"] == "TRACED"
@@ -298,7 +319,7 @@ def test_ground_with_an_image_of_much_contrast_is_not_taken_for_ground_without_b
     image = png(tmp_path / "q.png", values)
     own = {"set": "OWN", "albedo_file": str(image), "width_m": 1.0, "repeat": "TURNED"}
     settings = complete(ROUGH, {"textures": own, "dataset": {"headings": 1}})
-    pair, = expand_headings(settings, scenes.extra(settings))
+    (pair,) = expand_headings(settings, scenes.extra(settings))
     run(tmp_path / "set", [pair])
     assert stated(pair, tmp_path / "set")["indirect"]["method"] == "BAKED"
 
@@ -316,7 +337,7 @@ def test_what_cannot_be_baked_is_traced_and_states_why(registered, tmp_path):
 
 def test_an_image_in_which_baked_light_is_too_noisy_is_traced(registered, tmp_path):
     limit = {"quality": {"bake_noise": 1e-4}, "dataset": {"headings": 1}}
-    pair, = planned(limit)
+    (pair,) = planned(limit)
     run(tmp_path, [pair])
     told = stated(pair, tmp_path)
     assert told["indirect"]["method"] == "TRACED"
@@ -324,31 +345,40 @@ def test_an_image_in_which_baked_light_is_too_noisy_is_traced(registered, tmp_pa
     assert any(told["indirect"]["why"] in sentence for sentence in told["left_out"])
     assert told["denoiser"] == pair.settings.quality.denoiser
     assert error_of(pair, tmp_path, "left") == {}
-    traced, = planned({"quality": {"indirect": "TRACED", "samples": 64}, "dataset": {"headings": 1}})
+    (traced,) = planned({"quality": {"indirect": "TRACED", "samples": 64}, "dataset": {"headings": 1}})
     run(tmp_path, [traced])
     # Two samples of 64 x 48 pixels: of the mean 1 % is noise.
     assert light_of(pair, tmp_path).mean() == pytest.approx(light_of(traced, tmp_path).mean(), rel=0.03)
 
 
 #: A full planet on the other side of a low Sun. Its lamp gives a twentieth of the Sun's light, and all of it by night.
-PLANET: dict[str, Any] = {"light": {
-    "planet": True, "planet_elevation_deg": 40.0, "planet_azimuth_deg": 240.0, "planet_angular_diameter_deg": 29.0,
-    "planet_albedo": 1.0}, "dataset": {"headings": 1}}
+PLANET: dict[str, Any] = {
+    "light": {
+        "planet": True,
+        "planet_elevation_deg": 40.0,
+        "planet_azimuth_deg": 240.0,
+        "planet_angular_diameter_deg": 29.0,
+        "planet_albedo": 1.0,
+    },
+    "dataset": {"headings": 1},
+}
 
 
 def groups_of(pair: PlannedPair, dataset: Path) -> dict[str, float]:
     """The mean radiance by light group, of pixels that show the ground."""
     views = [read_view(read_pair(pair.folder(dataset)).image(eye)) for eye in ("left", "right")]
-    return {name: float(np.mean([view.groups[name][view.depth < 1e9].mean() for view in views]))
-            for name in ("Sun", "Planet")}
+    return {
+        name: float(np.mean([view.groups[name][view.depth < 1e9].mean() for view in views]))
+        for name in ("Sun", "Planet")
+    }
 
 
 def test_light_of_sun_and_planet_is_baked_into_its_own_group(registered, tmp_path):
     """Both within 2 % of the traced mean: 1 % as for the Sun alone, and noise, since the samples of direct light
     are shared by the two lamps."""
-    baked, = planned(PLANET, {"quality": {"bake_samples": 128, "direct_samples": 128}})
-    traced, = planned(PLANET, {"quality": {"indirect": "TRACED", "samples": 256}})
-    alone, = planned({"quality": {"bake_samples": 128}, "dataset": {"headings": 1}})
+    (baked,) = planned(PLANET, {"quality": {"bake_samples": 128, "direct_samples": 128}})
+    (traced,) = planned(PLANET, {"quality": {"indirect": "TRACED", "samples": 256}})
+    (alone,) = planned({"quality": {"bake_samples": 128}, "dataset": {"headings": 1}})
     run(tmp_path, [baked, traced, alone])
     one, other = groups_of(baked, tmp_path), groups_of(traced, tmp_path)
     for group in ("Sun", "Planet"):
@@ -365,8 +395,8 @@ def test_light_of_sun_and_planet_is_baked_into_its_own_group(registered, tmp_pat
 
 
 def test_by_night_the_light_of_the_planet_alone_is_baked_whatever_came_before(registered, tmp_path):
-    day, = planned(PLANET)
-    night, = planned(PLANET, {"light": {"sun_elevation_deg": -20.0}})
+    (day,) = planned(PLANET)
+    (night,) = planned(PLANET, {"light": {"sun_elevation_deg": -20.0}})
     run(tmp_path / "both", [day, night])
     run(tmp_path / "alone", [night])
     assert stated(night, tmp_path / "both")["indirect"]["lights"].keys() == {"Planet"}
@@ -376,8 +406,8 @@ def test_by_night_the_light_of_the_planet_alone_is_baked_whatever_came_before(re
 
 
 def test_a_surface_that_stays_while_the_lander_goes_shows_baked_light(registered, tmp_path):
-    with_lander, = planned({"lander": {"kind": "PARAMETRIC"}, "dataset": {"headings": 1}})
-    without, = planned({"dataset": {"headings": 1}})
+    (with_lander,) = planned({"lander": {"kind": "PARAMETRIC"}, "dataset": {"headings": 1}})
+    (without,) = planned({"dataset": {"headings": 1}})
     run(tmp_path / "both", [with_lander, without])
     run(tmp_path / "alone", [without])
     assert stated(with_lander, tmp_path / "both")["indirect"]["method"] == "TRACED"
@@ -388,11 +418,15 @@ def test_a_surface_that_stays_while_the_lander_goes_shows_baked_light(registered
 def test_light_on_rocks_and_around_them_is_the_light_that_is_traced(registered, tmp_path):
     """The mean over pixels of rocks is within 4 %, since twelve numbers do not hold the light near a rock's foot; that
     of the ground within 2 %. Without light on rocks theirs would be 15 % less."""
-    stones = {"rocks": {"coverage": 0.15, "smallest_m": 0.3, "largest_m": 0.8}, "dataset": {"headings": 1},
-              "terrain": {"size_m": 8.0, "rms_slope_deg": 8.0, "resolution": 129},
-              "surface": {"grain_amplitude_m": 0.0}, "mesh": {"kind": "GRID"}}
-    baked, = planned(stones, {"quality": {"bake_samples": 64, "direct_samples": 64, "truth": "SEMANTIC"}})
-    traced, = planned(stones, {"quality": {"indirect": "TRACED", "samples": 128, "truth": "SEMANTIC"}})
+    stones = {
+        "rocks": {"coverage": 0.15, "smallest_m": 0.3, "largest_m": 0.8},
+        "dataset": {"headings": 1},
+        "terrain": {"size_m": 8.0, "rms_slope_deg": 8.0, "resolution": 129},
+        "surface": {"grain_amplitude_m": 0.0},
+        "mesh": {"kind": "GRID"},
+    }
+    (baked,) = planned(stones, {"quality": {"bake_samples": 64, "direct_samples": 64, "truth": "SEMANTIC"}})
+    (traced,) = planned(stones, {"quality": {"indirect": "TRACED", "samples": 128, "truth": "SEMANTIC"}})
     run(tmp_path, [baked, traced])
     for kind, bound in ((1, 0.02), (2, 0.04)):
         means = []

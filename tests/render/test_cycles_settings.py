@@ -16,17 +16,47 @@ from rendering import empty_scene
 
 #: Values that change an image, by whose they are: all that a scene can be left with by its user or by a template.
 HARMFUL: dict[str, dict[str, Any]] = {
-    "cycles": {"sample_clamp_direct": 5.0, "sample_clamp_indirect": 5.0, "light_sampling_threshold": 0.5,
-               "use_light_tree": True, "use_adaptive_sampling": True, "adaptive_threshold": 0.5,
-               "adaptive_min_samples": 1, "time_limit": 0.1, "use_denoising": True, "samples": 3, "seed": 77,
-               "use_animated_seed": True, "sampling_pattern": "BLUE_NOISE", "diffuse_bounces": 0,
-               "glossy_bounces": 0, "transmission_bounces": 7, "volume_bounces": 7, "max_bounces": 0,
-               "transparent_max_bounces": 0, "caustics_reflective": True, "caustics_refractive": True,
-               "blur_glossy": 5.0, "film_exposure": 2.0, "pixel_filter_type": "BOX", "filter_width": 5.0,
-               "use_fast_gi": True, "shading_system": True},
-    "render": {"film_transparent": True, "use_motion_blur": True, "use_simplify": True, "use_compositing": True,
-               "use_sequencer": True, "use_border": True, "use_freestyle": True, "dither_intensity": 2.0,
-               "use_stamp": True, "threads_mode": "FIXED"},
+    "cycles": {
+        "sample_clamp_direct": 5.0,
+        "sample_clamp_indirect": 5.0,
+        "light_sampling_threshold": 0.5,
+        "use_light_tree": True,
+        "use_adaptive_sampling": True,
+        "adaptive_threshold": 0.5,
+        "adaptive_min_samples": 1,
+        "time_limit": 0.1,
+        "use_denoising": True,
+        "samples": 3,
+        "seed": 77,
+        "use_animated_seed": True,
+        "sampling_pattern": "BLUE_NOISE",
+        "diffuse_bounces": 0,
+        "glossy_bounces": 0,
+        "transmission_bounces": 7,
+        "volume_bounces": 7,
+        "max_bounces": 0,
+        "transparent_max_bounces": 0,
+        "caustics_reflective": True,
+        "caustics_refractive": True,
+        "blur_glossy": 5.0,
+        "film_exposure": 2.0,
+        "pixel_filter_type": "BOX",
+        "filter_width": 5.0,
+        "use_fast_gi": True,
+        "shading_system": True,
+    },
+    "render": {
+        "film_transparent": True,
+        "use_motion_blur": True,
+        "use_simplify": True,
+        "use_compositing": True,
+        "use_sequencer": True,
+        "use_border": True,
+        "use_freestyle": True,
+        "dither_intensity": 2.0,
+        "use_stamp": True,
+        "threads_mode": "FIXED",
+    },
     "view_settings": {"exposure": 3.0, "gamma": 2.0},
 }
 
@@ -60,8 +90,9 @@ def corner(strength: float) -> bpy.types.Scene:
     diffuse.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     tree.links.new(diffuse.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
     mesh = bpy.data.meshes.new("Corner")
-    mesh.from_pydata([(0, -5, 0), (9, -5, 0), (9, 5, 0), (0, 5, 0), (0, -5, 9), (0, 5, 9)], [],
-                     [(0, 1, 2, 3), (0, 3, 5, 4)])
+    mesh.from_pydata(
+        [(0, -5, 0), (9, -5, 0), (9, 5, 0), (0, 5, 0), (0, -5, 9), (0, 5, 9)], [], [(0, 1, 2, 3), (0, 3, 5, 4)]
+    )
     mesh.materials.append(white)
     sun = bpy.data.lights.new("Sun", "SUN")
     sun.energy, sun.angle = strength, 0.0

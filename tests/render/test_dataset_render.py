@@ -40,8 +40,10 @@ CHANGES: dict[str, tuple[dict[str, Any], bool]] = {
     "albedo": ({"surface": {"albedo": 0.5}}, True),
     "relief": ({"surface": {"grain_amplitude_m": 0.004}}, True),
     "law": ({"surface": {"model": "HAPKE"}}, True),
-    "traced law": ({"surface": {"model": "HAPKE"}, "hapke": {"accuracy": "ACCURATE"},
-                    "light": {"sun_elevation_deg": 50.0}}, True),
+    "traced law": (
+        {"surface": {"model": "HAPKE"}, "hapke": {"accuracy": "ACCURATE"}, "light": {"sun_elevation_deg": 50.0}},
+        True,
+    ),
     "texture": ({"textures": {"set": "FROST"}}, True),
     "samples": ({"quality": {"samples": 3}}, True),
     "threshold": ({"quality": {"samples": 16, "noise_threshold": 0.1}}, True),
@@ -87,10 +89,24 @@ def reference(tmp_path_factory) -> Path:
     return dataset
 
 
-@pytest.mark.parametrize("kind", heavy_but(
-    ["camera", "sun", "albedo", "marks", "ground"], CHANGES,
-    ["site", "stars", "relief", "traced law", "texture", "samples", "threshold", "size of the image",
-     "own ice of blocks"]))
+@pytest.mark.parametrize(
+    "kind",
+    heavy_but(
+        ["camera", "sun", "albedo", "marks", "ground"],
+        CHANGES,
+        [
+            "site",
+            "stars",
+            "relief",
+            "traced law",
+            "texture",
+            "samples",
+            "threshold",
+            "size of the image",
+            "own ice of blocks",
+        ],
+    ),
+)
 def test_a_scene_made_out_of_another_is_the_scene_built_anew(kind, scene):
     change, reuse = CHANGES[kind]
     first, second = planned(ROCKS).settings, planned(ROCKS, change).settings
@@ -108,9 +124,14 @@ def test_a_scene_that_is_gone_is_built_anew(scene):
     assert adapt_scene(None, settings)[1] is False
 
 
-@pytest.mark.parametrize("kind", heavy_but(["camera", "sun", "albedo"], [
-    "camera", "sun", "stars", "albedo", "traced law", "samples", "threshold", "size of the image"],
-    ["stars", "threshold", "size of the image"]))
+@pytest.mark.parametrize(
+    "kind",
+    heavy_but(
+        ["camera", "sun", "albedo"],
+        ["camera", "sun", "stars", "albedo", "traced law", "samples", "threshold", "size of the image"],
+        ["stars", "threshold", "size of the image"],
+    ),
+)
 def test_reuse_changes_no_byte_of_an_image(kind, scene, tmp_path):
     pairs = [planned(ROCKS), planned(ROCKS, CHANGES[kind][0])]
     for name, stages in (("shared", [pairs]), ("alone", [[pairs[0]], [pairs[1]]])):
@@ -244,8 +265,9 @@ def test_a_worker_dies_with_its_runner(tmp_path):
 @pytest.mark.timeout(900)
 def test_two_runners_on_one_data_set_do_no_pair_twice(reference, tmp_path):
     dataset = freeze(tmp_path)
-    both = [subprocess.Popen(command(dataset), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-            for _ in range(2)]
+    both = [
+        subprocess.Popen(command(dataset), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)
+    ]
     rendered = []
     for process in both:
         out, err = process.communicate(timeout=280)
@@ -289,8 +311,9 @@ def test_a_disk_that_fills_up_ends_the_run_with_a_sentence_and_the_next_run_goes
 @pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="only root may mount a small disk")
 def test_a_small_disk_that_really_fills_up(tmp_path, reference):
     size = sum(map(len, images(reference).values())) // 2
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(tmp_path)], check=False,
-                      capture_output=True).returncode:
+    if subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(tmp_path)], check=False, capture_output=True
+    ).returncode:
         pytest.skip("no tmpfs can be mounted here")
     try:
         dataset = freeze(tmp_path / "set")

@@ -18,11 +18,23 @@ FULL = {"quality": {"files": "FULL"}}
 PLANET = {"light": {"planet": True, "planet_elevation_deg": 40.0}}
 
 
-@pytest.mark.parametrize("change", heavy_but([{}, FULL, PLANET, {"rig": {"pitch_deg": 10.0}}], [
-    {}, FULL, PLANET, {"quality": {"denoiser": "OIDN"}}, {"quality": {"truth": "DEPTH"}},
-    {"rig": {"toe_in_deg": 1.0, "overscan": 0.1}}, {"rig": {"pitch_deg": 10.0}},
-], [{"quality": {"denoiser": "OIDN"}}, {"quality": {"truth": "DEPTH"}}]),
-    ids=["as it is", "full", "planet", "denoised", "depth alone", "toed in, overscan", "sky above"])
+@pytest.mark.parametrize(
+    "change",
+    heavy_but(
+        [{}, FULL, PLANET, {"rig": {"pitch_deg": 10.0}}],
+        [
+            {},
+            FULL,
+            PLANET,
+            {"quality": {"denoiser": "OIDN"}},
+            {"quality": {"truth": "DEPTH"}},
+            {"rig": {"toe_in_deg": 1.0, "overscan": 0.1}},
+            {"rig": {"pitch_deg": 10.0}},
+        ],
+        [{"quality": {"denoiser": "OIDN"}}, {"quality": {"truth": "DEPTH"}}],
+    ),
+    ids=["as it is", "full", "planet", "denoised", "depth alone", "toed in, overscan", "sky above"],
+)
 def test_a_pair_takes_what_is_expected_within_a_tenth(registered, tmp_path: Path, change):
     """The tenth is what the manual promises; how far each pass varies over scenes stands in benchmarks/disk.txt."""
     pair, _ = render(tmp_path, VIEW, change)
@@ -31,8 +43,9 @@ def test_a_pair_takes_what_is_expected_within_a_tenth(registered, tmp_path: Path
     assert found == sum(file.stat().st_size for file in pair.folder.glob("*.exr"))
 
 
-@pytest.mark.parametrize(("change", "least"), [
-    ({}, 0.1), ({**PLANET, "quality": {"denoiser": "OIDN", "truth_by": "CYCLES"}}, 0.4)])
+@pytest.mark.parametrize(
+    ("change", "least"), [({}, 0.1), ({**PLANET, "quality": {"denoiser": "OIDN", "truth_by": "CYCLES"}}, 0.4)]
+)
 def test_blenders_own_files_take_no_more_than_there_is_room_for(registered, tmp_path: Path, monkeypatch, change, least):
     sizes: list[int] = []
     read = render_pair._read_layers

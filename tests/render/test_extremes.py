@@ -98,8 +98,14 @@ def _alone(topic, setting, bound):
     """The description with one setting at a limit, what it belongs to switched on, no length contradicting another."""
     value = getattr(setting, bound)
     on = {topic: dict([SWITCHED_ON_BY[topic]])} if topic in SWITCHED_ON_BY else {}
-    both = {topic: {key: value for of, short, long in SHORT_AND_LONG for key in (short, long) if of == topic
-                    and (setting.key, bound) in ((short, "maximum"), (long, "minimum"))}}
+    both = {
+        topic: {
+            key: value
+            for of, short, long in SHORT_AND_LONG
+            for key in (short, long)
+            if of == topic and (setting.key, bound) in ((short, "maximum"), (long, "minimum"))
+        }
+    }
     moves = setting.key.startswith(("speed_", "turn_", "roll_")) and topic == "rig"
     # Of a second that a motion of 10 km/s or 10^4 degrees/s lasts, the image shows nothing.
     seen = {"rig": {"motion_exposure_s": 0.008}} if moves else {}
@@ -107,23 +113,36 @@ def _alone(topic, setting, bound):
 
 
 def _limits(of, *effects):
-    return [pytest.param(topic, setting, bound, id=f"{topic}.{setting.key}-{bound}") for topic, setting in numbers()
-            if setting.effect in effects and topic in of for bound in ("minimum", "maximum")]
+    return [
+        pytest.param(topic, setting, bound, id=f"{topic}.{setting.key}-{bound}")
+        for topic, setting in numbers()
+        if setting.effect in effects and topic in of
+        for bound in ("minimum", "maximum")
+    ]
 
 
 def _half_of(limits):
     """The limits, of every other setting the minimum and of the others the maximum for `make test-all` only."""
-    return [pytest.param(*limit.values, id=limit.id, marks=pytest.mark.long if number % 4 in (0, 3) else ())
-            for number, limit in enumerate(limits)]
+    return [
+        pytest.param(*limit.values, id=limit.id, marks=pytest.mark.long if number % 4 in (0, 3) else ())
+        for number, limit in enumerate(limits)
+    ]
 
 
-_TOO_MANY_CRATERS = (("coverage", "maximum"), ("smallest_m", "minimum"), ("largest_m", "minimum"),
-                     ("largest_m", "maximum"))
+_TOO_MANY_CRATERS = (
+    ("coverage", "maximum"),
+    ("smallest_m", "minimum"),
+    ("largest_m", "minimum"),
+    ("largest_m", "maximum"),
+)
 #: What is refused, and what the sentence names: more craters than ``craters.most``, rocks larger than any of the
 #: default ground, and cameras in the ground.
-_REFUSED = {**{("craters", key, bound): r"craters\.coverage" for key, bound in _TOO_MANY_CRATERS},
-            ("rocks", "smallest_m", "maximum"): r"rocks\.coverage", ("rig", "height_m", "minimum"): r"rig\.height_m",
-            ("terrain", "slope_baseline_m", "maximum"): r"rig\.height_m"}
+_REFUSED = {
+    **{("craters", key, bound): r"craters\.coverage" for key, bound in _TOO_MANY_CRATERS},
+    ("rocks", "smallest_m", "maximum"): r"rocks\.coverage",
+    ("rig", "height_m", "minimum"): r"rig\.height_m",
+    ("terrain", "slope_baseline_m", "maximum"): r"rig\.height_m",
+}
 
 
 def _check_build(settings):
@@ -134,15 +153,17 @@ def _check_build(settings):
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize(("topic", "setting", "bound"),
-                         _half_of(_limits(("mesh", "rig", "terrain"), "geometry", "camera")))
+@pytest.mark.parametrize(
+    ("topic", "setting", "bound"), _half_of(_limits(("mesh", "rig", "terrain"), "geometry", "camera"))
+)
 def test_no_limit_breaks_a_build_that_follows_the_camera(topic, setting, bound):
     _check_build(description.merged(_alone(topic, setting, bound), GRADED))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("topic", "setting", "bound"),
-                         _half_of(_limits(TOPICS, "geometry", "material", "light", "camera", "sampling")))
+@pytest.mark.parametrize(
+    ("topic", "setting", "bound"), _half_of(_limits(TOPICS, "geometry", "material", "light", "camera", "sampling"))
+)
 def test_no_limit_breaks_a_pair(tmp_path, topic, setting, bound):
     """Nothing is wrong from the build to the report, or a sentence names the setting that is too much."""
     settings = description.merged(_alone(topic, setting, bound), GRID)
@@ -188,8 +209,9 @@ def depth_of_sphere(pair, eye, radius_m):
 
 @pytest.mark.parametrize("height_m", [1e-3, 1e4])
 def test_the_camera_a_millimetre_and_ten_kilometres_above_flat_ground(tmp_path, height_m):
-    settings = complete(GRADED, FLAT, {"rig": {"height_m": height_m},
-                                       "mesh": {"farthest_m": 1e6, "edge_px": 0.5, "most": 50_000}})
+    settings = complete(
+        GRADED, FLAT, {"rig": {"height_m": height_m}, "mesh": {"farthest_m": 1e6, "edge_px": 0.5, "most": 50_000}}
+    )
     pair, built = fine(settings, tmp_path)
     for eye in EYES:
         _, view = read_eye(pair, eye)
@@ -209,10 +231,20 @@ def test_ground_of_a_centimetre_and_of_a_hundred_kilometres(tmp_path, mesh, size
     depth = {}
     for size in (size_m, 20.0):
         scale = size / 20.0
-        settings = complete(mesh, LAMBERT, {
-            "terrain": {"size_m": size, "outer_scale_m": 8.0 * scale, "inner_scale_m": 0.6 * scale,
-                        "slope_baseline_m": 2.0 * scale, "body_radius_m": 1e8},
-            "rig": {"height_m": 2.0 * scale, "baseline_m": min(0.2 * scale, 100.0)}})
+        settings = complete(
+            mesh,
+            LAMBERT,
+            {
+                "terrain": {
+                    "size_m": size,
+                    "outer_scale_m": 8.0 * scale,
+                    "inner_scale_m": 0.6 * scale,
+                    "slope_baseline_m": 2.0 * scale,
+                    "body_radius_m": 1e8,
+                },
+                "rig": {"height_m": 2.0 * scale, "baseline_m": min(0.2 * scale, 100.0)},
+            },
+        )
         pair, _ = fine(settings, tmp_path / str(size))
         depth[size] = read_eye(pair, "left")[1].depth / scale
     seen = np.isfinite(depth[20.0]) & np.isfinite(depth[size_m])
@@ -225,8 +257,9 @@ def test_ground_of_a_centimetre_and_of_a_hundred_kilometres(tmp_path, mesh, size
 @pytest.mark.parametrize("relief_m", [0.0, 1e4])
 def test_no_relief_and_ten_kilometres_of_it(tmp_path, relief_m):
     layer = {"basis": "GRADIENT", "amplitude_m": relief_m / 4, "scale_m": 4e4, "octaves": 4}
-    settings = complete(GRID, {"terrain": {"size_m": 1e5, "rms_slope_deg": 0.0, "layers": [layer]},
-                               "rig": {"height_m": 1000.0}})
+    settings = complete(
+        GRID, {"terrain": {"size_m": 1e5, "rms_slope_deg": 0.0, "layers": [layer]}, "rig": {"height_m": 1000.0}}
+    )
     _, built = fine(settings, tmp_path)
     heights = extremes.vertices(built.terrain.data)[:, 2]
     assert np.ptp(heights) == 0.0 if relief_m == 0 else np.ptp(heights) > relief_m / 2
@@ -236,9 +269,16 @@ def test_no_relief_and_ten_kilometres_of_it(tmp_path, relief_m):
 @pytest.mark.parametrize("model", ["PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE"])
 def test_black_and_white_ground(tmp_path, model, albedo):
     """w of Hapke's law, else the albedo; seen from above with the Sun at the zenith, no more comes back than falls."""
-    settings = complete(GRID, FLAT, ZENITH, {
-        "surface": {"model": model, "albedo": albedo, "specular": 0.0}, "rig": {"focal_length_mm": 2000.0},
-        "hapke": {"w": albedo, "theta_bar_deg": 0.0, "b": 0.0, "b_s0": 0.0}})
+    settings = complete(
+        GRID,
+        FLAT,
+        ZENITH,
+        {
+            "surface": {"model": model, "albedo": albedo, "specular": 0.0},
+            "rig": {"focal_length_mm": 2000.0},
+            "hapke": {"w": albedo, "theta_bar_deg": 0.0, "b": 0.0, "b_s0": 0.0},
+        },
+    )
     pair, built = fine(settings, tmp_path)
     light, view = read_eye(pair, "left")
     assert (view.semantic == TERRAIN).all()
@@ -248,8 +288,11 @@ def test_black_and_white_ground(tmp_path, model, albedo):
         return
     factor = light.radiance * math.pi / settings.light.sun_irradiance_wm2
     # Of grains H(1)²/8, and H of 1981 is 3 there; of the simple laws Bond albedo 1 is this normal albedo.
-    expected = {"HAPKE": 9 / 8, "LOMMEL_SEELIGER": 1 / LOMMEL_SEELIGER_BOND,
-                "LUNAR_LAMBERT": 1 / (0.3 + 0.7 * LOMMEL_SEELIGER_BOND)}.get(model, 1.0)
+    expected = {
+        "HAPKE": 9 / 8,
+        "LOMMEL_SEELIGER": 1 / LOMMEL_SEELIGER_BOND,
+        "LUNAR_LAMBERT": 1 / (0.3 + 0.7 * LOMMEL_SEELIGER_BOND),
+    }.get(model, 1.0)
     # The field is 3.4 degrees wide; Principled's table is good to a per cent.
     np.testing.assert_allclose(factor, expected, rtol=0.01 if model == "PRINCIPLED" else 2e-3)
 
@@ -257,9 +300,16 @@ def test_black_and_white_ground(tmp_path, model, albedo):
 @pytest.mark.parametrize("backend", ["OSL", "NODES"])
 @pytest.mark.parametrize("theta_bar_deg", [0.0, 60.0])
 def test_smooth_and_rough_grains(tmp_path, backend, theta_bar_deg):
-    settings = complete({"surface": {"model": "HAPKE"},
-                         "hapke": {"theta_bar_deg": theta_bar_deg, "backend": backend, "accuracy": "REFERENCE"
-                                   if backend == "OSL" else "FAST"}})
+    settings = complete(
+        {
+            "surface": {"model": "HAPKE"},
+            "hapke": {
+                "theta_bar_deg": theta_bar_deg,
+                "backend": backend,
+                "accuracy": "REFERENCE" if backend == "OSL" else "FAST",
+            },
+        }
+    )
     fine(settings, tmp_path)
 
 
@@ -300,10 +350,18 @@ def _far_mesh(path, offset_m):
     z = 0.3 * np.sin(x) * np.cos(0.7 * y)
     corner = (np.arange(32)[:, None] * 33 + np.arange(32)).ravel()
     faces = np.stack([corner, corner + 1, corner + 34, corner + 33], axis=1)
-    lines = ["ply", "format ascii 1.0", f"element vertex {len(x)}", *(f"property double {k}" for k in "xyz"),
-             f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
-    lines += [f"{a + offset_m!r} {b + offset_m!r} {c!r}" for a, b, c in zip(*map(np.ndarray.tolist, (x, y, z)),
-                                                                         strict=True)]
+    lines = [
+        "ply",
+        "format ascii 1.0",
+        f"element vertex {len(x)}",
+        *(f"property double {k}" for k in "xyz"),
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
+    lines += [
+        f"{a + offset_m!r} {b + offset_m!r} {c!r}" for a, b, c in zip(*map(np.ndarray.tolist, (x, y, z)), strict=True)
+    ]
     lines += ["4 " + " ".join(map(str, face)) for face in faces.tolist()]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return {"source": {"kind": "MESH", "file": str(path)}}
@@ -313,9 +371,11 @@ def test_a_mesh_a_thousand_kilometres_from_its_origin(tmp_path):
     """Centred it is what it is near the origin; where it is left, the camera has no ground, and that is said."""
     near, far = _far_mesh(tmp_path / "near.ply", 0.0), _far_mesh(tmp_path / "far.ply", 1e6)
     at = {}
-    for name, parts in {"near": near, "far": far,
-                        "moved": {"source": {**far["source"], "centre": False, "origin_x_m": 1e6,
-                                             "origin_y_m": 1e6}}}.items():
+    for name, parts in {
+        "near": near,
+        "far": far,
+        "moved": {"source": {**far["source"], "centre": False, "origin_x_m": 1e6, "origin_y_m": 1e6}},
+    }.items():
         settings = complete(parts)
         at[name] = extremes.vertices(fine(settings, tmp_path / name)[1].terrain.data)
     for name in ("far", "moved"):
@@ -336,9 +396,20 @@ def test_a_camera_far_from_the_origin_is_told_of(x_m, told):
 @pytest.mark.parametrize("rig", [{"x_m": -5e4, "y_m": 5e4}, {"height_m": 1e4}], ids=str)
 def test_the_sky_is_the_same_from_everywhere(tmp_path, rig):
     """Planet, rings and stars are at infinity for the cameras, wherever these stand."""
-    sky = complete({"light": {"planet": True, "planet_elevation_deg": 35.0, "planet_azimuth_deg": 5.0, "stars": True,
-                              "planet_rings": True, "latitude_deg": 20.0, "planet_phase_law": "SATURN"},
-                    "rig": {"width_px": 48, "height_px": 36, "pitch_deg": -30.0}})
+    sky = complete(
+        {
+            "light": {
+                "planet": True,
+                "planet_elevation_deg": 35.0,
+                "planet_azimuth_deg": 5.0,
+                "stars": True,
+                "planet_rings": True,
+                "latitude_deg": 20.0,
+                "planet_phase_law": "SATURN",
+            },
+            "rig": {"width_px": 48, "height_px": 36, "pitch_deg": -30.0},
+        }
+    )
     views = []
     for k, parts in enumerate(({}, {"rig": rig})):
         pair, _ = shot(description.merged(sky, description.merged({"rig": sky.rig}, parts)), tmp_path / str(k))
@@ -386,10 +457,17 @@ def test_the_finest_grid():
 @pytest.mark.slow
 @pytest.mark.long
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("parts", [
-    {"rig": {"overscan": 2.0}}, {"quality": {"samples": 4096}}, {"quality": {"diffuse_bounces": 128}},
-    {"light": {"stars": True, "stars_faintest_mag": 8.0}, "rig": {"pitch_deg": -45.0}},
-    {"craters": {"coverage": 0.1, "smallest_m": 0.03, "largest_m": 1.0, "most": 50_000}}], ids=lambda p: str(p)[:60])
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"rig": {"overscan": 2.0}},
+        {"quality": {"samples": 4096}},
+        {"quality": {"diffuse_bounces": 128}},
+        {"light": {"stars": True, "stars_faintest_mag": 8.0}, "rig": {"pitch_deg": -45.0}},
+        {"craters": {"coverage": 0.1, "smallest_m": 0.03, "largest_m": 1.0, "most": 50_000}},
+    ],
+    ids=lambda p: str(p)[:60],
+)
 def test_what_only_costs_time(tmp_path, parts):
     fine(complete(parts), tmp_path)
 

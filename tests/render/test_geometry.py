@@ -20,17 +20,26 @@ def read_mesh(path):
     table = read_properties(path, "x", "y", "z", "nx", "ny", "nz")
     data = path.read_bytes()
     count = int(data.split(b"element face ")[1].split(b"\n")[0])
-    faces = np.frombuffer(data[-13 * count:], np.dtype([("n", "u1"), ("v", "<i4", 3)]))["v"]
+    faces = np.frombuffer(data[-13 * count :], np.dtype([("n", "u1"), ("v", "<i4", 3)]))["v"]
     return table[:, :3], table[:, 3:], faces
 
 
 def test_ground_and_rocks_are_written_in_the_world(tmp_path):
     sent = []
-    run_job({"settings": {**SMALL, "terrain": {"resolution": 33, "size_m": 8.0, "rms_slope_deg": 5.0},
-                          "rocks": {"coverage": 0.1}, "surface": {"grain_amplitude_m": 0.01}}},
-            tmp_path, lambda kind, **facts: sent.append((kind, facts)))
+    run_job(
+        {
+            "settings": {
+                **SMALL,
+                "terrain": {"resolution": 33, "size_m": 8.0, "rms_slope_deg": 5.0},
+                "rocks": {"coverage": 0.1},
+                "surface": {"grain_amplitude_m": 0.01},
+            }
+        },
+        tmp_path,
+        lambda kind, **facts: sent.append((kind, facts)),
+    )
     assert sent[-1][0] == "done"
-    folder, = tmp_path.iterdir()
+    (folder,) = tmp_path.iterdir()
     facts = json.loads((folder / "geometry.json").read_text(encoding="utf-8"))
     assert set(facts["meshes"]) == {"terrain", "rock"}
     assert "grain_amplitude_m" in facts["left_out"][0]
@@ -42,8 +51,9 @@ def test_ground_and_rocks_are_written_in_the_world(tmp_path):
     assert area[:, 2].sum() / 2 == pytest.approx(64.0, rel=1e-4)  # upward, and over the whole patch
     rocks, outward, faces = read_mesh(folder / "rock.ply")
     corners = rocks[faces]
-    facing = np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]),
-                       outward[faces].mean(axis=1))
+    facing = np.einsum(
+        "ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), outward[faces].mean(axis=1)
+    )
     assert (facing > 0).mean() > 0.99
     assert np.abs(rocks[:, :2]).max() < 6.0
     assert rocks[:, 2].max() > ground[:, 2].min()

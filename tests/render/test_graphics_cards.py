@@ -24,8 +24,10 @@ class FakeCycles:
 
     def __init__(self):
         self._type = "NONE"
-        self.devices = [SimpleNamespace(name=name, type=kind, use=True) for kind, name in (
-            ("CUDA", "A"), ("CUDA", "B"), ("OPTIX", "A"), ("OPTIX", "B"), ("CPU", "Processor"))]
+        self.devices = [
+            SimpleNamespace(name=name, type=kind, use=True)
+            for kind, name in (("CUDA", "A"), ("CUDA", "B"), ("OPTIX", "A"), ("OPTIX", "B"), ("CPU", "Processor"))
+        ]
 
     @property
     def compute_device_type(self):
@@ -54,9 +56,15 @@ def cycles(monkeypatch):
     return preferences
 
 
-@pytest.mark.parametrize(("chosen", "names", "used"), [
-    ("", ["0: A", "1: B"], [("OPTIX", "A"), ("OPTIX", "B")]), ("1", ["1: B"], [("OPTIX", "B")]),
-    ("CUDA:0", ["0: A"], [("CUDA", "A")]), ("0,1", ["0: A", "1: B"], [("OPTIX", "A"), ("OPTIX", "B")])])
+@pytest.mark.parametrize(
+    ("chosen", "names", "used"),
+    [
+        ("", ["0: A", "1: B"], [("OPTIX", "A"), ("OPTIX", "B")]),
+        ("1", ["1: B"], [("OPTIX", "B")]),
+        ("CUDA:0", ["0: A"], [("CUDA", "A")]),
+        ("0,1", ["0: A", "1: B"], [("OPTIX", "A"), ("OPTIX", "B")]),
+    ],
+)
 def test_the_chosen_cards_and_no_processor_are_selected(cycles, monkeypatch, chosen, names, used):
     monkeypatch.setenv(ENVIRONMENT, chosen)
     assert graphics_cards.select_cards() == names
@@ -77,9 +85,15 @@ def test_without_cards_there_are_none_to_select(cycles):
     assert cycles.compute_device_type == "NONE"
 
 
-@pytest.mark.parametrize(("kind", "ticked", "found"), [
-    ("OPTIX", "B", Cards("OPTIX", (1,))), ("CUDA", "AB", Cards("CUDA", (0, 1))), ("OPTIX", "", Cards()),
-    ("NONE", "AB", Cards())])
+@pytest.mark.parametrize(
+    ("kind", "ticked", "found"),
+    [
+        ("OPTIX", "B", Cards("OPTIX", (1,))),
+        ("CUDA", "AB", Cards("CUDA", (0, 1))),
+        ("OPTIX", "", Cards()),
+        ("NONE", "AB", Cards()),
+    ],
+)
 def test_the_window_uses_what_is_ticked_in_the_preferences(cycles, kind, ticked, found):
     cycles.compute_device_type = kind
     for device in cycles.devices:
@@ -127,8 +141,9 @@ def rendered_by_a_fake(monkeypatch, tmp_path, device, headings=1):
     monkeypatch.setattr(worker.baked_light, "provide", bake)
     monkeypatch.setattr(SharedLight, "note_pair", lambda *arguments: time.sleep(0.1))
     pairs = expand_headings(complete({"quality": {"device": device}, "dataset": {"headings": headings}}))
-    worker.render_from(cast(FixedScene, FakeSource()), pairs, tmp_path,
-                       lambda kind, **facts: heard.append((kind, facts)))
+    worker.render_from(
+        cast(FixedScene, FakeSource()), pairs, tmp_path, lambda kind, **facts: heard.append((kind, facts))
+    )
     return heard
 
 

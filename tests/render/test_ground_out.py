@@ -26,7 +26,7 @@ def written(folder, kind, *changes, cell_m=None):
     """The folder and the facts of a scene's ground."""
     settings = complete({"rocks": {"coverage": 0.0}, "surface": {"grain_amplitude_m": 0.0}}, *changes)
     run_job({"settings": settings}, folder, lambda *a, **k: None, kind, cell_m)
-    made, = folder.iterdir()
+    (made,) = folder.iterdir()
     return made, json.loads((made / "geometry.json").read_text(encoding="utf-8"))
 
 
@@ -39,11 +39,20 @@ def own_files(tmp_path_factory):
     albedo = np.full((64, 64), 0.6, np.float32)
     albedo[:32, 32:] = 0.2
     (folder / "albedo.tif").write_bytes(encode_tiff(albedo))
-    return {"source": {"kind": "HEIGHT_MAP", "file": str(folder / "heights.npy"), "metres_per_pixel": SIZE_M / 32,
-                       "height_scale_m": 1.0, "centre": False, "origin_x_m": SIZE_M / 2, "origin_y_m": SIZE_M / 2},
-            "terrain": {"size_m": SIZE_M, "resolution": 33},
-            "textures": {"set": "OWN", "mapping": "PATCH", "albedo_file": str(folder / "albedo.tif")},
-            "surface": {"model": "LAMBERT", "albedo": 0.5, "albedo_variation": 0.0}}
+    return {
+        "source": {
+            "kind": "HEIGHT_MAP",
+            "file": str(folder / "heights.npy"),
+            "metres_per_pixel": SIZE_M / 32,
+            "height_scale_m": 1.0,
+            "centre": False,
+            "origin_x_m": SIZE_M / 2,
+            "origin_y_m": SIZE_M / 2,
+        },
+        "terrain": {"size_m": SIZE_M, "resolution": 33},
+        "textures": {"set": "OWN", "mapping": "PATCH", "albedo_file": str(folder / "albedo.tif")},
+        "surface": {"model": "LAMBERT", "albedo": 0.5, "albedo_variation": 0.0},
+    }
 
 
 def test_maps_are_the_heights_and_the_albedo_that_were_given(own_files, tmp_path):
@@ -79,12 +88,28 @@ def test_foreign_readers_find_the_frame_the_cells_and_what_is_missing(own_files,
             assert albedo[:, *opened.index(x, y)] == pytest.approx(0.6, abs=1e-3)
 
 
-@pytest.mark.parametrize("changes", [{"model": "LAMBERT", "albedo": 0.43}, {"model": "HAPKE"},
-                                     {"model": "PRINCIPLED", "albedo": 0.7},
-                                     {"model": "LOMMEL_SEELIGER", "albedo": 0.3}], ids=lambda each: each["model"])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"model": "LAMBERT", "albedo": 0.43},
+        {"model": "HAPKE"},
+        {"model": "PRINCIPLED", "albedo": 0.7},
+        {"model": "LOMMEL_SEELIGER", "albedo": 0.3},
+    ],
+    ids=lambda each: each["model"],
+)
 def test_the_albedo_of_a_plain_surface_is_that_of_its_law(changes, tmp_path):
-    plain = {"surface": {"albedo_variation": 0.0, "trough_dirt": 0.0, "slope_dirt": 0.0, "salt_share": 0.0,
-                         "ice_colour": "GREY", **changes}, "terrain": {"resolution": 9}}
+    plain = {
+        "surface": {
+            "albedo_variation": 0.0,
+            "trough_dirt": 0.0,
+            "slope_dirt": 0.0,
+            "salt_share": 0.0,
+            "ice_colour": "GREY",
+            **changes,
+        },
+        "terrain": {"resolution": 9},
+    }
     folder, _ = written(tmp_path, "dem", plain, cell_m=1.0)
     settings = complete(plain)
     law = albedos(settings.surface, settings.hapke)
@@ -94,8 +119,17 @@ def test_the_albedo_of_a_plain_surface_is_that_of_its_law(changes, tmp_path):
 
 
 def test_patches_of_hapkes_ground_are_between_the_albedos_of_their_w(tmp_path):
-    varied = {"surface": {"model": "HAPKE", "albedo_variation": 0.6, "trough_dirt": 0.0, "slope_dirt": 0.0,
-                          "salt_share": 0.0, "ice_colour": "GREY"}, "terrain": {"resolution": 9}}
+    varied = {
+        "surface": {
+            "model": "HAPKE",
+            "albedo_variation": 0.6,
+            "trough_dirt": 0.0,
+            "slope_dirt": 0.0,
+            "salt_share": 0.0,
+            "ice_colour": "GREY",
+        },
+        "terrain": {"resolution": 9},
+    }
     folder, _ = written(tmp_path, "dem", varied, cell_m=0.5)
     settings = complete(varied)
     found = tiff_values(folder / "albedo.tif")
@@ -114,8 +148,9 @@ def tiff_values(path):
 
 
 def test_rocks_stand_on_the_ground_in_one_map_only(tmp_path):
-    folder, _ = written(tmp_path, "dem", {"terrain": {"resolution": 33, "size_m": SIZE_M}, "rocks": {"coverage": 0.1}},
-                        cell_m=0.05)
+    folder, _ = written(
+        tmp_path, "dem", {"terrain": {"resolution": 33, "size_m": SIZE_M}, "rocks": {"coverage": 0.1}}, cell_m=0.05
+    )
     ground, surface = (geotiff.read(folder / name).heights_m for name in ("dem.tif", "dsm.tif"))
     above = surface - ground
     assert above.min() >= -1e-5
@@ -143,7 +178,7 @@ def test_meshes_have_the_sites_axes_in_blenders_formats(own_files, tmp_path):
             places = np.array(rows, float)
         else:
             bpy.ops.wm.usd_import(filepath=str(folder / "ground.usd"))
-            item, = (each for each in bpy.context.scene.objects if each.type == "MESH")
+            (item,) = (each for each in bpy.context.scene.objects if each.type == "MESH")
             places = np.array([item.matrix_world @ vertex.co for vertex in item.data.vertices])
         inside = np.abs(places[:, :2]).max(axis=1) < SIZE_M / 2 - 1e-3
         assert inside.sum() == 31 * 31
@@ -171,14 +206,30 @@ def test_points_of_every_ground_export_go_back_to_the_map_within_a_millimetre(tm
     at = (np.arange(size) - size // 2) * pixel
     heights = 1234.5 + 0.5 * at[None, :] + 0.2 * at[::-1, None]  # per metre of the map
     crs = "+proj=merc +lat_ts=0 +x_0=5000000 +y_0=-2600000 +R=1560800 +units=m +no_defs"
-    with rasterio.open(tmp_path / "map.tif", "w", driver="GTiff", width=size, height=size, count=1, dtype="float64",
-                       crs=crs, transform=rasterio.transform.from_origin(
-                           middle[0] - size * pixel / 2, middle[1] + size * pixel / 2, pixel, pixel)) as out:
+    with rasterio.open(
+        tmp_path / "map.tif",
+        "w",
+        driver="GTiff",
+        width=size,
+        height=size,
+        count=1,
+        dtype="float64",
+        crs=crs,
+        transform=rasterio.transform.from_origin(
+            middle[0] - size * pixel / 2, middle[1] + size * pixel / 2, pixel, pixel
+        ),
+    ) as out:
         out.write(heights, 1)
-    folder, facts = written(tmp_path / "out", kind, {
-        "source": {"kind": "HEIGHT_MAP", "file": str(tmp_path / "map.tif"), "origin_x_m": 1.0, "origin_y_m": -0.5},
-        "terrain": {"size_m": SIZE_M, "resolution": 33}, "rig": {"heading_deg": 37.0}},
-        cell_m=CELL_M if kind == "dem" else None)
+    folder, facts = written(
+        tmp_path / "out",
+        kind,
+        {
+            "source": {"kind": "HEIGHT_MAP", "file": str(tmp_path / "map.tif"), "origin_x_m": 1.0, "origin_y_m": -0.5},
+            "terrain": {"size_m": SIZE_M, "resolution": 33},
+            "rig": {"heading_deg": 37.0},
+        },
+        cell_m=CELL_M if kind == "dem" else None,
+    )
     place = facts["map"]
     assert place["scale"][0] == pytest.approx(0.925, abs=0.01)  # at 21.7° north
     assert rasterio.crs.CRS.from_string(place["crs"]) == rasterio.crs.CRS.from_string(crs)
@@ -187,12 +238,12 @@ def test_points_of_every_ground_export_go_back_to_the_map_within_a_millimetre(tm
         with rasterio.open(folder / "dem.tif") as opened:
             assert json.loads(opened.tags()["map"]) == place
             z = opened.read(1).astype(float)
-            x, y = (np.reshape(values, z.shape) for values in opened.xy(*np.mgrid[:z.shape[0], :z.shape[1]]))
+            x, y = (np.reshape(values, z.shape) for values in opened.xy(*np.mgrid[: z.shape[0], : z.shape[1]]))
         local = np.stack([x, y, z], axis=-1)[np.isfinite(z)]
     elif kind == "usd":
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         bpy.ops.wm.usd_import(filepath=str(folder / "ground.usd"))
-        item, = (each for each in bpy.context.scene.objects if each.type == "MESH")
+        (item,) = (each for each in bpy.context.scene.objects if each.type == "MESH")
         local = np.array([item.matrix_world @ vertex.co for vertex in item.data.vertices], float)
     else:
         name = {"ply": "terrain.ply", "obj": "ground.obj", "gltf": "ground.glb"}[kind]

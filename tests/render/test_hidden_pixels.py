@@ -17,16 +17,20 @@ from icymoon.stereo.measure.prepare import load
 from other_rays import cast_from_other_eye, tree_of_scene
 from rendering import complete, empty_scene
 
-ROCKS = {"rocks": {"coverage": 0.12, "smallest_m": 0.1, "largest_m": 0.6},
-         "terrain": {"rms_slope_deg": 12.0}, "rig": {"width_px": 320, "height_px": 240},
-         "quality": {"samples": 1}}
+ROCKS = {
+    "rocks": {"coverage": 0.12, "smallest_m": 0.1, "largest_m": 0.6},
+    "terrain": {"rms_slope_deg": 12.0},
+    "rig": {"width_px": 320, "height_px": 240},
+    "quality": {"samples": 1},
+}
 
 
 def shoot(folder: Path, *parts: dict) -> Pair:
     settings = complete(*parts)
     built = build(empty_scene(), settings)
-    return read_pair(render_pairs(built, expand_headings(settings), folder, 1, time.perf_counter(),
-                                  lambda *a, **k: None)[0])
+    return read_pair(
+        render_pairs(built, expand_headings(settings), folder, 1, time.perf_counter(), lambda *a, **k: None)[0]
+    )
 
 
 @pytest.mark.heavy

@@ -61,8 +61,14 @@ def own_object(built: Built, name: str, shape: str, size_m: float, place: tuple,
 
 
 def test_every_pixel_has_the_label_that_another_ray_caster_finds(tmp_path):
-    pair, built = shoot(tmp_path, {"rocks": {"coverage": 0.15, "smallest_m": 0.25, "largest_m": 1.0, "clustering": 0.5},
-                                   "terrain": {"rms_slope_deg": 15.0}, "quality": {"samples": 1}})
+    pair, built = shoot(
+        tmp_path,
+        {
+            "rocks": {"coverage": 0.15, "smallest_m": 0.25, "largest_m": 1.0, "clustering": 0.5},
+            "terrain": {"rms_slope_deg": 15.0},
+            "quality": {"samples": 1},
+        },
+    )
     bpy.context.view_layer.update()
     graph = bpy.context.evaluated_depsgraph_get()
     places = np.empty(built.rock_count * 3, np.float32)
@@ -79,14 +85,17 @@ def test_every_pixel_has_the_label_that_another_ray_caster_finds(tmp_path):
         assert len(np.unique(expected)) > 15
         # A handful of rays graze an edge, where the two casters' single precision decides.
         assert np.mean(view.instance != expected) < 1e-3
-        assert np.array_equal(view.semantic, np.select(
-            [view.instance >= FIRST_ROCK_INSTANCE, view.instance == TERRAIN_INSTANCE], [ROCK, TERRAIN], 0))
+        assert np.array_equal(
+            view.semantic,
+            np.select([view.instance >= FIRST_ROCK_INSTANCE, view.instance == TERRAIN_INSTANCE], [ROCK, TERRAIN], 0),
+        )
         assert set(np.unique(view.instance)) <= {0, TERRAIN_INSTANCE, *block.values()}
 
 
 def test_sky_is_zero_in_both_eyes(tmp_path):
-    pair, _ = shoot(tmp_path, {"rocks": {"coverage": 0.1, "smallest_m": 0.2}, "rig": {"pitch_deg": 5.0},
-                               "quality": {"samples": 1}})
+    pair, _ = shoot(
+        tmp_path, {"rocks": {"coverage": 0.1, "smallest_m": 0.2}, "rig": {"pitch_deg": 5.0}, "quality": {"samples": 1}}
+    )
     for view in views(pair).values():
         sky = np.isnan(view.depth)
         assert 0.1 < sky.mean() < 0.9
@@ -95,8 +104,14 @@ def test_sky_is_zero_in_both_eyes(tmp_path):
 
 
 def test_left_labels_are_right_labels_where_the_true_depth_leads(tmp_path):
-    pair, _ = shoot(tmp_path, {"rocks": {"coverage": 0.15, "smallest_m": 0.2, "largest_m": 1.0},
-                               "rig": {"width_px": 320, "height_px": 240}, "quality": {"samples": 1}})
+    pair, _ = shoot(
+        tmp_path,
+        {
+            "rocks": {"coverage": 0.15, "smallest_m": 0.2, "largest_m": 1.0},
+            "rig": {"width_px": 320, "height_px": 240},
+            "quality": {"samples": 1},
+        },
+    )
     left, right = views(pair).values()
     camera = pair.camera
     visible = visible_in_right(left.depth, right.depth, camera)
@@ -173,7 +188,12 @@ def test_what_is_the_persons_has_labels_and_is_left_as_it_was(tmp_path):
         found = {int(i): set(np.unique(view.semantic[view.instance == i]).tolist()) for i in np.unique(view.instance)}
         assert found == {TERRAIN_INSTANCE: {TERRAIN}, 2: {LANDER}, 3: {LANDER}, 4: {LANDER}, 5: {LANDER}, 77: {4}}
     assert [made[n].pass_index for n in ("A Bare", "B Painted", "C Empty Slot", "D Chosen", "E Part")] == [
-        0, 0, 0, 77, 0]
+        0,
+        0,
+        0,
+        77,
+        0,
+    ]
     assert (made["painted"].pass_index, made["known"].pass_index) == (0, 4)
     assert list(made["A Bare"].data.materials) == []
     assert list(made["C Empty Slot"].data.materials) == [None]
@@ -185,8 +205,14 @@ def test_what_is_the_persons_has_labels_and_is_left_as_it_was(tmp_path):
 @pytest.mark.long
 @pytest.mark.timeout(600)
 def test_labels_of_a_hundred_thousand_blocks_are_exact(tmp_path):
-    pair, built = shoot(tmp_path, {"rocks": {"coverage": 0.4, "smallest_m": 0.01, "most": 100_000},
-                                   "rig": {"width_px": 640, "height_px": 480}, "quality": {"samples": 1}})
+    pair, built = shoot(
+        tmp_path,
+        {
+            "rocks": {"coverage": 0.4, "smallest_m": 0.01, "most": 100_000},
+            "rig": {"width_px": 640, "height_px": 480},
+            "quality": {"samples": 1},
+        },
+    )
     known = FIRST_ROCK_INSTANCE + built.rock_count
     for view in views(pair).values():
         assert view.instance.max() < known

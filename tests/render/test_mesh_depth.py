@@ -22,27 +22,41 @@ _TOLERANCE = 1e-5
 #: Pixels that may differ: rays that pass the edge of a rock by less than the corners are rounded, and facets that are
 #: seen more edgewise.
 _EDGES = 1e-3
-NEAR = {"rig": {"height_m": 0.4, "baseline_m": 0.03, "pitch_deg": 50.0}, "quality": {"samples": 1},
-        "terrain": {"size_m": 3.0, "resolution": 65, "rms_slope_deg": 8.0}}
+NEAR = {
+    "rig": {"height_m": 0.4, "baseline_m": 0.03, "pitch_deg": 50.0},
+    "quality": {"samples": 1},
+    "terrain": {"size_m": 3.0, "resolution": 65, "rms_slope_deg": 8.0},
+}
 ROCKS = {"coverage": 0.2, "smallest_m": 0.08, "largest_m": 0.3, "most": 20, "clear_radius_m": 0.0}
 RELIEF = {"grain_size_m": 0.05, "grain_amplitude_m": 0.02}
 SCENES: dict[str, list[dict]] = {
     "real relief": [NEAR, {"mesh": {"kind": "GRADED"}, "rocks": ROCKS, "surface": {**RELIEF, "relief": "REAL"}}],
-    "real relief for the camera": [NEAR, {"mesh": {"kind": "GRADED"}, "rocks": {"coverage": 0.0}, "surface": {
-        **RELIEF, "relief": "REAL", "model": "LAMBERT"}, "quality": {"fine_relief": "CAMERA"}}],
+    "real relief for the camera": [
+        NEAR,
+        {
+            "mesh": {"kind": "GRADED"},
+            "rocks": {"coverage": 0.0},
+            "surface": {**RELIEF, "relief": "REAL", "model": "LAMBERT"},
+            "quality": {"fine_relief": "CAMERA"},
+        },
+    ],
     "bump": [NEAR, {"mesh": {"kind": "GRADED"}, "rocks": ROCKS, "surface": {**RELIEF, "relief": "BUMP"}}],
-    "real relief of a grid": [NEAR, {"rocks": {"coverage": 0.0}, "surface": {
-        "relief": "REAL", "grain_size_m": 0.4, "grain_amplitude_m": 0.05}}],
+    "real relief of a grid": [
+        NEAR,
+        {"rocks": {"coverage": 0.0}, "surface": {"relief": "REAL", "grain_size_m": 0.4, "grain_amplitude_m": 0.05}},
+    ],
     "displaced grid and rocks": [NEAR, {"rocks": ROCKS, "surface": {**RELIEF, "relief": "DISPLACEMENT"}}],
-    "displaced broken rocks": [NEAR, {"rocks": {**ROCKS, "family": "BROKEN_ICE"}, "surface": {
-        **RELIEF, "relief": "DISPLACEMENT"}}],
+    "displaced broken rocks": [
+        NEAR,
+        {"rocks": {**ROCKS, "family": "BROKEN_ICE"}, "surface": {**RELIEF, "relief": "DISPLACEMENT"}},
+    ],
 }
 
 
 def export(folder, settings, kind):
     """The files of a scene's ground, and what is known of it."""
     run_job({"settings": settings}, folder, lambda *a, **k: None, kind)
-    made, = folder.iterdir()
+    (made,) = folder.iterdir()
     facts = json.loads((made / "geometry.json").read_text(encoding="utf-8"))
     return [made / name for name in facts["files"]], facts
 
@@ -51,8 +65,10 @@ def read_all(files):
     """Positions and triangles of several files as one."""
     found = [read_mesh(path) for path in files]
     starts = np.cumsum([0, *(len(places) for places, _ in found)])
-    return (np.concatenate([places for places, _ in found]),
-            np.concatenate([triangles + start for (_, triangles), start in zip(found, starts, strict=False)]))
+    return (
+        np.concatenate([places for places, _ in found]),
+        np.concatenate([triangles + start for (_, triangles), start in zip(found, starts, strict=False)]),
+    )
 
 
 def check(pair, files):
@@ -68,7 +84,8 @@ def test_rays_meet_the_depth_of_the_pair(name, tmp_path):
     files, facts = export(tmp_path / "out", pair.settings, "gltf")
     check(pair, files)
     assert [line.split(":")[0] for line in facts["left_out"]] == (
-        [] if name.startswith("displaced") else ["surface.grain_amplitude_m"])
+        [] if name.startswith("displaced") else ["surface.grain_amplitude_m"]
+    )
     if "rock" in facts["meshes"]:
         assert (read_truth(pair.truth("left"), "left").semantic == ROCK).mean() > 0.01
 
@@ -76,10 +93,21 @@ def test_rays_meet_the_depth_of_the_pair(name, tmp_path):
 def test_displacement_of_ground_from_a_file_is_in_the_mesh(tmp_path):
     at = np.linspace(-1.0, 1.0, 41)
     np.save(tmp_path / "heights.npy", 0.1 * at[None, :] + 0.05 * np.sin(7.0 * at[:, None]))
-    pair, _ = render(tmp_path / "pair", NEAR, {"rocks": {"coverage": 0.0}, "surface": {
-        **RELIEF, "relief": "DISPLACEMENT"}, "source": {
-            "kind": "HEIGHT_MAP", "file": str(tmp_path / "heights.npy"), "metres_per_pixel": 0.05,
-            "height_scale_m": 1.0, "centre": True}})
+    pair, _ = render(
+        tmp_path / "pair",
+        NEAR,
+        {
+            "rocks": {"coverage": 0.0},
+            "surface": {**RELIEF, "relief": "DISPLACEMENT"},
+            "source": {
+                "kind": "HEIGHT_MAP",
+                "file": str(tmp_path / "heights.npy"),
+                "metres_per_pixel": 0.05,
+                "height_scale_m": 1.0,
+                "centre": True,
+            },
+        },
+    )
     check(pair, export(tmp_path / "out", pair.settings, "ply")[0])
 
 
@@ -92,12 +120,18 @@ def test_each_format_has_the_triangles_that_were_rendered(kind, tmp_path):
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize("presets", [("gallery/trench",), ("scenes/workspace_europa_lander",),
-                                     ("scenes/enceladus_block_field", "rocks/block_field")], ids="+".join)
+@pytest.mark.parametrize(
+    "presets",
+    [("gallery/trench",), ("scenes/workspace_europa_lander",), ("scenes/enceladus_block_field", "rocks/block_field")],
+    ids="+".join,
+)
 def test_shipped_scenes_are_exported_as_they_were_rendered(presets, tmp_path):
     """Small images, so that the meshes are coarse."""
-    small = {"rig": {"width_px": 96, "height_px": 72}, "quality": {"samples": 1, "denoiser": "NONE", "threads": 2},
-             "rocks": {"most": 300}}
+    small = {
+        "rig": {"width_px": 96, "height_px": 72},
+        "quality": {"samples": 1, "denoiser": "NONE", "threads": 2},
+        "rocks": {"most": 300},
+    }
     pair, _ = render(tmp_path / "pair", *map(load_preset, presets), small)
     check(pair, export(tmp_path / "out", pair.settings, "gltf")[0])
 

@@ -18,8 +18,9 @@ def on_facets(corners, across):
     if sides == 3:
         return np.broadcast_to(baked_texels._LINEAR, (len(corners), 3, 3))
     weights = np.zeros((len(corners), 4, 4))
-    for k, of in enumerate(((0, 1, 3), (0, 1, 3), (1, 2, 3), (1, 2, 3)) if across else (
-            (0, 1, 2), (0, 1, 2), (0, 2, 3), (0, 2, 3))):
+    for k, of in enumerate(
+        ((0, 1, 3), (0, 1, 3), (1, 2, 3), (1, 2, 3)) if across else ((0, 1, 2), (0, 1, 2), (0, 2, 3), (0, 2, 3))
+    ):
         shares = np.full(3, 0.15)
         shares[of.index(k)] = 0.7
         weights[:, k, of] = shares
@@ -52,13 +53,18 @@ def moving(name, height_m):
     material = bpy.data.materials.new(name)
     material.displacement_method = "DISPLACEMENT"
     tree = Tree(compat.ensure_nodes(material))
-    place = tree.node("ShaderNodeSeparateXYZ", "Place", {"Vector": tree.node(
-        "ShaderNodeNewGeometry", "Geometry").outputs["Position"]})
+    place = tree.node(
+        "ShaderNodeSeparateXYZ", "Place", {"Vector": tree.node("ShaderNodeNewGeometry", "Geometry").outputs["Position"]}
+    )
     height = tree.math("MULTIPLY", "Height", place.outputs["X"], height_m)
-    moved = tree.node("ShaderNodeDisplacement", "Moved", {"Height": height, "Midlevel": 0.0, "Scale": 1.0},
-                      leave=("Normal",), space="OBJECT").outputs[0]
-    tree.node("ShaderNodeOutputMaterial", "Surface", {"Displacement": moved},
-              leave=("Surface", "Volume", "Thickness"))
+    moved = tree.node(
+        "ShaderNodeDisplacement",
+        "Moved",
+        {"Height": height, "Midlevel": 0.0, "Scale": 1.0},
+        leave=("Normal",),
+        space="OBJECT",
+    ).outputs[0]
+    tree.node("ShaderNodeOutputMaterial", "Surface", {"Displacement": moved}, leave=("Surface", "Volume", "Thickness"))
     return material
 
 

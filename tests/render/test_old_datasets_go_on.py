@@ -20,9 +20,25 @@ def test_a_pair_that_was_taken_out_is_made_again_and_the_others_stay(old, tmp_pa
     gone, *kept = sorted((dataset / "pairs").iterdir())
     was, before = read_pair(gone), {file: file.read_bytes() for folder in kept for file in folder.iterdir()}
     shutil.rmtree(gone)
-    done = subprocess.run([sys.executable, "-m", "icymoon", "batch", str(DATA / old / "plan.toml"), "--out",
-                           str(dataset), "--workers", "1", "--threads-per-worker", "1"], capture_output=True, text=True,
-                          timeout=240, check=False)
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "icymoon",
+            "batch",
+            str(DATA / old / "plan.toml"),
+            "--out",
+            str(dataset),
+            "--workers",
+            "1",
+            "--threads-per-worker",
+            "1",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert {file: file.read_bytes() for file in before} == before
     again = read_pair(gone)

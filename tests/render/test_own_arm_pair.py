@@ -31,8 +31,10 @@ JOINTS = """
 SHAPES = {
     "post": '<visual><origin xyz="0 0 0.05"/><geometry><cylinder radius="0.07" length="0.3"/></geometry></visual>',
     "beam": '<visual><origin xyz="0.35 0 0"/><geometry><box size="0.7 0.1 0.08"/></geometry></visual>',
-    "wedge": visual("meshes/t.stl", "0.003 -0.0024 0.0016"), "knife": visual("meshes/t.obj", "2.5 2.5 1.5"),
-    "ball": '<visual><geometry><sphere radius="0.08"/></geometry></visual>'}
+    "wedge": visual("meshes/t.stl", "0.003 -0.0024 0.0016"),
+    "knife": visual("meshes/t.obj", "2.5 2.5 1.5"),
+    "ball": '<visual><geometry><sphere radius="0.08"/></geometry></visual>',
+}
 
 
 def from_box(points: np.ndarray) -> np.ndarray:
@@ -54,9 +56,13 @@ def from_tetrahedron(sides: tuple[float, float, float]) -> Callable[[np.ndarray]
 
 
 #: By link, the distance in metres of points (n, 3) of its frame from that surface, positive outside.
-DISTANCES = {"post": from_cylinder, "beam": from_box, "wedge": from_tetrahedron((0.3, -0.24, 0.16)),
-             "knife": from_tetrahedron((0.25, 0.25, 0.15)),
-             "ball": lambda points: np.linalg.norm(points, axis=1) - 0.08}
+DISTANCES = {
+    "post": from_cylinder,
+    "beam": from_box,
+    "wedge": from_tetrahedron((0.3, -0.24, 0.16)),
+    "knife": from_tetrahedron((0.25, 0.25, 0.15)),
+    "ball": lambda points: np.linalg.norm(points, axis=1) - 0.08,
+}
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +72,12 @@ def rendered(tmp_path_factory):
     write_obj(root / "meshes" / "t.obj")
     file = write_robot(root, JOINTS, ("foot", "post", "beam", "wedge", "knife", "ball"), SHAPES)
     level: dict[str, Any] = {
-        "terrain": {"rms_slope_deg": 0.0, "size_m": 12.0, "resolution": 65}, "rocks": {"coverage": 0.0},
-        "rig": {"width_px": 160, "height_px": 120, "heading_deg": 30.0}, "quality": {"samples": 4},
-        "lander": {"kind": "OWN", "file": str(file), "joints": f"yaw=25 pitch=-35 slide={SLIDE_M}"}}
+        "terrain": {"rms_slope_deg": 0.0, "size_m": 12.0, "resolution": 65},
+        "rocks": {"coverage": 0.0},
+        "rig": {"width_px": 160, "height_px": 120, "heading_deg": 30.0},
+        "quality": {"samples": 4},
+        "lander": {"kind": "OWN", "file": str(file), "joints": f"yaw=25 pitch=-35 slide={SLIDE_M}"},
+    }
     pair, built = render(root / "set", level)
     return pair, json.loads((Path(pair.image("left")).parent / "pair.json").read_text(encoding="utf-8")), built
 
@@ -84,8 +93,14 @@ def test_each_pixel_of_a_link_is_on_its_shape_at_its_pose(rendered):
         for name, distance in DISTANCES.items():
             rows, columns = np.nonzero(view.instance == links[name]["instance"])
             z = view.depth[rows, columns].astype(float)
-            seen = np.column_stack([(columns + 0.5 - camera.cx_px) / camera.focal_px * z,
-                                    (rows + 0.5 - camera.cy_px) / camera.focal_px * z, z, np.ones_like(z)])
+            seen = np.column_stack(
+                [
+                    (columns + 0.5 - camera.cx_px) / camera.focal_px * z,
+                    (rows + 0.5 - camera.cy_px) / camera.focal_px * z,
+                    z,
+                    np.ones_like(z),
+                ]
+            )
             places = seen @ np.linalg.inv(np.array(links[name][f"link_to_{eye}"])).T
             off = np.abs(distance(places[:, :3]))
             assert len(off) > 15, (eye, name)
@@ -97,22 +112,32 @@ def test_poses_and_keypoints_are_those_of_the_angles_by_hand(rendered):
     pair, said, built = rendered
     lander, camera = said["lander"], pair.camera
     settings = built.settings
-    eyes = {eye: np.array(next(link for link in lander["links"] if link["name"] == "body")[f"link_to_{eye}"])
-            for eye in ("left", "right")}
+    eyes = {
+        eye: np.array(next(link for link in lander["links"] if link["name"] == "body")[f"link_to_{eye}"])
+        for eye in ("left", "right")
+    }
     arm = settings.arm
     out = 0.7 + np.array([0.0, 0.3 + SLIDE_M, 0.55 + SLIDE_M]) * math.cos(PITCH)
     up = 0.3 + np.array([0.0, 0.3 + SLIDE_M, 0.55 + SLIDE_M]) * math.sin(PITCH)
-    places = {"mount": (0.0, 0.1), "yaw": (0.0, 0.3),
-              **{name: (out[k], up[k]) for k, name in enumerate(("pitch", "slide", "end"))}}
+    places = {
+        "mount": (0.0, 0.1),
+        "yaw": (0.0, 0.3),
+        **{name: (out[k], up[k]) for k, name in enumerate(("pitch", "slide", "end"))},
+    }
     points = {point["name"]: point for point in lander["keypoints"]}
     assert set(places) <= set(points)
     for name, (ahead, high) in places.items():
-        at = [arm.shoulder_x_m + ahead * math.cos(YAW), arm.shoulder_y_m + ahead * math.sin(YAW),
-              arm.shoulder_z_m + high, 1.0]
+        at = [
+            arm.shoulder_x_m + ahead * math.cos(YAW),
+            arm.shoulder_y_m + ahead * math.sin(YAW),
+            arm.shoulder_z_m + high,
+            1.0,
+        ]
         for eye, to_eye in eyes.items():
             x, y, z = (to_eye @ at)[:3]  # the eyes are in single precision
             assert points[name][f"{eye}_px"] == pytest.approx(
-                [camera.focal_px * x / z + camera.cx_px, camera.focal_px * y / z + camera.cy_px], abs=1e-4)
+                [camera.focal_px * x / z + camera.cx_px, camera.focal_px * y / z + camera.cy_px], abs=1e-4
+            )
     # The body's frame is on the ground under the middle between the eyes, level, with x along the rig's heading.
     rig, pose = settings.rig, eyes["left"]
     below = np.linalg.inv(pose)[:3, 3]

@@ -69,15 +69,21 @@ def check_same(ours: Pair, cycles: Pair) -> None:
             assert np.mean(mine.hidden != other.hidden) < 0.02  # Cycles finds them between four rays
 
 
-@pytest.mark.parametrize("parts", [
-    [{}], [{"rocks": ROCKS}], [{"surface": {**ROUGH, "relief": "DISPLACEMENT"}}],
-    [{"mesh": {"kind": "GRADED"}, "surface": ROUGH, "rocks": ROCKS}],
-    [{"rig": {"toe_in_deg": 2.0, "overscan": 0.1}, "rocks": ROCKS}],
-    [{"rig": {"principal_x_px": 9.3, "principal_y_px": -7.25, "overscan": 0.05}, "rocks": ROCKS}],
-    [{"rig": {"focus_distance_m": 3.0}, "sensor": {"f_number": 2.0}, "rocks": ROCKS}],
-    [{"quality": {"truth": "DEPTH"}, "rig": {"toe_in_deg": 1.0}}],
-    [{"quality": {"truth": "SEMANTIC"}, "rig": {"toe_in_deg": 1.0}, "rocks": ROCKS}]],
-    ids=["plain", "rocks", "displaced", "graded", "toed", "off_axis", "blurred", "depth", "semantic"])
+@pytest.mark.parametrize(
+    "parts",
+    [
+        [{}],
+        [{"rocks": ROCKS}],
+        [{"surface": {**ROUGH, "relief": "DISPLACEMENT"}}],
+        [{"mesh": {"kind": "GRADED"}, "surface": ROUGH, "rocks": ROCKS}],
+        [{"rig": {"toe_in_deg": 2.0, "overscan": 0.1}, "rocks": ROCKS}],
+        [{"rig": {"principal_x_px": 9.3, "principal_y_px": -7.25, "overscan": 0.05}, "rocks": ROCKS}],
+        [{"rig": {"focus_distance_m": 3.0}, "sensor": {"f_number": 2.0}, "rocks": ROCKS}],
+        [{"quality": {"truth": "DEPTH"}, "rig": {"toe_in_deg": 1.0}}],
+        [{"quality": {"truth": "SEMANTIC"}, "rig": {"toe_in_deg": 1.0}, "rocks": ROCKS}],
+    ],
+    ids=["plain", "rocks", "displaced", "graded", "toed", "off_axis", "blurred", "depth", "semantic"],
+)
 def test_truth_is_the_same_by_rays_and_by_cycles(tmp_path, parts):
     for ours, cycles in both(tmp_path, complete(WIDE, *parts)):
         if complete(*parts).quality.truth == "FULL":
@@ -91,11 +97,18 @@ def test_truth_is_the_same_by_rays_and_by_cycles(tmp_path, parts):
 
 @pytest.mark.parametrize("preset", ["gallery/saturn_light", "gallery/trench", "workspace_europa_lander"])
 def test_planet_trench_and_lander_are_the_same_by_rays_and_by_cycles(tmp_path, preset):
-    made = description.merged(description.defaults(), preset_files.load_preset(
-        preset if "/" in preset else f"scenes/{preset}"))
-    small = typed(description.merged(scaled_view(made, 128 / made["rig"]["width_px"]), {
-        "quality": {"samples": 1, "denoiser": "NONE", "threads": 2, "indirect": "TRACED"},
-        "dataset": {"headings": 2}}))
+    made = description.merged(
+        description.defaults(), preset_files.load_preset(preset if "/" in preset else f"scenes/{preset}")
+    )
+    small = typed(
+        description.merged(
+            scaled_view(made, 128 / made["rig"]["width_px"]),
+            {
+                "quality": {"samples": 1, "denoiser": "NONE", "threads": 2, "indirect": "TRACED"},
+                "dataset": {"headings": 2},
+            },
+        )
+    )
     pairs = both(tmp_path, small)
     for ours, cycles in pairs:  # the second heading turns the lander's head
         check_same(ours, cycles)
@@ -121,6 +134,7 @@ def add_block(built: Built, place: Matrix, kind: str = "MESH") -> bpy.types.Obje
 
 def test_objects_of_the_user_are_met_as_they_stand(tmp_path):
     """One that is mirrored and stretched, and two instances of a collection with another."""
+
     def change(built: Built) -> None:
         add_block(built, Matrix.Diagonal((-0.3, 0.1, 0.2, 1.0)) @ Matrix.Rotation(0.7, 4, "X"))
         inner = bpy.data.collections.new("Inner")
@@ -132,7 +146,8 @@ def test_objects_of_the_user_are_met_as_they_stand(tmp_path):
             empty.instance_type, empty.instance_collection = "COLLECTION", inner
             built.collection.objects.link(empty)
             empty.matrix_world = Matrix.Translation((x, 0.0, 0.3))
-    (ours, cycles), = both(tmp_path, complete(WIDE), change)
+
+    ((ours, cycles),) = both(tmp_path, complete(WIDE), change)
     check_same(ours, cycles)
     assert len(np.unique(read_truth(ours.truth("left"), "left").instance)) >= 3
 
@@ -141,7 +156,8 @@ def test_rocks_that_are_hidden_in_renders_are_not_met(tmp_path):
     def change(built: Built) -> None:
         assert built.rocks is not None
         built.rocks.hide_render = True
-    (ours, cycles), = both(tmp_path, complete(WIDE, {"rocks": ROCKS}), change)
+
+    ((ours, cycles),) = both(tmp_path, complete(WIDE, {"rocks": ROCKS}), change)
     check_same(ours, cycles)
     assert read_truth(ours.truth("left"), "left").instance.max() < FIRST_ROCK_INSTANCE
 
@@ -164,12 +180,17 @@ def unseen(built: Built) -> None:
     add_block(built, Matrix.Scale(0.2, 4)).visible_camera = False
 
 
-@pytest.mark.parametrize(("change", "why"), [
-    (pane, "the object Block may let rays pass"), (finer, "the object Block has another mesh in renders"),
-    (unseen, "the camera does not see the object Block"),
-    (lambda built: add_block(built, Matrix.Scale(0.2, 4), "CURVE"), "the object Block is no mesh")])
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (pane, "the object Block may let rays pass"),
+        (finer, "the object Block has another mesh in renders"),
+        (unseen, "the camera does not see the object Block"),
+        (lambda built: add_block(built, Matrix.Scale(0.2, 4), "CURVE"), "the object Block is no mesh"),
+    ],
+)
 def test_cycles_renders_the_truth_of_what_rays_would_not_meet_and_the_pair_states_why(tmp_path, change, why):
-    pair, = shoot(tmp_path, complete({}), change)
+    (pair,) = shoot(tmp_path, complete({}), change)
     assert pair.data["truth"]["by"] == "Cycles"
     assert why in pair.data["truth"]["why"]
     assert read_truth(pair.truth("left"), "left").hidden is not None
@@ -179,21 +200,26 @@ def test_blenders_trees_find_the_same_truth_where_there_is_no_embree(tmp_path, m
     """Of rocks on ground that its material moves. Other pixels are those whose ray meets an edge to single precision,
     1e-7 of a pixel wide."""
     settings = complete(WIDE, {"rocks": ROCKS, "surface": {**ROUGH, "relief": "DISPLACEMENT"}})
-    ours, = shoot(tmp_path / "embree", settings)
+    (ours,) = shoot(tmp_path / "embree", settings)
     monkeypatch.setattr(engine, "_library", lambda folders: None)
-    others, = shoot(tmp_path / "trees", settings)
+    (others,) = shoot(tmp_path / "trees", settings)
     assert [pair.data["truth"] for pair in (ours, others)] == [{"by": "Embree"}, {"by": "BVHTree"}]
     for eye in EYES:
         mine, other = (read_truth(pair.truth(eye), eye) for pair in (ours, others))
         assert len(np.unique(mine.instance)) > 3
-        for one, two in ((mine.depth, other.depth), (mine.normal, other.normal), (mine.instance, other.instance),
-                         (mine.semantic, other.semantic), (mine.hidden, other.hidden)):
+        for one, two in (
+            (mine.depth, other.depth),
+            (mine.normal, other.normal),
+            (mine.instance, other.instance),
+            (mine.semantic, other.semantic),
+            (mine.hidden, other.hidden),
+        ):
             assert np.sum(np.abs(one.astype(float) - two) > 1e-6 * np.abs(two)) <= 2
 
 
 def test_truth_that_comes_with_the_light_needs_no_rays(tmp_path, monkeypatch):
     monkeypatch.setattr(engine, "load_library", pytest.fail)
-    pair, = shoot(tmp_path, complete({"quality": {"truth": "DEPTH"}}))
+    (pair,) = shoot(tmp_path, complete({"quality": {"truth": "DEPTH"}}))
     assert "truth" not in pair.data
 
 
@@ -208,8 +234,18 @@ def test_rays_leave_nothing_in_the_file(tmp_path):
 
 def test_geometry_nodes_move_vertices_as_a_bake_of_cycles_tells(monkeypatch):
     """Fine relief that is real, with a crust: on a graded mesh, of which a part moves."""
-    settings = complete({"mesh": {"kind": "GRADED"}, "surface": {
-        **ROUGH, "model": "PRINCIPLED", "grain_patchiness": 0.5, "crust_share": 0.4, "crust_height_m": 0.01}})
+    settings = complete(
+        {
+            "mesh": {"kind": "GRADED"},
+            "surface": {
+                **ROUGH,
+                "model": "PRINCIPLED",
+                "grain_patchiness": 0.5,
+                "crust_share": 0.4,
+                "crust_height_m": 0.01,
+            },
+        }
+    )
     built = build(empty_scene(), settings)
     mesh, place = built.terrain.data, np.array(built.terrain.matrix_world)
     at_rest = np.empty(3 * len(mesh.vertices), np.float32)
@@ -229,7 +265,11 @@ def test_geometry_nodes_move_vertices_as_a_bake_of_cycles_tells(monkeypatch):
 @pytest.mark.parametrize("preset", [name for name in preset_files.preset_names() if name.startswith("scenes/")])
 def test_the_truth_of_each_scene_is_the_same_by_rays_and_by_cycles(tmp_path, preset):
     made = description.merged(description.defaults(), preset_files.load_preset(preset))
-    small = typed(description.merged(scaled_view(made, 160 / made["rig"]["width_px"]), {
-        "quality": {"samples": 1, "denoiser": "NONE", "threads": 2, "indirect": "TRACED"}}))
+    small = typed(
+        description.merged(
+            scaled_view(made, 160 / made["rig"]["width_px"]),
+            {"quality": {"samples": 1, "denoiser": "NONE", "threads": 2, "indirect": "TRACED"}},
+        )
+    )
     for ours, cycles in both(tmp_path, small):
         check_same(ours, cycles)

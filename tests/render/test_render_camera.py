@@ -28,11 +28,13 @@ from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene, render
 
 #: A plane two metres below the camera that ends at its left eye: an edge down the middle of the image.
-EDGE = {"terrain": {"rms_slope_deg": 0.0, "size_m": 8.0, "resolution": 5},
-        "surface": {"grain_amplitude_m": 0.0, "albedo_variation": 0.0, "specular": 0.0},
-        "light": {"sun_elevation_deg": 90.0, "sun_angular_diameter_deg": 0.0},
-        "rig": {"pitch_deg": 90.0, "height_m": 2.0, "x_m": 4.0, "width_px": 96, "height_px": 24},
-        "quality": {"samples": 64, "diffuse_bounces": 0}}
+EDGE = {
+    "terrain": {"rms_slope_deg": 0.0, "size_m": 8.0, "resolution": 5},
+    "surface": {"grain_amplitude_m": 0.0, "albedo_variation": 0.0, "specular": 0.0},
+    "light": {"sun_elevation_deg": 90.0, "sun_angular_diameter_deg": 0.0},
+    "rig": {"pitch_deg": 90.0, "height_m": 2.0, "x_m": 4.0, "width_px": 96, "height_px": 24},
+    "quality": {"samples": 64, "diffuse_bounces": 0},
+}
 FOCUS = {"rig": {"focus_distance_m": 0.1}, "sensor": {"f_number": 1.6}}
 MOTION = {"rig": {"speed_right_m_s": 0.8, "motion_exposure_s": 0.5}}
 
@@ -43,7 +45,7 @@ def spread(pair) -> tuple[float, float]:
     line = np.diff(profile) / (profile[-1] - profile[0])
     at = np.arange(1, len(profile))
     middle = float((line * at).sum())
-    return middle, float(np.sqrt((line * (at - middle)**2).sum()))
+    return middle, float(np.sqrt((line * (at - middle) ** 2).sum()))
 
 
 def truths(pair) -> list[np.ndarray]:
@@ -74,7 +76,7 @@ def test_the_disc_of_confusion_is_that_of_the_thin_lens(tmp_path, sharp):
     pair, _ = render(tmp_path, EDGE, FOCUS)
     middle, sigma = spread(pair)
     # A disc of even light spreads an edge by a quarter of its diameter; what a pixel itself spreads comes on top.
-    diameter = 4 * np.sqrt(sigma**2 - sharp[2]**2)
+    diameter = 4 * np.sqrt(sigma**2 - sharp[2] ** 2)
     expected = 96 * 32 / 60 * 0.032 / 1.6 * (1 / 0.1 - 1 / 2)
     assert confusion_px(2.0, pair.settings.rig, blur_of(pair.settings)) == pytest.approx(expected)
     assert diameter == pytest.approx(expected, rel=0.05)
@@ -83,13 +85,17 @@ def test_the_disc_of_confusion_is_that_of_the_thin_lens(tmp_path, sharp):
     assert pair.data["blur"]["f_number"] == pytest.approx(1.6)
 
 
-@pytest.mark.parametrize(("motion", "length"), [
-    ({"speed_right_m_s": 0.8}, 96 * 32 / 60 * 0.8 * 0.5 / 2.0),
-    ({"turn_right_deg_s": 20.0}, 96 * 32 / 60 * 2 * np.tan(np.radians(5.0)))])
+@pytest.mark.parametrize(
+    ("motion", "length"),
+    [
+        ({"speed_right_m_s": 0.8}, 96 * 32 / 60 * 0.8 * 0.5 / 2.0),
+        ({"turn_right_deg_s": 20.0}, 96 * 32 / 60 * 2 * np.tan(np.radians(5.0))),
+    ],
+)
 def test_motion_blur_is_as_long_as_the_way_of_a_point_and_about_the_instant_of_truth(tmp_path, sharp, motion, length):
     pair, _ = render(tmp_path, EDGE, MOTION, {"rig": {"speed_right_m_s": 0.0} | motion})
     middle, sigma = spread(pair)
-    found = np.sqrt(12 * (sigma**2 - sharp[2]**2))  # of a line of even light
+    found = np.sqrt(12 * (sigma**2 - sharp[2] ** 2))  # of a line of even light
     assert motion_px(0.0, 0.0, 2.0, pair.settings.rig, blur_of(pair.settings)) == pytest.approx(length, rel=1e-6)
     assert found == pytest.approx(length, abs=0.5)
     assert middle == pytest.approx(sharp[1], abs=0.2)
@@ -107,16 +113,37 @@ def plane_points(pair, depth: np.ndarray, eye: str, poses: str, margin: bool) ->
     return (rays * depth[..., None]) @ pose[:3, :3].T + pose[:3, 3]
 
 
-TEXTURED = {"terrain": {"rms_slope_deg": 0.0, "size_m": 40.0, "resolution": 41}, "light": {"sun_elevation_deg": 60.0},
-            "surface": {"grain_amplitude_m": 0.0, "specular": 0.0, "albedo": 0.9, "albedo_variation": 1.0,
-                        "albedo_patch_m": 0.05}, "rig": {"width_px": 360, "height_px": 240},
-            "quality": {"samples": 12, "diffuse_bounces": 0}, "sensor": {"shot_noise": False, "read_noise_e": 0.0}}
+TEXTURED = {
+    "terrain": {"rms_slope_deg": 0.0, "size_m": 40.0, "resolution": 41},
+    "light": {"sun_elevation_deg": 60.0},
+    "surface": {
+        "grain_amplitude_m": 0.0,
+        "specular": 0.0,
+        "albedo": 0.9,
+        "albedo_variation": 1.0,
+        "albedo_patch_m": 0.05,
+    },
+    "rig": {"width_px": 360, "height_px": 240},
+    "quality": {"samples": 12, "diffuse_bounces": 0},
+    "sensor": {"shot_noise": False, "read_noise_e": 0.0},
+}
 
 
 @pytest.fixture(scope="module")
 def toed(tmp_path_factory, registered):
-    return render(tmp_path_factory.mktemp("toed"), TEXTURED, {"rig": {
-        "toe_in_deg": 4.0, "overscan": 0.05, "distortion_k1": -0.05, "heading_deg": 30.0, "principal_x_px": 7.0}})[0]
+    return render(
+        tmp_path_factory.mktemp("toed"),
+        TEXTURED,
+        {
+            "rig": {
+                "toe_in_deg": 4.0,
+                "overscan": 0.05,
+                "distortion_k1": -0.05,
+                "heading_deg": 30.0,
+                "principal_x_px": 7.0,
+            }
+        },
+    )[0]
 
 
 def test_toed_in_eyes_see_where_their_poses_say(toed):
@@ -124,7 +151,8 @@ def test_toed_in_eyes_see_where_their_poses_say(toed):
     # Each is turned toward the other by 4 degrees, about its own vertical, the left one to the right.
     assert np.degrees(np.arccos(left[:3, 2] @ right[:3, 2])) == pytest.approx(8.0, abs=1e-4)
     assert left[:3, 2] @ np.array(toed.data["poses_rectified_to_world"]["left"])[:3, 0] == pytest.approx(
-        np.sin(np.radians(4.0)), abs=1e-6)
+        np.sin(np.radians(4.0)), abs=1e-6
+    )
     for eye in EYES:
         taken = read_truth(toed.truth_of_image(eye), eye).depth
         assert taken.shape == (240 + 2 * 12, 360 + 2 * 18)
@@ -248,23 +276,39 @@ def test_with_overscan_no_pixel_of_the_sensor_is_dark_and_truth_stays_what_it_wa
     assert ours.pair.camera.rendered_px > (180, 120)
 
 
-@pytest.mark.parametrize("rig", [
-    *(pytest.param(rig, marks=pytest.mark.heavy) for rig in (
-        {"toe_in_deg": 45.0, "overscan": 0.3}, {"focus_distance_m": 0.033}, {"speed_right_m_s": 1000.0})),
-    {"speed_forward_m_s": -1000.0, "turn_down_deg_s": 80.0, "roll_deg_s": -30.0, "toe_in_deg": 20.0,
-     "focus_distance_m": 0.5}], ids=["toe-in", "focus", "speed", "all"])
+@pytest.mark.parametrize(
+    "rig",
+    [
+        *(
+            pytest.param(rig, marks=pytest.mark.heavy)
+            for rig in ({"toe_in_deg": 45.0, "overscan": 0.3}, {"focus_distance_m": 0.033}, {"speed_right_m_s": 1000.0})
+        ),
+        {
+            "speed_forward_m_s": -1000.0,
+            "turn_down_deg_s": 80.0,
+            "roll_deg_s": -30.0,
+            "toe_in_deg": 20.0,
+            "focus_distance_m": 0.5,
+        },
+    ],
+    ids=["toe-in", "focus", "speed", "all"],
+)
 def test_at_the_extremes_there_is_an_image_without_nan_and_the_truth_is_that_of_the_pinhole(tmp_path, rig):
     small = {"quality": {"samples": 2}, "rig": {"width_px": 48, "height_px": 36}, "sensor": {"f_number": 0.5}}
     pair, _ = render(tmp_path / "extreme", small, {"rig": {"motion_exposure_s": 1.0} | rig})
     plain, _ = render(tmp_path / "plain", small)
-    for response in ({"exposure_s": 1e-6, "full_well_e": 1.0, "read_noise_e": 0.0}, {"exposure_s": 1000.0},
-                     {"temperature_k": 0.0, "bits": 16}, {"temperature_k": 500.0}):
+    for response in (
+        {"exposure_s": 1e-6, "full_well_e": 1.0, "read_noise_e": 0.0},
+        {"exposure_s": 1000.0},
+        {"temperature_k": 0.0, "bits": 16},
+        {"temperature_k": 500.0},
+    ):
         loaded = load(pair.folder, {"sensor": {"auto_exposure": False} | response})
         for eye in EYES:
             assert np.isfinite(loaded.views[eye].radiance).all()
             assert loaded.views[eye].radiance.min() >= 0
             image = getattr(loaded.images, eye)
-            assert image.max() < 2 ** loaded.images.bits
+            assert image.max() < 2**loaded.images.bits
     for eye in EYES:
         ours, theirs = (each.camera.cropped(read_truth(each.truth(eye), eye).depth) for each in (pair, plain))
         np.testing.assert_allclose(ours, theirs, rtol=2e-5 if rig.get("overscan") else 0)
@@ -275,8 +319,11 @@ def test_at_the_extremes_there_is_an_image_without_nan_and_the_truth_is_that_of_
 def test_panel_and_build_say_what_truth_is_of_and_the_panel_how_blurred_and_how_dark():
     size = {"rig": {"width_px": 640, "height_px": 480}}
     assert sidebar_text.camera_notes(complete(size)) == ()
-    moving = complete(size, FOCUS, {"rig": {"focus_distance_m": 2.0, "speed_right_m_s": 1.0, "motion_exposure_s": 0.01,
-                                            "distortion_k1": -0.1}})
+    moving = complete(
+        size,
+        FOCUS,
+        {"rig": {"focus_distance_m": 2.0, "speed_right_m_s": 1.0, "motion_exposure_s": 0.01, "distortion_k1": -0.1}},
+    )
     lines = sidebar_text.camera_notes(moving)
     assert "truth is sharp" in " ".join(lines)
     # 2.23 m deep in the middle: 341.3 px x 0.032 m / 1.6 x (1/2 - 1/2.23) and 341.3 px x 0.01 m / 2.23 m.
@@ -293,8 +340,16 @@ def test_panel_and_build_say_what_truth_is_of_and_the_panel_how_blurred_and_how_
 
 
 def test_the_built_camera_is_the_same_after_a_render_and_nothing_is_left_behind(tmp_path):
-    extreme = {"rig": {"toe_in_deg": 5.0, "overscan": 0.2, "focus_distance_m": 1.0, "roll_deg_s": 5.0,
-                       "motion_exposure_s": 0.1}, "quality": {"samples": 1}}
+    extreme = {
+        "rig": {
+            "toe_in_deg": 5.0,
+            "overscan": 0.2,
+            "focus_distance_m": 1.0,
+            "roll_deg_s": 5.0,
+            "motion_exposure_s": 0.1,
+        },
+        "quality": {"samples": 1},
+    }
     _, built = render(tmp_path, extreme)
     assert not built.edited
     check_camera(built)

@@ -13,8 +13,12 @@ from icymoon import IcyMoonError, Scene
 
 pytestmark = pytest.mark.heavy  # a Blender or two are started, or scenes built
 
-TINY: Any = {"rig": {"width_px": 48, "height_px": 36}, "terrain": {"resolution": 33}, "mesh": {"kind": "GRID"},
-             "quality": {"samples": 2, "threads": 1, "truth": "DEPTH"}}
+TINY: Any = {
+    "rig": {"width_px": 48, "height_px": 36},
+    "terrain": {"resolution": 33},
+    "mesh": {"kind": "GRID"},
+    "quality": {"samples": 2, "threads": 1, "truth": "DEPTH"},
+}
 
 
 def test_the_worker_stays_and_its_pairs_are_those_of_a_fresh_one(tmp_path):
@@ -25,7 +29,8 @@ def test_the_worker_stays_and_its_pairs_are_those_of_a_fresh_one(tmp_path):
         process = worker._process
         with pytest.raises(IcyMoonError, match="albedo"):  # and goes on after a scene that cannot be
             Scene(**TINY | {"surface": {"model": "HAPKE"}, "textures": {"set": "OWN", "albedo_file": "no.png"}}).render(
-                tmp_path / "a", renderer=worker)
+                tmp_path / "a", renderer=worker
+            )
         second = scene.change(light={"sun_elevation_deg": 60.0}).render(tmp_path / "a", renderer=worker)
         assert worker._process is process
         # Built by what the scene before it was changed into; the same numbers as built from nothing.
@@ -59,26 +64,32 @@ def test_a_complete_pair_starts_no_blender(tmp_path):
 def points_of(pair: icymoon.RenderedPair) -> np.ndarray:
     """World coordinates (H, W, 3) of what the left pixels see, in metres."""
     camera, depth = pair.camera, pair.depth_m
-    v, u = np.mgrid[:camera.height_px, :camera.width_px] + 0.5
-    eye = np.stack([(u - camera.cx_px) / camera.focal_px * depth, (v - camera.cy_px) / camera.focal_px * depth, depth],
-                   axis=-1)
+    v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
+    eye = np.stack(
+        [(u - camera.cx_px) / camera.focal_px * depth, (v - camera.cy_px) / camera.focal_px * depth, depth], axis=-1
+    )
     pose = pair.left.pose_to_world
     return eye @ pose[:3, :3].T + pose[:3, 3]
 
 
 def test_own_heights_and_albedo_are_where_they_were_put(tmp_path):
     """Seen from above: what the camera measures lies on the function, and light follows the albedo of its place."""
+
     def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return 0.05 * x - 0.02 * y
 
     def albedo(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return np.where(x + 0.5 * y > 1.0, 0.8, np.where(y > 3.0, 0.2, 0.4))
 
-    scene = Scene(**TINY | {
-        "rig": {"width_px": 96, "height_px": 72, "height_m": 12.0, "pitch_deg": 89.0},
-        "surface": {"model": "LAMBERT", "grain_amplitude_m": 0.0},
-        "light": {"planet": False, "sun_elevation_deg": 50.0},
-        "quality": {"samples": 16, "threads": 1, "diffuse_bounces": 0, "truth": "DEPTH"}})
+    scene = Scene(
+        **TINY
+        | {
+            "rig": {"width_px": 96, "height_px": 72, "height_m": 12.0, "pitch_deg": 89.0},
+            "surface": {"model": "LAMBERT", "grain_amplitude_m": 0.0},
+            "light": {"planet": False, "sun_elevation_deg": 50.0},
+            "quality": {"samples": 16, "threads": 1, "diffuse_bounces": 0, "truth": "DEPTH"},
+        }
+    )
     with icymoon.InProcess() as here:
         pair = scene.with_heights(height).with_albedo(albedo, resolution=256).render(tmp_path, renderer=here)
     x, y, z = np.moveaxis(points_of(pair), -1, 0)
@@ -94,12 +105,14 @@ def test_own_heights_and_albedo_are_where_they_were_put(tmp_path):
         assert ratio == pytest.approx(value / 0.8, rel=2e-3)
 
 
-
-
 def test_own_rocks_are_seen_where_they_were_put(tmp_path):
-    scene = Scene(**TINY | {
-        "rig": {"width_px": 96, "height_px": 72, "height_m": 12.0, "pitch_deg": 89.0},
-        "quality": {"samples": 1, "threads": 1, "truth": "FULL"}}).with_heights(lambda x, y: 0 * x)
+    scene = Scene(
+        **TINY
+        | {
+            "rig": {"width_px": 96, "height_px": 72, "height_m": 12.0, "pitch_deg": 89.0},
+            "quality": {"samples": 1, "threads": 1, "truth": "FULL"},
+        }
+    ).with_heights(lambda x, y: 0 * x)
     rocks = np.array([[2.0, 1.0, 1.5], [-3.0, 2.0, 2.0], [30.0, 0.0, 1.0]])
     with icymoon.InProcess() as here, pytest.warns(UserWarning, match="lacks 1 rock of"):
         pair = scene.with_rocks(rocks).render(tmp_path, renderer=here)

@@ -54,22 +54,40 @@ def test_another_camera_builds_no_tree_of_triangles(scene, tmp_path, monkeypatch
     """
     monkeypatch.setattr(unlit, "MOST_TRIANGLES_A_PIXEL", 0)
     monkeypatch.setattr(unlit, "switch_lights_off", lambda scene: nullcontext())
-    cameras = ({}, {"rig": {"heading_deg": 50.0}}, {"rig": {"x_m": 1.0, "pitch_deg": 30.0, "focal_length_mm": 20.0}},
-               {"rig": {"width_px": 40, "baseline_m": 0.5, "overscan": 0.1}}, {"quality": {"samples": 3}})
+    cameras = (
+        {},
+        {"rig": {"heading_deg": 50.0}},
+        {"rig": {"x_m": 1.0, "pitch_deg": 30.0, "focal_length_mm": 20.0}},
+        {"rig": {"width_px": 40, "baseline_m": 0.5, "overscan": 0.1}},
+        {"quality": {"samples": 3}},
+    )
     pairs = [planned(scene, change) for change in cameras]
     other = planned(scene, {"surface": {"albedo": 0.5}})
     assert trees([*pairs, other], tmp_path) == [True, False, False, False, False, True]
 
 
 def test_nothing_of_a_take_is_left_in_the_camera_of_the_next(tmp_path):
-    turned = {"rig": {"toe_in_deg": 4.0, "overscan": 0.2, "focus_distance_m": 1.0, "roll_deg_s": 5.0,
-                      "motion_exposure_s": 0.1, "principal_x_px": 3.0}}
+    turned = {
+        "rig": {
+            "toe_in_deg": 4.0,
+            "overscan": 0.2,
+            "focus_distance_m": 1.0,
+            "roll_deg_s": 5.0,
+            "motion_exposure_s": 0.1,
+            "principal_x_px": 3.0,
+        }
+    }
     pairs = [planned(turned), planned({"rig": {"heading_deg": 20.0}}), planned(turned, {"rig": {"pitch_deg": 60.0}})]
     for name, stages in (("shared", [pairs]), ("alone", [[pair] for pair in pairs])):
         for together in stages:
             with ScenesFromSettings(lambda warning: None) as stage:
                 render_from(stage, together, tmp_path / name, lambda *a, **k: None)
-    made = {name: {file.relative_to(tmp_path / name): file.read_bytes()
-                   for file in sorted((tmp_path / name).glob("pairs/*/*.exr"))} for name in ("shared", "alone")}
+    made = {
+        name: {
+            file.relative_to(tmp_path / name): file.read_bytes()
+            for file in sorted((tmp_path / name).glob("pairs/*/*.exr"))
+        }
+        for name in ("shared", "alone")
+    }
     assert len(made["alone"]) == 2 * 6 + 2
     assert made["shared"] == made["alone"]

@@ -50,7 +50,7 @@ def test_half_floats_are_what_was_rendered_rounded(tmp_path):
         # Another id is another seed, so the noise of the light differs.
         assert np.array_equal(b.radiance, b.radiance.astype(np.float16))
         assert not np.array_equal(a.radiance, a.radiance.astype(np.float16))
-        assert 0 < np.abs(a.normal - b.normal).max() <= 2.0 ** -12  # half of the distance of numbers from 0.5 to 1
+        assert 0 < np.abs(a.normal - b.normal).max() <= 2.0**-12  # half of the distance of numbers from 0.5 to 1
         for name in ("depth", "instance", "semantic", "hidden"):
             assert np.array_equal(getattr(a, name), getattr(b, name), equal_nan=name == "depth"), name
     assert half.id != full.id
@@ -59,8 +59,12 @@ def test_half_floats_are_what_was_rendered_rounded(tmp_path):
 
 @pytest.mark.parametrize("truth_by", ["RAYS", "CYCLES"])
 def test_compact_files_are_the_full_ones_of_the_same_render_with_exact_truth(tmp_path, truth_by):
-    scene = {"rig": {"width_px": 32, "height_px": 24}, "quality": {"samples": 1, "truth_by": truth_by},
-             "rocks": {"coverage": 0.1}, "light": {"planet": True, "planet_elevation_deg": 40.0}}
+    scene = {
+        "rig": {"width_px": 32, "height_px": 24},
+        "quality": {"samples": 1, "truth_by": truth_by},
+        "rocks": {"coverage": 0.1},
+        "light": {"planet": True, "planet_elevation_deg": 40.0},
+    }
     compact, _ = render(tmp_path / "compact", scene)
     full, _ = render(tmp_path / "full", scene, {"quality": {"files": "FULL"}})
     assert compact.id == full.id
@@ -80,8 +84,11 @@ def test_compact_files_are_the_full_ones_of_the_same_render_with_exact_truth(tmp
 
 
 def test_a_denoised_image_is_stored_beside_its_lights(tmp_path):
-    scene = {"rig": {"width_px": 32, "height_px": 24}, "quality": {"samples": 1, "denoiser": "OIDN"},
-             "light": {"planet": True, "planet_elevation_deg": 40.0}}
+    scene = {
+        "rig": {"width_px": 32, "height_px": 24},
+        "quality": {"samples": 1, "denoiser": "OIDN"},
+        "light": {"planet": True, "planet_elevation_deg": 40.0},
+    }
     pair, _ = render(tmp_path, scene)
     view = read_view(pair.image("left"))
     assert np.abs(view.radiance - view.groups["Sun"] - view.groups["Planet"]).max() > 0.01
@@ -100,13 +107,17 @@ def test_without_the_walk_as_much_light_comes_back(tmp_path):
     assert means[0] == pytest.approx(means[1], rel=0.01)
 
 
-@pytest.mark.parametrize(("light", "lamp", "said"), [
-    ({"sun_elevation_deg": 30.0}, True, ""),
-    ({"planet_elevation_deg": -40.0}, False, "below the horizon"),
-    # A crescent: the Sun stands beside the planet.
-    ({"sun_elevation_deg": 26.0, "sun_azimuth_deg": 0.0}, False, "of the Sun's"),
-    ({"sun_elevation_deg": 26.0, "sun_azimuth_deg": 0.0, "planet_least": 0.0}, True, ""),
-    ({"sun_elevation_deg": -5.0, "sun_azimuth_deg": 180.0}, True, "")])
+@pytest.mark.parametrize(
+    ("light", "lamp", "said"),
+    [
+        ({"sun_elevation_deg": 30.0}, True, ""),
+        ({"planet_elevation_deg": -40.0}, False, "below the horizon"),
+        # A crescent: the Sun stands beside the planet.
+        ({"sun_elevation_deg": 26.0, "sun_azimuth_deg": 0.0}, False, "of the Sun's"),
+        ({"sun_elevation_deg": 26.0, "sun_azimuth_deg": 0.0, "planet_least": 0.0}, True, ""),
+        ({"sun_elevation_deg": -5.0, "sun_azimuth_deg": 180.0}, True, ""),
+    ],
+)
 def test_the_planet_lights_the_ground_only_if_it_can_be_seen(light, lamp, said, tmp_path):
     sky = {"light": {"planet": True, **light}}
     pair, built = render(tmp_path, sky, {"quality": {"samples": 1}})
@@ -169,19 +180,22 @@ def test_blurred_images_without_labels_have_sharp_depth(tmp_path):
     blurred = {"rig": {"focus_distance_m": 1.0}, "quality": {"samples": 4}}
     full, _ = render(tmp_path / "full", blurred)
     alone, _ = render(tmp_path / "alone", blurred, {"quality": {"truth": "DEPTH"}})
-    np.testing.assert_array_equal(read_truth(alone.truth("left"), "left").depth,
-                                  read_truth(full.truth("left"), "left").depth)
+    np.testing.assert_array_equal(
+        read_truth(alone.truth("left"), "left").depth, read_truth(full.truth("left"), "left").depth
+    )
 
 
-@pytest.mark.parametrize(("model", "needed"), [("PRINCIPLED", False), ("LAMBERT", False), ("LUNAR_LAMBERT", False),
-                                               ("HAPKE", True)])
+@pytest.mark.parametrize(
+    ("model", "needed"), [("PRINCIPLED", False), ("LAMBERT", False), ("LUNAR_LAMBERT", False), ("HAPKE", True)]
+)
 def test_open_shading_language_is_on_only_for_what_is_made_of_it(model, needed, tmp_path, monkeypatch):
     from icymoon.render import render_pair
 
     on = []
     original = render_pair._run_cycles
-    monkeypatch.setattr(render_pair, "_run_cycles", lambda scene, *a: (on.append(scene.cycles.shading_system),
-                                                             original(scene, *a))[1])
+    monkeypatch.setattr(
+        render_pair, "_run_cycles", lambda scene, *a: (on.append(scene.cycles.shading_system), original(scene, *a))[1]
+    )
     _, built = render(tmp_path, {"surface": {"model": model}, "quality": {"samples": 1, "truth_by": "CYCLES"}})
     assert any(map(is_osl, built.materials)) == needed
     assert on == [needed, False, False, False, False]  # the truth never

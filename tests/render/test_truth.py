@@ -32,9 +32,20 @@ def plane_depth(pair) -> np.ndarray:
 
 @pytest.mark.parametrize(("pitch", "right_px", "down_px"), [(45.84, 0.0, 0.0), (90.0, 12.5, -7.25), (36.0, 0.0, -20.0)])
 def test_depth_of_a_plane_is_exact_in_both_eyes(tmp_path, pitch, right_px, down_px):
-    pair, _ = render(tmp_path, {"terrain": {**FLAT, "size_m": 200.0, "resolution": 201}, "surface": PLAIN,
-                                "rig": {"pitch_deg": pitch, "width_px": 160, "height_px": 120,
-                                        "principal_x_px": right_px, "principal_y_px": down_px}})
+    pair, _ = render(
+        tmp_path,
+        {
+            "terrain": {**FLAT, "size_m": 200.0, "resolution": 201},
+            "surface": PLAIN,
+            "rig": {
+                "pitch_deg": pitch,
+                "width_px": 160,
+                "height_px": 120,
+                "principal_x_px": right_px,
+                "principal_y_px": down_px,
+            },
+        },
+    )
     expected = plane_depth(pair)
     seen = expected < 60
     assert seen.mean() > 0.9
@@ -58,9 +69,15 @@ def test_sky_has_no_depth_and_no_label(tmp_path):
 
 def test_radiance_of_a_lambert_plane_is_the_irradiance_over_pi(tmp_path):
     for elevation in (90.0, 30.0):
-        pair, _ = render(tmp_path, {
-            "terrain": FLAT, "surface": {**PLAIN, "albedo": 0.5}, "quality": {"samples": 4},
-            "light": {"sun_irradiance_wm2": 14.82, "sun_elevation_deg": elevation, "sun_angular_diameter_deg": 0.0}})
+        pair, _ = render(
+            tmp_path,
+            {
+                "terrain": FLAT,
+                "surface": {**PLAIN, "albedo": 0.5},
+                "quality": {"samples": 4},
+                "light": {"sun_irradiance_wm2": 14.82, "sun_elevation_deg": elevation, "sun_angular_diameter_deg": 0.0},
+            },
+        )
         expected = 14.82 * math.sin(math.radians(elevation)) * 0.5 / math.pi
         radiance = read_view(pair.image("left")).radiance[40:]
         # A plane has no interreflection and the lamp no extent: nothing is left to chance.
@@ -69,10 +86,16 @@ def test_radiance_of_a_lambert_plane_is_the_irradiance_over_pi(tmp_path):
 
 
 def test_true_disparity_is_what_a_matcher_finds_and_the_right_image_warps_onto_the_left(tmp_path):
-    pair, _ = render(tmp_path, {
-        "terrain": FLAT, "quality": {"samples": 16},
-        "surface": {**PLAIN, "albedo": 0.9, "albedo_variation": 1.0, "albedo_patch_m": 0.05},
-        "light": {"sun_elevation_deg": 60.0}, "rig": {"width_px": 640, "height_px": 480}})
+    pair, _ = render(
+        tmp_path,
+        {
+            "terrain": FLAT,
+            "quality": {"samples": 16},
+            "surface": {**PLAIN, "albedo": 0.9, "albedo_variation": 1.0, "albedo_patch_m": 0.05},
+            "light": {"sun_elevation_deg": 60.0},
+            "rig": {"width_px": 640, "height_px": 480},
+        },
+    )
     left, right = (read_view(pair.image(eye)) for eye in ("left", "right"))
     disparity = pair.camera.disparity(left.depth)
     grey, other = (np.clip(v.radiance.mean(axis=2) / 4.0 * 255, 0, 255).astype(np.uint8) for v in (left, right))
@@ -101,8 +124,10 @@ def test_true_disparity_is_what_a_matcher_finds_and_the_right_image_warps_onto_t
 
 
 def test_labels_and_normals_are_of_single_facets(tmp_path):
-    pair, built = render(tmp_path, {"rocks": {"coverage": 0.2, "smallest_m": 0.2}, "quality": {"samples": 8},
-                                    "terrain": {"rms_slope_deg": 20.0}})
+    pair, built = render(
+        tmp_path,
+        {"rocks": {"coverage": 0.2, "smallest_m": 0.2}, "quality": {"samples": 8}, "terrain": {"rms_slope_deg": 20.0}},
+    )
     view = read_view(pair.image("left"))
     assert set(np.unique(view.semantic)) <= {0, TERRAIN, ROCK}
     assert {TERRAIN, ROCK} <= set(np.unique(view.semantic))
@@ -122,14 +147,18 @@ def test_the_geometric_normal_ignores_bump(tmp_path):
 
 
 def test_poses_and_checksums_describe_the_images(tmp_path):
-    pair, built = render(tmp_path, {"rig": {"heading_deg": 30.0, "x_m": 1.0, "y_m": -2.0, "principal_x_px": 9.5,
-                                            "principal_y_px": -4.0}})
+    pair, built = render(
+        tmp_path, {"rig": {"heading_deg": 30.0, "x_m": 1.0, "y_m": -2.0, "principal_x_px": 9.5, "principal_y_px": -4.0}}
+    )
     assert find_changed_files(pair) == []
     left, right = (np.array(pair.data["poses_camera_to_world"][eye]) for eye in ("left", "right"))
     assert np.allclose(left[:3, :3] @ left[:3, :3].T, np.eye(3), atol=1e-6)
     assert np.allclose((right - left)[:3, 3], 0.25 * left[:3, 0], atol=1e-7)
-    assert np.allclose(left[:3, 2] @ [math.sin(math.radians(30)), math.cos(math.radians(30)), 0],
-                       math.cos(math.radians(45.84)), atol=1e-5)
+    assert np.allclose(
+        left[:3, 2] @ [math.sin(math.radians(30)), math.cos(math.radians(30)), 0],
+        math.cos(math.radians(45.84)),
+        atol=1e-5,
+    )
     # A known point: the pixel's depth along the pose must land on the mesh's surface.
     view = read_view(pair.image("left"))
     v, u = 50, 40
@@ -140,7 +169,8 @@ def test_poses_and_checksums_describe_the_images(tmp_path):
     assert hit
     assert np.linalg.norm(np.array(place) - point) < 1e-4
     assert json.loads((pair.folder / "pair.json").read_text())["camera"]["focal_baseline_px_m"] == pytest.approx(
-        96 * 32 / 60 * 0.25)
+        96 * 32 / 60 * 0.25
+    )
     pair.image("left").write_bytes(b"x")
     assert find_changed_files(pair) == ["left.exr"]
 

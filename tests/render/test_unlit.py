@@ -20,12 +20,19 @@ from rendering import complete, empty_scene
 
 TWO = {"rig": {"width_px": 48, "height_px": 36}, "dataset": {"headings": 2}, "quality": {"truth_by": "CYCLES"}}
 ROCKS = {"rocks": {"coverage": 0.2, "smallest_m": 0.2, "largest_m": 0.8}}
-CLEAR = {"rocks": {"own_surface": True},
-         "rock_surface": {"model": "PRINCIPLED", "transmission": 1.0, "transmitted": "THROUGH", "roughness": 0.05}}
+CLEAR = {
+    "rocks": {"own_surface": True},
+    "rock_surface": {"model": "PRINCIPLED", "transmission": 1.0, "transmitted": "THROUGH", "roughness": 0.05},
+}
 DAY_AND_NIGHT = {"light": {"planet": True, "planet_elevation_deg": 40.0}}
 #: Surfaces of a pane in front of the camera, and whether they must be kept.
-PANES = {"": False, "ShaderNodeBsdfDiffuse": False, "ShaderNodeBsdfTransparent": True, "ShaderNodeBsdfPrincipled": True,
-         "ShaderNodeVolumeAbsorption": True}
+PANES = {
+    "": False,
+    "ShaderNodeBsdfDiffuse": False,
+    "ShaderNodeBsdfTransparent": True,
+    "ShaderNodeBsdfPrincipled": True,
+    "ShaderNodeVolumeAbsorption": True,
+}
 
 
 def add_pane(built: Built, kind: str) -> bpy.types.Material:
@@ -58,14 +65,22 @@ def shoot(folder: Path, pane: str, *parts: dict) -> list[np.ndarray]:
         for eye in EYES:
             view = read_view(pair.image(eye), eye)
             found += [each for each in vars(view).values() if isinstance(each, np.ndarray)]
-    left = [sum(len(each.node_tree.links) for each in bpy.data.materials if each.node_tree),
-            *(lamp.energy for lamp in bpy.data.lights)]
+    left = [
+        sum(len(each.node_tree.links) for each in bpy.data.materials if each.node_tree),
+        *(lamp.energy for lamp in bpy.data.lights),
+    ]
     return [*found, np.array(left)]
 
 
-@pytest.mark.parametrize(("pane", "parts"), [
-    *((pane, (ROCKS,)) for pane in PANES), ("", (ROCKS, CLEAR)), ("", (ROCKS, DAY_AND_NIGHT)),
-    ("", ({"mesh": {"kind": "GRADED"}}, {"hapke": {"backend": "NODES"}, "surface": {"model": "HAPKE"}}))])
+@pytest.mark.parametrize(
+    ("pane", "parts"),
+    [
+        *((pane, (ROCKS,)) for pane in PANES),
+        ("", (ROCKS, CLEAR)),
+        ("", (ROCKS, DAY_AND_NIGHT)),
+        ("", ({"mesh": {"kind": "GRADED"}}, {"hapke": {"backend": "NODES"}, "surface": {"model": "HAPKE"}})),
+    ],
+)
 def test_nothing_changes(tmp_path, monkeypatch, pane, parts):
     """To the bit, in both of two pairs, as the scene is kept between their renders."""
     without = shoot(tmp_path / "without", pane, *parts)

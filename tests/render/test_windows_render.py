@@ -13,8 +13,14 @@ from icymoon.support.version import ROOT
 from windows import Windows
 
 sys.path.pop(0)
-SMALL = ("terrain.size_m=4", "terrain.resolution=33", "mesh.kind=GRID", "rig.width_px=64", "rig.height_px=48",
-         "quality.samples=2")
+SMALL = (
+    "terrain.size_m=4",
+    "terrain.resolution=33",
+    "mesh.kind=GRID",
+    "rig.width_px=64",
+    "rig.height_px=48",
+    "quality.samples=2",
+)
 
 
 @pytest.fixture
@@ -31,8 +37,14 @@ def drive(tmp_path, monkeypatch):
 
 
 def icymoon(*words: object) -> subprocess.CompletedProcess:
-    return subprocess.run([sys.executable, str(ROOT / "__main__.py"), *map(str, words)], capture_output=True,
-                          encoding="utf-8", check=False, stdin=subprocess.DEVNULL, timeout=300)
+    return subprocess.run(
+        [sys.executable, str(ROOT / "__main__.py"), *map(str, words)],
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+        stdin=subprocess.DEVNULL,
+        timeout=300,
+    )
 
 
 def files_in(folder: Path) -> list[str]:
@@ -41,8 +53,14 @@ def files_in(folder: Path) -> list[str]:
 
 @pytest.mark.slow
 def test_a_pair_is_rendered_again_and_evaluated(drive):
-    words = ("render", "--out", drive / "Daten Ω", "--blender", sys.executable,
-             *(word for text in SMALL for word in ("--set", text)))
+    words = (
+        "render",
+        "--out",
+        drive / "Daten Ω",
+        "--blender",
+        sys.executable,
+        *(word for text in SMALL for word in ("--set", text)),
+    )
     for more in ((), ("--again",)):
         done = icymoon(*words, *more)
         assert done.returncode == 0, done.stdout + done.stderr

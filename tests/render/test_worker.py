@@ -51,8 +51,18 @@ def test_two_processes_give_the_same_truth_and_the_same_images(tmp_path):
 
 def test_the_eyes_have_noise_of_their_own(tmp_path):
     # A wide walk: Blender 4.2 renders a mean free path below a quarter of a pixel as plain diffuse, without noise.
-    assert run(tmp_path, "terrain.rms_slope_deg=0", "surface.grain_amplitude_m=0", "surface.subsurface_weight=1",
-               "surface.subsurface_radius_m=0.1", "surface.specular=0", "rig.pitch_deg=90").returncode == 0
+    assert (
+        run(
+            tmp_path,
+            "terrain.rms_slope_deg=0",
+            "surface.grain_amplitude_m=0",
+            "surface.subsurface_weight=1",
+            "surface.subsurface_radius_m=0.1",
+            "surface.specular=0",
+            "rig.pitch_deg=90",
+        ).returncode
+        == 0
+    )
     pair = find_pairs(tmp_path)[0]
     left, right = (read_view(pair.image(eye)).radiance.mean(axis=2).ravel() for eye in ("left", "right"))
     # A uniform plane: all variation is noise. 6912 independent pixels correlate within 5/sqrt(6912) = 0.06.
@@ -78,8 +88,13 @@ def test_resume_renders_only_what_is_missing(tmp_path):
 
 @pytest.mark.parametrize("how", ["kill the worker", "kill everything", "interrupt"])
 def test_a_stopped_render_leaves_no_half_pair_and_the_next_run_completes_it(tmp_path, how):
-    process = subprocess.Popen(command(tmp_path, "quality.samples=4096"), stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(
+        command(tmp_path, "quality.samples=4096"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
     deadline = time.monotonic() + 240
     while not list(tmp_path.glob("pairs/*.part")):
         assert time.monotonic() < deadline, "the render did not start"

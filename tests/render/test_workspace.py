@@ -30,10 +30,20 @@ def plane(tmp_path_factory):
     folder = tmp_path_factory.mktemp("own")
     at = np.linspace(-SIZE_M / 2, SIZE_M / 2, 33)
     np.save(folder / "heights.npy", slope(at[None, :], at[::-1, None]))
-    return {"source": {"kind": "HEIGHT_MAP", "file": str(folder / "heights.npy"), "metres_per_pixel": SIZE_M / 32,
-                       "height_scale_m": 1.0, "centre": False, "origin_x_m": SIZE_M / 2, "origin_y_m": SIZE_M / 2},
-            "terrain": {"size_m": SIZE_M, "resolution": 33}, "rocks": {"coverage": 0.0},
-            "surface": {"model": "LAMBERT", "grain_amplitude_m": 0.0}}
+    return {
+        "source": {
+            "kind": "HEIGHT_MAP",
+            "file": str(folder / "heights.npy"),
+            "metres_per_pixel": SIZE_M / 32,
+            "height_scale_m": 1.0,
+            "centre": False,
+            "origin_x_m": SIZE_M / 2,
+            "origin_y_m": SIZE_M / 2,
+        },
+        "terrain": {"size_m": SIZE_M, "resolution": 33},
+        "rocks": {"coverage": 0.0},
+        "surface": {"model": "LAMBERT", "grain_amplitude_m": 0.0},
+    }
 
 
 @pytest.mark.heavy

@@ -19,8 +19,10 @@ def reachable(function: Callable[..., object]) -> set[str]:
             continue
         seen.add(name)
         if name.startswith("icymoon"):
-            waiting += [value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None) or ""
-                        for value in vars(sys.modules[name]).values()]
+            waiting += [
+                value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None) or ""
+                for value in vars(sys.modules[name]).values()
+            ]
     return seen - {""}
 
 

@@ -81,19 +81,22 @@ def test_every_setting_says_what_it_is():
     settings.check(settings.defaults(), "defaults")
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("terrain.sizem=3", ("terrain.sizem", "size_m")),
-    ("terain.size_m=3", ("terain", "terrain")),
-    ("terrain.size_m=-1", ("terrain.size_m", "-1 m", "0.01 to 100000 m")),
-    ("terrain.size_m=nan", ("terrain.size_m", "outside")),
-    ("terrain.size_m=inf", ("terrain.size_m", "outside")),
-    ("terrain.size_m=twenty", ("terrain.size_m", "a number")),
-    ("terrain.size_m=true", ("terrain.size_m", "a number")),
-    ("rig.width_px=640.5", ("rig.width_px", "a whole number")),
-    ("sensor.shot_noise=1", ("sensor.shot_noise", "true or false")),
-    ("quality.denoiser=OID", ("quality.denoiser", "OIDN")),
-    ("size", ("topic.key=value",)),
-])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("terrain.sizem=3", ("terrain.sizem", "size_m")),
+        ("terain.size_m=3", ("terain", "terrain")),
+        ("terrain.size_m=-1", ("terrain.size_m", "-1 m", "0.01 to 100000 m")),
+        ("terrain.size_m=nan", ("terrain.size_m", "outside")),
+        ("terrain.size_m=inf", ("terrain.size_m", "outside")),
+        ("terrain.size_m=twenty", ("terrain.size_m", "a number")),
+        ("terrain.size_m=true", ("terrain.size_m", "a number")),
+        ("rig.width_px=640.5", ("rig.width_px", "a whole number")),
+        ("sensor.shot_noise=1", ("sensor.shot_noise", "true or false")),
+        ("quality.denoiser=OID", ("quality.denoiser", "OIDN")),
+        ("size", ("topic.key=value",)),
+    ],
+)
 def test_a_wrong_override_names_the_key_and_the_fix(text, words):
     with pytest.raises(IcyMoonError) as caught:
         settings.override(text)
@@ -101,18 +104,26 @@ def test_a_wrong_override_names_the_key_and_the_fix(text, words):
         assert word in str(caught.value)
 
 
-@pytest.mark.parametrize(("text", "expected"), [
-    ("terrain.size_m=30", 30.0), ("rocks.most=3", 3), ("sensor.shot_noise=false", False),
-    ("quality.denoiser=OIDN", "OIDN"), ("dataset.methods=bm,sgbm", "bm,sgbm"), ("dataset.folder=/a b/c", "/a b/c"),
-])
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("terrain.size_m=30", 30.0),
+        ("rocks.most=3", 3),
+        ("sensor.shot_noise=false", False),
+        ("quality.denoiser=OIDN", "OIDN"),
+        ("dataset.methods=bm,sgbm", "bm,sgbm"),
+        ("dataset.folder=/a b/c", "/a b/c"),
+    ],
+)
 def test_an_override_reads_its_value_by_the_settings_type(text, expected):
     (value,) = next(iter(settings.override(text).values())).values()
     assert value == expected
     assert type(value) is type(expected)
 
 
-@pytest.mark.parametrize(("given", "kept"), [(-9999, "-9999"), (-9999.5, "-9999.5"), ("0", "0"), ("none", "none"),
-                                             ("", "")])
+@pytest.mark.parametrize(
+    ("given", "kept"), [(-9999, "-9999"), (-9999.5, "-9999.5"), ("0", "0"), ("none", "none"), ("", "")]
+)
 def test_a_mark_of_missing_heights_is_a_number_or_its_text(given, kept):
     assert settings.check({"source": {"missing": given}}, "test")["source"]["missing"] == kept
 

@@ -14,8 +14,13 @@ from plugin_packages import install_project
 
 EXAMPLE = ROOT / "docs" / "examples" / "icymoon-wave-landform"
 RELEASE = "icymoon-wave-landform 1.0.0"
-STORED = {"height_m": 0.5, "spacing_m": 1.5, "azimuth_deg": 90.0, "covered_share": 0.6000000238418579,
-          "made_by": RELEASE}
+STORED = {
+    "height_m": 0.5,
+    "spacing_m": 1.5,
+    "azimuth_deg": 90.0,
+    "covered_share": 0.6000000238418579,
+    "made_by": RELEASE,
+}
 
 
 @pytest.fixture(scope="module")
@@ -25,15 +30,19 @@ def with_plugin(tmp_path_factory):
     install_project(EXAMPLE, site)
 
     def run(code):
-        program = ("import json, sys; sys.path.append(sys.argv[1])\nfrom icymoon.support.errors import IcyMoonError\n"
-                   "from icymoon.settings.description import *\nfrom icymoon.settings.table import TOPICS\n"
-                   "from icymoon.settings.toml_text import to_toml\n"
-                   "def said(act):\n    try:\n        act()\n    except IcyMoonError as error:\n"
-                   "        return str(error)\n" + code)
-        done = subprocess.run([sys.executable, "-c", program, str(site)], capture_output=True, text=True, check=False,
-                              timeout=100)
+        program = (
+            "import json, sys; sys.path.append(sys.argv[1])\nfrom icymoon.support.errors import IcyMoonError\n"
+            "from icymoon.settings.description import *\nfrom icymoon.settings.table import TOPICS\n"
+            "from icymoon.settings.toml_text import to_toml\n"
+            "def said(act):\n    try:\n        act()\n    except IcyMoonError as error:\n"
+            "        return str(error)\n" + code
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", program, str(site)], capture_output=True, text=True, check=False, timeout=100
+        )
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout)
+
     return run
 
 
@@ -78,9 +87,11 @@ def test_the_id_depends_on_its_settings_and_on_its_release(there):
 
 
 def test_another_release_is_refused_where_it_is_stated_and_kept_where_it_was_stored(there):
-    assert there["stated"] == (f"a.toml: landform_waves was made by icymoon-wave-landform 0.9, and {RELEASE} is "
-                               "installed; install icymoon-wave-landform 0.9, or leave landform_waves.made_by out for "
-                               f"the ground of {RELEASE}.")
+    assert there["stated"] == (
+        f"a.toml: landform_waves was made by icymoon-wave-landform 0.9, and {RELEASE} is "
+        "installed; install icymoon-wave-landform 0.9, or leave landform_waves.made_by out for "
+        f"the ground of {RELEASE}."
+    )
     assert there["restored_other"] == "icymoon-wave-landform 0.9"
 
 
@@ -96,10 +107,13 @@ def test_settings_as_text_have_it_only_where_it_is_on(there):
 def test_its_settings_are_checked_and_shown_as_ours_are(there):
     assert "landform_waves.height_m is 11 m, outside 0 to 10 m" in there["range"]
     assert "did you mean 'height_m'" in there["key"]
-    assert there["labels"] == [["height_m", "Height", "m", "geometry"], ["spacing_m", "Spacing", "m", "geometry"],
-                               ["azimuth_deg", "Azimuth (°)", "deg", "geometry"],
-                               ["covered_share", "Covered Share", "1", "geometry"],
-                               ["made_by", "Made By", "", "geometry"]]
+    assert there["labels"] == [
+        ["height_m", "Height", "m", "geometry"],
+        ["spacing_m", "Spacing", "m", "geometry"],
+        ["azimuth_deg", "Azimuth (°)", "deg", "geometry"],
+        ["covered_share", "Covered Share", "1", "geometry"],
+        ["made_by", "Made By", "", "geometry"],
+    ]
     assert there["parent"] == TOPICS["ridges"].parent
     assert there["old"] == 0.0
 
@@ -120,14 +134,25 @@ def test_without_the_package_one_that_was_off_is_none():
 
 @pytest.mark.parametrize("values", [{"height_m": 1.0}, STORED, {}])
 def test_without_the_package_a_description_of_a_user_is_refused(values):
-    with pytest.raises(IcyMoonError, match=r"^scene\.toml: landform_waves is of a plug-in that is not installed in the "
-                       "Python that builds scenes; install its package there, or remove the table"):
+    with pytest.raises(
+        IcyMoonError,
+        match=r"^scene\.toml: landform_waves is of a plug-in that is not installed in the "
+        "Python that builds scenes; install its package there, or remove the table",
+    ):
         check({"landform_waves": values}, "scene.toml")
 
 
-@pytest.mark.parametrize("values", [
-    STORED | {"made_by": 3}, STORED | {"made_by": "x" * 300}, STORED | {"height_m": "import os"},
-    STORED | {"height_m": [1.0]}, STORED | {"height_m": float("nan")}, STORED | {"height_m": None}])
+@pytest.mark.parametrize(
+    "values",
+    [
+        STORED | {"made_by": 3},
+        STORED | {"made_by": "x" * 300},
+        STORED | {"height_m": "import os"},
+        STORED | {"height_m": [1.0]},
+        STORED | {"height_m": float("nan")},
+        STORED | {"height_m": None},
+    ],
+)
 def test_a_damaged_table_is_refused(values):
     with pytest.raises(IcyMoonError, match=r"^pair\.json: \[landform_waves\] is damaged"):
         restored({"landform_waves": values}, "pair.json")

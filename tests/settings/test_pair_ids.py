@@ -50,8 +50,12 @@ def test_the_settings_of_the_first_release_are_a_closed_list():
 
 
 def test_the_value_of_older_versions_is_valid():
-    assert [s.key for topic, s in all_settings() for s in (s, *s.entries)
-            if settings._checked(s, s.old_value, f"{topic}.{s.key}", "test", False) != s.old_value] == []
+    assert [
+        s.key
+        for topic, s in all_settings()
+        for s in (s, *s.entries)
+        if settings._checked(s, s.old_value, f"{topic}.{s.key}", "test", False) != s.old_value
+    ] == []
 
 
 def _of_the_first_version(described, extra: str) -> str:
@@ -62,9 +66,11 @@ def _of_the_first_version(described, extra: str) -> str:
 
 @given(DESCRIPTIONS)
 def test_an_id_is_that_of_the_first_version_as_long_as_nothing_later_is_used(description):
-    described = settings.merged(settings.check(description, "test"), *(
-        {topic: {s.key: s.old_value}} for topic, s in all_settings() if s.since), *(
-        {topic: {"relief": "BUMP"}} for topic in ("surface", "rock_surface")))  # the first version had no REAL
+    described = settings.merged(
+        settings.check(description, "test"),
+        *({topic: {s.key: s.old_value}} for topic, s in all_settings() if s.since),
+        *({topic: {"relief": "BUMP"}} for topic in ("surface", "rock_surface")),
+    )  # the first version had no REAL
     with pytest.MonkeyPatch.context() as patch:
         expected = _of_the_first_version(described, "f/2.0 None s")
         assert settings.digest(described, "f/2.0 None s") == expected
@@ -86,8 +92,9 @@ def test_newer_settings_may_stand_in_any_order(monkeypatch):
     assert dict(newer) == {f"{topic}.{key}": value for topic, those in changes.items() for key, value in those.items()}
     for name, topic in TOPICS.items():
         newer_ones = [s for s in topic.settings if s.since]
-        monkeypatch.setitem(TOPICS, name, replace(topic, settings=(
-            *newer_ones[::-1], *(s for s in topic.settings if not s.since))))
+        monkeypatch.setitem(
+            TOPICS, name, replace(topic, settings=(*newer_ones[::-1], *(s for s in topic.settings if not s.since)))
+        )
     assert pair_ids.counted(described) == [first, newer]
 
 
@@ -95,13 +102,27 @@ def test_what_is_added_to_the_tables_of_a_list_counts_where_it_is_used(monkeypat
     layers = {"terrain": {"layers": [{"amplitude_m": 0.5}, {"scale_m": 1.0}]}}
     old = settings.merged(settings.defaults(), settings.check(layers, "test"))
     upgrade_all(monkeypatch)
-    stored, fresh = (settings.restored(old, "pair.json"), settings.merged(
-        settings.restored(old, "pair.json"), settings.check(layers, "test")))
+    stored, fresh = (
+        settings.restored(old, "pair.json"),
+        settings.merged(settings.restored(old, "pair.json"), settings.check(layers, "test")),
+    )
     assert [layer["skew"] for layer in stored.terrain.layers] == [0.0, 0.0]
     assert [layer["skew"] for layer in fresh.terrain.layers] == [0.5, 0.5]
-    ids = {settings.digest(settings.merged(stored, {"terrain": {"layers": [
-        layer | {"skew": skew} for layer, skew in zip(stored.terrain.layers, skews, strict=True)]}}))
-        for skews in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))}
+    ids = {
+        settings.digest(
+            settings.merged(
+                stored,
+                {
+                    "terrain": {
+                        "layers": [
+                            layer | {"skew": skew} for layer, skew in zip(stored.terrain.layers, skews, strict=True)
+                        ]
+                    }
+                },
+            )
+        )
+        for skews in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
+    }
     assert len(ids) == 4
 
 
@@ -109,8 +130,13 @@ def test_a_setting_may_be_renamed_and_no_id_changes(monkeypatch):
     old = settings.merged(settings.defaults(), {"surface": {"albedo": 0.5}})
     was = settings.digest(old)
     surface = TOPICS["surface"]
-    monkeypatch.setitem(TOPICS, "surface", replace(surface, settings=tuple(
-        replace(s, key="whiteness") if s.key == "albedo" else s for s in surface.settings)))
+    monkeypatch.setitem(
+        TOPICS,
+        "surface",
+        replace(
+            surface, settings=tuple(replace(s, key="whiteness") if s.key == "albedo" else s for s in surface.settings)
+        ),
+    )
     monkeypatch.setitem(pair_ids.RENAMED, "surface.albedo", "surface.whiteness")
     now = settings.restored(old, "pair.json")
     assert now.surface["whiteness"] == 0.5
@@ -121,8 +147,15 @@ def test_a_setting_may_be_renamed_and_no_id_changes(monkeypatch):
 
 def test_real_relief_that_is_not_in_the_mesh_has_the_id_of_bump():
     """It renders the same pixels. Rough ice near the camera has it in the mesh."""
-    ids = {(relief, height): settings.digest(settings.merged(settings.defaults(), {
-        "surface": {"relief": relief, "grain_amplitude_m": height}, "rock_surface": {"relief": relief}}))
-        for relief in ("BUMP", "REAL", "DISPLACEMENT") for height in (0.001, 0.02)}
+    ids = {
+        (relief, height): settings.digest(
+            settings.merged(
+                settings.defaults(),
+                {"surface": {"relief": relief, "grain_amplitude_m": height}, "rock_surface": {"relief": relief}},
+            )
+        )
+        for relief in ("BUMP", "REAL", "DISPLACEMENT")
+        for height in (0.001, 0.02)
+    }
     assert ids["REAL", 0.001] == ids["BUMP", 0.001] != ids["DISPLACEMENT", 0.001]
     assert len({ids[relief, 0.02] for relief in ("BUMP", "REAL", "DISPLACEMENT")}) == 3

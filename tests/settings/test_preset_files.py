@@ -27,8 +27,9 @@ def test_big_endian_text_is_read_too(tmp_path):
     assert preset_files.load(file) == {"terrain": {"size_m": 12.0}}
 
 
-@pytest.mark.parametrize("content", ["[terrain]  # 5 µm".encode("cp1252"), codecs.BOM_UTF16_LE + b"[",
-                                     codecs.BOM_UTF8 + b"\xff"])
+@pytest.mark.parametrize(
+    "content", ["[terrain]  # 5 µm".encode("cp1252"), codecs.BOM_UTF16_LE + b"[", codecs.BOM_UTF8 + b"\xff"]
+)
 def test_a_file_that_is_not_text_shows_how_to_save_it(tmp_path, content):
     file = tmp_path / "scene.toml"
     file.write_bytes(content)
@@ -37,8 +38,12 @@ def test_a_file_that_is_not_text_shows_how_to_save_it(tmp_path, content):
 
 
 def test_a_file_with_a_mistake_is_named_with_the_mistake(tmp_path):
-    for content, word in (("[terrain]\nsize_m = ", "TOML"), ("[terrain]\nsizes = 1", "terrain.sizes"),
-                          ("terrain = 3", "[terrain]"), ("[preset]\ntitel = 'x'", "title")):
+    for content, word in (
+        ("[terrain]\nsize_m = ", "TOML"),
+        ("[terrain]\nsizes = 1", "terrain.sizes"),
+        ("terrain = 3", "[terrain]"),
+        ("[preset]\ntitel = 'x'", "title"),
+    ):
         file = tmp_path / "scene.toml"
         file.write_text(content)
         with pytest.raises(IcyMoonError, match=r"scene\.toml") as caught:
@@ -53,8 +58,12 @@ def test_presets_load_and_every_number_has_a_source():
     for name in preset_files.preset_names():
         preset_files.load_preset(name)
         raw = toml_text.read_toml(preset_files.preset_path(name))
-        stated = {f"{topic}.{key}" for topic, values in raw.items() if topic not in ("preset", "sources", "measured")
-                  for key in values}
+        stated = {
+            f"{topic}.{key}"
+            for topic, values in raw.items()
+            if topic not in ("preset", "sources", "measured")
+            for key in values
+        }
         assert stated == set(raw["sources"]), name
         assert all(preset_files.preset_header(name)), name
 

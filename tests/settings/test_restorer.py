@@ -19,8 +19,9 @@ def checked(monkeypatch) -> list[str]:
     """The topics of the tables that are checked."""
     found: list[str] = []
     inner = description._check_table
-    monkeypatch.setattr(description, "_check_table",
-                        lambda topic, *rest, **named: found.append(topic) or inner(topic, *rest, **named))
+    monkeypatch.setattr(
+        description, "_check_table", lambda topic, *rest, **named: found.append(topic) or inner(topic, *rest, **named)
+    )
     return found
 
 
@@ -40,6 +41,7 @@ def test_a_table_that_many_have_is_checked_once(checked):
 @pytest.mark.parametrize("other", [1, True, "1.0", 2.0, -0.0])
 def test_values_that_are_equal_or_similar_are_no_others(other):
     """1, 1.0 and true are one key of a dictionary, and 0.0 and -0.0 too."""
+
     def heading(restore) -> str:
         try:
             return repr(restore({"rig": {"heading_deg": other}}, "pair.json").rig.heading_deg)

@@ -8,19 +8,30 @@ from icymoon.settings.shared_settings import find_shared, with_shared, without_s
 A = {"rig": {"x_m": 0.0, "y_m": 1.0}, "light": {"layers": [{"a": 1}]}}
 
 
-@pytest.mark.parametrize(("others", "shared"), [
-    ([], A), ([A], A), ([{}], {}), ([A, {"rig": {"x_m": 0.0}}], {"rig": {"x_m": 0.0}}),
-    ([{**A, "rig": {"x_m": -0.0, "y_m": 1.0}}], {**A, "rig": {"y_m": 1.0}}),
-    ([{**A, "rig": {"x_m": 0, "y_m": True}}], {"light": A["light"]}),
-    ([{**A, "light": {"layers": [{"a": 2}]}, "more": {"b": 1}}], {"rig": A["rig"]})], ids=str)
+@pytest.mark.parametrize(
+    ("others", "shared"),
+    [
+        ([], A),
+        ([A], A),
+        ([{}], {}),
+        ([A, {"rig": {"x_m": 0.0}}], {"rig": {"x_m": 0.0}}),
+        ([{**A, "rig": {"x_m": -0.0, "y_m": 1.0}}], {**A, "rig": {"y_m": 1.0}}),
+        ([{**A, "rig": {"x_m": 0, "y_m": True}}], {"light": A["light"]}),
+        ([{**A, "light": {"layers": [{"a": 2}]}, "more": {"b": 1}}], {"rig": A["rig"]}),
+    ],
+    ids=str,
+)
 def test_what_is_shared_and_what_is_not(others, shared):
     descriptions = [A, *others]
     found = find_shared(iter(descriptions))
     assert repr(found) == repr(shared)
     for each in descriptions:
-        assert repr({topic: dict(sorted(table.items())) for topic, table in sorted(
-            with_shared(without_shared(each, found), found).items())}) == repr(
-                {topic: dict(sorted(table.items())) for topic, table in sorted(each.items())})
+        assert repr(
+            {
+                topic: dict(sorted(table.items()))
+                for topic, table in sorted(with_shared(without_shared(each, found), found).items())
+            }
+        ) == repr({topic: dict(sorted(table.items())) for topic, table in sorted(each.items())})
 
 
 def test_nothing_shares_nothing():

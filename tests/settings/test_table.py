@@ -15,9 +15,24 @@ from icymoon.support.version import ROOT
 ALL = [(topic, s) for topic, setting in all_settings() for s in (setting, *setting.entries)]
 NUMBERS = [(topic, s) for topic, s in ALL if s.kind in ("int", "float")]
 #: Unit that the end of a name states; the longest end that fits decides.
-ENDS = {"_m": "m", "_mm": "mm", "_px": "px", "_deg": "deg", "_s": "s", "_k": "K", "_nm": "nm", "_um": "µm", "_e": "e-",
-        "_e_s": "e-/s", "_m_s": "m/s", "_deg_s": "deg/s", "_mag": "mag", "_wm2": "W/m²", "_cm2_s": "1/(cm² s)",
-        "_e_per_um": "e-/µm"}
+ENDS = {
+    "_m": "m",
+    "_mm": "mm",
+    "_px": "px",
+    "_deg": "deg",
+    "_s": "s",
+    "_k": "K",
+    "_nm": "nm",
+    "_um": "µm",
+    "_e": "e-",
+    "_e_s": "e-/s",
+    "_m_s": "m/s",
+    "_deg_s": "deg/s",
+    "_mag": "mag",
+    "_wm2": "W/m²",
+    "_cm2_s": "1/(cm² s)",
+    "_e_per_um": "e-/µm",
+}
 SYMBOLS = {"h_s"}  # of a formula, not of a unit
 #: Steps that a slider has at least between its ends, in the digits that it shows.
 STEPS = 10
@@ -42,7 +57,7 @@ def test_a_slider_can_be_used(topic, setting):
     assert math.isfinite(high)
     assert setting.minimum <= low <= setting.default <= high <= setting.maximum
     if setting.kind == "float":
-        assert high - low >= STEPS * 10.0 ** -setting.precision
+        assert high - low >= STEPS * 10.0**-setting.precision
     # Without a slider of its own a range of millions is all or nothing under the mouse.
     assert setting.soft or high - low <= 1.0e5
 
@@ -82,13 +97,19 @@ def test_a_preset_says_what_it_is(name):
     header = toml_text.read_toml(preset_files.preset_path(name))["preset"]
     assert header["title"].strip()
     assert len(header["description"]) > 15
-    same = [other for other in preset_files.preset_names(name.split("/")[0])
-            if preset_files.preset_header(other)[0] == header["title"]]
+    same = [
+        other
+        for other in preset_files.preset_names(name.split("/")[0])
+        if preset_files.preset_header(other)[0] == header["title"]
+    ]
     assert same == [name], "two presets of one menu have one title"
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "operators").glob("*.py")), ids=lambda p: p.stem)
 def test_a_button_that_cannot_be_pressed_says_why(path):
-    polls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-             if isinstance(node, ast.FunctionDef) and node.name == "poll"]
+    polls = [
+        node
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and node.name == "poll"
+    ]
     assert all("poll_message_set" in ast.unparse(node) for node in polls)

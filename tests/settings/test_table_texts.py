@@ -24,19 +24,27 @@ def test_texts_are_equal_where_the_named_settings_are():
     texts = Texts([("terrain", "hurst"), ("rig", "x_m"), ("terrain", "size_m")])
     base = defaults()
     assert texts.of(base) == texts.of(merged(base, {"rig": {"y_m": 3.0}}))
-    others = [merged(base, {"rig": {"x_m": 3.0}}), merged(base, {"terrain": {"hurst": 0.5}}),
-              merged(base, {"terrain": {"size_m": 0.5}})]
+    others = [
+        merged(base, {"rig": {"x_m": 3.0}}),
+        merged(base, {"terrain": {"hurst": 0.5}}),
+        merged(base, {"terrain": {"size_m": 0.5}}),
+    ]
     assert len({texts.of(each) for each in (base, *others)}) == 4
 
 
 def test_a_counter_for_many_descriptions_gives_each_the_id_that_it_has_alone():
     base = defaults()
     parts: list[dict[str, dict[str, Any]]] = [
-        {}, {"rig": {"heading_deg": 90.0}}, {"surface": {"albedo": 0.5}},
-        {"surface": {"relief": "REAL"}, "mesh": {"kind": "GRID"}}, {"quality": {"truth": "DEPTH"}},
-        {"terrain": {"hurst": 0.5}}]
-    described = [base | {topic: base[topic] | values for topic, values in check(part, "test").items()}
-                 for part in parts]  # which share the other tables, as those of a plan do
+        {},
+        {"rig": {"heading_deg": 90.0}},
+        {"surface": {"albedo": 0.5}},
+        {"surface": {"relief": "REAL"}, "mesh": {"kind": "GRID"}},
+        {"quality": {"truth": "DEPTH"}},
+        {"terrain": {"hurst": 0.5}},
+    ]
+    described = [
+        base | {topic: base[topic] | values for topic, values in check(part, "test").items()} for part in parts
+    ]  # which share the other tables, as those of a plan do
     count = pair_ids.make_counter()
     assert [digest(each, "x", count) for each in described] == [digest(merged(each), "x") for each in described]
     assert len({digest(each, "x", count) for each in described}) == len(parts)

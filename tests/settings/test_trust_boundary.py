@@ -60,8 +60,9 @@ def _in_a_settings_file(folder):
 
 
 def _in_a_plan(folder):
-    (folder / "plan.toml").write_text('[plan]\ntitle = "Evil"\n' + toml_text.to_toml({"dataset": {"methods": EVIL}}),
-                                      encoding="utf-8")
+    (folder / "plan.toml").write_text(
+        '[plan]\ntitle = "Evil"\n' + toml_text.to_toml({"dataset": {"methods": EVIL}}), encoding="utf-8"
+    )
     read_plan(folder / "plan.toml").pairs()
 
 
@@ -78,8 +79,14 @@ def test_it_is_refused_wherever_it_comes_from(read, tmp_path):
 def test_it_is_left_out_of_what_an_earlier_version_has_stored(tmp_path):
     """A data set with it can still be rendered and measured, as everything in it but how to run."""
     stored = description.merged(description.defaults(), {"dataset": {"methods": EVIL}})
-    header = {"format": frozen_plan.FORMAT, "version": frozen_plan.VERSION, "pairs": 1, "plan": "", "icymoon": "0.1.0",
-              "settings": stored}
+    header = {
+        "format": frozen_plan.FORMAT,
+        "version": frozen_plan.VERSION,
+        "pairs": 1,
+        "plan": "",
+        "icymoon": "0.1.0",
+        "settings": stored,
+    }
     line = {"id": "0" * 12, "changes": {"dataset": {"methods": EVIL}}}
     (tmp_path / frozen_plan.PLAN).write_text(json.dumps(header) + "\n" + json.dumps(line) + "\n", encoding="utf-8")
     assert frozen_plan.read_frozen_plan(tmp_path).pairs[0].settings == description.defaults()
@@ -94,21 +101,55 @@ SPACES = ["", " ", "\t", "\n", "\r\n", "\v", "\f", "\x1c", "\x85", "\u00a0", "\u
 @pytest.mark.parametrize("space", SPACES, ids=ascii)
 def test_a_space_hides_no_program(key, space):
     """The evaluator takes spaces off; a gate that did not would let ``external: command=sh`` through."""
-    for text in (f"external:{space}{key}=sh", f"external:{key}{space}=sh", f"own:mine:{space}{key}=sh",
-                 f"bm,{space}external{space}:{space}{key}{space}=sh", f"external:timeout_s=5:{space}{key}",
-                 f"{space}external:{key}{space}"):
+    for text in (
+        f"external:{space}{key}=sh",
+        f"external:{key}{space}=sh",
+        f"own:mine:{space}{key}=sh",
+        f"bm,{space}external{space}:{space}{key}{space}=sh",
+        f"external:timeout_s=5:{space}{key}",
+        f"{space}external:{key}{space}",
+    ):
         assert f"names a {key}," in trust_boundary.fault("matchers", text), ascii(text)
         with pytest.raises(IcyMoonError, match=f"names a {key},"):
             description.check({"dataset": {"methods": text}}, "scene.toml")
 
 
-@pytest.mark.parametrize("text", [
-    "external:COMMAND=sh", "external:Command=sh", "external:\uff43ommand=sh", "external:command\0=sh",
-    "external:com\u00admand=sh", "external:\u200bcommand=sh", "external:\ufeffcommand=sh", "external:comm\u0430nd=sh",
-    "external:'command'=sh", "external;command=sh", "external\uff1acommand=sh", "external:command\uff1dsh",
-    "external:--command=sh", "external:external.command=sh", "EXTERNAL:x=sh", "own:../mine", "own:mine\0", "own:mine\n",
-    "own:", "own", "own::", ":::", ",,,", "own:own:mine", "own: mine", "own:mine :timeout_s=5", "external",
-    "external:timeout_s=5", "onnx:mod\0el=a", "igev:check point=a"], ids=ascii)
+@pytest.mark.parametrize(
+    "text",
+    [
+        "external:COMMAND=sh",
+        "external:Command=sh",
+        "external:\uff43ommand=sh",
+        "external:command\0=sh",
+        "external:com\u00admand=sh",
+        "external:\u200bcommand=sh",
+        "external:\ufeffcommand=sh",
+        "external:comm\u0430nd=sh",
+        "external:'command'=sh",
+        "external;command=sh",
+        "external\uff1acommand=sh",
+        "external:command\uff1dsh",
+        "external:--command=sh",
+        "external:external.command=sh",
+        "EXTERNAL:x=sh",
+        "own:../mine",
+        "own:mine\0",
+        "own:mine\n",
+        "own:",
+        "own",
+        "own::",
+        ":::",
+        ",,,",
+        "own:own:mine",
+        "own: mine",
+        "own:mine :timeout_s=5",
+        "external",
+        "external:timeout_s=5",
+        "onnx:mod\0el=a",
+        "igev:check point=a",
+    ],
+    ids=ascii,
+)
 def test_a_name_that_only_looks_like_one_loads_nothing(text):
     """Whether the gate passes it or not: nobody reads it as the name of a program."""
     assert loaded_by(text) == []
@@ -121,19 +162,35 @@ def loaded_by(text: str) -> list[str]:
         methods = parse_methods(given, own=["mine:external:command=sh mine {left} {right} {out}"])
     except IcyMoonError:
         return []
-    found = [(method, key, str(value)) for method in methods
-             for key, value in complete_options(method.name, method.options).items() if key in trust_boundary.LOADS]
-    return [value for method, key, value in found
-            if value and not (method.label.startswith("own:mine") and value == "sh mine {left} {right} {out}")]
+    found = [
+        (method, key, str(value))
+        for method in methods
+        for key, value in complete_options(method.name, method.options).items()
+        if key in trust_boundary.LOADS
+    ]
+    return [
+        value
+        for method, key, value in found
+        if value and not (method.label.startswith("own:mine") and value == "sh mine {left} {right} {out}")
+    ]
 
 
 _key = st.sampled_from([*trust_boundary.LOADS, "Command", "timeout_s", "window", "preset", "grey"])
 _space = st.sampled_from(SPACES)
-_option = st.tuples(_space, _key, _space, st.sampled_from(["=", "==", "", "\uff1d"]), _space,
-                    st.sampled_from(["sh {left} {right} {out}", "7", "", "guiss"])).map("".join)
-_method = st.tuples(_space, st.sampled_from([*MATCHERS, "own", "own:mine", ""]), _space,
-                    st.lists(_option, max_size=3).map(lambda options: "".join(f":{option}" for option in options))
-                    ).map("".join)
+_option = st.tuples(
+    _space,
+    _key,
+    _space,
+    st.sampled_from(["=", "==", "", "\uff1d"]),
+    _space,
+    st.sampled_from(["sh {left} {right} {out}", "7", "", "guiss"]),
+).map("".join)
+_method = st.tuples(
+    _space,
+    st.sampled_from([*MATCHERS, "own", "own:mine", ""]),
+    _space,
+    st.lists(_option, max_size=3).map(lambda options: "".join(f":{option}" for option in options)),
+).map("".join)
 
 
 @given(st.one_of(st.lists(_method, max_size=3).map(",".join), st.text(max_size=60)))
@@ -141,9 +198,30 @@ def test_no_list_that_passes_the_gate_loads_a_program(text):
     assert loaded_by(text) == []
 
 
-_pieces = st.sampled_from(["external", "igev", "own", "mine", "bm", ":", ",", "=", " ", "\t", "\u00a0", "command",
-                           "checkpoint", "model", "COMMAND", "sh {left} {right} {out}", "timeout_s=5", "window=7",
-                           "'", '"'])
+_pieces = st.sampled_from(
+    [
+        "external",
+        "igev",
+        "own",
+        "mine",
+        "bm",
+        ":",
+        ",",
+        "=",
+        " ",
+        "\t",
+        "\u00a0",
+        "command",
+        "checkpoint",
+        "model",
+        "COMMAND",
+        "sh {left} {right} {out}",
+        "timeout_s=5",
+        "window=7",
+        "'",
+        '"',
+    ]
+)
 
 
 @given(st.lists(_pieces, max_size=12).map("".join))
@@ -172,14 +250,18 @@ def test_one_s_own_matcher_is_named_and_takes_harmless_options_from_a_descriptio
     assert trust_boundary.own_names("bm, own:a:x=1,own:b,own:a") == ["a", "b"]
 
 
-@pytest.mark.parametrize(("text", "own", "said"), [
-    ("own:mine", [], "no matcher own:mine on this machine \\(none is set up\\)"),
-    ("own:mine", ["yours:bm"], "no matcher own:mine on this machine \\(known are yours\\)"),
-    ("own", ["yours:bm"], "no matcher own: "),
-    ("own:mine", ["mine:magic"], "NAME:METHOD:KEY=VALUE"),
-    ("own:mine", ["a b:bm"], "NAME:METHOD:KEY=VALUE"),
-    ("own:mine", ["mine:bm", "mine:sgbm"], "is already bm"),
-    ("own:mine", ["mine:bm:window"], "key=value")])
+@pytest.mark.parametrize(
+    ("text", "own", "said"),
+    [
+        ("own:mine", [], "no matcher own:mine on this machine \\(none is set up\\)"),
+        ("own:mine", ["yours:bm"], "no matcher own:mine on this machine \\(known are yours\\)"),
+        ("own", ["yours:bm"], "no matcher own: "),
+        ("own:mine", ["mine:magic"], "NAME:METHOD:KEY=VALUE"),
+        ("own:mine", ["a b:bm"], "NAME:METHOD:KEY=VALUE"),
+        ("own:mine", ["mine:bm", "mine:sgbm"], "is already bm"),
+        ("own:mine", ["mine:bm:window"], "key=value"),
+    ],
+)
 def test_what_is_no_matcher_of_one_s_own_is_said_in_a_sentence(text, own, said):
     with pytest.raises(IcyMoonError, match=said):
         parse_methods(text, own=own)
@@ -191,8 +273,17 @@ def test_what_the_window_gives_to_processes_has_passed_the_gate():
     # presets.py puts those of quality back, vary.py shows values and counts pairs; both check what they start.
     # view_exposure.py sets how bright the view is, no more.
     assert {name for name, text in texts.items() if "read_unchecked(" in text} == {
-        "live_preview.py", "ground.py", "presets.py", "vary.py", "view_exposure.py"}
+        "live_preview.py",
+        "ground.py",
+        "presets.py",
+        "vary.py",
+        "view_exposure.py",
+    }
     # results.py only compares them with those that were measured, vary.py only draws their field, sidebar_text.py only
     # tells where that field is.
     assert {name for name, text in texts.items() if '"methods"' in text or "dataset.methods" in text} == {
-        "evaluate.py", "results.py", "sidebar_text.py", "vary.py"}
+        "evaluate.py",
+        "results.py",
+        "sidebar_text.py",
+        "vary.py",
+    }

@@ -27,15 +27,17 @@ def run(*arguments, command=BY_PATH, **options):
 
 def run_with(preparation, *arguments):
     """Run the command line after some Python statements."""
-    program = (f"import sys; sys.path[:0] = [{str(ROOT.parent)!r}]; {preparation}\n"
-               "import importlib.util\n"
-               f"spec = importlib.util.spec_from_file_location('icymoon', {str(ROOT / '__init__.py')!r},"
-               f" submodule_search_locations=[{str(ROOT)!r}])\n"
-               "sys.modules['icymoon'] = importlib.util.module_from_spec(spec)\n"
-               "from icymoon.stereo.cli import main\n"
-               "code = main(sys.argv[1:])\n"
-               "assert not {'torch', 'bpy'} & {name for name, module in sys.modules.items() if module}\n"
-               "sys.exit(code)")
+    program = (
+        f"import sys; sys.path[:0] = [{str(ROOT.parent)!r}]; {preparation}\n"
+        "import importlib.util\n"
+        f"spec = importlib.util.spec_from_file_location('icymoon', {str(ROOT / '__init__.py')!r},"
+        f" submodule_search_locations=[{str(ROOT)!r}])\n"
+        "sys.modules['icymoon'] = importlib.util.module_from_spec(spec)\n"
+        "from icymoon.stereo.cli import main\n"
+        "code = main(sys.argv[1:])\n"
+        "assert not {'torch', 'bpy'} & {name for name, module in sys.modules.items() if module}\n"
+        "sys.exit(code)"
+    )
     return run(*arguments, command=[sys.executable, "-c", program])
 
 
@@ -55,7 +57,7 @@ def inputs(tmp_path_factory):
         cv2.imwrite(str(folder / f"{eye}.png"), np.rint(light / 6 * 255).astype(np.uint8))
         cv2.imwrite(str(folder / f"{eye}16.png"), np.rint(light / 6 * 65535).astype(np.uint16))
     whole = (folder / "left.png").read_bytes()
-    (folder / "cut.png").write_bytes(whole[:len(whole) // 2])
+    (folder / "cut.png").write_bytes(whole[: len(whole) // 2])
     (folder / "flipped.png").write_bytes(whole[:5000] + bytes([whole[5000] ^ 1]) + whole[5001:])
     (folder / "empty.png").write_bytes(b"")
     (folder / "text.png").write_text("no picture")
@@ -71,8 +73,9 @@ def match(inputs, out, *more, left="left.png", right="right.png", method="sgbm")
 @pytest.mark.parametrize("bits", ["", "16"])
 def test_match_writes_disparity(inputs, tmp_path, bits):
     out = tmp_path / "deep" / "D.npz"
-    result = match(inputs, out, "--option", "window=7", "disparities=64",
-                   left=f"left{bits}.png", right=f"right{bits}.png")
+    result = match(
+        inputs, out, "--option", "window=7", "disparities=64", left=f"left{bits}.png", right=f"right{bits}.png"
+    )
     assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
     with np.load(out) as stored:
         disparity = stored["disparity"]
@@ -85,24 +88,32 @@ def test_match_writes_disparity(inputs, tmp_path, bits):
     assert [path.name for path in out.parent.iterdir()] == ["D.npz"]
 
 
-@pytest.mark.parametrize(("changes", "words"), [
-    ({"left": "none.png"}, ["none.png", "No such file"]),
-    ({"left": "cut.png"}, ["cut.png", "not a whole PNG image"]),
-    ({"left": "flipped.png"}, ["flipped.png", "checksum is wrong"]),
-    ({"left": "empty.png"}, ["empty.png", "not a PNG"]),
-    ({"right": "text.png"}, ["text.png", "not a PNG"]),
-    ({"right": "small.png"}, ["256 x 144", "12 x 10"]),
-    ({"left": "small.png", "right": "small.png", "method": "bm"}, ["12 x 10", "too small for StereoBM"]),
-    ({"method": "sbgm"}, ["did you mean 'sgbm'"]),
-])
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"left": "none.png"}, ["none.png", "No such file"]),
+        ({"left": "cut.png"}, ["cut.png", "not a whole PNG image"]),
+        ({"left": "flipped.png"}, ["flipped.png", "checksum is wrong"]),
+        ({"left": "empty.png"}, ["empty.png", "not a PNG"]),
+        ({"right": "text.png"}, ["text.png", "not a PNG"]),
+        ({"right": "small.png"}, ["256 x 144", "12 x 10"]),
+        ({"left": "small.png", "right": "small.png", "method": "bm"}, ["12 x 10", "too small for StereoBM"]),
+        ({"method": "sbgm"}, ["did you mean 'sgbm'"]),
+    ],
+)
 def test_match_refuses_in_one_sentence_and_writes_nothing(inputs, tmp_path, changes, words):
     assert_refused(match(inputs, tmp_path / "D.npz", **changes), *words)
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("option", "words"), [
-    ("windw=9", ["did you mean 'window'"]), ("window", ["key=value"]), ("window=-1", ["outside 1 to 25"]),
-])
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ("windw=9", ["did you mean 'window'"]),
+        ("window", ["key=value"]),
+        ("window=-1", ["outside 1 to 25"]),
+    ],
+)
 def test_match_refuses_wrong_options(inputs, tmp_path, option, words):
     assert_refused(match(inputs, tmp_path / "D.npz", "--option", option), *words)
 
@@ -121,8 +132,9 @@ def save(folder, name, array):
 
 def test_metrics_prints_json_with_the_promised_keys(tmp_path):
     truth = save(tmp_path, "z.npy", np.array([[1.0, 2.0], [4.0, np.nan]]))
-    result = run("metrics", "--prediction", save(tmp_path, "p.npy", np.array([[1.05, 2.5], [np.nan, 1.0]])),
-                 "--truth", truth)
+    result = run(
+        "metrics", "--prediction", save(tmp_path, "p.npy", np.array([[1.05, 2.5], [np.nan, 1.0]])), "--truth", truth
+    )
     assert (result.returncode, result.stderr) == (0, "")
     values = json.loads(result.stdout)
     assert {"l1_m", "l1_rate_10", "si_mse", "si_rmse", "dod", "coverage", "n"} <= set(values)
@@ -139,11 +151,17 @@ def test_metrics_refuses_a_file_without_depths(tmp_path):
     (tmp_path / "header.npy").write_bytes(b"\x93NUMPY\x01\x00\x46\x00{{{" + b" " * 67)
     (tmp_path / "empty.npy").write_bytes(b"")
     np.savez(tmp_path / "many.npz", a=np.ones(3))
-    for bad, words in [("none.npy", ["none.npy"]), ("cut.npy", ["cut.npy"]), ("empty.npy", ["empty.npy"]),
-                       ("header.npy", ["header.npy"]), ("many.npz", ["several arrays"]), (".", [str(tmp_path)]),
-                       (save(tmp_path, "o.npy", np.array([{}, None])).name, ["o.npy"]),
-                       (save(tmp_path, "c.npy", np.ones((3, 4), complex)).name, ["complex128"]),
-                       (save(tmp_path, "s.npy", np.ones((4, 3))).name, ["(4, 3)", "(3, 4)"])]:
+    for bad, words in [
+        ("none.npy", ["none.npy"]),
+        ("cut.npy", ["cut.npy"]),
+        ("empty.npy", ["empty.npy"]),
+        ("header.npy", ["header.npy"]),
+        ("many.npz", ["several arrays"]),
+        (".", [str(tmp_path)]),
+        (save(tmp_path, "o.npy", np.array([{}, None])).name, ["o.npy"]),
+        (save(tmp_path, "c.npy", np.ones((3, 4), complex)).name, ["complex128"]),
+        (save(tmp_path, "s.npy", np.ones((4, 3))).name, ["(4, 3)", "(3, 4)"]),
+    ]:
         assert_refused(run("metrics", "--prediction", tmp_path / bad, "--truth", good), *words)
 
 
@@ -162,8 +180,18 @@ def test_evaluate_at_a_terminal(inputs, tmp_path):
 
 
 def test_evaluate_for_a_program_without_bpy_or_torch(inputs, tmp_path):
-    result = run_with("sys.modules['bpy'] = None", "evaluate", inputs / "set", "--out", tmp_path / "out",
-                      "--json-lines", "--option", "bm.window=21", "--set", "sensor.bits=12")
+    result = run_with(
+        "sys.modules['bpy'] = None",
+        "evaluate",
+        inputs / "set",
+        "--out",
+        tmp_path / "out",
+        "--json-lines",
+        "--option",
+        "bm.window=21",
+        "--set",
+        "sensor.bits=12",
+    )
     assert (result.returncode, result.stderr) == (0, "")
     lines = [json.loads(line) for line in result.stdout.splitlines()]
     assert [line["type"] for line in lines] == ["progress", "progress", "result"]
@@ -188,10 +216,15 @@ def test_evaluate_with_a_broken_pair_does_the_rest_and_fails(tmp_path):
     assert (tmp_path / "out" / "report.html").is_file()
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    (["--set", "rig.baseline_m=1"], ["needs a new render"]), (["--set", "sensor.bits=99"], ["8 to 16"]),
-    (["--methods", "igevv"], ["Unknown matcher"]), (["--option", "bm.windo=3"], ["did you mean 'window'"]),
-])
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--set", "rig.baseline_m=1"], ["needs a new render"]),
+        (["--set", "sensor.bits=99"], ["8 to 16"]),
+        (["--methods", "igevv"], ["Unknown matcher"]),
+        (["--option", "bm.windo=3"], ["did you mean 'window'"]),
+    ],
+)
 def test_evaluate_refuses_wrong_settings_before_it_writes(inputs, tmp_path, arguments, words):
     assert_refused(run("evaluate", inputs / "set", "--out", tmp_path / "out", *arguments), *words)
     assert not list(tmp_path.iterdir())
@@ -226,8 +259,14 @@ class TestInterruptions:
     @pytest.mark.parametrize("limit", [3000, 30000])
     def test_a_full_disk_is_one_sentence_and_no_half_file(self, inputs, tmp_path, limit):
         # A limit on file size is as near to a full disk as a test can come.
-        result = run_with(f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))",
-                          "evaluate", inputs / "set", "--out", tmp_path / "out", "--json-lines")
+        result = run_with(
+            f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))",
+            "evaluate",
+            inputs / "set",
+            "--out",
+            tmp_path / "out",
+            "--json-lines",
+        )
         assert_refused(result, "Cannot write")
         assert not list((tmp_path / "out").rglob("*.part"))
         for path in (tmp_path / "out").rglob("*.png"):
@@ -289,8 +328,16 @@ def test_metrics_of_a_disparity_and_the_reference_codes_beside_them(tmp_path):
     random = np.random.default_rng(0)
     truth = random.uniform(2, 6, (480, 640))
     np.savez(tmp_path / "d.npz", disparity=np.where(random.random(truth.shape) < 0.2, np.nan, 85.333 / truth))
-    result = run("metrics", "--disparity", tmp_path / "d.npz", "--truth", save(tmp_path, "z.npy", truth),
-                 "--focal-baseline", "85.333", "--guiss")
+    result = run(
+        "metrics",
+        "--disparity",
+        tmp_path / "d.npz",
+        "--truth",
+        save(tmp_path, "z.npy", truth),
+        "--focal-baseline",
+        "85.333",
+        "--guiss",
+    )
     assert (result.returncode, result.stderr) == (0, "")
     found = json.loads(result.stdout)
     assert found["l1_m"] < 1e-6  # npz in double precision, as it was saved
@@ -312,17 +359,30 @@ def test_metrics_of_the_reference_code_know_stereobm(inputs, tmp_path):
     assert expected["guiss_n"] != reference_metrics(disparity.astype(float), truth)["guiss_n"]
     plain = save(tmp_path, "d.npy", disparity)
     for words in ([out], [plain, "--bm-min-disparity", "4"]):
-        result = run("metrics", "--disparity", *words, "--truth", save(tmp_path, "z.npy", truth), "--focal-baseline",
-                     "34", "--guiss")
+        result = run(
+            "metrics",
+            "--disparity",
+            *words,
+            "--truth",
+            save(tmp_path, "z.npy", truth),
+            "--focal-baseline",
+            "34",
+            "--guiss",
+        )
         found = json.loads(result.stdout)
         assert {key: found[key] for key in ("guiss_n", "guiss_l1_m")} == {
-            key: pytest.approx(expected[key]) for key in ("guiss_n", "guiss_l1_m")}
+            key: pytest.approx(expected[key]) for key in ("guiss_n", "guiss_l1_m")
+        }
 
 
-@pytest.mark.parametrize(("words", "reason"), [
-    (["--focal-baseline", "0"], "positive number"), (["--focal-baseline", "nan"], "positive number"),
-    ([], "give --focal-baseline"),
-])
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--focal-baseline", "0"], "positive number"),
+        (["--focal-baseline", "nan"], "positive number"),
+        ([], "give --focal-baseline"),
+    ],
+)
 def test_metrics_of_a_disparity_needs_a_camera(tmp_path, words, reason):
     good = save(tmp_path, "z.npy", np.ones((3, 4)))
     assert_refused(run("metrics", "--disparity", good, "--truth", good, *words), reason)
@@ -342,22 +402,34 @@ def test_metrics_of_hardly_any_pixel(tmp_path, size):
 def test_the_printed_tables_rank_what_the_scenes_allow_and_call_nothing_a_zero(capsys):
     numbers = dict.fromkeys((column.key for column in SUMMARY), 0.25)
     ranked = {RANKING: (1, 2), "common_l1_m": (2, 3)}
-    rows = [numbers | {"method": "bm", "pairs": 8, "n": 9, "ranks": ranked},
-            numbers | {"method": "sgbm", "pairs": 8, "n": 9, "ranks": {}},
-            numbers | {"method": "igev", "pairs": 0, "n": 0, "ranks": {}, "coverage": 0.0, "seconds": 4.5}]
+    rows = [
+        numbers | {"method": "bm", "pairs": 8, "n": 9, "ranks": ranked},
+        numbers | {"method": "sgbm", "pairs": 8, "n": 9, "ranks": {}},
+        numbers | {"method": "igev", "pairs": 0, "n": 0, "ranks": {}, "coverage": 0.0, "seconds": 4.5},
+    ]
     cli._print_summary({"summary": rows, "verdicts": "8 scenes [of 9].", "notes": ["A note."], "plug_ins": []})
     printed = capsys.readouterr().out
     lines = [re.split(r"\s*│\s*", line)[1:-1] for line in printed.splitlines() if "│" in line]
-    assert [line[:2] for line in lines] == [["StereoBM", "1–2"], ["SGBM", "–"], ["IGEV-Stereo", "no result"],
-                                            ["StereoBM", "2–3"], ["SGBM", "–"], ["IGEV-Stereo", "no result"]]
+    assert [line[:2] for line in lines] == [
+        ["StereoBM", "1–2"],
+        ["SGBM", "–"],
+        ["IGEV-Stereo", "no result"],
+        ["StereoBM", "2–3"],
+        ["SGBM", "–"],
+        ["IGEV-Stereo", "no result"],
+    ]
     assert lines[2][2:] == ["–", "–", "–", "4.500"]  # what it cost stands
     assert set(lines[5][2:]) == {"–"}
     assert "8 scenes [of 9].\nA note." in printed
 
 
 def test_there_is_no_empty_table_where_every_pair_fails(tmp_path, monkeypatch, capsys):
-    nothing = {"summary": [{"method": "bm", "pairs": 0, "failed": 2}], "notes": [], "verdicts": "",
-               "failed": [{"message": "a reason"}] * 2}
+    nothing = {
+        "summary": [{"method": "bm", "pairs": 0, "failed": 2}],
+        "notes": [],
+        "verdicts": "",
+        "failed": [{"message": "a reason"}] * 2,
+    }
     monkeypatch.setattr("icymoon.stereo.evaluate.evaluate", lambda *arguments: nothing)
     assert cli.main(["evaluate", str(tmp_path), "--out", str(tmp_path / "out")]) == 1
     printed = capsys.readouterr()

@@ -40,9 +40,13 @@ def write_state(folder, state, lowered_m, seed=None):
     np.save(folder / "workspace.npy", heights)
     data["files"]["workspace.npy"]["sha256"] = sha256(folder / "workspace.npy")
     # What was dug is more than what the region lost, as spoil slid in.
-    data["excavation"] = {"state": state, "states": 3, "taken_m3": 0.9 * lowered_m,
-                          "change_in_region_by_state_m3": [0.0] * state + [-0.64 * lowered_m],
-                          "region_m": [-0.4, -0.4, 0.4, 0.4]}
+    data["excavation"] = {
+        "state": state,
+        "states": 3,
+        "taken_m3": 0.9 * lowered_m,
+        "change_in_region_by_state_m3": [0.0] * state + [-0.64 * lowered_m],
+        "region_m": [-0.4, -0.4, 0.4, 0.4],
+    }
     data["seeds"] = {"render": state if seed is None else seed}
     (folder / "pair.json").write_text(json.dumps(data))
 
@@ -83,7 +87,8 @@ def test_files_are_as_they_are_named(dataset, tmp_path):
     with (tmp_path / "out" / "decisions.csv").open(encoding="utf-8", newline="") as stream:
         lines = list(csv.DictReader(stream))
     assert [(line["pair"], line["method"]) for line in lines] == [
-        (pair, method) for pair in "ab" for method in (TRUE_DEPTH, "bm")]
+        (pair, method) for pair in "ab" for method in (TRUE_DEPTH, "bm")
+    ]
     page = (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")
     assert report["head"][1] in page
     assert "://" not in page.replace("http://www.w3.org", "")
@@ -138,8 +143,9 @@ def test_a_pair_that_cannot_be_used_stops_no_other(dataset, tmp_path):
     del data["light"]
     path.write_text(json.dumps(data))
     errors = []
-    report = run([dataset], tmp_path / "out", on_event=lambda event: errors.append(event)
-                 if event["type"] == "error" else None)
+    report = run(
+        [dataset], tmp_path / "out", on_event=lambda event: errors.append(event) if event["type"] == "error" else None
+    )
     assert {entry["pair"] for entry in report["failed"]} == {"a"}
     assert "direction of the Sun" in errors[0]["message"]
     assert report["summary"][1]["pairs"] == 1
@@ -167,8 +173,16 @@ def test_json_lines_end_with_the_result(dataset, tmp_path, capsys):
     assert lines[3]["fraction"] == 1.0
 
 
-@pytest.mark.parametrize("wrong", [["--cell-m", "0"], ["--pose-error-mm", "-1"], ["--rules", "nowhere.toml"],
-                                   ["--methods", "nothing"], ["--seed", "-1"]])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--cell-m", "0"],
+        ["--pose-error-mm", "-1"],
+        ["--rules", "nowhere.toml"],
+        ["--methods", "nothing"],
+        ["--seed", "-1"],
+    ],
+)
 def test_wrong_options_are_sentences_and_write_nothing(dataset, tmp_path, capsys, wrong):
     assert main(["decide", str(dataset), "--out", str(tmp_path / "out"), *wrong]) == 1
     assert capsys.readouterr().err.count("\n") == 1
@@ -186,7 +200,7 @@ def test_a_series_has_its_volumes_and_none_is_noticed_without_pairs_in_which_not
         assert step["known"] == 1.0
         assert step["noticed"] == 1.0
     assert true["smallest_m3"] is matcher["smallest_m3"] is None
-    sentence, = matcher["notes"]
+    (sentence,) = matcher["notes"]
     assert "cannot be given: 1 pair of this site shows it with nothing dug" in sentence
     assert sentence in report["notes"]
     page = (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")

@@ -53,12 +53,17 @@ def result(dataset, tmp_path_factory):
 def test_everything_is_evaluated_and_written(result):
     report, out, events = result
     assert [(row["pair"], row["method"]) for row in report["rows"]] == [
-        (pair, method) for pair in SCENES for method in ("bm", "sgbm", "bm:window=21")]
+        (pair, method) for pair in SCENES for method in ("bm", "sgbm", "bm:window=21")
+    ]
     lists = {"rows": list(report["rows"]), "pairs": list(report["pairs"])}
     written = strict_json(out / "report.json")
     shared = written.pop("shared_settings")
-    assert not any(key in shared.get(topic, {}) for pair in written["pairs"]
-                   for topic, table in pair["settings"].items() for key in table)
+    assert not any(
+        key in shared.get(topic, {})
+        for pair in written["pairs"]
+        for topic, table in pair["settings"].items()
+        for key in table
+    )
     for pair in written["pairs"]:
         pair["settings"] = with_shared(pair["settings"], shared)
     assert written == json.loads(json.dumps(report | lists))
@@ -71,8 +76,9 @@ def test_everything_is_evaluated_and_written(result):
     assert [float(line["l1_m"]) for line in table] == [row["l1_m"] for row in report["rows"]]
     with (out / "comparisons.csv").open(newline="") as stream:
         table = list(csv.DictReader(stream))
-    assert [line["typical"] for line in table] == ["" if entry["typical"] is None else str(entry["typical"])
-                                                   for entry in report["comparisons"]]
+    assert [line["typical"] for line in table] == [
+        "" if entry["typical"] is None else str(entry["typical"]) for entry in report["comparisons"]
+    ]
     assert {line["scenes_needed"] for line in table} == {"8"}  # of three methods
     for entry in (*report["rows"], *report["pairs"]):
         assert all((out / path).stat().st_size > 0 for path in entry["images"].values())
@@ -112,8 +118,9 @@ def test_common_pixels_are_those_of_two_methods(result):
     for pair in SCENES:
         rows = {method.label: log.read(pair, method.label) for method in METHODS}
         truth = pairs.view(SCENES[pair], pairs.camera(), "left")[0]
-        disparity = {label: np.load(out / row["images"]["disparity"])["disparity"].astype(float)
-                     for label, row in rows.items()}
+        disparity = {
+            label: np.load(out / row["images"]["disparity"])["disparity"].astype(float) for label, row in rows.items()
+        }
         for label, row in rows.items():
             assert row["common"].keys() == rows.keys() - {label}
             for other, numbers in row["common"].items():
@@ -132,8 +139,9 @@ def test_summary_averages_pairs_and_pools_pixels(result):
         assert entry["l1_m"] == pytest.approx(np.mean([row["l1_m"] for row in rows]))
         assert entry["dod"] == pytest.approx(np.mean([row["dod"] for row in rows]))
         assert entry["n"] == sum(row["n"] for row in rows)
-        assert entry["pooled_l1_m"] == pytest.approx(np.average([row["l1_m"] for row in rows],
-                                                                weights=[row["n"] for row in rows]))
+        assert entry["pooled_l1_m"] == pytest.approx(
+            np.average([row["l1_m"] for row in rows], weights=[row["n"] for row in rows])
+        )
         assert entry["pooled_coverage"] == pytest.approx(entry["n"] / sum(row["true_pixels"] for row in rows))
 
 
@@ -200,8 +208,12 @@ def test_a_data_set_its_pairs_folder_or_one_pair(dataset, tmp_path, path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_new_camera_response_needs_no_new_render(dataset, tmp_path):
-    flooded = evaluate([dataset / "pairs" / "aaa"], parse_methods("bm,sgbm"), tmp_path,
-                       {"sensor": {"auto_exposure": False, "exposure_s": 0.1, "read_noise_e": 0.0}})
+    flooded = evaluate(
+        [dataset / "pairs" / "aaa"],
+        parse_methods("bm,sgbm"),
+        tmp_path,
+        {"sensor": {"auto_exposure": False, "exposure_s": 0.1, "read_noise_e": 0.0}},
+    )
     assert flooded["pairs"][0]["saturated"] == 1
     assert flooded["pairs"][0]["settings"]["sensor"]["exposure_s"] == 0.1
     for row in flooded["rows"]:
@@ -221,21 +233,28 @@ def _edit(path, **changes):
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize(("harm", "reason"), [
-    (lambda folder: _flip(folder / "left.exr"), r"left\.exr is not the file that was rendered"),
-    (lambda folder: (folder / "right.exr").unlink(), r"right\.exr is missing"),
-    (lambda folder: (folder / "pair.json").write_text("{"), "cannot be read"),
-    (lambda folder: (folder / "pair.json").write_text("[]"), "not an Icy Moon pair"),
-    (lambda folder: _edit(folder / "pair.json", version=99), "format version 99"),
-    (lambda folder: _edit(folder / "pair.json", camera=pairs.camera(128, 72).to_json()),
-     r"camera\.width_px is 128, and its settings give 256"),
-    (lambda folder: _edit(folder / "pair.json", settings=[]), r"settings is \[\], not a table"),
-    (lambda folder: _edit(folder / "pair.json", settings={"sensor": {"read_noise_e": "abc"}}),
-     r"sensor\.read_noise_e must be a number, not 'abc'"),
-    (lambda folder: _edit(folder / "pair.json", camera=7), "camera is 7, not a table"),
-    (lambda folder: _edit(folder / "pair.json", files={}), r"files\.left\.exr is missing"),
-    (lambda folder: (folder / "pair.json").write_text("[" * 100_000), "cannot be read"),
-])
+@pytest.mark.parametrize(
+    ("harm", "reason"),
+    [
+        (lambda folder: _flip(folder / "left.exr"), r"left\.exr is not the file that was rendered"),
+        (lambda folder: (folder / "right.exr").unlink(), r"right\.exr is missing"),
+        (lambda folder: (folder / "pair.json").write_text("{"), "cannot be read"),
+        (lambda folder: (folder / "pair.json").write_text("[]"), "not an Icy Moon pair"),
+        (lambda folder: _edit(folder / "pair.json", version=99), "format version 99"),
+        (
+            lambda folder: _edit(folder / "pair.json", camera=pairs.camera(128, 72).to_json()),
+            r"camera\.width_px is 128, and its settings give 256",
+        ),
+        (lambda folder: _edit(folder / "pair.json", settings=[]), r"settings is \[\], not a table"),
+        (
+            lambda folder: _edit(folder / "pair.json", settings={"sensor": {"read_noise_e": "abc"}}),
+            r"sensor\.read_noise_e must be a number, not 'abc'",
+        ),
+        (lambda folder: _edit(folder / "pair.json", camera=7), "camera is 7, not a table"),
+        (lambda folder: _edit(folder / "pair.json", files={}), r"files\.left\.exr is missing"),
+        (lambda folder: (folder / "pair.json").write_text("[" * 100_000), "cannot be read"),
+    ],
+)
 def test_a_broken_pair_is_named_and_the_others_are_done(tmp_path, harm, reason):
     root = tmp_path / "set" / "pairs"
     pairs.write_pair(root / "bad")
@@ -300,12 +319,20 @@ def test_pictures_tell_missing_measurements_from_sky():
         assert with_bar(np.zeros((5, width, 3), np.uint8), depth_scale(truth)).shape[1:] == (width, 3)
 
 
-@pytest.mark.parametrize(("text", "options", "reason"), [
-    ("", [], "is empty"), ("bm,sgmb", [], "did you mean 'sgbm'"), ("bm,bm", [], "names bm twice"),
-    ("bm:window", [], "write it as key=value"), ("bm:windo=9", [], "did you mean 'window'"),
-    ("bm", ["window=9"], "name the matcher too"), ("bm", ["sgbm.window=9"], "no method uses"),
-    ("bm", ["bmm.window=9"], "did you mean 'bm'"), ("bm", ["bm.window"], "key=value"),
-])
+@pytest.mark.parametrize(
+    ("text", "options", "reason"),
+    [
+        ("", [], "is empty"),
+        ("bm,sgmb", [], "did you mean 'sgbm'"),
+        ("bm,bm", [], "names bm twice"),
+        ("bm:window", [], "write it as key=value"),
+        ("bm:windo=9", [], "did you mean 'window'"),
+        ("bm", ["window=9"], "name the matcher too"),
+        ("bm", ["sgbm.window=9"], "no method uses"),
+        ("bm", ["bmm.window=9"], "did you mean 'bm'"),
+        ("bm", ["bm.window"], "key=value"),
+    ],
+)
 def test_wrong_methods_are_refused_before_anything_runs(text, options, reason):
     with pytest.raises(IcyMoonError, match=reason):
         parse_methods(text, options)
@@ -337,12 +364,16 @@ def test_other_arrays_and_facts_of_a_method_are_kept(tmp_path):
     """Arrays in the npz, counts in the row, and the camera for a program that asks for it."""
     rig = pairs.camera(160, 90)
     pairs.write_pair(tmp_path / "pair", rig=rig)
-    (tmp_path / "program.py").write_text("import sys, numpy as np\nout, focal = sys.argv[3], float(sys.argv[4])\n"
-                                         "np.save(out, np.full((90, 160), focal / 2))")
+    (tmp_path / "program.py").write_text(
+        "import sys, numpy as np\nout, focal = sys.argv[3], float(sys.argv[4])\n"
+        "np.save(out, np.full((90, 160), focal / 2))"
+    )
     command = f"{sys.executable} {tmp_path / 'program.py'} {{left}} {{right}} {{out}} {{focal_px}}"
-    report = evaluate([tmp_path / "pair"], parse_methods("jplv,external", ["jplv.blob_size=20",
-                                                                           f"external.command={command}"]),
-                      tmp_path / "out")
+    report = evaluate(
+        [tmp_path / "pair"],
+        parse_methods("jplv,external", ["jplv.blob_size=20", f"external.command={command}"]),
+        tmp_path / "out",
+    )
     jplv, external = report["rows"]
     with np.load(tmp_path / "out" / jplv["images"]["disparity"]) as stored:
         assert {"disparity", "jpl_disparity", "flags", "focal_baseline_px_m"} == set(stored.files)
@@ -358,16 +389,20 @@ def count_grounds(monkeypatch):
     """The seeds of the grounds that are made for search ranges from now on."""
     made, make = [], nearest_ground.make_rocky_ground
     monkeypatch.setattr(nearest_ground, "_last", {})
-    monkeypatch.setattr(nearest_ground, "make_rocky_ground",
-                        lambda settings: (made.append(settings.dataset.seed), make(settings))[1])
+    monkeypatch.setattr(
+        nearest_ground, "make_rocky_ground", lambda settings: (made.append(settings.dataset.seed), make(settings))[1]
+    )
     return made
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_ground_that_pairs_share_is_made_once_whatever_their_names_are(tmp_path, monkeypatch):
     for name, seed in zip("abcd", (7, 9, 7, 9), strict=True):
-        pairs.write_pair(tmp_path / "set" / "pairs" / name, rig=pairs.camera(64, 48),
-                         settings=merged(defaults(), {"dataset": {"seed": seed}}))
+        pairs.write_pair(
+            tmp_path / "set" / "pairs" / name,
+            rig=pairs.camera(64, 48),
+            settings=merged(defaults(), {"dataset": {"seed": seed}}),
+        )
     made = count_grounds(monkeypatch)
     report = evaluate([tmp_path / "set"], parse_methods("bm,sgbm"), tmp_path / "out", jobs=1)
     assert sorted(made) == [7, 9]

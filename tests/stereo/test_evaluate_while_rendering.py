@@ -23,8 +23,10 @@ SCENES = {"aaa": pairs.Scene(), "bbb": pairs.Scene(sky_rows=24, distance_m=3.0),
 
 def rows(out):
     """The lines of the log without what a computer took."""
-    return [{key: value for key, value in json.loads(line).items() if key not in COSTS}
-            for line in (out / "results.jsonl").read_text(encoding="utf-8").splitlines()]
+    return [
+        {key: value for key, value in json.loads(line).items() if key not in COSTS}
+        for line in (out / "results.jsonl").read_text(encoding="utf-8").splitlines()
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +41,7 @@ def complete(tmp_path_factory):
 def test_tables_are_those_of_an_evaluation_of_all_and_nothing_is_measured_twice(complete, tmp_path, monkeypatch):
     data, out = tmp_path / "set", tmp_path / "out"
     data.mkdir()
-    looks = iter(range(10 ** 6))
+    looks = iter(range(10**6))
 
     def is_over():
         """Let another pair be complete at each look, the last one first, and then end."""
@@ -55,8 +57,9 @@ def test_tables_are_those_of_an_evaluation_of_all_and_nothing_is_measured_twice(
 
     measured = []
     real = evaluating.measure_pair
-    monkeypatch.setattr(evaluating, "measure_pair", lambda source, run, task: measured.append(task.pair) or real(
-        source, run, task))
+    monkeypatch.setattr(
+        evaluating, "measure_pair", lambda source, run, task: measured.append(task.pair) or real(source, run, task)
+    )
     pairs.write_pair(data / "pairs" / "aaa", SCENES["aaa"])
     evaluate([data], METHODS, out, jobs=1)
     assert measured == ["aaa"]
@@ -94,8 +97,17 @@ def test_files_that_no_evaluation_wrote_are_kept(complete, tmp_path):
 @pytest.mark.parametrize("killed", [False, True])
 def test_the_process_ends_with_its_input_and_what_is_killed_is_done_again(complete, tmp_path, killed):
     out = tmp_path / "out"
-    command = python_command(sys.executable, "stereo", "evaluate", str(complete / "set"), "--methods",
-                             "bm,bm:window=21", "--out", str(out), "--follow")
+    command = python_command(
+        sys.executable,
+        "stereo",
+        "evaluate",
+        str(complete / "set"),
+        "--methods",
+        "bm,bm:window=21",
+        "--out",
+        str(out),
+        "--follow",
+    )
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         limit = threading.Timer(300, process.kill)
         limit.start()

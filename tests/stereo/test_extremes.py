@@ -56,19 +56,25 @@ def test_nothing_measured(prepared):
 @pytest.mark.parametrize("pixels", [1, 2])
 def test_hardly_any_pixel_measured(prepared, pixels):
     disparity = np.full(prepared.truth.shape, np.nan)
-    disparity.flat[5000:5000 + pixels] = prepared.pair.camera.disparity(prepared.truth).flat[5000:5000 + pixels]
+    disparity.flat[5000 : 5000 + pixels] = prepared.pair.camera.disparity(prepared.truth).flat[5000 : 5000 + pixels]
     row = numbers(prepared, disparity)
     assert (row["n"], row["l1_m"]) == (pixels, pytest.approx(0, abs=1e-12))
     assert row["dod"] == (None if pixels == 1 else 0)
 
 
-@pytest.mark.parametrize(("scene", "sensor"), [
-    (pairs.Scene(distance_m=1e-3), {}), (pairs.Scene(distance_m=1e9, rock=False), {}),
-    (pairs.Scene(contrast=0.0), {"shot_noise": False, "read_noise_e": 0.0}),
-    (pairs.Scene(radiance=0.0), {"read_noise_e": 0.0}),
-    (pairs.Scene(radiance=1e30), {}), (pairs.Scene(radiance=1e-30), {}),
-    (pairs.Scene(), {"auto_exposure": False, "exposure_s": 100.0}),
-], ids=["1 mm away", "1e9 m away", "constant", "black", "blinding", "faint", "saturated"])
+@pytest.mark.parametrize(
+    ("scene", "sensor"),
+    [
+        (pairs.Scene(distance_m=1e-3), {}),
+        (pairs.Scene(distance_m=1e9, rock=False), {}),
+        (pairs.Scene(contrast=0.0), {"shot_noise": False, "read_noise_e": 0.0}),
+        (pairs.Scene(radiance=0.0), {"read_noise_e": 0.0}),
+        (pairs.Scene(radiance=1e30), {}),
+        (pairs.Scene(radiance=1e-30), {}),
+        (pairs.Scene(), {"auto_exposure": False, "exposure_s": 100.0}),
+    ],
+    ids=["1 mm away", "1e9 m away", "constant", "black", "blinding", "faint", "saturated"],
+)
 def test_absurd_scenes(tmp_path, scene, sensor):
     pairs.write_pair(tmp_path / "pair", scene, RIG)
     report = evaluate([tmp_path / "pair"], parse_methods("bm,sgbm"), tmp_path / "out", {"sensor": sensor}, guiss=True)

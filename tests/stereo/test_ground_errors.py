@@ -146,8 +146,15 @@ def test_the_files_of_an_evaluation_are_read_without_opencv_and_openexr(tmp_path
     record = json.loads((folder / "pair.json").read_text())
     beside = pose()
     beside[:3, 3] += beside[:3, 0] * RIG.baseline_m
-    (folder / "pair.json").write_text(json.dumps({**record, "poses_camera_to_world": {
-        "left": pose().tolist(), "right": beside.tolist()}, "edited_by_hand": True}))
+    (folder / "pair.json").write_text(
+        json.dumps(
+            {
+                **record,
+                "poses_camera_to_world": {"left": pose().tolist(), "right": beside.tolist()},
+                "edited_by_hand": True,
+            }
+        )
+    )
     monkeypatch.setitem(sys.modules, "OpenEXR", None)
     monkeypatch.setitem(sys.modules, "cv2", None)
     found = ground_errors.read_depth_errors(folder, tmp_path / "sgbm.npz")

@@ -58,7 +58,9 @@ def test_a_page_has_no_element_and_no_script_that_a_data_set_brought(report):
     assert "alert(1)" in html  # it is shown, as text
     found = Elements(html).found
     assert [attributes for tag, attributes in found if tag == "script"] == [
-        {"type": "application/json", "id": "data"}, {}]
+        {"type": "application/json", "id": "data"},
+        {},
+    ]
     assert not [name for _, attributes in found for name in attributes if name.startswith("on")]
     # An image without a source is filled from another image of the page.
     assert all(str(attributes.get("src", "data:")).startswith("data:") for tag, attributes in found if tag == "img")
@@ -74,16 +76,16 @@ def test_a_table_has_no_formula_that_a_data_set_brought(report):
 
 
 #: Parts of a path, which has no slash of its own: together with the slash between them they end an element.
-MARKUP = ('a"\'><img src=x onerror=alert(1)><', 'script><script>alert(1)<', "b><a href='javascript:alert(1)'>&lt;")
+MARKUP = ("a\"'><img src=x onerror=alert(1)><", "script><script>alert(1)<", "b><a href='javascript:alert(1)'>&lt;")
 #: A text that ends what it is in.
 TEXT = "/".join(MARKUP)
-METRIC = '''
+METRIC = """
 __doc__ = {doc!r}
 ICYMOON_API = 1
 UNIT, DECIMALS, BETTER = "px", 1, "lower"
 def measure(disparity, truth, context):
     return 1.0
-'''
+"""
 
 
 def evaluate_names(folder, monkeypatch, markup, text):
@@ -98,17 +100,35 @@ def evaluate_names(folder, monkeypatch, markup, text):
         data |= {"versions": {"blender": text}, "device": text, "denoiser": text}
         (pair / "pair.json").write_text(json.dumps(data), encoding="utf-8")
     (root / "set" / "pairs" / "broken'" / "left.exr").write_bytes(b"none")
-    strange = foreign.plain(root / "foreign", 'disparity = "truth/{pair}.npy"', "",
-                            np.random.default_rng(1).uniform(0, 40, foreign.constant().shape))
+    strange = foreign.plain(
+        root / "foreign",
+        'disparity = "truth/{pair}.npy"',
+        "",
+        np.random.default_rng(1).uniform(0, 40, foreign.constant().shape),
+    )
     (root / "net").mkdir()
     np.save(root / "net" / "a.npy", foreign.constant())
     plugin_packages.add_package(folder / "site", monkeypatch, "metric", "evil", METRIC.format(doc=text))
     program = root / "evil.py"
     program.write_text(f"import sys; sys.exit({text!r})", encoding="utf-8")
     command = f"{shlex.quote(sys.executable)} {shlex.quote(str(program))} {{left}} {{right}} {{out}}"
-    cli.main(["evaluate", str(root / "set"), str(strange), "--methods", "bm", "--method",
-              f"evil=external:command={command}", "--predictions", f"net={root / 'net'}", "--out", str(folder / "out"),
-              "--jobs", "1"])
+    cli.main(
+        [
+            "evaluate",
+            str(root / "set"),
+            str(strange),
+            "--methods",
+            "bm",
+            "--method",
+            f"evil=external:command={command}",
+            "--predictions",
+            f"net={root / 'net'}",
+            "--out",
+            str(folder / "out"),
+            "--jobs",
+            "1",
+        ]
+    )
     return Elements((folder / "out" / "report.html").read_text(encoding="utf-8")).found
 
 
@@ -119,7 +139,8 @@ def test_no_name_from_anywhere_adds_to_a_page(tmp_path, monkeypatch, capsys):
     page = (tmp_path / "1" / "out" / "report.html").read_text(encoding="utf-8")
     assert page.count("onerror=alert(1)") > 8  # all are there, as texts
     assert {(tag, *sorted(attributes)) for tag, attributes in found} == {
-        (tag, *sorted(attributes)) for tag, attributes in usual}
+        (tag, *sorted(attributes)) for tag, attributes in usual
+    }
     assert [tag for tag, _ in found].count("script") == [tag for tag, _ in usual].count("script") == 2
     for _, attributes in found:
         for name in ("href", "src", "action", "xlink:href"):

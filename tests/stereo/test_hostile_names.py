@@ -37,9 +37,28 @@ def evaluated(tmp_path_factory):
     program = folder / "evil.py"
     program.write_text("import sys; sys.exit('\\x1b[2J\\u202e')", encoding="utf-8")
     command = f"{shlex.quote(sys.executable)} {shlex.quote(str(program))} {{left}} {{right}} {{out}}"
-    done = subprocess.run([sys.executable, "-m", "icymoon.stereo", "evaluate", str(folder / "set"), "--methods", "bm",
-                           "--method", f"evil=external:command={command}", "--out", str(folder / "out"), "--jobs", "1"],
-                          capture_output=True, text=True, encoding="utf-8", timeout=120, check=False)
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "icymoon.stereo",
+            "evaluate",
+            str(folder / "set"),
+            "--methods",
+            "bm",
+            "--method",
+            f"evil=external:command={command}",
+            "--out",
+            str(folder / "out"),
+            "--jobs",
+            "1",
+        ],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        timeout=120,
+        check=False,
+    )
     return folder / "out", done
 
 
@@ -83,8 +102,13 @@ def test_without_standard_error_good_pairs_are_read(tmp_path):
     pairs.write_pair(tmp_path / "set" / "pairs" / "a", rig=pairs.camera(96, 48))
     words = [sys.executable, "-m", "icymoon.stereo", "evaluate", "set", "--methods", "bm", "--out", "out"]
     for lacks in ("2>&-", "<&- >&- 2>&-"):
-        done = subprocess.run(["/bin/sh", "-c", f"{shlex.join(words)} {lacks}"], cwd=tmp_path, capture_output=True,
-                              timeout=120, check=False)
+        done = subprocess.run(
+            ["/bin/sh", "-c", f"{shlex.join(words)} {lacks}"],
+            cwd=tmp_path,
+            capture_output=True,
+            timeout=120,
+            check=False,
+        )
         assert done.returncode == 0, done
         row = json.loads((tmp_path / "out" / "results.jsonl").read_text().splitlines()[0])
         assert (row["status"], row["pair"]) == ("ok", "a")
@@ -92,10 +116,12 @@ def test_without_standard_error_good_pairs_are_read(tmp_path):
 
 def test_silence_needs_no_standard_error(tmp_path):
     """As the API may be used by a program without one."""
-    program = ("import os, sys\nos.close(2); sys.stderr = None\n"
-               "from icymoon.stereo.images.exr import silence_openexr\n"
-               "with silence_openexr():\n    os.write(2, b'lost')\n"
-               "try:\n    os.fstat(2)\nexcept OSError:\n    print('still closed')\n")
+    program = (
+        "import os, sys\nos.close(2); sys.stderr = None\n"
+        "from icymoon.stereo.images.exr import silence_openexr\n"
+        "with silence_openexr():\n    os.write(2, b'lost')\n"
+        "try:\n    os.fstat(2)\nexcept OSError:\n    print('still closed')\n"
+    )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
     assert done.stdout == "still closed\n"
 

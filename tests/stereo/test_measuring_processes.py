@@ -32,9 +32,18 @@ def timeless(report):
     return [{**row, **dict.fromkeys(COSTS)} for row in report["rows"]]
 
 
-@pytest.mark.parametrize(("jobs", "methods", "many", "count"), [
-    (None, ["bm", "sgbm"], 5000, 2), (None, ["bm"], 7, 1), (None, ["bm"], 8, 2), (None, ["bm", "igev"], 5000, 1),
-    (None, ["external"], 5000, 1), (3, ["igev"], 2, 3), (None, ["prediction", "jplv", "sgbm_wls"], 16, 2)])
+@pytest.mark.parametrize(
+    ("jobs", "methods", "many", "count"),
+    [
+        (None, ["bm", "sgbm"], 5000, 2),
+        (None, ["bm"], 7, 1),
+        (None, ["bm"], 8, 2),
+        (None, ["bm", "igev"], 5000, 1),
+        (None, ["external"], 5000, 1),
+        (3, ["igev"], 2, 3),
+        (None, ["prediction", "jplv", "sgbm_wls"], 16, 2),
+    ],
+)
 def test_as_many_processes_as_there_are_processors_and_pairs_for(monkeypatch, jobs, methods, many, count):
     monkeypatch.setattr(module, "count_processors", lambda: 2)
     assert module.choose_count(jobs, [Method(name, name) for name in methods], many) == count
@@ -120,8 +129,9 @@ def test_a_process_that_is_killed_fails_its_pair_and_no_other(dataset, tmp_path,
     failed = {entry["pair"] for entry in report["failed"]}
     assert len(failed) <= 1
     assert len(report["rows"]) == 10
-    assert all("was ended by signal 9; there may be too little memory" in entry["message"]
-               for entry in report["failed"])
+    assert all(
+        "was ended by signal 9; there may be too little memory" in entry["message"] for entry in report["failed"]
+    )
     again = evaluate([dataset], parse_methods("bm,sgbm"), tmp_path, jobs=1)
     assert [row["status"] for row in again["rows"]] == ["ok"] * 10
 
@@ -129,14 +139,26 @@ def test_a_process_that_is_killed_fails_its_pair_and_no_other(dataset, tmp_path,
 @pytest.mark.heavy
 @pytest.mark.skipif(os.name == "nt", reason="no signal ends a process there")
 def test_after_kill_9_the_rows_that_were_made_are_kept_and_no_process_stays(dataset, tmp_path):
-    command = [sys.executable, "-m", "icymoon.stereo", "evaluate", str(dataset), "--methods", "bm,sgbm", "--jobs", "2",
-               "--out", str(tmp_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "icymoon.stereo",
+        "evaluate",
+        str(dataset),
+        "--methods",
+        "bm,sgbm",
+        "--jobs",
+        "2",
+        "--out",
+        str(tmp_path),
+    ]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     log = tmp_path / "results.jsonl"
     while process.poll() is None and not (log.exists() and log.stat().st_size):
         time.sleep(0.01)
-    children = subprocess.run(["ps", "-o", "pid=", "--ppid", str(process.pid)], capture_output=True, text=True,
-                              check=False).stdout.split()
+    children = subprocess.run(
+        ["ps", "-o", "pid=", "--ppid", str(process.pid)], capture_output=True, text=True, check=False
+    ).stdout.split()
     process.kill()
     process.wait()
     rows = log.read_bytes().count(b"\n")
@@ -153,8 +175,10 @@ def test_after_kill_9_the_rows_that_were_made_are_kept_and_no_process_stays(data
 
 @pytest.mark.heavy
 def test_what_a_matcher_prints_is_no_message(tmp_path):
-    code = ("import os\nfrom icymoon.stereo import measuring_processes as m\n"
-            "out = m._apart_from_prints()\nprint('noise')\nos.write(1, b'more')\nm._say(out, {'type': 'done'})\n")
+    code = (
+        "import os\nfrom icymoon.stereo import measuring_processes as m\n"
+        "out = m._apart_from_prints()\nprint('noise')\nos.write(1, b'more')\nm._say(out, {'type': 'done'})\n"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout == '{"type": "done"}\n'
     assert "noise" in done.stderr

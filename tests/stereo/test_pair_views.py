@@ -17,9 +17,13 @@ from icymoon.stereo.reexpose import reexpose
 from icymoon.support.errors import IcyMoonError
 
 SCENE = pairs.Scene(sky_rows=12)
-RESPONSES = ({}, {"sensor": {"auto_exposure": False, "exposure_s": 2.0e-6, "bits": 8}},
-             {"sensor": {"encoding": "SQUARE_ROOT", "psf_sigma_px": 0.8, "gain": 2.0, "read_noise_e": 40.0}},
-             {"sensor": {"brackets": 3}}, {"light": {"planet_scale": 3.0}})
+RESPONSES = (
+    {},
+    {"sensor": {"auto_exposure": False, "exposure_s": 2.0e-6, "bits": 8}},
+    {"sensor": {"encoding": "SQUARE_ROOT", "psf_sigma_px": 0.8, "gain": 2.0, "read_noise_e": 40.0}},
+    {"sensor": {"brackets": 3}},
+    {"light": {"planet_scale": 3.0}},
+)
 
 
 @pytest.fixture
@@ -53,12 +57,12 @@ def test_depth_is_the_analytic_one_and_its_colours_rise_with_it(folder):
     np.testing.assert_array_equal(views.depth, depth.astype(np.float32))
     assert views.range_m == pytest.approx((np.nanmin(depth), np.nanmax(depth)))
     (picture,) = views.pictures("SIDE_BY_SIDE")
-    shown = picture[:depth.shape[0], -depth.shape[1]:].astype(int)
+    shown = picture[: depth.shape[0], -depth.shape[1] :].astype(int)
     assert (shown[:12] == SKY_GREY).all()
     column = shown[12:, 10]  # beside the rock, depth falls steadily from top to bottom
     assert (np.diff(column[:, 0] + column[:, 1]) <= 2).all()  # viridis: red and green rise with the value
     assert column[0, 1] - column[-1, 1] > 100
-    np.testing.assert_array_equal(picture[:depth.shape[0], :depth.shape[1], 0], views.left)
+    np.testing.assert_array_equal(picture[: depth.shape[0], : depth.shape[1], 0], views.left)
 
 
 def test_the_overlay_mixes_image_and_colour_and_has_the_legend_below(folder):
@@ -87,8 +91,10 @@ def test_eyes_are_aligned_at_the_median_depth(tmp_path):
     views = read_pair_views(pairs.write_pair(tmp_path / "pair", wall, rig), {"sensor": {"shot_noise": False}})
     assert views.shift_px == 20
     left, right = (eye.astype(float) for eye in views.aligned)
-    apart = [np.abs(left[:, max(0, k):236 + min(0, k)] - right[:, max(0, -k):236 - max(0, k)]).mean()
-             for k in range(-3, 4)]
+    apart = [
+        np.abs(left[:, max(0, k) : 236 + min(0, k)] - right[:, max(0, -k) : 236 - max(0, k)]).mean()
+        for k in range(-3, 4)
+    ]
     assert np.argmin(apart) in (3, 4)  # half a pixel is left
     (anaglyph,), flicker = views.pictures("ANAGLYPH"), views.pictures("FLICKER")
     assert [picture.shape for picture in (anaglyph, *flicker)] == [(144, 236, 3)] * 3
@@ -140,17 +146,25 @@ def read_pair_views_of_margins(folder, rig):
     import json
 
     data = json.loads((folder / "pair.json").read_text())
-    data |= {"camera": rig.to_json(), "settings": merged(defaults(), {"rig": {
-        **pairs.described(rig), "overscan": 8 / 256, "toe_in_deg": 2.0}})}
+    data |= {
+        "camera": rig.to_json(),
+        "settings": merged(defaults(), {"rig": {**pairs.described(rig), "overscan": 8 / 256, "toe_in_deg": 2.0}}),
+    }
     (folder / "pair.json").write_text(json.dumps(data))
     return read_pair_views(folder, {})
 
 
-@pytest.mark.parametrize(("spoil", "said"), [
-    (lambda folder: [path.unlink() for path in folder.iterdir()], r"not a complete stereo pair.*render it again"),
-    (lambda folder: (folder / "right.exr").unlink(), r"right\.exr is missing; .*render the pair again"),
-    (lambda folder: (folder / "left.exr").write_bytes((folder / "left.exr").read_bytes()[:-100]),
-     r"left\.exr is not the file that was rendered.*render the pair again")])
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda folder: [path.unlink() for path in folder.iterdir()], r"not a complete stereo pair.*render it again"),
+        (lambda folder: (folder / "right.exr").unlink(), r"right\.exr is missing; .*render the pair again"),
+        (
+            lambda folder: (folder / "left.exr").write_bytes((folder / "left.exr").read_bytes()[:-100]),
+            r"left\.exr is not the file that was rendered.*render the pair again",
+        ),
+    ],
+)
 def test_what_is_gone_or_damaged_is_one_sentence(folder, spoil, said):
     spoil(folder)
     with pytest.raises(IcyMoonError, match=said):
@@ -170,20 +184,24 @@ def without_depth(write):
         write(path, *arguments)
         parts = [part for part in OpenEXR.File(str(path), separate_channels=True).parts if "Depth" not in part.name()]
         OpenEXR.File(parts).write(str(path))
+
     return written
 
 
 def test_it_is_read_where_only_numpy_is(folder):
-    program = ("import sys\n"
-               "for name in ('cv2', 'OpenEXR', 'torch', 'jinja2', 'matplotlib', 'rich', 'bpy', 'PIL', 'scipy'):\n"
-               "    sys.modules[name] = None\n"
-               "from pathlib import Path\n"
-               "from icymoon.stereo.pair_views import read_pair_views\n"
-               "from icymoon.formats.png import encode_png\n"
-               "views = read_pair_views(Path(sys.argv[1]), {})\n"
-               "for view in ('SIDE_BY_SIDE', 'LEFT', 'RIGHT', 'FLICKER', 'ANAGLYPH', 'DEPTH'):\n"
-               "    print(view, *map(len, map(encode_png, views.pictures(view))))")
-    ended = subprocess.run([sys.executable, "-c", program, str(folder)], capture_output=True, text=True, timeout=120,
-                           check=False)
+    program = (
+        "import sys\n"
+        "for name in ('cv2', 'OpenEXR', 'torch', 'jinja2', 'matplotlib', 'rich', 'bpy', 'PIL', 'scipy'):\n"
+        "    sys.modules[name] = None\n"
+        "from pathlib import Path\n"
+        "from icymoon.stereo.pair_views import read_pair_views\n"
+        "from icymoon.formats.png import encode_png\n"
+        "views = read_pair_views(Path(sys.argv[1]), {})\n"
+        "for view in ('SIDE_BY_SIDE', 'LEFT', 'RIGHT', 'FLICKER', 'ANAGLYPH', 'DEPTH'):\n"
+        "    print(view, *map(len, map(encode_png, views.pictures(view))))"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program, str(folder)], capture_output=True, text=True, timeout=120, check=False
+    )
     assert ended.returncode == 0, ended.stderr
     assert len(ended.stdout.splitlines()) == 6

@@ -88,13 +88,17 @@ def _log_turned_into(turn):
     return harm
 
 
-@pytest.mark.parametrize("harm", [
-    lambda out: (out / "pairs" / "b" / "bm.npz").unlink(),
-    lambda out: (out / "pairs" / "b" / "bm_error.png").unlink(),
-    _log_turned_into(lambda content: content[:-20]),
-    _log_turned_into(lambda content: content.replace(b'"pair"', b'"poir"', 1)),
-    _log_turned_into(lambda content: b"\x00\xff\n" + content.split(b"\n", 1)[1]),
-], ids=["disparity gone", "picture gone", "last row cut", "key misspelt", "row overwritten"])
+@pytest.mark.parametrize(
+    "harm",
+    [
+        lambda out: (out / "pairs" / "b" / "bm.npz").unlink(),
+        lambda out: (out / "pairs" / "b" / "bm_error.png").unlink(),
+        _log_turned_into(lambda content: content[:-20]),
+        _log_turned_into(lambda content: content.replace(b'"pair"', b'"poir"', 1)),
+        _log_turned_into(lambda content: b"\x00\xff\n" + content.split(b"\n", 1)[1]),
+    ],
+    ids=["disparity gone", "picture gone", "last row cut", "key misspelt", "row overwritten"],
+)
 def test_only_damaged_files_are_made_again(dataset, tmp_path, matched, harm):
     before = evaluate([dataset], parse_methods("bm"), tmp_path)
     rows = list(before["rows"])
@@ -136,8 +140,18 @@ def test_failures_are_tried_again(dataset, tmp_path, matched):
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_a_killed_run_loses_one_row_at_most(dataset, tmp_path, matched):
-    command = [sys.executable, "-m", "icymoon.stereo", "evaluate", str(dataset), "--methods", "bm,sgbm", "--out",
-               str(tmp_path / "out"), "--json-lines"]
+    command = [
+        sys.executable,
+        "-m",
+        "icymoon.stereo",
+        "evaluate",
+        str(dataset),
+        "--methods",
+        "bm,sgbm",
+        "--out",
+        str(tmp_path / "out"),
+        "--json-lines",
+    ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     for _ in range(3):
         told = json.loads(process.stdout.readline())

@@ -24,8 +24,9 @@ def dataset(tmp_path_factory):
     """Six pairs of three scenes, each under two suns."""
     root = tmp_path_factory.mktemp("set")
     for k in range(6):
-        settings = merged(defaults(), {"dataset": {"seed": k // 2},
-                                       "light": {"sun_elevation_deg": 10.0 + 30 * (k % 2)}})
+        settings = merged(
+            defaults(), {"dataset": {"seed": k // 2}, "light": {"sun_elevation_deg": 10.0 + 30 * (k % 2)}}
+        )
         pairs.write_pair(root / "pairs" / f"{k:012x}", SCENE, RIG, settings=settings)
     return root
 
@@ -51,7 +52,7 @@ def test_a_crop_is_a_part_of_the_whole(dataset):
     whole, crop = Dataset(dataset).arrays(3), Dataset(dataset, crop_px=(40, 24)).arrays(3)
     left, upper = round(RIG.cx_px - crop["cx_px"]), round(RIG.cy_px - crop["cy_px"])
     assert crop["disparity_px"].shape == (24, 40)
-    assert np.array_equal(crop["disparity_px"], whole["disparity_px"][upper:upper + 24, left:left + 40])
+    assert np.array_equal(crop["disparity_px"], whole["disparity_px"][upper : upper + 24, left : left + 40])
     corners = {(Dataset(dataset, crop_px=(40, 24)).arrays(k)["cx_px"]) for k in range(6)}
     assert len(corners) > 1
 
@@ -94,9 +95,15 @@ def test_shares_are_those_of_many_scenes():
             check_splits(wrong)
 
 
-@pytest.mark.parametrize(("options", "words"), [
-    ({"split": "trian"}, "train"), ({"augment": {"rig.baseline_m": (1, 2)}}, "new render"),
-    ({"augment": {"sensor.read_noise": (1, 2)}}, "read_noise_e"), ({"crop_px": (1000, 10)}, "smaller")])
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"split": "trian"}, "train"),
+        ({"augment": {"rig.baseline_m": (1, 2)}}, "new render"),
+        ({"augment": {"sensor.read_noise": (1, 2)}}, "read_noise_e"),
+        ({"crop_px": (1000, 10)}, "smaller"),
+    ],
+)
 def test_what_cannot_be_is_refused_before_training(dataset, options, words):
     with pytest.raises(IcyMoonError, match=words):
         Dataset(dataset, **options)
@@ -113,8 +120,9 @@ def test_a_loader_with_workers_gives_the_same_tensors(dataset):
     assert here[0]["left"].shape == (2, 1, 32, 32)
     assert here[0]["occluded"].dtype == torch.bool
     for one, other in zip(here, there, strict=True):
-        assert all(torch.equal(one[key], other[key]) if torch.is_tensor(one[key]) else one[key] == other[key]
-                   for key in one)
+        assert all(
+            torch.equal(one[key], other[key]) if torch.is_tensor(one[key]) else one[key] == other[key] for key in one
+        )
     assert read_pair(data.pairs[0].folder).id == here[0]["pair"][0]
 
 
@@ -122,8 +130,17 @@ def test_a_loader_with_workers_gives_the_same_tensors(dataset):
 CLEAN_SENSOR = {"shot_noise": False, "read_noise_e": 0.0}
 
 
-@pytest.mark.parametrize("sensor", [{}, {"auto_exposure": False, "exposure_s": 0.02}, {"psf_sigma_px": 1.0},
-                                    {"veiling_glare": 0.1, "prnu": 0.01}, {"colour": "BAYER"}], ids=str)
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        {},
+        {"auto_exposure": False, "exposure_s": 0.02},
+        {"psf_sigma_px": 1.0},
+        {"veiling_glare": 0.1, "prnu": 0.01},
+        {"colour": "BAYER"},
+    ],
+    ids=str,
+)
 @pytest.mark.parametrize("layout", ["4.x", "4.x view", "5.x"])
 def test_a_crop_shows_what_the_whole_shows_there(layout, sensor, tmp_path):
     settings = merged(defaults(), {"sensor": {**CLEAN_SENSOR, **sensor}, "light": {"planet_scale": 2.0}})
@@ -147,7 +164,7 @@ def test_a_crop_decodes_only_its_own_rows(tmp_path):
     data = bytearray(file.read_bytes())
     for piece in read_pieces(bytes(data)):
         at = data.find(piece.chunks[5])
-        data[at + 8:at + len(piece.chunks[5])] = bytes(len(piece.chunks[5]) - 8)
+        data[at + 8 : at + len(piece.chunks[5])] = bytes(len(piece.chunks[5]) - 8)
     file.write_bytes(data)
     crops, seen = Dataset(tmp_path, crop_px=(32, 16)), set()
     for epoch in range(12):
@@ -171,8 +188,10 @@ def generator_row(crops, rig):
 
 def test_light_of_the_planet_is_weighed_in_samples(tmp_path):
     for k, scale in enumerate((1.0, 3.0)):
-        settings = merged(defaults(), {"light": {"planet_scale": scale},
-                                       "sensor": {**CLEAN_SENSOR, "auto_exposure": False, "exposure_s": 1e-6}})
+        settings = merged(
+            defaults(),
+            {"light": {"planet_scale": scale}, "sensor": {**CLEAN_SENSOR, "auto_exposure": False, "exposure_s": 1e-6}},
+        )
         pairs.write_pair(tmp_path / "pairs" / f"{k:012x}", SCENE, RIG, settings=settings, planet_share=0.5)
     one, three = (Dataset(tmp_path).arrays(k)["left"] for k in range(2))
     assert 0.1 < three.max() < 1.0

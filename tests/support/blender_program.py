@@ -30,7 +30,13 @@ def run_main(source: str, archive: Path, folder: Path, environment: Mapping[str,
     resources = folder / "blender"
     resources.mkdir()
     program = textwrap.dedent(source + _END)
-    ended = subprocess.run([sys.executable, "-c", program, str(archive), str(folder / "dataset")], timeout=240,
-                           capture_output=True, text=True, check=False, cwd=folder,
-                           env={**environment, "BLENDER_USER_RESOURCES": str(resources)})
+    ended = subprocess.run(
+        [sys.executable, "-c", program, str(archive), str(folder / "dataset")],
+        timeout=240,
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=folder,
+        env={**environment, "BLENDER_USER_RESOURCES": str(resources)},
+    )
     assert ended.returncode == 0, ended.stdout + ended.stderr

@@ -14,9 +14,16 @@ from typing import Any
 
 PROGRAM = "chromium"
 #: Key -> its code on the keyboard and its Windows number, which Chromium acts by.
-KEYS = {"Tab": ("Tab", 9), "Enter": ("Enter", 13), "Escape": ("Escape", 27), " ": ("Space", 32),
-        "ArrowLeft": ("ArrowLeft", 37), "ArrowUp": ("ArrowUp", 38), "ArrowRight": ("ArrowRight", 39),
-        "ArrowDown": ("ArrowDown", 40)}
+KEYS = {
+    "Tab": ("Tab", 9),
+    "Enter": ("Enter", 13),
+    "Escape": ("Escape", 27),
+    " ": ("Space", 32),
+    "ArrowLeft": ("ArrowLeft", 37),
+    "ArrowUp": ("ArrowUp", 38),
+    "ArrowRight": ("ArrowRight", 39),
+    "ArrowDown": ("ArrowDown", 40),
+}
 
 
 class Browser:
@@ -57,10 +64,13 @@ class Browser:
 
     def resize(self, width: int, height: int, dark: bool = False, scale: float = 1.0) -> None:
         """Give the page this size in CSS pixels, and colours for a light or a dark screen."""
-        self._ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale,
-                  mobile=False)
-        self._ask("Emulation.setEmulatedMedia", features=[
-            {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
+        self._ask(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=False
+        )
+        self._ask(
+            "Emulation.setEmulatedMedia",
+            features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}],
+        )
 
     def open(self, address: str) -> None:
         """Open a page and wait until it is loaded."""
@@ -77,9 +87,11 @@ class Browser:
 
     def click(self, element: str) -> None:
         """Click the middle of an element, which an expression of JavaScript names."""
-        x, y = self.value(f"(() => {{ const each = {element}; each.scrollIntoView({{block: 'center', "
-                          "behavior: 'instant'}); const box = each.getBoundingClientRect(); "
-                          "return [box.x + box.width / 2, box.y + box.height / 2]; })()")
+        x, y = self.value(
+            f"(() => {{ const each = {element}; each.scrollIntoView({{block: 'center', "
+            "behavior: 'instant'}); const box = each.getBoundingClientRect(); "
+            "return [box.x + box.width / 2, box.y + box.height / 2]; })()"
+        )
         for kind in ("mousePressed", "mouseReleased"):
             self._ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
@@ -88,8 +100,15 @@ class Browser:
         code, number = KEYS[key]
         for kind in ("keyDown", "keyUp"):
             text = {"text": "\r" if key == "Enter" else key} if key in ("Enter", " ") and kind == "keyDown" else {}
-            self._ask("Input.dispatchKeyEvent", type=kind, key=key, code=code, windowsVirtualKeyCode=number,
-                      modifiers=8 * shift, **text)
+            self._ask(
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=key,
+                code=code,
+                windowsVirtualKeyCode=number,
+                modifiers=8 * shift,
+                **text,
+            )
 
     def picture(self, path: Path, whole: bool = False) -> None:
         """Write a PNG of what is on the screen, or of the whole page."""
@@ -102,10 +121,21 @@ def browser() -> Iterator[Browser]:
     """A browser that ends with the block."""
     (to_read, write), (read, to_write) = os.pipe(), os.pipe()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        command = ["bash", "-c", f'exec "$0" "$@" 3<&{to_read} 4>&{to_write}', PROGRAM, "--headless", "--no-sandbox",
-                   "--disable-gpu", "--hide-scrollbars", "--remote-debugging-pipe", f"--user-data-dir={profile}"]
-        process = subprocess.Popen(command, pass_fds=(to_read, to_write), stdout=subprocess.DEVNULL,
-                                   stderr=subprocess.DEVNULL)
+        command = [
+            "bash",
+            "-c",
+            f'exec "$0" "$@" 3<&{to_read} 4>&{to_write}',
+            PROGRAM,
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--hide-scrollbars",
+            "--remote-debugging-pipe",
+            f"--user-data-dir={profile}",
+        ]
+        process = subprocess.Popen(
+            command, pass_fds=(to_read, to_write), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         try:
             os.close(to_read)
             os.close(to_write)

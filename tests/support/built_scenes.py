@@ -15,5 +15,17 @@ def positions(item: bpy.types.Object) -> np.ndarray:
 
 def everything() -> dict[str, int]:
     """Number of data-blocks of every kind."""
-    return {kind: len(getattr(bpy.data, kind)) for kind in
-            ("objects", "meshes", "materials", "lights", "cameras", "worlds", "collections", "scenes", "node_groups")}
+    return {
+        kind: len(getattr(bpy.data, kind))
+        for kind in (
+            "objects",
+            "meshes",
+            "materials",
+            "lights",
+            "cameras",
+            "worlds",
+            "collections",
+            "scenes",
+            "node_groups",
+        )
+    }

@@ -27,11 +27,18 @@ PYTHONS = ("python", "python3", ".venv/bin/python", "evaluator/bin/python", "net
 SHELL = ("sbatch", ".", "cd", "git")
 OPERATORS = {operator.name.removeprefix("icymoon."): operator for operator in reference.operators()}
 #: Tables of settings that are there once the example packages are installed; ``test_landform_releases`` tries them.
-LANDFORMS_OF_EXAMPLES = {f"landform_{name}" for project in examples() for name in tomllib.loads(
-    (project / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"].get("icymoon.landforms", ())}
+LANDFORMS_OF_EXAMPLES = {
+    f"landform_{name}"
+    for project in examples()
+    for name in tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"].get(
+        "icymoon.landforms", ()
+    )
+}
 #: Program that needs no parser, and the parser of each that does.
 PARSERS: dict[str, Callable[[], argparse.ArgumentParser]] = {
-    "icymoon": cli.make_parser, "icymoon.stereo": stereo_cli.make_parser}
+    "icymoon": cli.make_parser,
+    "icymoon.stereo": stereo_cli.make_parser,
+}
 
 
 def words_of(code: str) -> Iterator[list[str]]:
@@ -52,7 +59,7 @@ def words_of(code: str) -> Iterator[list[str]]:
             variables[words[1]] = words[3].rstrip(";")
         elif words and words[0] not in ("do", "done"):
             words = [re.sub(r"\$(\w+)", lambda found: variables[found[1]], word) for word in words]
-            yield words[:words.index(">")] if ">" in words else words
+            yield words[: words.index(">")] if ">" in words else words
     assert not line.strip(), f"an open quotation: {line}"
 
 
@@ -96,8 +103,12 @@ def _fault(words: list[str]) -> str:
 
 def _extras(words: list[str]) -> str:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = {extra for word in words for found in re.findall(r"(?:icymoon|\.)\[([\w,]+)\]", word)
-              for extra in found.split(",")}
+    extras = {
+        extra
+        for word in words
+        for found in re.findall(r"(?:icymoon|\.)\[([\w,]+)\]", word)
+        for extra in found.split(",")
+    }
     return "".join(f"there is no extra {extra}" for extra in extras - set(project["optional-dependencies"]))
 
 
@@ -146,8 +157,7 @@ def python_fault(code: str) -> str:
             pairs = [(node.targets[0], node.value)]
             if isinstance(node.targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple):
                 pairs = list(zip(node.targets[0].elts, node.value.elts, strict=True))
-            names |= {ast.unparse(target): ast.unparse(value) for target, value in pairs
-                      if ast.unparse(value) in names}
+            names |= {ast.unparse(target): ast.unparse(value) for target, value in pairs if ast.unparse(value) in names}
     faults = [_call_fault(node, names) for node in ast.walk(tree) if isinstance(node, ast.Call)]
     faults += [_setting_fault(node, names) for node in ast.walk(tree) if isinstance(node, ast.Assign)]
     return "; ".join(filter(None, faults))
@@ -180,5 +190,8 @@ def unknown_settings(text: str) -> set[str]:
     """Settings that a page names in backticks and that do not exist."""
     named = re.findall(rf"`(?:--set )?({'|'.join(TOPICS)})\.([a-z]\w*\*?)", text)
     known = {topic: {setting.key for setting in TOPICS[topic].settings} for topic in TOPICS}
-    return {f"{topic}.{key}" for topic, key in named
-            if not (key in known[topic] or (key.endswith("*") and any(k.startswith(key[:-1]) for k in known[topic])))}
+    return {
+        f"{topic}.{key}"
+        for topic, key in named
+        if not (key in known[topic] or (key.endswith("*") and any(k.startswith(key[:-1]) for k in known[topic])))
+    }

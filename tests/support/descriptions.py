@@ -24,5 +24,6 @@ def _values(setting: Setting) -> st.SearchStrategy[Any]:
 
 
 #: Complete descriptions, every setting within its limits.
-DESCRIPTIONS = st.fixed_dictionaries({
-    topic.key: st.fixed_dictionaries({s.key: _values(s) for s in topic.settings}) for topic in TOPICS.values()})
+DESCRIPTIONS = st.fixed_dictionaries(
+    {topic.key: st.fixed_dictionaries({s.key: _values(s) for s in topic.settings}) for topic in TOPICS.values()}
+)

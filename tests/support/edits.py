@@ -14,8 +14,11 @@ from icymoon.nodes.datablocks import fingerprint
 from rendering import complete, empty_scene
 
 Undo = Callable[[], Any]
-TINY: dict[str, Any] = {"terrain": {"resolution": 9}, "rocks": {"coverage": 0.02, "smallest_m": 0.5, "most": 5},
-        "light": {"planet": True, "planet_elevation_deg": 40.0}}
+TINY: dict[str, Any] = {
+    "terrain": {"resolution": 9},
+    "rocks": {"coverage": 0.02, "smallest_m": 0.5, "most": 5},
+    "light": {"planet": True, "planet_elevation_deg": 40.0},
+}
 
 
 def swap(struct: Any, name: str, value: Any) -> Undo:
@@ -67,8 +70,20 @@ def painted() -> bpy.types.Material:
     material = bpy.data.materials.new("Paint")
     material.use_nodes = True
     tree = material.node_tree
-    for kind in ("TexNoise", "ValToRGB", "RGBCurve", "TexImage", "RGB", "Group", "Script", "Mapping", "TexVoronoi",
-                 "FloatCurve", "Attribute", "ObjectInfo"):
+    for kind in (
+        "TexNoise",
+        "ValToRGB",
+        "RGBCurve",
+        "TexImage",
+        "RGB",
+        "Group",
+        "Script",
+        "Mapping",
+        "TexVoronoi",
+        "FloatCurve",
+        "Attribute",
+        "ObjectInfo",
+    ):
         tree.nodes.new(f"ShaderNode{kind}").name = kind
     tree.nodes["TexImage"].image = packed_image("Decal", 0.5)
     outer = bpy.data.node_groups.new("Outer", "ShaderNodeTree")
@@ -381,12 +396,48 @@ def surface_of_a_rock(built: scenes.Built) -> Undo:
 
 def on(get: Callable[[Any], Any], name: str, value: Any) -> Callable[[Any], Undo]:
     return lambda built: swap(lambda: get(built), name, value)
-EDITS: dict[str, Callable[[Any], Undo]] = {edit.__name__: edit for edit in (
-    added_lamp, added_empty, linked_duplicate, removed_rocks, ramp_element, curve_point, image_of_node, packed_pixels,
-    muted_link, removed_link, edited_script, moved_vertex, loose_edge, turned_faces, face_material, flat_face,
-    sharp_edge, custom_normals, colour_attribute, attribute_of_the_ground, keyed_shape, weight, input_of_nodes,
-    modifier_on_the_ground, constraint_on_the_sun, parented_sun, linked_light, driven, keyed, material_of_the_ground,
-    material_of_an_object, renamed_shape, random_by_name, hidden_collection, surface_of_a_rock)} | {
+
+
+EDITS: dict[str, Callable[[Any], Undo]] = {
+    edit.__name__: edit
+    for edit in (
+        added_lamp,
+        added_empty,
+        linked_duplicate,
+        removed_rocks,
+        ramp_element,
+        curve_point,
+        image_of_node,
+        packed_pixels,
+        muted_link,
+        removed_link,
+        edited_script,
+        moved_vertex,
+        loose_edge,
+        turned_faces,
+        face_material,
+        flat_face,
+        sharp_edge,
+        custom_normals,
+        colour_attribute,
+        attribute_of_the_ground,
+        keyed_shape,
+        weight,
+        input_of_nodes,
+        modifier_on_the_ground,
+        constraint_on_the_sun,
+        parented_sun,
+        linked_light,
+        driven,
+        keyed,
+        material_of_the_ground,
+        material_of_an_object,
+        renamed_shape,
+        random_by_name,
+        hidden_collection,
+        surface_of_a_rock,
+    )
+} | {
     "lamp of 500 W": on(lambda b: the("Lamp POINT").data, "energy", 500.0),
     "lamp's radius": on(lambda b: the("Lamp POINT").data, "shadow_soft_size", 2.0),
     "spot": on(lambda b: the("Lamp SPOT").data, "spot_size", 0.2),
@@ -395,9 +446,11 @@ EDITS: dict[str, Callable[[Any], Undo]] = {edit.__name__: edit for edit in (
     "sun's shadow": on(lambda b: b.sun.data, "use_shadow", False),
     "sun's colour": on(lambda b: b.sun.data, "color", (1.0, 0.0, 0.0)),
     "kind of noise": on(lambda b: node("TexNoise"), "noise_type", "RIDGED_MULTIFRACTAL"),
-    "kind of noise of the ground": on(lambda b: next(
-        n for n in b.terrain.data.materials[0].node_tree.nodes if n.bl_idname == "ShaderNodeTexNoise"),
-        "noise_dimensions", "4D"),
+    "kind of noise of the ground": on(
+        lambda b: next(n for n in b.terrain.data.materials[0].node_tree.nodes if n.bl_idname == "ShaderNodeTexNoise"),
+        "noise_dimensions",
+        "4D",
+    ),
     "ramp's colour": on(lambda b: node("ValToRGB").color_ramp.elements[0], "color", (1.0, 0.0, 0.0, 1.0)),
     "ramp's interpolation": on(lambda b: node("ValToRGB").color_ramp, "interpolation", "EASE"),
     "float curve": on(lambda b: node("FloatCurve").mapping.curves[0].points[0], "location", (0.0, 0.5)),
@@ -405,7 +458,8 @@ EDITS: dict[str, Callable[[Any], Undo]] = {edit.__name__: edit for edit in (
     "group in a group": on(lambda b: bpy.data.node_groups["Inner"].nodes[0].outputs[0], "default_value", 0.5),
     "muted node": on(lambda b: node("RGBCurve"), "mute", True),
     "value that a muted node passes on": on(
-        lambda b: bpy.data.node_groups["Geometry"].nodes["Muted"].inputs[0], "default_value", (3.0, 1.0, 1.0)),
+        lambda b: bpy.data.node_groups["Geometry"].nodes["Muted"].inputs[0], "default_value", (3.0, 1.0, 1.0)
+    ),
     "colour space": on(lambda b: bpy.data.images["Decal"].colorspace_settings, "name", "Non-Color"),
     "texture mapping": on(lambda b: node("TexImage").texture_mapping, "scale", (2.0, 1.0, 1.0)),
     "interpolation": on(lambda b: node("TexImage"), "interpolation", "Closest"),
@@ -414,8 +468,10 @@ EDITS: dict[str, Callable[[Any], Undo]] = {edit.__name__: edit for edit in (
     "levels of subdivision": on(lambda b: the("Lander").modifiers["Subdivision"], "render_levels", 4),
     "modifier not rendered": on(lambda b: the("Lander").modifiers["Subdivision"], "show_render", False),
     "not rendered": on(lambda b: b.terrain, "hide_render", True),
-    **{f"visible_{ray}": on(lambda b: the("Lander"), f"visible_{ray}", False) for ray in (
-        "camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")},
+    **{
+        f"visible_{ray}": on(lambda b: the("Lander"), f"visible_{ray}", False)
+        for ray in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
+    },
     "holdout": on(lambda b: b.terrain, "is_holdout", True),
     "shadow catcher": on(lambda b: b.terrain, "is_shadow_catcher", True),
     "light group": on(lambda b: the("Lander"), "lightgroup", "Sun"),

@@ -31,22 +31,46 @@ from mathutils import Vector
 from rendering import empty_scene
 
 #: What only costs time, kept small; tests of their own have these at their limits.
-CHEAP: Parts = {"terrain": {"resolution": 33}, "mesh": {"most": 2000}, "rocks": {"most": 40}, "craters": {"most": 500},
-         "light": {"stars_faintest_mag": 3.0}, "rig": {"width_px": 16, "height_px": 16, "overscan": 0.1},
-         "sensor": {"brackets": 2}, "quality": {"samples": 1, "threads": 2, "device": "CPU"}}
+CHEAP: Parts = {
+    "terrain": {"resolution": 33},
+    "mesh": {"most": 2000},
+    "rocks": {"most": 40},
+    "craters": {"most": 500},
+    "light": {"stars_faintest_mag": 3.0},
+    "rig": {"width_px": 16, "height_px": 16, "overscan": 0.1},
+    "sensor": {"brackets": 2},
+    "quality": {"samples": 1, "threads": 2, "device": "CPU"},
+}
 #: Topics that are no numbers about a scene: files, and where results go.
 LEFT_OUT = ("source", "textures", "dataset")
 #: The setting without which a topic makes nothing, and a value of it.
-SWITCHED_ON_BY = {"rocks": ("coverage", 0.02), "craters": ("coverage", 0.02), "ridges": ("height_m", 1.0),
-                  "cracks": ("depth_m", 0.3), "chaos": ("relief_m", 1.0), "hollows": ("depth_m", 0.2),
-                  "penitentes": ("height_m", 1.0), "pits": ("depth_m", 0.3), "mantle": ("thickness_m", 0.2)}
+SWITCHED_ON_BY = {
+    "rocks": ("coverage", 0.02),
+    "craters": ("coverage", 0.02),
+    "ridges": ("height_m", 1.0),
+    "cracks": ("depth_m", 0.3),
+    "chaos": ("relief_m", 1.0),
+    "hollows": ("depth_m", 0.2),
+    "penitentes": ("height_m", 1.0),
+    "pits": ("depth_m", 0.3),
+    "mantle": ("thickness_m", 0.2),
+}
 #: The shorter of two lengths may not pass the longer.
-SHORT_AND_LONG = (("rocks", "smallest_m", "largest_m"), ("craters", "smallest_m", "largest_m"),
-                  ("terrain", "inner_scale_m", "outer_scale_m"))
+SHORT_AND_LONG = (
+    ("rocks", "smallest_m", "largest_m"),
+    ("craters", "smallest_m", "largest_m"),
+    ("terrain", "inner_scale_m", "outer_scale_m"),
+)
 NEAREST_M = 1.0e-4  # planar depth that the lens clips at
 _MOST_RAYS = 1000  # of an image
-_SPEEDS = ("speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right_deg_s", "turn_down_deg_s",
-           "roll_deg_s")
+_SPEEDS = (
+    "speed_right_m_s",
+    "speed_down_m_s",
+    "speed_forward_m_s",
+    "turn_right_deg_s",
+    "turn_down_deg_s",
+    "roll_deg_s",
+)
 
 
 def complete(*parts: Parts) -> Settings:
@@ -56,16 +80,27 @@ def complete(*parts: Parts) -> Settings:
 
 def numbers() -> list[tuple[str, Setting]]:
     """Every (topic, setting) that is a number about a scene, but for what is kept cheap."""
-    return [(key, s) for key, topic in TOPICS.items() if key not in LEFT_OUT for s in topic.settings
-            if s.kind in ("int", "float") and s.key not in CHEAP.get(key, {})]
+    return [
+        (key, s)
+        for key, topic in TOPICS.items()
+        if key not in LEFT_OUT
+        for s in topic.settings
+        if s.kind in ("int", "float") and s.key not in CHEAP.get(key, {})
+    ]
 
 
 def drawn(seed: int) -> dict[str, dict[str, Any]]:
     """A random description: few settings or all of them, at a limit or somewhere on their sliders."""
     random = np.random.default_rng(seed)
-    settings = [(key, s) for key, topic in TOPICS.items() if key not in LEFT_OUT for s in topic.settings
-                if s.kind in ("int", "float", "bool", "choice") and s.key not in CHEAP.get(key, {})
-                and s.key != "directions_from"]
+    settings = [
+        (key, s)
+        for key, topic in TOPICS.items()
+        if key not in LEFT_OUT
+        for s in topic.settings
+        if s.kind in ("int", "float", "bool", "choice")
+        and s.key not in CHEAP.get(key, {})
+        and s.key != "directions_from"
+    ]
     count = random.choice([2, 5, 10, 40, len(settings)], p=[0.25, 0.25, 0.25, 0.15, 0.1])
     found: dict[str, dict[str, Any]] = {}
     for topic, setting in (settings[k] for k in random.choice(len(settings), count, replace=False)):
@@ -110,8 +145,10 @@ def _consistent(found: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
 def story(settings: Settings) -> str:
     """What of a description is not the default, as TOML, for messages."""
     default = description.defaults()
-    changed = {topic: {key: value for key, value in values.items() if value != default[topic][key]}
-               for topic, values in settings.items()}
+    changed = {
+        topic: {key: value for key, value in values.items() if value != default[topic][key]}
+        for topic, values in settings.items()
+    }
     return toml_text.to_toml({topic: values for topic, values in changed.items() if values})
 
 
@@ -154,21 +191,27 @@ def vertices(mesh: Any) -> np.ndarray:
 def unused(built: Built) -> list[str]:
     """Settings that Blender's data do not have as they are stated."""
     rig, lens = built.settings.rig, built.camera.data
-    pairs = {"rig.focal_length_mm": (lens.lens, rig.focal_length_mm),
-             "rig.sensor_width_mm": (lens.sensor_width, rig.sensor_width_mm),
-             "rig.baseline_m": (lens.stereo.interocular_distance, rig.baseline_m),
-             "rig.principal_x_px": (-lens.shift_x * rig.width_px, rig.principal_x_px),
-             "rig.principal_y_px": (lens.shift_y * rig.width_px, rig.principal_y_px),
-             "rig.x_m": (built.camera.location.x, rig.x_m), "rig.y_m": (built.camera.location.y, rig.y_m),
-             "rig.height_m": (built.camera.location.z, built.site_m + rig.height_m)}
+    pairs = {
+        "rig.focal_length_mm": (lens.lens, rig.focal_length_mm),
+        "rig.sensor_width_mm": (lens.sensor_width, rig.sensor_width_mm),
+        "rig.baseline_m": (lens.stereo.interocular_distance, rig.baseline_m),
+        "rig.principal_x_px": (-lens.shift_x * rig.width_px, rig.principal_x_px),
+        "rig.principal_y_px": (lens.shift_y * rig.width_px, rig.principal_y_px),
+        "rig.x_m": (built.camera.location.x, rig.x_m),
+        "rig.y_m": (built.camera.location.y, rig.y_m),
+        "rig.height_m": (built.camera.location.z, built.site_m + rig.height_m),
+    }
     if built.settings.light.directions_from == "ANGLES":
         light = built.settings.light
         disc = light.sun_angular_diameter_deg
         pairs["light.sun_angular_diameter_deg"] = math.degrees(angular_diameter(built.sun)), disc
         if light.sun_elevation_deg + disc / 2 > 0 and not built.sky["sun"]["eclipse"]:
             pairs["light.sun_irradiance_wm2"] = (irradiance_wm2(built.sun), light.sun_irradiance_wm2)
-    return [f"{name} is {there:g} in the scene, not {stated:g}" for name, (there, stated) in pairs.items()
-            if abs(there - stated) > 1e-6 * abs(stated) + 1e-12]
+    return [
+        f"{name} is {there:g} in the scene, not {stated:g}"
+        for name, (there, stated) in pairs.items()
+        if abs(there - stated) > 1e-6 * abs(stated) + 1e-12
+    ]
 
 
 def _of_light(light: Light) -> Iterator[str]:
@@ -213,13 +256,14 @@ def rays(pair: Pair, eye: str) -> tuple[np.ndarray, np.ndarray]:
 def _against_rays(pair: Pair, view: View, eye: str) -> Iterator[str]:
     """True depth against that of Blender's own rays through the same meshes."""
     if "DISPLACEMENT" in (pair.settings.surface.relief, pair.settings.rock_surface.relief) or relief_in_mesh(
-            pair.settings):
+        pair.settings
+    ):
         return  # which Cycles alone does
     start, toward = rays(pair, eye)
     scene, graph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
     depth, rounded = np.full((2, *view.depth.shape), np.nan)
     places = list(np.ndindex(depth.shape))
-    for place in places[::math.ceil(len(places) / _MOST_RAYS)]:
+    for place in places[:: math.ceil(len(places) / _MOST_RAYS)]:
         way = toward[place]
         hit, at, normal, face, item, matrix = scene.ray_cast(graph, Vector(start), Vector(way).normalized())
         hit = hit and item.get("icymoon") not in ("planet", "rings", "stars")
@@ -314,8 +358,11 @@ def _of_report(pair: Pair, out: Path) -> list[str]:
     found = [] if len(report["rows"]) == 1 else ["the report has no row"]
     if any(word in (out / "report.json").read_text(encoding="utf-8") for word in ("NaN", "Infinity")):
         found.append("a number of the report is none")
-    found += [f"evaluation ends with {failed['message']!r}" for failed in report["failed"]
-              if not is_sentence(failed["message"])]
+    found += [
+        f"evaluation ends with {failed['message']!r}"
+        for failed in report["failed"]
+        if not is_sentence(failed["message"])
+    ]
     return found
 
 

@@ -21,9 +21,14 @@ def say(kind: str, **facts: object) -> None:
 def camera(rig: dict[str, float]) -> dict[str, float]:
     """The calibration of a rig without margins and toe-in."""
     width, height = rig["width_px"], rig["height_px"]
-    return {"width_px": width, "height_px": height, "baseline_m": rig["baseline_m"],
-            "focal_px": rig["focal_length_mm"] / rig["sensor_width_mm"] * width,
-            "cx_px": width / 2 + rig["principal_x_px"], "cy_px": height / 2 + rig["principal_y_px"]}
+    return {
+        "width_px": width,
+        "height_px": height,
+        "baseline_m": rig["baseline_m"],
+        "focal_px": rig["focal_length_mm"] / rig["sensor_width_mm"] * width,
+        "cx_px": width / 2 + rig["principal_x_px"],
+        "cy_px": height / 2 + rig["principal_y_px"],
+    }
 
 
 def main() -> None:
@@ -40,8 +45,15 @@ def main() -> None:
         say("error", message="The disk is full.")
         os._exit(1)
     if "babble" in behave:
-        for line in ('{"type": "pair"}', '{"type": ["pair"]}', '{"type": "pair", "id": "../x"}', '{"type": 7}',
-                     '{"type": "progress", "pair": "x", "of_pair": 1}', '{"type": "error", "pair": 3}', "{" * 9999):
+        for line in (
+            '{"type": "pair"}',
+            '{"type": ["pair"]}',
+            '{"type": "pair", "id": "../x"}',
+            '{"type": 7}',
+            '{"type": "progress", "pair": "x", "of_pair": 1}',
+            '{"type": "error", "pair": 3}',
+            "{" * 9999,
+        ):
             print(line, flush=True)
     for pair in job["pairs"]:
         own, shared = pair["settings"], job["shared"]
@@ -68,11 +80,23 @@ def main() -> None:
         for eye in ("left", "right"):
             (part / f"{eye}.exr").write_bytes(b"image")
         size = 5 + (what == "lie")
-        (part / "pair.json").write_text(json.dumps({
-            "format": "icymoon-pair", "version": 1, "id": name, "settings": settings, "device": "CPU",
-            "camera": camera(settings["rig"]),
-            "seconds": {"render": 0.1}, "versions": {}, "platform": "none", "peak_memory_mib": None,
-            "files": {f"{eye}.exr": {"bytes": size, "sha256": "0" * 64} for eye in ("left", "right")}}))
+        (part / "pair.json").write_text(
+            json.dumps(
+                {
+                    "format": "icymoon-pair",
+                    "version": 1,
+                    "id": name,
+                    "settings": settings,
+                    "device": "CPU",
+                    "camera": camera(settings["rig"]),
+                    "seconds": {"render": 0.1},
+                    "versions": {},
+                    "platform": "none",
+                    "peak_memory_mib": None,
+                    "files": {f"{eye}.exr": {"bytes": size, "sha256": "0" * 64} for eye in ("left", "right")},
+                }
+            )
+        )
         os.rename(part, folder)
         say("pair", id=name, folder=str(folder), rendered=True, seconds=0.1)
     say("done", folders=[])

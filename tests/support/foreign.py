@@ -69,7 +69,9 @@ def kitti_2015(root: Path, frames: int = 1) -> Path:
         calibration.write_text(
             "calib_time: 09-Jan-2012 13:57:47\n"
             "P_rect_02: 700 0 48 40 0 700 32 0.2 0 0 1 0.003\n"
-            "P_rect_03: 700 0 48 -310 0 700 32 2.2 0 0 1 0.003\n", encoding="utf-8")
+            "P_rect_03: 700 0 48 -310 0 700 32 2.2 0 0 1 0.003\n",
+            encoding="utf-8",
+        )
     return root
 
 
@@ -83,7 +85,8 @@ def kitti_2012(root: Path) -> Path:
         write_image(training / folder / "000003_10.png", steps(constant()))
     (training / "calib").mkdir()
     (training / "calib" / "000003.txt").write_text(
-        "P0: 700 0 48 0 0 700 32 0 0 0 1 0\nP1: 700 0 48 -350 0 700 32 0 0 0 1 0\n", encoding="utf-8")
+        "P0: 700 0 48 0 0 700 32 0 0 0 1 0\nP1: 700 0 48 -350 0 700 32 0 0 0 1 0\n", encoding="utf-8"
+    )
     return root
 
 
@@ -103,7 +106,8 @@ def middlebury(root: Path, official: bool = False, doffs: float = 20.0) -> Path:
     (scene / "calib.txt").write_text(
         f"cam0=[100 0 47.5; 0 100 31.5; 0 0 1]\ncam1=[100 0 {47.5 + doffs}; 0 100 31.5; 0 0 1]\ndoffs={doffs}\n"
         f"baseline=200\nwidth={WIDTH}\nheight={HEIGHT}\nndisp=60\nisint=0\nvmin=2\nvmax=55\ndyavg=0\ndymax=0\n",
-        encoding="utf-8")
+        encoding="utf-8",
+    )
     return root
 
 
@@ -154,5 +158,7 @@ def plain(root: Path, truth: str, toml: str = "", file: np.ndarray | None = None
         np.save(root / "truth" / "a.npy", file)
     (root / "pairs.toml").write_text(
         f'[images]\nleft = "left/{{pair}}.png"\nright = "right/{{pair}}.png"\n[truth]\n{truth}\n'
-        f"[camera]\nfocal_px = 140\nbaseline_m = 0.5\n{toml}", encoding="utf-8")
+        f"[camera]\nfocal_px = 140\nbaseline_m = 0.5\n{toml}",
+        encoding="utf-8",
+    )
     return root

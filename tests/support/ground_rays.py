@@ -19,8 +19,9 @@ def disparities(ground: Any, rig: Any, columns: int = 40, rows: int = 30) -> np.
     NaN where a ray hits no ground, or where the point is outside the image of the right eye.
     """
     camera = StereoCamera.from_settings(rig)
-    u, v = np.meshgrid((np.arange(columns) + 0.5) / columns * camera.width_px,
-                       (np.arange(rows) + 0.5) / rows * camera.height_px)
+    u, v = np.meshgrid(
+        (np.arange(columns) + 0.5) / columns * camera.width_px, (np.arange(rows) + 0.5) / rows * camera.height_px
+    )
     rays = np.stack([(u - camera.cx_px) / camera.focal_px, (v - camera.cy_px) / camera.focal_px, np.ones_like(u)], -1)
     toward = rays.reshape(-1, 3) @ camera_axes(rig.heading_deg, rig.pitch_deg).T
     eye = np.array([rig.x_m, rig.y_m, float(ground.heights(rig.x_m, rig.y_m)) + rig.height_m])

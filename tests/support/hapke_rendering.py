@@ -42,20 +42,28 @@ FACETS = 1e-5
 SMOOTH = FACETS + (5 * 2.2e-5 if bpy.app.version >= (5, 2, 0) else 0.0)
 
 
-def picture(tmp_path: Path, *parts: dict,
-            change: Callable[[scenes.Built], object] | None = None) -> tuple[Pair, scenes.Built]:
+def picture(
+    tmp_path: Path, *parts: dict, change: Callable[[scenes.Built], object] | None = None
+) -> tuple[Pair, scenes.Built]:
     """Build, let ``change`` touch what was built, render one pair, whose truth is of the same rays as its light, which
     is not rounded."""
-    settings = complete({"terrain": FLAT, "surface": BARE, "light": POINT,
-                         "quality": {**ONE, "truth_by": "CYCLES", "files": "FULL"},
-                         "rig": {"width_px": 128, "height_px": 96}}, *parts)
+    settings = complete(
+        {
+            "terrain": FLAT,
+            "surface": BARE,
+            "light": POINT,
+            "quality": {**ONE, "truth_by": "CYCLES", "files": "FULL"},
+            "rig": {"width_px": 128, "height_px": 96},
+        },
+        *parts,
+    )
     built = scenes.build(empty_scene(), settings)
     if change:
         change(built)
         bpy.context.view_layer.update()
     # By its name, not its address, so that the noise is the same in every run.
     planned = expand_headings(settings, getattr(change, "__name__", ""))
-    folder, = render_pairs(built, planned, tmp_path, 1, 0.0, lambda *a, **k: None)
+    (folder,) = render_pairs(built, planned, tmp_path, 1, 0.0, lambda *a, **k: None)
     return read_pair(folder), built
 
 
@@ -73,8 +81,10 @@ def angles(normal: np.ndarray, sun: np.ndarray, eye: np.ndarray) -> tuple[np.nda
     """Incidence, emission and azimuth in radians, without an arc cosine."""
     sun = np.broadcast_to(sun / np.linalg.norm(sun, axis=-1, keepdims=True), eye.shape)
     across = [np.cross(ray, normal) for ray in (sun, eye)]
-    i, e = (np.arctan2(np.linalg.norm(c, axis=-1), (ray * normal).sum(-1))
-            for c, ray in zip(across, (sun, eye), strict=True))
+    i, e = (
+        np.arctan2(np.linalg.norm(c, axis=-1), (ray * normal).sum(-1))
+        for c, ray in zip(across, (sun, eye), strict=True)
+    )
     psi = np.arctan2(np.linalg.norm(np.cross(*across), axis=-1), (across[0] * across[1]).sum(-1))
     return i, e, psi
 

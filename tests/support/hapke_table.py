@@ -25,5 +25,8 @@ def angles(row: dict[str, str]) -> tuple[float, float, float]:
 
 def parameters(row: dict[str, str]) -> HapkeParameters:
     """Parameters of a row."""
-    return HapkeParameters(**{name: float(row[key]) for key, name in _NAMES.items()},
-                           theta_bar=float(np.radians(float(row["theta_deg"]))), h_function=row["H"])
+    return HapkeParameters(
+        **{name: float(row[key]) for key, name in _NAMES.items()},
+        theta_bar=float(np.radians(float(row["theta_deg"]))),
+        h_function=row["H"],
+    )

@@ -38,17 +38,34 @@ def damaged_npy(good: np.ndarray) -> dict[str, bytes]:
     """No npy files of numbers."""
     whole = saved(good)
     return {
-        "empty": b"", "text": b"1 2 3\n", "magic": b"\x93NUMPY", "half": whole[:len(whole) // 2],
-        "one less": whole[:-1], "one more": whole + b"\0", "zeros": bytes(len(whole)), "escapes": b"\x1b]0;x\7" * 50,
+        "empty": b"",
+        "text": b"1 2 3\n",
+        "magic": b"\x93NUMPY",
+        "half": whole[: len(whole) // 2],
+        "one less": whole[:-1],
+        "one more": whole + b"\0",
+        "zeros": bytes(len(whole)),
+        "escapes": b"\x1b]0;x\7" * 50,
         "pickle": b"\x80\4N.",
-        "stated huge": header("1000000000000,") + bytes(64), "300 digits": header("9" * 300 + ","),
-        "5000 digits": header("9" * 5000 + ","), "negative": header("-3, -4") + bytes(48), "true": header("True,"),
-        "wraps": header("4611686018427387904, 4"), "deep": header("(" * 4000), "text as shape": header("'x',"),
-        "float as shape": header("3.0,") + bytes(12), "objects": header("1,", "|O") + bytes(8),
-        "times": header("1,", "<M8[s]") + bytes(8), "texts": saved(np.array(["a", "b"])),
-        "complex": saved(good.astype(np.complex64)), "record": saved(np.zeros(3, [("a", "f4")])),
-        "version 9": b"\x93NUMPY\x09\0" + bytes(80), "long header": b"\x93NUMPY\2\0\xff\xff\xff\x7f" + bytes(80),
-        "40 sides": header("1, " * 40) + bytes(4), "no dict": b"\x93NUMPY\1\0\x06\0[1, 2]"}
+        "stated huge": header("1000000000000,") + bytes(64),
+        "300 digits": header("9" * 300 + ","),
+        "5000 digits": header("9" * 5000 + ","),
+        "negative": header("-3, -4") + bytes(48),
+        "true": header("True,"),
+        "wraps": header("4611686018427387904, 4"),
+        "deep": header("(" * 4000),
+        "text as shape": header("'x',"),
+        "float as shape": header("3.0,") + bytes(12),
+        "objects": header("1,", "|O") + bytes(8),
+        "times": header("1,", "<M8[s]") + bytes(8),
+        "texts": saved(np.array(["a", "b"])),
+        "complex": saved(good.astype(np.complex64)),
+        "record": saved(np.zeros(3, [("a", "f4")])),
+        "version 9": b"\x93NUMPY\x09\0" + bytes(80),
+        "long header": b"\x93NUMPY\2\0\xff\xff\xff\x7f" + bytes(80),
+        "40 sides": header("1, " * 40) + bytes(4),
+        "no dict": b"\x93NUMPY\1\0\x06\0[1, 2]",
+    }
 
 
 def damaged_npz(name: str, good: np.ndarray) -> dict[str, bytes]:
@@ -63,18 +80,25 @@ def damaged_npz(name: str, good: np.ndarray) -> dict[str, bytes]:
     def patched(at: int, value: bytes) -> bytes:
         data = bytearray(whole)
         place = data.index(b"PK\1\2") + at
-        data[place:place + len(value)] = value
+        data[place : place + len(value)] = value
         return bytes(data)
 
-    return {**{f"member {kind}": packed({name: data}) for kind, data in damaged_npy(good).items()},
-            "cut archive": whole[:-30], "marks": b"PK\3\4" * 99, "twice": stream.getvalue(),
-            "bzip2": packed({name: good}, zipfile.ZIP_BZIP2), "lzma": packed({name: good}, zipfile.ZIP_LZMA),
-            "odd compression": patched(10, b"\x63\0"), "encrypted": patched(8, b"\1\0"),
-            "other size": patched(24, b"\5\0\0\0"), "huge size": patched(24, b"\xfe\xff\xff\xff"),
-            "wrong sum": patched(16, b"\0\0\0\0"),
-            "place beyond": patched(42, b"\xfe\xff\xff\x7f"),
-            "many members": packed({str(k): b"" for k in range(1200)}),
-            "bomb": packed({name: np.zeros(2**25)})}
+    return {
+        **{f"member {kind}": packed({name: data}) for kind, data in damaged_npy(good).items()},
+        "cut archive": whole[:-30],
+        "marks": b"PK\3\4" * 99,
+        "twice": stream.getvalue(),
+        "bzip2": packed({name: good}, zipfile.ZIP_BZIP2),
+        "lzma": packed({name: good}, zipfile.ZIP_LZMA),
+        "odd compression": patched(10, b"\x63\0"),
+        "encrypted": patched(8, b"\1\0"),
+        "other size": patched(24, b"\5\0\0\0"),
+        "huge size": patched(24, b"\xfe\xff\xff\xff"),
+        "wrong sum": patched(16, b"\0\0\0\0"),
+        "place beyond": patched(42, b"\xfe\xff\xff\x7f"),
+        "many members": packed({str(k): b"" for k in range(1200)}),
+        "bomb": packed({name: np.zeros(2**25)}),
+    }
 
 
 def flipped(whole: bytes, times: int, seed: int = 1) -> Iterator[bytes]:

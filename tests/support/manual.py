@@ -20,9 +20,45 @@ TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
 _FENCE = re.compile(r"^( *)```(\w*)\n(.*?)^\1```$", re.DOTALL | re.MULTILINE)
 #: A word that is no part of an address, an option or a pattern.
 _NAME = re.compile(r"(?<![\w./<>*{}~:$%\\-])\.?\w[\w.-]*(?:/[\w.-]+)*/?(?![\w*<>{}/%…-])")
-_ENDS = (".bin", ".blend", ".cff", ".cfg", ".css", ".csv", ".exr", ".glb", ".html", ".jpg", ".js", ".json", ".jsonl",
-         ".lock", ".md", ".npy", ".npz", ".obj", ".parquet", ".pfm", ".ply", ".png", ".ps1", ".py", ".sh", ".svg",
-         ".tar", ".tif", ".toml", ".tsv", ".txt", ".usd", ".whl", ".xml", ".yaml", ".yml", ".zip")
+_ENDS = (
+    ".bin",
+    ".blend",
+    ".cff",
+    ".cfg",
+    ".css",
+    ".csv",
+    ".exr",
+    ".glb",
+    ".html",
+    ".jpg",
+    ".js",
+    ".json",
+    ".jsonl",
+    ".lock",
+    ".md",
+    ".npy",
+    ".npz",
+    ".obj",
+    ".parquet",
+    ".pfm",
+    ".ply",
+    ".png",
+    ".ps1",
+    ".py",
+    ".sh",
+    ".svg",
+    ".tar",
+    ".tif",
+    ".toml",
+    ".tsv",
+    ".txt",
+    ".usd",
+    ".whl",
+    ".xml",
+    ".yaml",
+    ".yml",
+    ".zip",
+)
 _INDENTED = re.compile(r"(?:\A|\n\n)((?: {4}.*\n)(?:(?: {4}.*)?\n)*)")
 
 
@@ -62,18 +98,29 @@ def pages() -> dict[str, str]:
 @cache
 def files() -> frozenset[str]:
     """The files of a clone: those that git has or would take, or all that are there if this is no clone."""
-    listed = subprocess.run(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], cwd=ROOT,
-                            capture_output=True, check=False)
-    names = listed.stdout.decode().split("\0") if not listed.returncode else [
-        path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*")]
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        check=False,
+    )
+    names = (
+        listed.stdout.decode().split("\0")
+        if not listed.returncode
+        else [path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*")]
+    )
     return frozenset(name for name in names if (ROOT / name).is_file())
 
 
 def named_files(text: str) -> set[str]:
     """Names of files and folders between backticks: with an ending that files have, or a slash. No placeholders."""
     spans = re.findall(r"`([^`\n]+)`", prose(text))
-    return {name for span in spans for name in _NAME.findall(span)
-            if (name.endswith(_ENDS) or "/" in name) and not re.search(r"(^|/)[A-Z]+(/|\.|$)", name)}
+    return {
+        name
+        for span in spans
+        for name in _NAME.findall(span)
+        if (name.endswith(_ENDS) or "/" in name) and not re.search(r"(^|/)[A-Z]+(/|\.|$)", name)
+    }
 
 
 def blocks() -> Iterator[Block]:

@@ -36,10 +36,21 @@ def multiply(pair: Path, methods: Sequence[Method], count: int, out: Path, repor
                 factor = (0.5 + albedo) * float(np.exp(random.normal(0, 0.3)))
                 varied = {key: row[key] * factor for key in VARIED if row[key] is not None}
                 varied |= {key: min(1.0, varied[key]) for key in ("total_bad_1", "coverage")}
-                varied["common"] = {other: numbers | {key: numbers[key] * factor for key in COMMON}
-                                    for other, numbers in row["common"].items()}
+                varied["common"] = {
+                    other: numbers | {key: numbers[key] * factor for key in COMMON}
+                    for other, numbers in row["common"].items()
+                }
                 status = "suspect" if k % 97 == 5 else "ok"
                 stream.write(json.dumps(row | varied | {"pair": name, "status": status, "key": f"{k}.{m}"}) + "\n")
     if report:
-        write_results(RowLog(out / "results.jsonl"), names, methods, out, [], [],
-                      {"source": "made up", "response_overrides": {}}, 0, False)
+        write_results(
+            RowLog(out / "results.jsonl"),
+            names,
+            methods,
+            out,
+            [],
+            [],
+            {"source": "made up", "response_overrides": {}},
+            0,
+            False,
+        )

@@ -29,12 +29,16 @@ def export(path: Path, positions: np.ndarray, faces: np.ndarray, **layers: np.nd
     bpy.context.view_layer.objects.active = item
     wm, scenes_out = bpy.ops.wm, bpy.ops.export_scene
     try:
-        {".obj": lambda p: wm.obj_export(filepath=p), ".ply": lambda p: wm.ply_export(filepath=p),
-         ".stl": lambda p: wm.stl_export(filepath=p), ".fbx": lambda p: scenes_out.fbx(filepath=p),
-         ".glb": lambda p: scenes_out.gltf(filepath=p),
-         ".gltf": lambda p: scenes_out.gltf(filepath=p, export_format="GLTF_SEPARATE"),
-         ".usda": lambda p: wm.usd_export(filepath=p), ".usdc": lambda p: wm.usd_export(filepath=p),
-         }[path.suffix](str(path))
+        {
+            ".obj": lambda p: wm.obj_export(filepath=p),
+            ".ply": lambda p: wm.ply_export(filepath=p),
+            ".stl": lambda p: wm.stl_export(filepath=p),
+            ".fbx": lambda p: scenes_out.fbx(filepath=p),
+            ".glb": lambda p: scenes_out.gltf(filepath=p),
+            ".gltf": lambda p: scenes_out.gltf(filepath=p, export_format="GLTF_SEPARATE"),
+            ".usda": lambda p: wm.usd_export(filepath=p),
+            ".usdc": lambda p: wm.usd_export(filepath=p),
+        }[path.suffix](str(path))
     except AttributeError:
         pytest.skip(f"this Blender writes no {path.suffix}")
     empty_scene()

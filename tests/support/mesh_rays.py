@@ -63,11 +63,21 @@ def depth_errors(pair: Pair, places: np.ndarray, triangles: np.ndarray) -> np.nd
     camera, pose = pair.camera, pair.rectified_pose("left")
     assert pose is not None
     rows, columns = np.indices(truth.shape)
-    rays = np.stack([(columns + 0.5 - camera.cx_px) / camera.focal_px, (rows + 0.5 - camera.cy_px) / camera.focal_px,
-                     np.ones(truth.shape)], axis=-1).reshape(-1, 3) @ pose[:3, :3].T
+    rays = (
+        np.stack(
+            [
+                (columns + 0.5 - camera.cx_px) / camera.focal_px,
+                (rows + 0.5 - camera.cy_px) / camera.focal_px,
+                np.ones(truth.shape),
+            ],
+            axis=-1,
+        ).reshape(-1, 3)
+        @ pose[:3, :3].T
+    )
     eye = pose[:3, 3]
     hit = RayMeshIntersector(Trimesh(places - eye, triangles, process=False), scale_to_box=False).intersects_first(
-        np.zeros_like(rays), rays)
+        np.zeros_like(rays), rays
+    )
     corners = (places - eye)[triangles]
     depth = np.where(hit < 0, np.inf, _planes(corners[hit], rays))
     wanted = np.where(np.isfinite(truth), truth, np.inf).ravel()
@@ -91,8 +101,11 @@ def heights_below(east: np.ndarray, north: np.ndarray, places: np.ndarray, trian
 
 def _differ(depth: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     with np.errstate(invalid="ignore"):
-        return np.where(np.isinf(depth) & np.isinf(wanted), np.nan, np.where(
-            np.isinf(depth) | np.isinf(wanted), np.inf, np.abs(depth / wanted - 1.0)))
+        return np.where(
+            np.isinf(depth) & np.isinf(wanted),
+            np.nan,
+            np.where(np.isinf(depth) | np.isinf(wanted), np.inf, np.abs(depth / wanted - 1.0)),
+        )
 
 
 def _planes(corners: np.ndarray, rays: np.ndarray) -> np.ndarray:

@@ -15,16 +15,21 @@ from typing import Any
 import numpy as np
 
 #: Gains of the weights by the longest fitting start of the name: without them some stage would not matter.
-_GAINS = {"igev": {"": 1.0, "feature.": 1.2, "desc.": 0.5, "corr_stem.": 4.0, "cost_agg.": 2.0, "classifier.": 3.0},
-          "dsmnet": {"": 1.0, "cost_agg.": 1.4, "cost_agg.disp2.": 3.0}}
+_GAINS = {
+    "igev": {"": 1.0, "feature.": 1.2, "desc.": 0.5, "corr_stem.": 4.0, "cost_agg.": 2.0, "classifier.": 3.0},
+    "dsmnet": {"": 1.0, "cost_agg.": 1.4, "cost_agg.disp2.": 3.0},
+}
 
 
 def cases() -> dict[str, dict[str, Any]]:
     """name -> description with ``samples`` and ``sum``."""
     with np.load(Path(__file__).with_suffix(".npz")) as stored:
-        return {name: json.loads(str(stored[name])) | {"samples": stored[f"{name}.samples"],
-                                                       "sum": float(stored[f"{name}.sum"])}
-                for name in stored.files if "." not in name}
+        return {
+            name: json.loads(str(stored[name]))
+            | {"samples": stored[f"{name}.samples"], "sum": float(stored[f"{name}.sum"])}
+            for name in stored.files
+            if "." not in name
+        }
 
 
 def sampled(disparity: np.ndarray, count: int) -> np.ndarray:
@@ -42,8 +47,9 @@ def weighted_mean(disparity: np.ndarray) -> float:
 def parameters(network: str, shapes: dict[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
     """Every parameter drawn from a generator seeded with its name, float32."""
     # Two names of one tensor have one value.
-    return {name: _parameter(network, name.replace(".downsample.1.", ".norm3."), shape)
-            for name, shape in shapes.items()}
+    return {
+        name: _parameter(network, name.replace(".downsample.1.", ".norm3."), shape) for name, shape in shapes.items()
+    }
 
 
 def checksum(state: dict[str, np.ndarray]) -> int:
@@ -91,8 +97,10 @@ def images(spec: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
 
 def _texture(seed: int, height: int, width: int, weights: list[int]) -> np.ndarray:
     def octaves(channel: int) -> np.ndarray:
-        return np.sum([weight * _value_noise(seed, octave, channel, height, width)
-                       for octave, weight in enumerate(weights)], axis=0)
+        return np.sum(
+            [weight * _value_noise(seed, octave, channel, height, width) for octave, weight in enumerate(weights)],
+            axis=0,
+        )
 
     common = octaves(3)
     return np.clip(np.stack([(3 * common + octaves(band)) >> 10 for band in range(3)], axis=-1), 0, 255)
@@ -104,8 +112,12 @@ def _value_noise(seed: int, octave: int, channel: int, height: int, width: int) 
     side = 1 << octave
     down, across = row % side, column % side
     row, column = row >> octave, column >> octave
-    corners = [(side - down, side - across, 0, 0), (side - down, across, 0, 1),
-               (down, side - across, 1, 0), (down, across, 1, 1)]
+    corners = [
+        (side - down, side - across, 0, 0),
+        (side - down, across, 0, 1),
+        (down, side - across, 1, 0),
+        (down, across, 1, 1),
+    ]
     return sum(a * b * _lattice(seed, octave, channel, row + r, column + c) for a, b, r, c in corners) >> 2 * octave
 
 

@@ -38,8 +38,11 @@ def cell_noise(x: float, y: float, key: int) -> float:
 def value_noise(x: float, y: float, key: int) -> float:
     """Bilinear between the values of the four corners."""
     column, row = math.floor(x), math.floor(y)
-    return sum((1 - abs(x - column - i)) * (1 - abs(y - row - j)) * cell_noise(column + i, row + j, key)
-               for i in (0, 1) for j in (0, 1))
+    return sum(
+        (1 - abs(x - column - i)) * (1 - abs(y - row - j)) * cell_noise(column + i, row + j, key)
+        for i in (0, 1)
+        for j in (0, 1)
+    )
 
 
 def points_near(x: float, y: float, key: int, squares: int = 5) -> list[tuple[float, float, float, int, int]]:

@@ -12,7 +12,8 @@ def obj(path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | N
     if uv is not None:
         lines += [f"vt {u!r} {v!r}" for u, v in uv.reshape(-1, 2).tolist()]
     for k, face in enumerate(faces.tolist()):
-        lines.append("f " + " ".join(f"{v + 1}" if uv is None else f"{v + 1}/{3 * k + j + 1}"
-                                     for j, v in enumerate(face)))
+        lines.append(
+            "f " + " ".join(f"{v + 1}" if uv is None else f"{v + 1}/{3 * k + j + 1}" for j, v in enumerate(face))
+        )
     path.write_text("\n".join(lines) + "\n")
     return path

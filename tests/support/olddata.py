@@ -21,11 +21,21 @@ def copied(name: str, to: Path) -> Path:
     return to / "dataset"
 
 
-def make_setting(key: str, default: bool | float, effect: str, before: bool | float | None = None,
-                 maximum: float = math.inf) -> Setting:
+def make_setting(
+    key: str, default: bool | float, effect: str, before: bool | float | None = None, maximum: float = math.inf
+) -> Setting:
     """A setting of a later release."""
-    return Setting(key=key, label=key, default=default, description=f"Some {key}", effect=effect, since="9.0",
-                   before=before, minimum=0.0, maximum=maximum)
+    return Setting(
+        key=key,
+        label=key,
+        default=default,
+        description=f"Some {key}",
+        effect=effect,
+        since="9.0",
+        before=before,
+        minimum=0.0,
+        maximum=maximum,
+    )
 
 
 def upgrade(monkeypatch: pytest.MonkeyPatch, topic: str, *settings: Setting) -> None:
@@ -38,8 +48,14 @@ def upgrade_entries(monkeypatch: pytest.MonkeyPatch, topic: str, key: str, part:
     entry = TOPICS[topic][key].entry
     assert entry
     lists = replace(TOPICS[topic][key], entry=type(entry.__name__, (entry,), {part.key: part}))
-    monkeypatch.setitem(TOPICS, topic, replace(TOPICS[topic], settings=tuple(
-        lists if setting.key == key else setting for setting in TOPICS[topic].settings)))
+    monkeypatch.setitem(
+        TOPICS,
+        topic,
+        replace(
+            TOPICS[topic],
+            settings=tuple(lists if setting.key == key else setting for setting in TOPICS[topic].settings),
+        ),
+    )
 
 
 def upgrade_all(monkeypatch: pytest.MonkeyPatch) -> None:

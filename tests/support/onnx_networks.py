@@ -15,9 +15,19 @@ STEPS = 16
 _TYPES = {"float32": TensorProto.FLOAT, "float16": TensorProto.FLOAT16}
 
 
-def write_network(path: Path, size: tuple[int, int] | None = None, names: Sequence[str] = ("left", "right"),
-                  channels: int = 3, last: bool = False, factor: float = 1.0, second: bool = False,
-                  dtype: str = "float32", half: bool = False, swapped: bool = False, constant: float = 0.0) -> Path:
+def write_network(
+    path: Path,
+    size: tuple[int, int] | None = None,
+    names: Sequence[str] = ("left", "right"),
+    channels: int = 3,
+    last: bool = False,
+    factor: float = 1.0,
+    second: bool = False,
+    dtype: str = "float32",
+    half: bool = False,
+    swapped: bool = False,
+    constant: float = 0.0,
+) -> Path:
     """Write a network that finds disparities of 0 to 15 px times ``factor``, and a ``constant`` more.
 
     ``size`` is its fixed height and width. With one name, the input has the channels of both images; with four, the
@@ -55,8 +65,11 @@ def write_network(path: Path, size: tuple[int, int] | None = None, names: Sequen
     for d in range(STEPS):
         # What is d to the right of the start of the padded image was at x - d of the right one.
         padded = add("Pad", [right, weight(f"pads{d}", [0, 0, 0, d, 0, 0, 0, 0], "int64")], f"padded{d}", mode="edge")
-        width = add("Slice", [padded, weight(f"from{d}", [0], "int64"),
-                              weight(f"to{d}", [-d], "int64") if d else ends, axes], f"shifted{d}")
+        width = add(
+            "Slice",
+            [padded, weight(f"from{d}", [0], "int64"), weight(f"to{d}", [-d], "int64") if d else ends, axes],
+            f"shifted{d}",
+        )
         wrong = add("Abs", [add("Sub", [left, width], f"difference{d}")], f"wrong{d}")
         costs.append(add("Conv", [wrong, box], f"cost{d}", pads=[2, 2, 2, 2]))
     volume = add("Mul", [add("Concat", costs, "volume", axis=1), weight("sharp", -0.5)], "score")
@@ -70,8 +83,13 @@ def write_network(path: Path, size: tuple[int, int] | None = None, names: Sequen
     if second:
         declared.insert(0, (add("ReduceMean", [shares], "confidence", keepdims=1), [1, 1, 1, 1]))
     listed = names[::-1] if swapped else names
-    return _write(path, nodes, [helper.make_tensor_value_info(name, given, shapes[name]) for name in listed],
-                  [helper.make_tensor_value_info(name, given, shape) for name, shape in declared], weights)
+    return _write(
+        path,
+        nodes,
+        [helper.make_tensor_value_info(name, given, shapes[name]) for name in listed],
+        [helper.make_tensor_value_info(name, given, shape) for name, shape in declared],
+        weights,
+    )
 
 
 def write_channel(path: Path, channel: int) -> Path:
@@ -82,10 +100,10 @@ def write_channel(path: Path, channel: int) -> Path:
     return _write(path, [helper.make_node("Conv", ["left", "pick"], ["disparity"])], images, [found], weights)
 
 
-def _write(path: Path, nodes: list[Any], inputs: list[Any], outputs: list[Any],
-           weights: dict[str, np.ndarray]) -> Path:
-    graph = helper.make_graph(nodes, "stereo", inputs, outputs,
-                              [numpy_helper.from_array(values, name) for name, values in weights.items()])
+def _write(path: Path, nodes: list[Any], inputs: list[Any], outputs: list[Any], weights: dict[str, np.ndarray]) -> Path:
+    graph = helper.make_graph(
+        nodes, "stereo", inputs, outputs, [numpy_helper.from_array(values, name) for name, values in weights.items()]
+    )
     # Older versions of ONNX Runtime refuse files of newer versions of the format.
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     onnx.checker.check_model(model)

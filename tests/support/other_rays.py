@@ -28,14 +28,16 @@ def tree_of_scene(pair: Pair) -> BVHTree:
         mesh.vertices.foreach_get("co", places)
         mesh.loop_triangles.foreach_get("vertices", faces)
         there = places.reshape(-1, 3) @ pose[:3, :3].T + pose[:3, 3]
-        in_sight = np.any([(_sides(pair, eye, there)[:, faces.reshape(-1, 3)] <= 0).any(axis=2).all(axis=0)
-                           for eye in EYES], axis=0)
+        in_sight = np.any(
+            [(_sides(pair, eye, there)[:, faces.reshape(-1, 3)] <= 0).any(axis=2).all(axis=0) for eye in EYES], axis=0
+        )
         used, renumbered = np.unique(faces.reshape(-1, 3)[in_sight], return_inverse=True)
         corners.append(there[used])
         triangles.append(renumbered.reshape(-1, 3) + count)
         count += len(used)
-    return BVHTree.FromPolygons(np.concatenate(corners).tolist(), np.concatenate(triangles).tolist(),
-                                all_triangles=True)
+    return BVHTree.FromPolygons(
+        np.concatenate(corners).tolist(), np.concatenate(triangles).tolist(), all_triangles=True
+    )
 
 
 def _sides(pair: Pair, eye: str, points: np.ndarray) -> np.ndarray:
@@ -46,8 +48,9 @@ def _sides(pair: Pair, eye: str, points: np.ndarray) -> np.ndarray:
     left_of, below = camera.cx_px / camera.focal_px, camera.cy_px / camera.focal_px
     right_of = (camera.width_px - camera.cx_px) / camera.focal_px
     above = (camera.height_px - camera.cy_px) / camera.focal_px
-    return np.stack([right - right_of * ahead, -right - left_of * ahead, down - above * ahead, -down - below * ahead,
-                     -ahead])
+    return np.stack(
+        [right - right_of * ahead, -right - left_of * ahead, down - above * ahead, -down - below * ahead, -ahead]
+    )
 
 
 def cast_from_other_eye(tree: BVHTree, pair: Pair, eye: str, disparity: np.ndarray) -> np.ndarray:
@@ -62,8 +65,14 @@ def cast_from_other_eye(tree: BVHTree, pair: Pair, eye: str, disparity: np.ndarr
     met = np.full(disparity.shape, np.nan)
     rows, columns = np.nonzero(np.isfinite(disparity))
     depth = camera.depth(disparity[rows, columns])
-    rays = np.stack([(columns + 0.5 - camera.cx_px) / camera.focal_px, (rows + 0.5 - camera.cy_px) / camera.focal_px,
-                     np.ones(len(rows))], axis=-1)
+    rays = np.stack(
+        [
+            (columns + 0.5 - camera.cx_px) / camera.focal_px,
+            (rows + 0.5 - camera.cy_px) / camera.focal_px,
+            np.ones(len(rows)),
+        ],
+        axis=-1,
+    )
     toward = (depth[:, None] * rays) @ own[:3, :3].T + own[:3, 3] - away[:3, 3]
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
     start, forward = away[:3, 3].tolist(), away[:3, 2]

@@ -63,9 +63,16 @@ def view(scene: Scene, rig: StereoCamera, eye: str) -> tuple[np.ndarray, np.ndar
     return depth, np.where(np.isnan(depth), 0.0, light), np.where(np.isnan(depth), 0.0, instance)
 
 
-def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | None = None, layout: str = "5.x",
-               noise: float = 0.0, settings: dict[str, dict[str, Any]] | None = None,
-               planet_share: float | None = None, baked_error: np.ndarray | None = None) -> Path:
+def write_pair(
+    folder: Path,
+    scene: Scene | None = None,
+    rig: StereoCamera | None = None,
+    layout: str = "5.x",
+    noise: float = 0.0,
+    settings: dict[str, dict[str, Any]] | None = None,
+    planet_share: float | None = None,
+    baked_error: np.ndarray | None = None,
+) -> Path:
     """Write a complete pair folder. ``layout`` '4.x' is one part per file, '4.x view' the same with the
     view's name in the channels, '5.x' one part per pass. ``noise`` is relative and independent per eye.
     With ``planet_share`` the light is in two groups, that share of it the planet's. With ``baked_error`` (H, W) the
@@ -76,20 +83,42 @@ def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | Non
     for eye in ("left", "right"):
         depth, light, instance = view(scene, rig, eye)
         light = light * (1 + noise * random.standard_normal(light.shape))
-        write_exr(folder / f"{eye}.exr", depth, light, instance, layout, eye, planet_share,
-                  baked_error if eye == "left" else None)
-    complete = merged(settings or defaults(), {"rig": described(rig)},
-                      {} if baked_error is None else {"quality": {"indirect": "BAKED"}})
+        write_exr(
+            folder / f"{eye}.exr",
+            depth,
+            light,
+            instance,
+            layout,
+            eye,
+            planet_share,
+            baked_error if eye == "left" else None,
+        )
+    complete = merged(
+        settings or defaults(),
+        {"rig": described(rig)},
+        {} if baked_error is None else {"quality": {"indirect": "BAKED"}},
+    )
     kinds = ["{}.exr"]
     if rig.toe_in_deg or is_blurred(complete.rig):
         kinds += ["{}_truth.exr", *(["{}_toed_truth.exr"] if rig.toe_in_deg else [])]
     names = [kind.format(eye) for kind in kinds for eye in ("left", "right")]
     for name in names[2:]:
         shutil.copy(folder / f"{name.split('_')[0]}.exr", folder / name)
-    data = {"format": FORMAT, "version": VERSION, "id": id_of(folder.name), "camera": rig.to_json(),
-            "settings": complete, **({} if baked_error is None else {"indirect": BAKED}),
-            "files": {name: {"bytes": (folder / name).stat().st_size,
-                             "sha256": hashlib.sha256((folder / name).read_bytes()).hexdigest()} for name in names}}
+    data = {
+        "format": FORMAT,
+        "version": VERSION,
+        "id": id_of(folder.name),
+        "camera": rig.to_json(),
+        "settings": complete,
+        **({} if baked_error is None else {"indirect": BAKED}),
+        "files": {
+            name: {
+                "bytes": (folder / name).stat().st_size,
+                "sha256": hashlib.sha256((folder / name).read_bytes()).hexdigest(),
+            }
+            for name in names
+        },
+    }
     (folder / "pair.json").write_text(json.dumps(data), encoding="utf-8")
     return folder
 
@@ -97,10 +126,17 @@ def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | Non
 def described(rig: StereoCamera) -> dict[str, Any]:
     """The ``rig`` settings that this camera is made of."""
     sensor_width_mm = defaults().rig.sensor_width_mm
-    return {"width_px": rig.width_px, "height_px": rig.height_px, "baseline_m": rig.baseline_m,
-            "sensor_width_mm": sensor_width_mm, "focal_length_mm": rig.focal_px * sensor_width_mm / rig.width_px,
-            "principal_x_px": rig.cx_px - rig.width_px / 2, "principal_y_px": rig.cy_px - rig.height_px / 2,
-            "overscan": rig.margin_x_px / rig.width_px, "toe_in_deg": rig.toe_in_deg}
+    return {
+        "width_px": rig.width_px,
+        "height_px": rig.height_px,
+        "baseline_m": rig.baseline_m,
+        "sensor_width_mm": sensor_width_mm,
+        "focal_length_mm": rig.focal_px * sensor_width_mm / rig.width_px,
+        "principal_x_px": rig.cx_px - rig.width_px / 2,
+        "principal_y_px": rig.cy_px - rig.height_px / 2,
+        "overscan": rig.margin_x_px / rig.width_px,
+        "toe_in_deg": rig.toe_in_deg,
+    }
 
 
 def id_of(name: str) -> str:
@@ -108,19 +144,30 @@ def id_of(name: str) -> str:
     return name if re.fullmatch("[0-9a-f]{12}", name) else hashlib.sha256(name.encode()).hexdigest()[:12]
 
 
-def write_exr(path: Path, depth: np.ndarray, light: np.ndarray, instance: np.ndarray, layout: str, eye: str,
-              planet_share: float | None = None, baked_error: np.ndarray | None = None) -> None:
+def write_exr(
+    path: Path,
+    depth: np.ndarray,
+    light: np.ndarray,
+    instance: np.ndarray,
+    layout: str,
+    eye: str,
+    planet_share: float | None = None,
+    baked_error: np.ndarray | None = None,
+) -> None:
     """One eye's file; ``depth`` has NaN for sky."""
+
     def single(values: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(values, np.float32)
 
     semantic = np.where(instance >= 1000, 2, np.minimum(instance, 1))
     ids = ("IndexOB", "IndexMA") if layout.startswith("4") else ("Object Index", "Material Index")
-    passes = {("Beauty", "Combined"): {band: single(light) for band in "RGB"} | {"A": single(light * 0 + 1)},
-              ("Truth", "Depth"): {"Z": single(np.where(np.isnan(depth), SKY_M, depth))},
-              ("Truth", "Normal"): {"X": single(depth * 0), "Y": single(depth * 0), "Z": single(depth * 0 + 1)},
-              ("Truth", ids[0]): {"X": single(instance)},
-              ("Truth", ids[1]): {"X": single(semantic)}}
+    passes = {
+        ("Beauty", "Combined"): {band: single(light) for band in "RGB"} | {"A": single(light * 0 + 1)},
+        ("Truth", "Depth"): {"Z": single(np.where(np.isnan(depth), SKY_M, depth))},
+        ("Truth", "Normal"): {"X": single(depth * 0), "Y": single(depth * 0), "Z": single(depth * 0 + 1)},
+        ("Truth", ids[0]): {"X": single(instance)},
+        ("Truth", ids[1]): {"X": single(semantic)},
+    }
     if planet_share is not None:
         for group, share in (("Sun", 1 - planet_share), ("Planet", planet_share)):
             passes["Beauty", f"Combined_{group}"] = {band: single(share * light) for band in "RGB"}
@@ -129,13 +176,23 @@ def write_exr(path: Path, depth: np.ndarray, light: np.ndarray, instance: np.nda
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     word = f".{eye}" if layout == "4.x view" else ""
     if layout.startswith("4"):
-        channels = {f"{layer}.{name}{word}.{component}": values
-                    for (layer, name), components in passes.items() for component, values in components.items()}
+        channels = {
+            f"{layer}.{name}{word}.{component}": values
+            for (layer, name), components in passes.items()
+            for component, values in components.items()
+        }
         OpenEXR.File(header, channels).write(str(path))
         return
-    OpenEXR.File([OpenEXR.Part(dict(header), {f"{layer}.{name}.{component}": values
-                                              for component, values in components.items()}, f"{layer}.{name}")
-                  for (layer, name), components in passes.items()]).write(str(path))
+    OpenEXR.File(
+        [
+            OpenEXR.Part(
+                dict(header),
+                {f"{layer}.{name}.{component}": values for component, values in components.items()},
+                f"{layer}.{name}",
+            )
+            for (layer, name), components in passes.items()
+        ]
+    ).write(str(path))
 
 
 def _texture(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -143,7 +200,8 @@ def _texture(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     random = np.random.default_rng(20)
     total = np.zeros(np.broadcast_shapes(x.shape, y.shape))
     waves = 40
-    for wavelength, angle, phase in zip(np.geomspace(5, 40, waves), random.uniform(0, np.pi, waves),
-                                        random.uniform(0, 2 * np.pi, waves), strict=True):
+    for wavelength, angle, phase in zip(
+        np.geomspace(5, 40, waves), random.uniform(0, np.pi, waves), random.uniform(0, 2 * np.pi, waves), strict=True
+    ):
         total += np.sin(2 * np.pi / wavelength * (x * np.cos(angle) + y * np.sin(angle)) + phase)
     return np.clip(total / np.sqrt(waves) / 2, -1, 1)

@@ -30,6 +30,7 @@ class Layout:
             self.check_icon(options.get("icon", "NONE"))
             self.record.append((name, arguments, options))
             return Layout(self.record)
+
         return call
 
     def check_icon(self, icon: object) -> None:
@@ -47,9 +48,16 @@ class Layout:
         self.record.append(("operator", name, text))
         return _Settable(rna)
 
-    def template_list(self, kind: str, _: str, data: bpy.types.bpy_struct, key: str,
-                      active: bpy.types.bpy_struct, active_key: str,
-                      **options: object) -> None:
+    def template_list(
+        self,
+        kind: str,
+        _: str,
+        data: bpy.types.bpy_struct,
+        key: str,
+        active: bpy.types.bpy_struct,
+        active_key: str,
+        **options: object,
+    ) -> None:
         assert active_key in active.bl_rna.properties, f"{active} has no {active_key}"
         self.prop(data, key)
         for item in getattr(data, key):
@@ -80,8 +88,9 @@ def drawn(cls: Any) -> list:
     if not getattr(cls, "poll", lambda context: True)(bpy.context):
         return []
     layout = Layout()
-    instance = SimpleNamespace(layout=layout, **{name: getattr(cls, name) for name in ("topic", "section", "kind")
-                                                 if hasattr(cls, name)})
+    instance = SimpleNamespace(
+        layout=layout, **{name: getattr(cls, name) for name in ("topic", "section", "kind") if hasattr(cls, name)}
+    )
     if "draw_header" in cls.__dict__:
         cls.draw_header(instance, bpy.context)
     cls.draw(instance, bpy.context)

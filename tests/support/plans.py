@@ -10,9 +10,12 @@ from icymoon.physics.camera.blur import blur_identity
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings import description
 
-TINY: dict[str, Any] = {"terrain": {"resolution": 33}, "mesh": {"kind": "GRID"},
-                        "rig": {"width_px": 32, "height_px": 24},
-                        "quality": {"samples": 2, "threads": 1}}
+TINY: dict[str, Any] = {
+    "terrain": {"resolution": 33},
+    "mesh": {"kind": "GRID"},
+    "rig": {"width_px": 32, "height_px": 24},
+    "quality": {"samples": 2, "threads": 1},
+}
 
 
 def planned(*parts: dict) -> PlannedPair:
@@ -21,10 +24,19 @@ def planned(*parts: dict) -> PlannedPair:
     return PlannedPair(description.digest(settings, blur_identity(settings)), settings, 0.0)
 
 
-def grid(seeds: int = 2, elevations: tuple[float, ...] = (20.0, 40.0),
-         headings: tuple[float, ...] = (0.0, 90.0),
-         more: Mapping[str, Any] = MappingProxyType({})) -> list[PlannedPair]:
+def grid(
+    seeds: int = 2,
+    elevations: tuple[float, ...] = (20.0, 40.0),
+    headings: tuple[float, ...] = (0.0, 90.0),
+    more: Mapping[str, Any] = MappingProxyType({}),
+) -> list[PlannedPair]:
     """Pairs of all combinations, headings innermost, with ``more`` settings."""
-    return [planned(dict(more), {"dataset": {"seed": seed}, "light": {"sun_elevation_deg": elevation},
-                     "rig": {"heading_deg": heading}})
-            for seed in range(seeds) for elevation in elevations for heading in headings]
+    return [
+        planned(
+            dict(more),
+            {"dataset": {"seed": seed}, "light": {"sun_elevation_deg": elevation}, "rig": {"heading_deg": heading}},
+        )
+        for seed in range(seeds)
+        for elevation in elevations
+        for heading in headings
+    ]

@@ -15,15 +15,27 @@ from icymoon.support.version import ROOT
 _numbers = itertools.count()
 
 
-def add_package(folder: Path, monkeypatch: pytest.MonkeyPatch, kind: str, name: str, source: str, *,
-                package: str = "", version: str = "1.0", licence: str = "MIT", group: str = "") -> str:
+def add_package(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    kind: str,
+    name: str,
+    source: str,
+    *,
+    package: str = "",
+    version: str = "1.0",
+    licence: str = "MIT",
+    group: str = "",
+) -> str:
     """Install a package with one plug-in in ``folder``; its name. The module has a name that no other test uses."""
     package = package or f"icymoon-test-{name.replace('_', '-')}"
     module = f"plugin_of_a_test_{next(_numbers)}"
     info = folder / f"{package.replace('-', '_')}-{version}.dist-info"
     info.mkdir(parents=True)
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: {version}\n"
-                                   + (f"License: {licence}\n" if licence else ""), encoding="utf-8")
+    (info / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {package}\nVersion: {version}\n" + (f"License: {licence}\n" if licence else ""),
+        encoding="utf-8",
+    )
     (info / "entry_points.txt").write_text(f"[{group or f'icymoon.{kind}s'}]\n{name} = {module}\n", encoding="utf-8")
     (folder / f"{module}.py").write_text(dedent(source), encoding="utf-8")
     monkeypatch.syspath_prepend(str(folder))
@@ -64,15 +76,25 @@ def install_project(project: Path, site: Path) -> dict[str, str]:
     facts = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     info = site / f"{facts['name'].replace('-', '_')}-{facts['version']}.dist-info"
     info.mkdir(parents=True)
-    (info / "METADATA").write_text(f"Metadata-Version: 2.4\nName: {facts['name']}\nVersion: {facts['version']}\n"
-                                   f"License-Expression: {facts['license']}\n", encoding="utf-8")
-    (info / "entry_points.txt").write_text("".join(
-        f"[{group}]\n" + "".join(f"{name} = {module}\n" for name, module in entries.items())
-        for group, entries in facts["entry-points"].items()), encoding="utf-8")
+    (info / "METADATA").write_text(
+        f"Metadata-Version: 2.4\nName: {facts['name']}\nVersion: {facts['version']}\n"
+        f"License-Expression: {facts['license']}\n",
+        encoding="utf-8",
+    )
+    (info / "entry_points.txt").write_text(
+        "".join(
+            f"[{group}]\n" + "".join(f"{name} = {module}\n" for name, module in entries.items())
+            for group, entries in facts["entry-points"].items()
+        ),
+        encoding="utf-8",
+    )
     for module in project.glob("*.py"):
         shutil.copy(module, site)
-    return {name: group.removeprefix("icymoon.").removesuffix("s")
-            for group, entries in facts["entry-points"].items() for name in entries}
+    return {
+        name: group.removeprefix("icymoon.").removesuffix("s")
+        for group, entries in facts["entry-points"].items()
+        for name in entries
+    }
 
 
 def examples() -> list[Path]:

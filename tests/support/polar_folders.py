@@ -26,9 +26,18 @@ from icymoon.validation.polar.data_set import (
 
 SAND_M = 0.17
 #: East, north, radius and height of the eggs in metres.
-EGGS = ((-0.9, -0.6, 0.12, 0.20), (-0.8, 0.7, 0.14, 0.16), (-0.3, 0.1, 0.10, 0.22), (0.1, -0.8, 0.11, 0.14),
-        (0.3, 0.9, 0.13, 0.18), (0.6, -0.2, 0.12, 0.20), (0.9, 0.5, 0.10, 0.13), (1.0, -0.9, 0.12, 0.17),
-        (-0.2, -0.5, 0.07, 0.09), (0.5, 0.4, 0.08, 0.10))
+EGGS = (
+    (-0.9, -0.6, 0.12, 0.20),
+    (-0.8, 0.7, 0.14, 0.16),
+    (-0.3, 0.1, 0.10, 0.22),
+    (0.1, -0.8, 0.11, 0.14),
+    (0.3, 0.9, 0.13, 0.18),
+    (0.6, -0.2, 0.12, 0.20),
+    (0.9, 0.5, 0.10, 0.13),
+    (1.0, -0.9, 0.12, 0.17),
+    (-0.2, -0.5, 0.07, 0.09),
+    (0.5, 0.4, 0.08, 0.10),
+)
 FOCAL_PX, BASELINE_M = 2040.0, 0.304
 #: What the camera is off the survey: yaw, pitch and roll in degrees, and its place in metres.
 OFF = (-1.7, 27.0, -0.8, 0.03, -0.19, 0.35)
@@ -50,7 +59,7 @@ def egg(east: float, north: float, radius: float, height: float, rows: int = 24,
     y = north + radius * np.outer(np.sin(polar), np.sin(around))
     z = SAND_M + height * (1 / 3 + 2 / 3 * np.cos(polar))
     vertices = np.stack([x, y, np.repeat(z[:, None], columns, axis=1)], axis=-1).reshape(-1, 3)
-    row, column = (each.ravel() for each in np.mgrid[:rows - 1, :columns])
+    row, column = (each.ravel() for each in np.mgrid[: rows - 1, :columns])
     a, b = row * columns + column, row * columns + (column + 1) % columns
     faces = np.concatenate([np.stack([a, a + columns, b], axis=1), np.stack([b, a + columns, b + columns], axis=1)])
     return Rock(0, vertices, faces)
@@ -61,8 +70,10 @@ def known(position: str = "A") -> Known:
     turn = turned(SURVEYED_YAW_DEG[position] + OFF[0], OFF[1], OFF[2])
     place = np.array(SURVEYED_EYES[position][0]) + OFF[3:]
     centre = np.array([WIDTH_PX, HEIGHT_PX]) / 2
-    eyes = {View(position, eye): Eye(FOCAL_PX, centre, 0.0, 0.0, turn, place + k * BASELINE_M * turn[0])
-            for k, eye in enumerate(EYES)}
+    eyes = {
+        View(position, eye): Eye(FOCAL_PX, centre, 0.0, 0.0, turn, place + k * BASELINE_M * turn[0])
+        for k, eye in enumerate(EYES)
+    }
     return Known(eyes, np.add(SURVEYED_LAMPS[30], (0.0, 0.0, SAND_M)))
 
 
@@ -92,6 +103,7 @@ def write_polar_folder(folder: Path, name: str = "07", scale: float = 1.0) -> Kn
         for rock in rocks:
             cast = shadow_on_sand(rock.vertices, truth.lamp)  # the rim is its own shadow
             lines += [_line(ROCK, eye.project(rock.vertices)), _line(SHADOW, eye.project(cast))]
-        (folder / "labels" / f"{name}_{view.position}_off_30_{view.eye}.txt").write_text("\n".join(lines),
-                                                                                       encoding="utf-8")
+        (folder / "labels" / f"{name}_{view.position}_off_30_{view.eye}.txt").write_text(
+            "\n".join(lines), encoding="utf-8"
+        )
     return truth

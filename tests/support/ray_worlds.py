@@ -9,11 +9,17 @@ from numpy.typing import ArrayLike
 HERE = np.zeros(3)
 
 
-def shape(vertices: ArrayLike, triangles: ArrayLike, label: int = 1, passing: np.ndarray | None = None,
-          smooth: bool = False) -> Shape:
+def shape(
+    vertices: ArrayLike, triangles: ArrayLike, label: int = 1, passing: np.ndarray | None = None, smooth: bool = False
+) -> Shape:
     corners = np.asarray(triangles, np.uint32)
-    return Shape(np.asarray(vertices, np.float32), corners, np.full(len(corners), smooth),
-                 np.full(len(corners), label, np.uint8), passing)
+    return Shape(
+        np.asarray(vertices, np.float32),
+        corners,
+        np.full(len(corners), smooth),
+        np.full(len(corners), label, np.uint8),
+        passing,
+    )
 
 
 def rough_sheet(random: np.random.Generator, side: int = 12) -> Shape:
@@ -22,8 +28,15 @@ def rough_sheet(random: np.random.Generator, side: int = 12) -> Shape:
     x, y = np.meshgrid(at, at)
     vertices = np.stack([x, y, 5 + 0.4 * random.normal(size=x.shape)], axis=-1).reshape(-1, 3)
     corner = (np.arange(side - 1) + side * np.arange(side - 1)[:, None]).ravel()
-    return shape(vertices, np.concatenate([np.stack([corner, corner + 1, corner + side], axis=1),
-                                           np.stack([corner + 1, corner + side + 1, corner + side], axis=1)]))
+    return shape(
+        vertices,
+        np.concatenate(
+            [
+                np.stack([corner, corner + 1, corner + side], axis=1),
+                np.stack([corner + 1, corner + side + 1, corner + side], axis=1),
+            ]
+        ),
+    )
 
 
 def somewhere(random: np.random.Generator, scale: float = 1.0, mirrored: bool = False) -> np.ndarray:
@@ -36,17 +49,31 @@ def somewhere(random: np.random.Generator, scale: float = 1.0, mirrored: bool = 
     return matrix
 
 
-BOX = shape([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)],
-            [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6],
-             [0, 6, 4], [1, 5, 7], [1, 7, 3]], label=2)
+BOX = shape(
+    [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)],
+    [
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 6, 7],
+        [4, 7, 5],
+        [0, 4, 5],
+        [0, 5, 1],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
+    ],
+    label=2,
+)
 
 
 def some_world(seed: int = 0) -> World:
     """A sheet, and boxes in front of it and in it, one of them mirrored."""
     random = np.random.default_rng(seed)
     boxes = np.array([somewhere(random, 0.3, k == 3) for k in range(9)])
-    return World([Placed(rough_sheet(random), np.eye(4)[None], np.array([7])),
-                  Placed(BOX, boxes, 100 + np.arange(9))])
+    return World([Placed(rough_sheet(random), np.eye(4)[None], np.array([7])), Placed(BOX, boxes, 100 + np.arange(9))])
 
 
 def some_rays(count: int, seed: int = 1) -> np.ndarray:

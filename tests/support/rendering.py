@@ -15,8 +15,12 @@ from icymoon.settings import description
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings
 
-SMALL: Parts = {"terrain": {"resolution": 65}, "mesh": {"kind": "GRID"}, "quality": {"samples": 2, "threads": 2},
-         "rig": {"width_px": 96, "height_px": 72}}
+SMALL: Parts = {
+    "terrain": {"resolution": 65},
+    "mesh": {"kind": "GRID"},
+    "quality": {"samples": 2, "threads": 2},
+    "rig": {"width_px": 96, "height_px": 72},
+}
 
 
 def complete(*parts: dict) -> Settings:
@@ -36,8 +40,9 @@ def render(folder: Path, *parts: dict) -> tuple[Pair, Built]:
     scene = empty_scene()
     start = time.perf_counter()
     built = build(scene, settings)
-    folders = render_pairs(built, expand_headings(settings), folder, 1, time.perf_counter() - start,
-                           lambda *a, **k: None)
+    folders = render_pairs(
+        built, expand_headings(settings), folder, 1, time.perf_counter() - start, lambda *a, **k: None
+    )
     return read_pair(folders[0]), built
 
 

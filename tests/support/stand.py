@@ -32,8 +32,12 @@ class Stand:
         (self.folder / "behave.json").write_text(json.dumps(how))
 
     def runner(self, workers: int = 2, **options: Any) -> Runner:
-        return Runner(self.dataset, PAIRS, WorkerOptions(workers, 1, str(self.blender), **options),
-                      lambda kind, **facts: self.said.append({"type": kind, **facts}))
+        return Runner(
+            self.dataset,
+            PAIRS,
+            WorkerOptions(workers, 1, str(self.blender), **options),
+            lambda kind, **facts: self.said.append({"type": kind, **facts}),
+        )
 
     def run(self, **options: Any) -> dict[str, str]:
         return self.runner(**options).run()

@@ -26,12 +26,24 @@ def whole(folder: Path, **more: Any) -> Path:
     beside[:3, 3] = camera(32, 24).baseline_m * pose[:3, 0]
     poses = {"left": pose.tolist(), "right": beside.tolist()}
     data = json.loads(path.read_text()) | {
-        "id": planned.id, "seeds": {"dataset": 0, "render": planned.render_seed}, "versions": {"blender": "5.0.1"},
-        "device": "CPU", "denoiser": "NONE", "platform": "here", "osl": True, "edited_by_hand": False,
-        "own_files_sha256": "", "left_out": ["stars"], "blur": None, "peak_memory_mib": 300.0,
+        "id": planned.id,
+        "seeds": {"dataset": 0, "render": planned.render_seed},
+        "versions": {"blender": "5.0.1"},
+        "device": "CPU",
+        "denoiser": "NONE",
+        "platform": "here",
+        "osl": True,
+        "edited_by_hand": False,
+        "own_files_sha256": "",
+        "left_out": ["stars"],
+        "blur": None,
+        "peak_memory_mib": 300.0,
         "light": sky_facts(sky(planned.settings.light)),
         "seconds": {"render": 1.5, "write": 0.1, "build": 0.5},
-        "cpu_seconds": {"before": 1.0, "pair": 2.0}, "poses_camera_to_world": poses,
-        "poses_rectified_to_world": poses, **more}
+        "cpu_seconds": {"before": 1.0, "pair": 2.0},
+        "poses_camera_to_world": poses,
+        "poses_rectified_to_world": poses,
+        **more,
+    }
     path.write_text(json.dumps(data))
     return folder

@@ -9,11 +9,26 @@ from pathlib import Path
 import numpy as np
 
 
-def write_tiff(path: Path, values: np.ndarray, *, order: str = "<", deflate: bool = False, predictor: int = 1,
-               rows_per_strip: int = 0, tile: int = 0, pixel: tuple[float, float] | None = None,
-               tie: tuple[float, ...] = (0, 0, 0, 0, 0, 0), nodata: str = "", geographic: bool = False,
-               point: bool = False, extra: dict[int, tuple] | None = None, keys: dict[int, int] | None = None,
-               metadata: str = "", matrix: tuple[float, ...] = (), scale_z: float = 0.0) -> Path:
+def write_tiff(
+    path: Path,
+    values: np.ndarray,
+    *,
+    order: str = "<",
+    deflate: bool = False,
+    predictor: int = 1,
+    rows_per_strip: int = 0,
+    tile: int = 0,
+    pixel: tuple[float, float] | None = None,
+    tie: tuple[float, ...] = (0, 0, 0, 0, 0, 0),
+    nodata: str = "",
+    geographic: bool = False,
+    point: bool = False,
+    extra: dict[int, tuple] | None = None,
+    keys: dict[int, int] | None = None,
+    metadata: str = "",
+    matrix: tuple[float, ...] = (),
+    scale_z: float = 0.0,
+) -> Path:
     """Write ``values`` (rows, columns) of a TIFF number type.
 
     ``keys`` are GeoKeys beside those of ``geographic`` and ``point``, the unit of length being the metre
@@ -25,14 +40,20 @@ def write_tiff(path: Path, values: np.ndarray, *, order: str = "<", deflate: boo
     if tile:
         padded = np.zeros((-(-rows // tile) * tile, -(-columns // tile) * tile), values.dtype)
         padded[:rows, :columns] = values
-        blocks = [padded[r:r + tile, c:c + tile] for r in range(0, rows, tile) for c in range(0, columns, tile)]
+        blocks = [padded[r : r + tile, c : c + tile] for r in range(0, rows, tile) for c in range(0, columns, tile)]
     else:
-        blocks = [values[r:r + strip] for r in range(0, rows, strip)]
+        blocks = [values[r : r + strip] for r in range(0, rows, strip)]
     packed = [_predicted(block, predictor) for block in blocks]
     packed = [zlib.compress(block) if deflate else block for block in packed]
     kind = {"u": 1, "i": 2, "f": 3}[values.dtype.kind]
-    shorts: dict[int, tuple[int, ...]] = {258: (values.dtype.itemsize * 8,), 259: (8 if deflate else 1,), 262: (1,),
-                                          277: (1,), 339: (kind,), 317: (predictor,)}
+    shorts: dict[int, tuple[int, ...]] = {
+        258: (values.dtype.itemsize * 8,),
+        259: (8 if deflate else 1,),
+        262: (1,),
+        277: (1,),
+        339: (kind,),
+        317: (predictor,),
+    }
     longs = {256: (columns,), 257: (rows,), **({322: (tile,), 323: (tile,)} if tile else {278: (strip,)})}
     doubles: dict[int, tuple[float, ...]] = {}
     if pixel:

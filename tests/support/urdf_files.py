@@ -33,8 +33,13 @@ def visual(mesh: str, scale: str = "1 1 1", origin: str = "") -> str:
     return f'<visual>{origin}<geometry><mesh filename="{mesh}" scale="{scale}"/></geometry></visual>'
 
 
-def write_robot(folder: Path, joints: str = JOINTS, links: Sequence[str] = LINKS, shapes: dict[str, str] | None = None,
-                before: str = "") -> Path:
+def write_robot(
+    folder: Path,
+    joints: str = JOINTS,
+    links: Sequence[str] = LINKS,
+    shapes: dict[str, str] | None = None,
+    before: str = "",
+) -> Path:
     """A URDF file of these joints and links; ``shapes`` are the visuals by link."""
     inside = "".join(f'<link name="{link}">{(shapes or {}).get(link, "")}</link>' for link in links)
     path = folder / "arm.urdf"
@@ -50,16 +55,22 @@ def write_stl(path: Path, corners: np.ndarray = CORNERS) -> Path:
 
 
 def write_ascii_stl(path: Path) -> Path:
-    facets = "".join("facet normal 0 0 0\n outer loop\n"
-                     + "".join("  vertex {} {} {}\n".format(*CORNERS[k]) for k in face) + " endloop\nendfacet\n"
-                     for face in FACES)
+    facets = "".join(
+        "facet normal 0 0 0\n outer loop\n"
+        + "".join("  vertex {} {} {}\n".format(*CORNERS[k]) for k in face)
+        + " endloop\nendfacet\n"
+        for face in FACES
+    )
     path.write_text(f"solid one\n{facets}endsolid one\n", encoding="utf-8")
     return path
 
 
 def write_obj(path: Path) -> Path:
-    lines = ["mtllib /etc/passwd", *("v {} {} {}".format(*corner) for corner in CORNERS),
-             *("f " + " ".join(f"{k + 1}//1" for k in face) for face in FACES[:2]),
-             *("f " + " ".join(str(k - 4) for k in face) for face in FACES[2:])]
+    lines = [
+        "mtllib /etc/passwd",
+        *("v {} {} {}".format(*corner) for corner in CORNERS),
+        *("f " + " ".join(f"{k + 1}//1" for k in face) for face in FACES[:2]),
+        *("f " + " ".join(str(k - 4) for k in face) for face in FACES[2:]),
+    ]
     path.write_text("\n".join(lines), encoding="utf-8")
     return path

@@ -38,17 +38,39 @@ MAX_PATH = 260  # with the NUL at its end
 DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{name}{k}" for name in ("COM", "LPT") for k in "123456789¹²³")}
 _FORBIDDEN = set('<>:"|?*') | {chr(k) for k in range(32)}
 _CREATE_NEW_PROCESS_GROUP, _CREATE_NO_WINDOW = 0x200, 0x08000000
-_ABSENT = {os: ("fork", "forkpty", "getuid", "geteuid", "getgid", "getegid", "setsid", "killpg", "getpgid", "setpgid",
-                "sched_getaffinity", "getloadavg", "mkfifo", "chown", "nice", "sync", "wait"),
-           signal: ("SIGKILL", "SIGHUP", "SIGUSR1", "SIGUSR2", "SIGCHLD", "SIGSTOP", "SIGCONT", "pthread_kill",
-                    "sigwait")}  # what times tests stays
-_NAMES = {5: (errno.EACCES, "Access is denied"), 32: (errno.EACCES, "The process cannot access the file because it is "
-          "being used by another process"), 3: (errno.ENOENT, "The system cannot find the path specified"),
-          183: (errno.EEXIST, "Cannot create a file when that file already exists"),
-          123: (errno.EINVAL, "The filename, directory name, or volume label syntax is incorrect"),
-          206: (errno.ENOENT, "The filename or extension is too long"),
-          193: (errno.ENOEXEC, "%1 is not a valid Win32 application"), 109: (errno.EPIPE, "The pipe has been ended"),
-          87: (errno.EINVAL, "The parameter is incorrect")}
+_ABSENT = {
+    os: (
+        "fork",
+        "forkpty",
+        "getuid",
+        "geteuid",
+        "getgid",
+        "getegid",
+        "setsid",
+        "killpg",
+        "getpgid",
+        "setpgid",
+        "sched_getaffinity",
+        "getloadavg",
+        "mkfifo",
+        "chown",
+        "nice",
+        "sync",
+        "wait",
+    ),
+    signal: ("SIGKILL", "SIGHUP", "SIGUSR1", "SIGUSR2", "SIGCHLD", "SIGSTOP", "SIGCONT", "pthread_kill", "sigwait"),
+}  # what times tests stays
+_NAMES = {
+    5: (errno.EACCES, "Access is denied"),
+    32: (errno.EACCES, "The process cannot access the file because it is being used by another process"),
+    3: (errno.ENOENT, "The system cannot find the path specified"),
+    183: (errno.EEXIST, "Cannot create a file when that file already exists"),
+    123: (errno.EINVAL, "The filename, directory name, or volume label syntax is incorrect"),
+    206: (errno.ENOENT, "The filename or extension is too long"),
+    193: (errno.ENOEXEC, "%1 is not a valid Win32 application"),
+    109: (errno.EPIPE, "The pipe has been ended"),
+    87: (errno.EINVAL, "The parameter is incorrect"),
+}
 
 
 def error(number: int, path: Any = None) -> OSError:
@@ -86,8 +108,25 @@ class Windows:
         for module, names in _ABSENT.items():
             for name in names:
                 self._patch(module, name, None)
-        for name in ("rename", "replace", "unlink", "remove", "mkdir", "rmdir", "open", "stat", "lstat", "listdir",
-                     "scandir", "utime", "fsync", "kill", "access", "chmod", "symlink"):
+        for name in (
+            "rename",
+            "replace",
+            "unlink",
+            "remove",
+            "mkdir",
+            "rmdir",
+            "open",
+            "stat",
+            "lstat",
+            "listdir",
+            "scandir",
+            "utime",
+            "fsync",
+            "kill",
+            "access",
+            "chmod",
+            "symlink",
+        ):
             self._patch(os, name, getattr(self, f"_{name}"))
         for module in (io, builtins):
             self._patch(module, "open", self._text_open)
@@ -101,9 +140,17 @@ class Windows:
         modules: dict[str, Any] = {
             "msvcrt": types.SimpleNamespace(LK_NBLCK=2, locking=self._locking, get_osfhandle=lambda handle: handle),
             "_winapi": types.SimpleNamespace(
-                PeekNamedPipe=self._peek, OpenProcess=self._open_process, SYNCHRONIZE=0x100000,
-                WaitForSingleObject=self._wait, WAIT_OBJECT_0=0, CloseHandle=lambda handle: None),
-            "fcntl": None, "resource": None, "pwd": None}
+                PeekNamedPipe=self._peek,
+                OpenProcess=self._open_process,
+                SYNCHRONIZE=0x100000,
+                WaitForSingleObject=self._wait,
+                WAIT_OBJECT_0=0,
+                CloseHandle=lambda handle: None,
+            ),
+            "fcntl": None,
+            "resource": None,
+            "pwd": None,
+        }
         for name, module in modules.items():
             self._real["modules", name] = sys.modules.get(name)
             sys.modules[name] = module
@@ -155,7 +202,7 @@ class Windows:
         if len(whole) >= MAX_PATH - (12 if folder else 0):  # a folder leaves room for a file of 8.3
             raise error(206 if folder else 3, path)
         found = self.drive
-        for name in whole[len(self.drive) + 1:].split("/"):
+        for name in whole[len(self.drive) + 1 :].split("/"):
             if set(name) & _FORBIDDEN or name.split(".")[0].rstrip().upper() in DEVICES:
                 raise error(123, path)
             name = name.rstrip(". ")
@@ -294,14 +341,28 @@ class Windows:
 
     def _fsync(self, handle: int) -> None:
         number = handle if isinstance(handle, int) else handle.fileno()
-        flags = int(io.FileIO(self._do("open", f"/proc/self/fdinfo/{number}", os.O_RDONLY)).read()
-                    .split(b"flags:")[1].split()[0], 8)
+        flags = int(
+            io.FileIO(self._do("open", f"/proc/self/fdinfo/{number}", os.O_RDONLY))
+            .read()
+            .split(b"flags:")[1]
+            .split()[0],
+            8,
+        )
         if flags & os.O_ACCMODE == os.O_RDONLY or stat.S_ISDIR(os.fstat(number).st_mode):
             raise OSError(errno.EBADF, "Bad file descriptor")
         self._do("fsync", number)
 
-    def _text_open(self, file: Any, mode: str = "r", buffering: int = -1, encoding: str | None = None,
-                   errors: str | None = None, newline: str | None = None, *rest: Any, **options: Any) -> Any:
+    def _text_open(
+        self,
+        file: Any,
+        mode: str = "r",
+        buffering: int = -1,
+        encoding: str | None = None,
+        errors: str | None = None,
+        newline: str | None = None,
+        *rest: Any,
+        **options: Any,
+    ) -> Any:
         real = self._real[io, "open"]
         if isinstance(file, int):
             return real(file, mode, buffering, encoding, errors, newline, *rest, **options)
@@ -331,8 +392,15 @@ class Windows:
     def _signal(self, number: int, handler: Any) -> Any:
         if number == 21:
             return None  # Ctrl-Break: nobody presses it here
-        if number not in (signal.SIGINT, signal.SIGTERM, signal.SIGABRT, signal.SIGFPE, signal.SIGILL, signal.SIGSEGV,
-                          signal.SIGALRM):  # which ends a test that hangs
+        if number not in (
+            signal.SIGINT,
+            signal.SIGTERM,
+            signal.SIGABRT,
+            signal.SIGFPE,
+            signal.SIGILL,
+            signal.SIGSEGV,
+            signal.SIGALRM,
+        ):  # which ends a test that hangs
             raise ValueError("signal number out of range")
         return self._real[signal, "signal"](number, handler)
 
@@ -376,8 +444,9 @@ class Windows:
             options.pop("start_new_session", None)  # which Windows ignores
             flags = options.pop("creationflags", 0)
             command = [os.fspath(arg) for arg in ([args] if isinstance(args, str) else args)]
-            layer.started.append((command, not flags & _CREATE_NO_WINDOW,
-                                  not flags & (_CREATE_NEW_PROCESS_GROUP | _CREATE_NO_WINDOW)))
+            layer.started.append(
+                (command, not flags & _CREATE_NO_WINDOW, not flags & (_CREATE_NEW_PROCESS_GROUP | _CREATE_NO_WINDOW))
+            )
             if PureWindowsPath(command[0]).name in ("taskkill", "taskkill.exe"):
                 layer._taskkill(int(command[command.index("/PID") + 1]))
                 command = [sys.executable, "-I", "-S", "-c", ""]
@@ -385,8 +454,12 @@ class Windows:
             if (options.get("text") or options.get("universal_newlines")) and not options.get("encoding"):
                 options["encoding"] = "cp1252"
             options["env"] = layer.environment(options.get("env"))
-            real(process, command, **options, start_new_session=bool(flags & (_CREATE_NEW_PROCESS_GROUP
-                                                                              | _CREATE_NO_WINDOW)))
+            real(
+                process,
+                command,
+                **options,
+                start_new_session=bool(flags & (_CREATE_NEW_PROCESS_GROUP | _CREATE_NO_WINDOW)),
+            )
             layer._register(process.pid)
 
         def end(process: Any) -> None:
@@ -401,15 +474,15 @@ class Windows:
             else:
                 raise ValueError(f"Unsupported signal: {number}")
 
-        methods: dict[str, Callable[..., Any]] = {"__init__": start, "kill": end, "terminate": end,
-                                                  "send_signal": send}
+        methods: dict[str, Callable[..., Any]] = {"__init__": start, "kill": end, "terminate": end, "send_signal": send}
         return methods[name]
 
     def environment(self, given: Any) -> dict[str, str]:
         """What a process inherits, so that a Python lives under the layer too."""
         found = {**(os.environ if given is None else given), DRIVE: self.drive, PROCESSES: self.processes}
-        found["PYTHONPATH"] = os.pathsep.join([str(HERE / "windows_prelude"), *found.get("PYTHONPATH", "").split(
-            os.pathsep)]).rstrip(os.pathsep)
+        found["PYTHONPATH"] = os.pathsep.join(
+            [str(HERE / "windows_prelude"), *found.get("PYTHONPATH", "").split(os.pathsep)]
+        ).rstrip(os.pathsep)
         return found
 
     def _check_program(self, program: str) -> None:

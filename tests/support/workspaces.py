@@ -15,14 +15,17 @@ DOWN = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2], [0, 0, 0, 1]])
 CELL_M = 0.04
 
 
-def write(folder: Path, scene: pairs.Scene | None = None, exact: bool = True,
-          noise: float = 0.0) -> Path:
+def write(folder: Path, scene: pairs.Scene | None = None, exact: bool = True, noise: float = 0.0) -> Path:
     """A pair of level ground with a rock of 0.5 m beside it, seen from above, with its true heights if ``exact``."""
     rig = pairs.camera(256, 144)
-    settings = merged(defaults(), {
-        "rig": {"heading_deg": 0.0, "pitch_deg": 90.0},
-        "light": {"directions_from": "ANGLES", "sun_elevation_deg": 90.0},
-        "workspace": {"cell_m": CELL_M if exact else 0.0, "east_m": 0.0, "north_m": 0.0, "size_m": 1.2}})
+    settings = merged(
+        defaults(),
+        {
+            "rig": {"heading_deg": 0.0, "pitch_deg": 90.0},
+            "light": {"directions_from": "ANGLES", "sun_elevation_deg": 90.0},
+            "workspace": {"cell_m": CELL_M if exact else 0.0, "east_m": 0.0, "north_m": 0.0, "size_m": 1.2},
+        },
+    )
     pairs.write_pair(folder, scene or pairs.Scene(slope_x=0.0, slope_y=0.0), rig, noise=noise, settings=settings)
     data = json.loads((folder / "pair.json").read_text())
     right = DOWN.copy()
@@ -35,7 +38,9 @@ def write(folder: Path, scene: pairs.Scene | None = None, exact: bool = True,
         top = np.where((np.abs(east) < 0.25) & (np.abs(north) < 0.25), 0.5, ground)
         np.save(folder / "workspace.npy", np.stack([top, ground]).astype(np.float32))
         data["workspace"] = {"file": "workspace.npy", "cell_m": CELL_M, "origin_m": [-0.6, 0.6], "shape": [30, 30]}
-        data["files"]["workspace.npy"] = {"bytes": (folder / "workspace.npy").stat().st_size,
-                                          "sha256": sha256(folder / "workspace.npy")}
+        data["files"]["workspace.npy"] = {
+            "bytes": (folder / "workspace.npy").stat().st_size,
+            "sha256": sha256(folder / "workspace.npy"),
+        }
     (folder / "pair.json").write_text(json.dumps(data))
     return folder

@@ -27,9 +27,13 @@ def test_the_ball_is_closed_outward_and_round(tmp_path):
 @pytest.mark.heavy
 def test_a_lambert_ball_has_lamberts_phase_curve(tmp_path):
     """Φ(g) = 2/3 A [sin g + (π - g) cos g]/π, Lambert's own (Hapke 2012, section 11.4)."""
-    settings = merged(defaults(), check({"surface": {
-        "model": "LAMBERT", "albedo": 0.6, "albedo_variation": 0.0, "grain_amplitude_m": 0.0}}, "test"))
-    (full, half), = render_ball(Bench(tmp_path), [settings], (0.0, 90.0), 1000.0, pixels=96)
+    settings = merged(
+        defaults(),
+        check(
+            {"surface": {"model": "LAMBERT", "albedo": 0.6, "albedo_variation": 0.0, "grain_amplitude_m": 0.0}}, "test"
+        ),
+    )
+    ((full, half),) = render_ball(Bench(tmp_path), [settings], (0.0, 90.0), 1000.0, pixels=96)
     assert full.brightness == pytest.approx(0.4, rel=3e-3)  # pixels at the limb, chords of a degree
     assert half.brightness == pytest.approx(0.4 / np.pi, rel=5e-3)
     disc = ~np.isnan(full.emission) & (full.emission < 1.0)
@@ -37,4 +41,5 @@ def test_a_lambert_ball_has_lamberts_phase_curve(tmp_path):
     # Across a pixel the cosine changes by 7 % at most there, which 16 samples average to well within 2 %. Toward the
     # limb it changes by its own size, and pixels see the sky; the brightness of the whole disc tests that.
     assert full.radiance_factor[disc] == pytest.approx(
-        np.pi * law(full.incidence, full.emission, full.azimuth)[disc], rel=0.02)
+        np.pi * law(full.incidence, full.emission, full.azimuth)[disc], rel=0.02
+    )

@@ -27,9 +27,23 @@ def test_ratios_of_europa_are_the_mean_of_two_spectra():
 
 
 def test_an_albedo_in_a_line_from_larger_phases_leaves_a_narrow_surge_out():
-    surging, bare = (partial(bidirectional_reflectance, parameters=HapkeParameters(
-        w=0.964, b=0.429, c=0.113, b_s0=amplitude, h_s=0.0002, b_c0=0.0, h_c=0.0, theta_bar=0.17,
-        h_function="1981")) for amplitude in (0.5, 0.0))
+    surging, bare = (
+        partial(
+            bidirectional_reflectance,
+            parameters=HapkeParameters(
+                w=0.964,
+                b=0.429,
+                c=0.113,
+                b_s0=amplitude,
+                h_s=0.0002,
+                b_c0=0.0,
+                h_c=0.0,
+                theta_bar=0.17,
+                h_function="1981",
+            ),
+        )
+        for amplitude in (0.5, 0.0)
+    )
     without = photometry.geometric_albedo(bare)
     # 2 % of the surge's amplitude is left at 1.5°, and the rest of the curve bends.
     assert albedo_without_surge(surging) == pytest.approx(without, rel=0.03)
@@ -40,5 +54,6 @@ def test_the_opposition_effect_of_laws_without_a_surge():
     assert opposition_effect(photometry.lunar_lambert(0.5, 0.0)) == pytest.approx(0.0, abs=1e-12)
     # I/F of Lommel and Seeliger's law is proportional to 1/(1 + cos e).
     assert opposition_effect(photometry.lunar_lambert(0.5, 1.0)) == pytest.approx(
-        (1 + math.cos(math.radians(5))) / 2 - 1)
+        (1 + math.cos(math.radians(5))) / 2 - 1
+    )
     assert np.isfinite(opposition_effect(photometry.lunar_lambert(0.5, 0.5)))

@@ -35,10 +35,19 @@ COMPARISON = Comparison("mine", "Mine", "Why.", lambda bench: [Row("size", {ours
 """
 
 
-@pytest.mark.parametrize(("ours", "why", "verdict"), [
-    (1.1, "", AGREES), (1.11, "", OFF), (0.89, "Cause: known", EXPLAINED),
-    (0.89, "Likely cause: a guess", LIKELY), (0.89, "Likely causes: two", LIKELY),
-    (1.0, "Likely cause: a guess", AGREES), (math.nan, "", OFF), (math.inf, "", OFF)])
+@pytest.mark.parametrize(
+    ("ours", "why", "verdict"),
+    [
+        (1.1, "", AGREES),
+        (1.11, "", OFF),
+        (0.89, "Cause: known", EXPLAINED),
+        (0.89, "Likely cause: a guess", LIKELY),
+        (0.89, "Likely causes: two", LIKELY),
+        (1.0, "Likely cause: a guess", AGREES),
+        (math.nan, "", OFF),
+        (math.inf, "", OFF),
+    ],
+)
 def test_verdicts(ours, why, verdict):
     row = Row("x", ours, 1.0, 0.1 + 1e-12, "source", why=why)
     assert row.verdict == verdict
@@ -72,16 +81,24 @@ def test_a_users_own_file(tmp_path, capsys):
     file = tmp_path / "mine.py"
     for ours, status in ((1.05, 0), (2.0, 1)):
         file.write_text(OWN.format(ours=ours), encoding="utf-8")
-        assert main(["validate", "--own", str(file), "--only", "mine", "--out", str(tmp_path / "out"),
-                     "--json"]) == status
+        assert (
+            main(["validate", "--own", str(file), "--only", "mine", "--out", str(tmp_path / "out"), "--json"]) == status
+        )
         report = json.loads(capsys.readouterr().out)
         assert report["passes"] == (status == 0)
         assert report == json.loads((tmp_path / "out" / "validation.json").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize(("text", "word"), [
-    (None, "There is no comparison"), ("x = 1", "has no comparison"), ("import nowhere_at_all", "cannot be run"),
-    ("COMPARISON = 3", "has no comparison"), ("def f(:", "cannot be run")])
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        (None, "There is no comparison"),
+        ("x = 1", "has no comparison"),
+        ("import nowhere_at_all", "cannot be run"),
+        ("COMPARISON = 3", "has no comparison"),
+        ("def f(:", "cannot be run"),
+    ],
+)
 def test_a_bad_file_is_one_sentence(tmp_path, text, word):
     file = tmp_path / "mine.py"
     if text is not None:
@@ -90,15 +107,22 @@ def test_a_bad_file_is_one_sentence(tmp_path, text, word):
         load_own_comparison(file)
 
 
-@pytest.mark.parametrize(("compare", "word"), [
-    ("1 / 0", r"mine.py, line 3: the comparison fails \(ZeroDivisionError: division by zero\)"),
-    ("3", "returns int and not a list of Row"), ("[('size', 1.0)]", "returns list and not a list of Row"),
-    ("[Row('size', '1', 1.0, 0.1, 's')]", "row 'size' are not all numbers")])
+@pytest.mark.parametrize(
+    ("compare", "word"),
+    [
+        ("1 / 0", r"mine.py, line 3: the comparison fails \(ZeroDivisionError: division by zero\)"),
+        ("3", "returns int and not a list of Row"),
+        ("[('size', 1.0)]", "returns list and not a list of Row"),
+        ("[Row('size', '1', 1.0, 0.1, 's')]", "row 'size' are not all numbers"),
+    ],
+)
 def test_what_fails_in_a_users_comparison_is_one_sentence(tmp_path, compare, word):
     file = tmp_path / "mine.py"
-    file.write_text("from icymoon.validation.comparison import Comparison, Row\ndef compare(bench):\n"
-                    f"    return {compare}\nCOMPARISON = Comparison('mine', 'Mine', 'Why.', compare)\n",
-                    encoding="utf-8")
+    file.write_text(
+        "from icymoon.validation.comparison import Comparison, Row\ndef compare(bench):\n"
+        f"    return {compare}\nCOMPARISON = Comparison('mine', 'Mine', 'Why.', compare)\n",
+        encoding="utf-8",
+    )
     found = run_comparison(load_own_comparison(file), Bench(tmp_path))
     assert not found.passes
     assert re.search(word, found.error)
@@ -129,8 +153,10 @@ def test_names_on_the_command_line_are_those_of_the_comparisons():
 
 
 def test_other_verbs_import_no_comparison():
-    program = ("import sys\nfrom icymoon.commands.cli import main\nmain(['presets'])\n"
-               "print(*(name for name in sys.modules if name.startswith('icymoon.validation.')), file=sys.stderr)")
+    program = (
+        "import sys\nfrom icymoon.commands.cli import main\nmain(['presets'])\n"
+        "print(*(name for name in sys.modules if name.startswith('icymoon.validation.')), file=sys.stderr)"
+    )
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=240, check=False)
     assert ended.stderr.split() == []
 
@@ -167,7 +193,7 @@ def test_a_figure_is_below_the_command(tmp_path):
 
 @pytest.mark.parametrize("name", ["albedos", "colours", "codes"])
 def test_comparisons_that_need_no_blender_pass_and_are_those_of_the_page(tmp_path, name):
-    comparison, = choose_comparisons([name], [], True)
+    (comparison,) = choose_comparisons([name], [], True)
     found = run_comparison(comparison, Bench(tmp_path, quick=True))
     assert found.passes
     page = (ROOT / "docs" / "theory" / "validation.md").read_text(encoding="utf-8")
@@ -176,7 +202,8 @@ def test_comparisons_that_need_no_blender_pass_and_are_those_of_the_page(tmp_pat
     # What is ours and by how much it is off may differ in the last digit between machines.
     shown = [line.split(" | ") for line in section.splitlines() if line.startswith("| ")][2:]
     assert [(quantity[2:], *line[1:3], *line[4:]) for quantity, *line in shown] == [
-        (quantity, *rest[1:3], *rest[4:-1], f"{rest[-1]} |") for quantity, *rest in map(cells, found.rows)]
+        (quantity, *rest[1:3], *rest[4:-1], f"{rest[-1]} |") for quantity, *rest in map(cells, found.rows)
+    ]
 
 
 def test_the_manual_has_a_section_of_every_comparison():
@@ -188,7 +215,7 @@ def test_the_manual_has_a_section_of_every_comparison():
 
 @pytest.mark.parametrize("name", ["albedos", "colours", "codes"])
 def test_what_takes_seconds_passes_and_is_in_the_manual(name, tmp_path):
-    comparison, = (each for each in load_comparisons() if each.name == name)
+    (comparison,) = (each for each in load_comparisons() if each.name == name)
     found = run_comparison(comparison, Bench(tmp_path, quick=True))
     assert found.passes, summary(found)
     assert markdown_section(found) in (ROOT / "docs" / "theory" / "validation.md").read_text(encoding="utf-8")

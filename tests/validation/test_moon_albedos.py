@@ -28,8 +28,9 @@ def test_mixtures_state_what_they_were_fitted_to_and_a_disc_of_them(rows, terrai
     fitted, _, disc = (row for row in rows if row.quantity.startswith(f"`hapke_europa_{terrain}`"))
     assert fitted.fitted
     assert "no measurement" in fitted.source
-    plains, dark, mixed = (moon_albedos.preset_law(f"surfaces/hapke_europa_{name}")
-                           for name in ("bright_plains", "dark_lineae", terrain))
+    plains, dark, mixed = (
+        moon_albedos.preset_law(f"surfaces/hapke_europa_{name}") for name in ("bright_plains", "dark_lineae", terrain)
+    )
     ends = [moon_albedos.reflectance_at_five(law) for law in (plains, dark)]
     assert fitted.theirs == pytest.approx(ends[0] + share * (ends[1] - ends[0]))
     # The disc is between its two terrains, three tenths of the way.
@@ -52,8 +53,9 @@ def test_the_moons_curve_is_compared_beyond_its_surge(rows):
 
 
 def test_a_sharper_phase_function_takes_the_difference_to_the_moons_curve_away():
-    settings = merged(defaults(), load_preset("surfaces/hapke_lunar_like"),
-                      check({"hapke": moon_albedos.SHARPER}, "sharper"))
+    settings = merged(
+        defaults(), load_preset("surfaces/hapke_lunar_like"), check({"hapke": moon_albedos.SHARPER}, "sharper")
+    )
     law = law_of(settings.surface, settings.hapke)
     assert photometry.geometric_albedo(law) == pytest.approx(0.12, abs=0.0005)
     phases = np.array([30.0, 60.0, 90.0, 120.0])

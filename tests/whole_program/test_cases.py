@@ -59,9 +59,15 @@ def test_07_a_distance_along_the_ray_is_found_and_read(tmp_path, capsys):
     assert rows_of(report)["sgbm"]["epe_px"] < 0.3
 
 
-@pytest.mark.parametrize(("number", "names", "focal_mm"), [
-    (14, ("L.LBL", "R.LBL"), 70.3125), (15, ("L.LBL", "R.LBL"), 70.3125), (22, ("left.yaml", "right.yaml"), 70.3125),
-    (24, ("L.LBL", "R.LBL"), (1200.3 + 1203.8) / 2 / 1024 * 60)])
+@pytest.mark.parametrize(
+    ("number", "names", "focal_mm"),
+    [
+        (14, ("L.LBL", "R.LBL"), 70.3125),
+        (15, ("L.LBL", "R.LBL"), 70.3125),
+        (22, ("left.yaml", "right.yaml"), 70.3125),
+        (24, ("L.LBL", "R.LBL"), (1200.3 + 1203.8) / 2 / 1024 * 60),
+    ],
+)
 def test_two_cameras_are_a_rig(tmp_path, capsys, number, names, focal_mm):
     """14: a thumbnail in the label; 15: vectors over several lines; 22: YAML of ROS; 24: eyes that differ."""
     folder = case(number, tmp_path)
@@ -98,10 +104,15 @@ def built(folder: Path, *settings: str):
 
     stated = ("source.kind=HEIGHT_MAP", f"source.file={folder / 'dem.tif'}", *settings)
     presets = (preset_files.load_preset(name) for name in ("europa_rough_ice", "qualities/draft"))
-    return build(empty_scene(), description.merged(
-        description.defaults(), *presets,
-        {"mesh": {"kind": "GRID"}, "terrain": {"resolution": 65}, "rocks": {"coverage": 0.0}},
-        *(description.override(text) for text in stated)))
+    return build(
+        empty_scene(),
+        description.merged(
+            description.defaults(),
+            *presets,
+            {"mesh": {"kind": "GRID"}, "terrain": {"resolution": 65}, "rocks": {"coverage": 0.0}},
+            *(description.override(text) for text in stated),
+        ),
+    )
 
 
 def ground_of(scene) -> np.ndarray:
@@ -129,8 +140,14 @@ def test_13_a_site_in_a_map_of_a_region_is_built(tmp_path):
 
 
 #: Settings of a pair that takes about 4 s.
-SMALL = ("terrain.resolution=65", "terrain.rms_slope_deg=0", "rocks.coverage=0", "rig.width_px=96", "rig.height_px=72",
-         "quality.samples=1")
+SMALL = (
+    "terrain.resolution=65",
+    "terrain.rms_slope_deg=0",
+    "rocks.coverage=0",
+    "rig.width_px=96",
+    "rig.height_px=72",
+    "quality.samples=1",
+)
 
 
 def rendered(out: Path, preset: str, *settings: str) -> tuple[Path, dict]:
@@ -146,8 +163,15 @@ def test_20_the_sun_is_that_of_kernels_in_a_folder_of_a_mac(tmp_path):
     spiceypy = pytest.importorskip("spiceypy")  # of the extra "ephemeris"
     kernels = case(20, tmp_path) / "kernels"
     assert (kernels / ".DS_Store").is_file()
-    _, stated = rendered(tmp_path / "out", "europa_chaos", "light.directions_from=KERNELS", f"light.kernels={kernels}",
-                         "light.date_utc=2035-03-01T12:00:00", "light.longitude_deg=331", "light.latitude_deg=10")
+    _, stated = rendered(
+        tmp_path / "out",
+        "europa_chaos",
+        "light.directions_from=KERNELS",
+        f"light.kernels={kernels}",
+        "light.date_utc=2035-03-01T12:00:00",
+        "light.longitude_deg=331",
+        "light.latitude_deg=10",
+    )
     for name in ("body.tpc", "leap.tls", "toy.bsp"):
         spiceypy.furnsh(str(kernels / name))
     try:
@@ -168,8 +192,12 @@ def test_20_the_sun_is_that_of_kernels_in_a_folder_of_a_mac(tmp_path):
 def test_a_mesh_of_a_published_arm_is_seen(tmp_path, number, urdf, triangles):
     """25: a Collada mesh; 26: a package.xml two folders above. The next link is made thin, which hides the mesh."""
     file = case(number, tmp_path) / "pkg" / "urdf" / urdf
-    file.write_text(file.read_text(encoding="utf-8").replace("0.5 0.05 0.05", "0.5 0.005 0.005").replace(
-        "0.02 0.02 0.02", "0.2 0.2 0.2"), encoding="utf-8")
+    file.write_text(
+        file.read_text(encoding="utf-8")
+        .replace("0.5 0.05 0.05", "0.5 0.005 0.005")
+        .replace("0.02 0.02 0.02", "0.2 0.2 0.2"),
+        encoding="utf-8",
+    )
     pair, stated = rendered(tmp_path / "out", "workspace_europa_lander", "lander.kind=OWN", f"lander.file={file}")
     labels = {link["name"]: link["instance"] for link in stated["lander"]["links"]}
     assert (read_view(pair / "left.exr").instance == labels["base_link"]).sum() > 3

@@ -12,8 +12,13 @@ from icymoon.support.version import ROOT
 @pytest.mark.long
 @pytest.mark.timeout(900)
 def test_the_first_report_warns_of_nothing_and_names_its_scenes(tmp_path):
-    done = subprocess.run([sys.executable, ROOT / "__main__.py", "demo", "--out", tmp_path / "demo"], cwd=tmp_path,
-                          capture_output=True, text=True, timeout=900)
+    done = subprocess.run(
+        [sys.executable, ROOT / "__main__.py", "demo", "--out", tmp_path / "demo"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=900,
+    )
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "demo" / "evaluation"
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))

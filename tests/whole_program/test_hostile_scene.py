@@ -13,11 +13,15 @@ from icymoon.settings.blender import scene_properties
 from stand_ins import stand_in
 
 ICYMOON = bpy.ops.icymoon
-BUTTONS = {"evaluate": lambda: ICYMOON.evaluate(scope="SCENE"),
-           "evaluate all": lambda: ICYMOON.evaluate(scope="DATASET"), "trade": lambda: ICYMOON.trade(),
-           "auto": lambda: ICYMOON.auto_quality(), "data set": lambda: ICYMOON.render_dataset(),
-           "dry run": lambda: ICYMOON.plan_dry_run(),
-           "expose": lambda: ICYMOON.expose()}
+BUTTONS = {
+    "evaluate": lambda: ICYMOON.evaluate(scope="SCENE"),
+    "evaluate all": lambda: ICYMOON.evaluate(scope="DATASET"),
+    "trade": lambda: ICYMOON.trade(),
+    "auto": lambda: ICYMOON.auto_quality(),
+    "data set": lambda: ICYMOON.render_dataset(),
+    "dry run": lambda: ICYMOON.plan_dry_run(),
+    "expose": lambda: ICYMOON.expose(),
+}
 
 
 @pytest.fixture
@@ -60,9 +64,17 @@ def test_such_a_scene_can_still_be_looked_at_and_mended(hostile):
 @pytest.fixture
 def matchers(scene, monkeypatch):
     """The list of the person's own matchers, which only an installed add-on has, kept in the scene."""
-    kind = type("ICYMOON_PG_test", (bpy.types.PropertyGroup,), {"__annotations__": {
-        "matchers": bpy.props.CollectionProperty(type=preferences.ICYMOON_PG_matcher),
-        "workers": bpy.props.IntProperty(), "evaluator": bpy.props.StringProperty()}})
+    kind = type(
+        "ICYMOON_PG_test",
+        (bpy.types.PropertyGroup,),
+        {
+            "__annotations__": {
+                "matchers": bpy.props.CollectionProperty(type=preferences.ICYMOON_PG_matcher),
+                "workers": bpy.props.IntProperty(),
+                "evaluator": bpy.props.StringProperty(),
+            }
+        },
+    )
     bpy.utils.register_class(kind)
     bpy.types.Scene.icymoon_test = bpy.props.PointerProperty(type=kind)
     monkeypatch.setattr(preferences, "_preferences", lambda: bpy.context.scene.icymoon_test)
@@ -80,13 +92,23 @@ def test_one_s_own_matcher_is_set_up_in_the_preferences_and_named_by_scenes(matc
     scene.icymoon.dataset.folder = str(tmp_path / "set")
     scene.icymoon.dataset.evaluate = True
     commands = []
-    monkeypatch.setattr(dataset.Detached, "start", lambda command, *_: commands.append(command) or SimpleNamespace(
-        facts={"started": 0.0}))
+    monkeypatch.setattr(
+        dataset.Detached,
+        "start",
+        lambda command, *_: commands.append(command) or SimpleNamespace(facts={"started": 0.0}),
+    )
     kind = dataset.ICYMOON_OT_render_dataset
     kind.start(stand_in(_job_of=lambda *_: None), SimpleNamespace(scene=scene))
-    words = commands[0][commands[0].index("--evaluate") + 1:]
-    assert words[:7] == ["bm,own:mine:timeout_s=5", "--own", "mine:external:command=run, me {left} {right} {out}",
-                         "--own", "mine:external:format=pfm", "--own", "mine:external:timeout_s=60"]
+    words = commands[0][commands[0].index("--evaluate") + 1 :]
+    assert words[:7] == [
+        "bm,own:mine:timeout_s=5",
+        "--own",
+        "mine:external:command=run, me {left} {right} {out}",
+        "--own",
+        "mine:external:format=pfm",
+        "--own",
+        "mine:external:timeout_s=60",
+    ]
 
 
 def test_a_network_of_one_s_own_needs_no_more_than_its_name(matchers):

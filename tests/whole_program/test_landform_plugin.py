@@ -42,8 +42,13 @@ def saved(tmp_path_factory):
     """A scene that was saved where the example is installed."""
     folder = tmp_path_factory.mktemp("landform")
     install_project(EXAMPLE, folder / "site")
-    done = subprocess.run([sys.executable, "-c", IN_BLENDER, str(folder / "site"), str(folder / "scene.blend")],
-                          capture_output=True, text=True, check=False, timeout=110)
+    done = subprocess.run(
+        [sys.executable, "-c", IN_BLENDER, str(folder / "site"), str(folder / "scene.blend")],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=110,
+    )
     assert "as it should be" in done.stdout, done.stderr
     return folder / "scene.blend"
 
@@ -53,8 +58,11 @@ def test_it_is_refused_where_the_package_is_not_installed_and_not_left_out(saved
     group = bpy.context.scene.icymoon
     assert not hasattr(group, "landform_waves")
     assert compat.stored_groups(group)["landform_waves"]["height_m"] == 0.5
-    with pytest.raises(IcyMoonError, match="This scene has settings of landform_waves, a landform of a package that is "
-                       "not installed in this Blender; install it, or make a new scene"):
+    with pytest.raises(
+        IcyMoonError,
+        match="This scene has settings of landform_waves, a landform of a package that is "
+        "not installed in this Blender; install it, or make a new scene",
+    ):
         scene_properties.read_settings(group)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene_properties.read_settings(bpy.context.scene.icymoon)

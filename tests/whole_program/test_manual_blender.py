@@ -24,9 +24,12 @@ PAGE = (ROOT / "docs" / "reference" / "pair.md").read_text(encoding="utf-8")
 
 
 #: What a camera may do to the files of a pair, beside the plain one.
-CAMERAS = ({"overscan": 0.25}, {"focus_distance_m": 1.0}, {"toe_in_deg": 4.0},
-           {"overscan": 0.25, "focus_distance_m": 1.0, "toe_in_deg": 4.0, "speed_right_m_s": 1.0,
-            "motion_exposure_s": 0.01})
+CAMERAS = (
+    {"overscan": 0.25},
+    {"focus_distance_m": 1.0},
+    {"toe_in_deg": 4.0},
+    {"overscan": 0.25, "focus_distance_m": 1.0, "toe_in_deg": 4.0, "speed_right_m_s": 1.0, "motion_exposure_s": 0.01},
+)
 PIECES = [block for block in manual.blocks() if block.language == "python" and "DATASET" in block.code]
 
 
@@ -57,16 +60,31 @@ def test_the_page_of_operators_has_what_is_registered(registered):
     for name, operator in listed.items():
         rna = getattr(bpy.ops.icymoon, name.removeprefix("icymoon.")).get_rna_type()
         assert (operator.label, operator.description) == (rna.name, rna.description)
-        shown = {prop.identifier: (prop.name, prop.description) for prop in rna.properties
-                 if prop.identifier != "rna_type" and not prop.is_hidden}
+        shown = {
+            prop.identifier: (prop.name, prop.description)
+            for prop in rna.properties
+            if prop.identifier != "rna_type" and not prop.is_hidden
+        }
         assert operator.properties == shown
 
 
 def test_the_page_of_the_pair_folder_has_what_a_pair_holds(registered, tmp_path: Path):
-    pair, _ = render(tmp_path, {"quality": {"samples": 1, "truth_by": "CYCLES", "files": "FULL", "indirect": "BAKED",
-                                            "bake_samples": 4, "bake_noise": 0.0},
-                                "surface": {"model": "LAMBERT"}, "rig": {"width_px": 32, "height_px": 24},
-                                "light": {"planet": True, "planet_elevation_deg": 40.0}})
+    pair, _ = render(
+        tmp_path,
+        {
+            "quality": {
+                "samples": 1,
+                "truth_by": "CYCLES",
+                "files": "FULL",
+                "indirect": "BAKED",
+                "bake_samples": 4,
+                "bake_noise": 0.0,
+            },
+            "surface": {"model": "LAMBERT"},
+            "rig": {"width_px": 32, "height_px": 24},
+            "light": {"planet": True, "planet_elevation_deg": 40.0},
+        },
+    )
     written = set(re.findall(r"`(\w+)`", PAGE.split("## pair.json")[1].split("## Reading a pair in Python")[0]))
     assert set(pair.data) - written == set()
     passes = set(re.findall(r"`((?:Beauty|Truth)\.[\w ]+)`", PAGE))

@@ -41,8 +41,10 @@ _spec.loader.exec_module(mistakes)
 
 ALL = [mistake for some in mistakes.MISTAKES.values() for mistake in some]
 
-PLY = ("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-       "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n{0} 0 0\n0 {0} 0\n3 0 1 2\n")
+PLY = (
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n{0} 0 0\n0 {0} 0\n3 0 1 2\n"
+)
 
 
 class Place:
@@ -101,6 +103,7 @@ def ground(place: Place, name: str, text: str = "", **source: Any) -> str:
 def full_disk(place: Place) -> str:
     def refuse(path: Path) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
+
     place.patch.setattr(system, "flush", refuse)
     said = raised(lambda: files.write_text(place.folder / "settings.toml", "x"))
     assert list(place.folder.iterdir()) == [], "nothing half-written stays"
@@ -110,8 +113,13 @@ def full_disk(place: Place) -> str:
 def no_evaluator(place: Place) -> str:
     place.patch.delenv("ICYMOON_EVALUATOR", raising=False)
     place.patch.setattr(preferences, "own_evaluator_python", lambda: place.folder / "python")
-    place.patch.setattr(preferences, "bpy", SimpleNamespace(
-        app=SimpleNamespace(binary_path="blender", background=False), context=bpy.context, path=bpy.path))
+    place.patch.setattr(
+        preferences,
+        "bpy",
+        SimpleNamespace(
+            app=SimpleNamespace(binary_path="blender", background=False), context=bpy.context, path=bpy.path
+        ),
+    )
     return raised(preferences.find_evaluator_python)
 
 
@@ -147,6 +155,7 @@ def newer_preset(place: Place) -> str:
 
 def plan(place: Place, text: str) -> str:
     from icymoon.render.plans.plan_file import read_plan
+
     path = place.file("plan.toml", f'[plan]\ntitle = "Test"\n{text}')
     return raised(lambda: read_plan(path).pairs())
 
@@ -163,6 +172,7 @@ def edited(place: Place) -> str:
 
 def little_room(place: Place) -> str:
     from icymoon.render.plans.planned_pair import expand_headings
+
     place.patch.setattr(render_pair.shutil, "disk_usage", lambda path: SimpleNamespace(free=1000))
     return raised(lambda: render_pair.check_space(place.folder, expand_headings(complete())))
 
@@ -170,7 +180,9 @@ def little_room(place: Place) -> str:
 def unwritable(place: Place) -> str:
     def refuse(*_: Any, **__: Any) -> None:
         raise OSError(errno.EROFS, "Read-only file system")
+
     from icymoon.render.plans.planned_pair import expand_headings
+
     place.patch.setattr(Path, "write_bytes", refuse)
     return raised(lambda: render_pair.check_space(place.folder, expand_headings(complete())))
 
@@ -199,9 +211,12 @@ def no_card(place: Place) -> str:
 
 def leap_seconds_only(place: Place) -> str:
     pytest.importorskip("spiceypy")
-    kernel = place.file("leap.tls", "KPL/LSK\n\\begindata\nDELTET/DELTA_T_A = 32.184\nDELTET/K = 1.657D-3\n"
-                        "DELTET/EB = 1.671D-2\nDELTET/M = ( 6.239996D0 1.99096871D-7 )\n"
-                        "DELTET/DELTA_AT = ( 37, @2017-JAN-1 )\n\\begintext\n")
+    kernel = place.file(
+        "leap.tls",
+        "KPL/LSK\n\\begindata\nDELTET/DELTA_T_A = 32.184\nDELTET/K = 1.657D-3\n"
+        "DELTET/EB = 1.671D-2\nDELTET/M = ( 6.239996D0 1.99096871D-7 )\n"
+        "DELTET/DELTA_AT = ( 37, @2017-JAN-1 )\n\\begintext\n",
+    )
     return build({"light": {"directions_from": "KERNELS", "kernels": str(kernel)}})
 
 
@@ -238,9 +253,11 @@ def centimetres(place: Place) -> str:
 def network(place: Place) -> str:
     left = place.folder / "left.png"
     from icymoon.stereo.images.image_files import write_png
+
     write_png(left, np.zeros((64, 96), np.uint8))
-    return stereo("match", "--method", "igev", "--left", str(left), "--right", str(left), "--out",
-                  str(place.folder / "d.npz"))
+    return stereo(
+        "match", "--method", "igev", "--left", str(left), "--right", str(left), "--out", str(place.folder / "d.npz")
+    )
 
 
 def empty_dataset(place: Place) -> str:
@@ -255,10 +272,13 @@ MADE: dict[str, Callable[[Place], str]] = {
     "no evaluator": no_evaluator,
     "wrong python": wrong_python,
     "bare python": bare_python,
-    "evaluator gone": lambda place: (place.patch.setenv("ICYMOON_EVALUATOR", str(place.folder / "python")),
-                                     raised(preferences.find_evaluator_python))[1],
-    "no blender": lambda place: command("render", "--preset", "europa_rough_ice", "--blender", "/nowhere/blender",
-                                        "--out", str(place.folder)),
+    "evaluator gone": lambda place: (
+        place.patch.setenv("ICYMOON_EVALUATOR", str(place.folder / "python")),
+        raised(preferences.find_evaluator_python),
+    )[1],
+    "no blender": lambda place: command(
+        "render", "--preset", "europa_rough_ice", "--blender", "/nowhere/blender", "--out", str(place.folder)
+    ),
     "no osl": no_osl,
     "no denoiser": no_denoiser,
     "no card": no_card,
@@ -275,10 +295,13 @@ MADE: dict[str, Callable[[Place], str]] = {
     "not toml": settings_file("[terrain\nhurst = 0.5\n"),
     "camera under the ground": settings_file("[rig]\nheight_m = -1.0\n"),
     "eye in the ground": lambda place: plan(
-        place, "[terrain]\nrms_slope_deg = 40\n[rig]\nheight_m = 0.001\nbaseline_m = 5\n"),
+        place, "[terrain]\nrms_slope_deg = 40\n[rig]\nheight_m = 0.001\nbaseline_m = 5\n"
+    ),
     "eye in a rock": lambda place: plan(
-        place, "[terrain]\nrms_slope_deg = 0\n[rocks]\ncoverage = 0.5\nsmallest_m = 1\nlargest_m = 1\nheight_ratio = 3"
-        "\nburial = 0\n[rig]\nbaseline_m = 3\nheight_m = 0.5\n[[sweep]]\nkind = 'panorama'\nheadings = [10]\n"),
+        place,
+        "[terrain]\nrms_slope_deg = 0\n[rocks]\ncoverage = 0.5\nsmallest_m = 1\nlargest_m = 1\nheight_ratio = 3"
+        "\nburial = 0\n[rig]\nbaseline_m = 3\nheight_m = 0.5\n[[sweep]]\nkind = 'panorama'\nheadings = [10]\n",
+    ),
     "impossible sweep": lambda place: plan(place, "[[sweep]]\nkind = 'grid'\nsurface.albedo = []\n"),
     "no room for sites": lambda place: plan(place, "[[sweep]]\nkind = 'sites'\ncount = 9\napart_m = 12\n"),
     "unknown preset": lambda place: command("settings", "--preset", "europe_rough_ice"),
@@ -287,14 +310,17 @@ MADE: dict[str, Callable[[Place], str]] = {
     "mesh in the wrong unit": lambda place: ground(place, "site.ply", PLY.format(3.0e9)),
     "mesh in centimetres": centimetres,
     "not a mesh": lambda place: ground(place, "site.ply", "Dear diary"),
-    "unknown mesh format": lambda place: reported(bpy.ops.icymoon.import_ground,
-                                                  filepath=str(place.file("site.docx"))),
+    "unknown mesh format": lambda place: reported(bpy.ops.icymoon.import_ground, filepath=str(place.file("site.docx"))),
     "mesh gone": lambda place: build({"source": {"kind": "MESH", "file": str(place.folder / "gone.obj")}}),
     "no mesh chosen": lambda place: build({"source": {"kind": "MESH"}}),
-    "folder as mesh": lambda place: (os.mkdir(place.folder / "site.obj"), build(
-        {"source": {"kind": "MESH", "file": str(place.folder / "site.obj")}}))[1],
-    "height map without scale": lambda place: (np.save(place.folder / "dem.npy", np.zeros((9, 9))), build(
-        {"source": {"kind": "HEIGHT_MAP", "file": str(place.folder / "dem.npy")}}))[1],
+    "folder as mesh": lambda place: (
+        os.mkdir(place.folder / "site.obj"),
+        build({"source": {"kind": "MESH", "file": str(place.folder / "site.obj")}}),
+    )[1],
+    "height map without scale": lambda place: (
+        np.save(place.folder / "dem.npy", np.zeros((9, 9))),
+        build({"source": {"kind": "HEIGHT_MAP", "file": str(place.folder / "dem.npy")}}),
+    )[1],
     "texture gone": lambda place: own_texture(place, None),
     "not a texture": lambda place: own_texture(place, "no picture"),
     "no date": lambda place: build({"light": {"directions_from": "DATE", "date_utc": "next summer"}}),

@@ -15,8 +15,9 @@ from icymoon.settings.topics.declaration import Setting
 
 def run(program: str) -> str:
     """Output of a Python program of its own; it must end well."""
-    ended = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True,
-                           timeout=240, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, timeout=240, check=False
+    )
     assert ended.returncode == 0, ended.stdout + ended.stderr
     return ended.stdout
 
@@ -66,8 +67,11 @@ def groups() -> list:
     found, seen = [bpy.types.Scene.bl_rna.properties["icymoon"].fixed_type], []
     while found:
         seen.append(found.pop())
-        found += [p.fixed_type for p in seen[-1].properties
-                  if p.type in ("POINTER", "COLLECTION") and p.fixed_type.identifier.startswith("ICYMOON_PG_")]
+        found += [
+            p.fixed_type
+            for p in seen[-1].properties
+            if p.type in ("POINTER", "COLLECTION") and p.fixed_type.identifier.startswith("ICYMOON_PG_")
+        ]
     return seen
 
 
@@ -81,8 +85,11 @@ def ours(kind: str) -> list:
     elif kind == "AddonPreferences":
         classes = [preferences.ICYMOON_AP_preferences]
     else:
-        classes = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("ICYMOON_")
-                   and issubclass(getattr(bpy.types, name), getattr(bpy.types, kind))]
+        classes = [
+            getattr(bpy.types, name)
+            for name in dir(bpy.types)
+            if name.startswith("ICYMOON_") and issubclass(getattr(bpy.types, name), getattr(bpy.types, kind))
+        ]
     return [(one.bl_rna, getattr(one, "bl_label", one.__name__), one.__doc__ or "") for one in classes]
 
 
@@ -133,5 +140,13 @@ def test_the_groups_have_no_setting_that_the_table_lacks(registered):
         selected = {f"{s.key}_active" for s in topic.settings if s.kind == "list"}  # which entry the sidebar shows
         assert set(topic_group(topic.key).keys()) - {"rna_type", "name"} == {s.key for s in topic.settings} | selected
     root = bpy.types.Scene.bl_rna.properties["icymoon"].fixed_type.properties
-    assert set(root.keys()) - {"rna_type", "name"} == {*TOPICS, "preset", "live", "follow", "results", "pairs",
-                                                       "error_range_m", "variations"}
+    assert set(root.keys()) - {"rna_type", "name"} == {
+        *TOPICS,
+        "preset",
+        "live",
+        "follow",
+        "results",
+        "pairs",
+        "error_range_m",
+        "variations",
+    }

@@ -14,13 +14,24 @@ from icymoon.settings.blender import scene_properties
 from icymoon.support import cache
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
-SCENE = ("--preset", "europa_rough_ice", "--scale", "0.15", "--reference-samples", "32", "--methods", "sgbm",
-         "--set", "mesh.most=20000")
+SCENE = (
+    "--preset",
+    "europa_rough_ice",
+    "--scale",
+    "0.15",
+    "--reference-samples",
+    "32",
+    "--methods",
+    "sgbm",
+    "--set",
+    "mesh.most=20000",
+)
 
 
 def icymoon(*words):
-    ended = subprocess.run(python_command(sys.executable, *words), capture_output=True, text=True, timeout=600,
-                           check=False)
+    ended = subprocess.run(
+        python_command(sys.executable, *words), capture_output=True, text=True, timeout=600, check=False
+    )
     return ended.returncode, ended.stdout, ended.stderr
 
 
@@ -62,16 +73,20 @@ def test_auto_stops_at_the_first_that_is_good_enough(tmp_path):
     assert preset_files.load(Path(found["file"])) == found["settings"]
 
 
-@pytest.mark.parametrize(("words", "said"), [
-    (("trade", *SCENE, "--groups", "hapke"), "nothing to vary in hapke"),
-    (("trade", *SCENE, "--scale", "3"), "scaled by 3"),
-    (("auto", *SCENE, "--tolerance-px", "0"), "tolerance of 0 px"),
-    (("auto", *SCENE, "--tolerance-px", "nan"), "tolerance of nan px"),
-    (("auto", *SCENE, "--tolerance-bad-1", "80%"), "tolerance of 80 % bad-1"),
-    (("auto", *SCENE, "--reference-samples", "999999"), "choose 2 to 131072"),
-    (("auto", *SCENE, "--methods", "magic"), "magic"),
-    (("trade", *SCENE, "--repeats", "0"), "--repeats is 0"),
-    (("trade", *SCENE, "--methods", "magic"), "magic")])
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("trade", *SCENE, "--groups", "hapke"), "nothing to vary in hapke"),
+        (("trade", *SCENE, "--scale", "3"), "scaled by 3"),
+        (("auto", *SCENE, "--tolerance-px", "0"), "tolerance of 0 px"),
+        (("auto", *SCENE, "--tolerance-px", "nan"), "tolerance of nan px"),
+        (("auto", *SCENE, "--tolerance-bad-1", "80%"), "tolerance of 80 % bad-1"),
+        (("auto", *SCENE, "--reference-samples", "999999"), "choose 2 to 131072"),
+        (("auto", *SCENE, "--methods", "magic"), "magic"),
+        (("trade", *SCENE, "--repeats", "0"), "--repeats is 0"),
+        (("trade", *SCENE, "--methods", "magic"), "magic"),
+    ],
+)
 def test_bad_input_is_one_sentence(words, said, tmp_path):
     code, _, err = icymoon(*words, "--out", str(tmp_path))
     assert code == 1
@@ -84,15 +99,20 @@ def test_the_button_sets_what_the_search_finds(tmp_path):
     import bpy
 
     scene = bpy.data.scenes.new("Trade")
-    scene_properties.write_settings(scene.icymoon, description.merged(
-        preset_files.load_preset("europa_rough_ice"),
-        {"mesh": {"most": 20000}, "dataset": {"folder": str(tmp_path), "methods": "sgbm"}}))
+    scene_properties.write_settings(
+        scene.icymoon,
+        description.merged(
+            preset_files.load_preset("europa_rough_ice"),
+            {"mesh": {"most": 20000}, "dataset": {"folder": str(tmp_path), "methods": "sgbm"}},
+        ),
+    )
     with bpy.context.temp_override(scene=scene):
         assert bpy.ops.icymoon.auto_quality(scale=0.15, reference_samples=32, tolerance_px=0.5) == {"FINISHED"}
         by_error = trade.last_results["Trade"]
         # What is rendered by now is not rendered again.
-        assert bpy.ops.icymoon.auto_quality(scale=0.15, reference_samples=32, judged_by="BAD_1",
-                                            tolerance_bad_1=25.0) == {"FINISHED"}
+        assert bpy.ops.icymoon.auto_quality(
+            scale=0.15, reference_samples=32, judged_by="BAD_1", tolerance_bad_1=25.0
+        ) == {"FINISHED"}
     assert list((tmp_path / "trade" / "data" / "pairs").iterdir())
     tried = trade.last_results["Trade"]
     assert any(line.startswith(f"{scene.icymoon.quality.samples} sample") for line in tried)

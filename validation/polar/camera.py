@@ -145,12 +145,19 @@ def _middles(outlines: Sequence[np.ndarray]) -> np.ndarray:
     return np.array([(each.min(axis=0) + each.max(axis=0)) / 2 for each in outlines]).reshape(-1, 2)
 
 
-def _solve(x: np.ndarray, residual: Callable[[np.ndarray], np.ndarray], weight: np.ndarray, steps: np.ndarray,
-           start: np.ndarray, strength: np.ndarray) -> np.ndarray:
+def _solve(
+    x: np.ndarray,
+    residual: Callable[[np.ndarray], np.ndarray],
+    weight: np.ndarray,
+    steps: np.ndarray,
+    start: np.ndarray,
+    strength: np.ndarray,
+) -> np.ndarray:
     """One step of Gauss and Newton, with ``strength`` that holds parameters at their start."""
     at = residual(x)
-    slope = np.stack([(residual(x + step * unit) - at) / step
-                      for step, unit in zip(steps, np.eye(len(x)), strict=True)], axis=1)
+    slope = np.stack(
+        [(residual(x + step * unit) - at) / step for step, unit in zip(steps, np.eye(len(x)), strict=True)], axis=1
+    )
     left = (slope.T * weight) @ slope + np.diag(strength)
     return np.asarray(x - np.linalg.solve(left, (slope.T * weight) @ at + strength * (x - start)))
 
@@ -158,15 +165,24 @@ def _solve(x: np.ndarray, residual: Callable[[np.ndarray], np.ndarray], weight: 
 _COARSE_STEPS = np.array([1.0, *_POSE_STEPS, 0.1, 0.1])
 
 
-def _find_pose(terrain: Terrain, position: str, starts: Sequence[np.ndarray],
-               prior: np.ndarray) -> tuple[float, np.ndarray]:
+def _find_pose(
+    terrain: Terrain, position: str, starts: Sequence[np.ndarray], prior: np.ndarray
+) -> tuple[float, np.ndarray]:
     """A pose for a position from the middles of rocks, and how many of them it meets.
 
     Parameters are the focal length, the six of the pose, and how the right eye's principal point is off.
     """
     middles = np.array([(rock.vertices.min(axis=0) + rock.vertices.max(axis=0)) / 2 for rock in terrain.rocks])
-    seen = [_middles([outline for azimuth in terrain.azimuths
-                      for outline in terrain.polygons(View(position, eye), azimuth, ROCK)]) for eye in EYES]
+    seen = [
+        _middles(
+            [
+                outline
+                for azimuth in terrain.azimuths
+                for outline in terrain.polygons(View(position, eye), azimuth, ROCK)
+            ]
+        )
+        for eye in EYES
+    ]
     if not all(map(len, seen)):
         raise IcyMoonError(f"Terrain {terrain.name}, position {position}: no rock is outlined; add its labels.")
 
@@ -197,16 +213,27 @@ def _find_pose(terrain: Terrain, position: str, starts: Sequence[np.ndarray],
 
 def _find_poses(terrain: Terrain) -> dict[str, np.ndarray]:
     """Coarse poses: the position that is met best, then the others, starting from its lens and tilt."""
-    wide = [np.array([focal, yaw, pitch, 0, 0, 0, 0, 0, 0], np.float64) for focal, pitch, yaw in itertools.product(
-        (1900.0, 2200.0), (SURVEYED_PITCH_DEG - 3, SURVEYED_PITCH_DEG, SURVEYED_PITCH_DEG + 3), (-6.0, 0.0, 6.0))]
-    found = {position: _find_pose(terrain, position, wide, np.array([300, 10, 5, 2, 0.5, 0.5, 0.3, 20, 20]))
-             for position in terrain.positions}
+    wide = [
+        np.array([focal, yaw, pitch, 0, 0, 0, 0, 0, 0], np.float64)
+        for focal, pitch, yaw in itertools.product(
+            (1900.0, 2200.0), (SURVEYED_PITCH_DEG - 3, SURVEYED_PITCH_DEG, SURVEYED_PITCH_DEG + 3), (-6.0, 0.0, 6.0)
+        )
+    ]
+    found = {
+        position: _find_pose(terrain, position, wide, np.array([300, 10, 5, 2, 0.5, 0.5, 0.3, 20, 20]))
+        for position in terrain.positions
+    }
     anchor = max(found, key=lambda position: found[position][0])
-    near = [found[anchor][1] + np.array([0, yaw, pitch, 0, 0, 0, 0, 0, 0]) for yaw, pitch in itertools.product(
-        (-4.0, -2.0, 0.0, 2.0, 4.0), (-2.0, 0.0, 2.0))]
+    near = [
+        found[anchor][1] + np.array([0, yaw, pitch, 0, 0, 0, 0, 0, 0])
+        for yaw, pitch in itertools.product((-4.0, -2.0, 0.0, 2.0, 4.0), (-2.0, 0.0, 2.0))
+    ]
     for position in found.keys() - {anchor}:
-        found[position] = max(found[position], _find_pose(
-            terrain, position, near, np.array([60, 5, 2, 1, 0.5, 0.5, 0.3, 3, 3])), key=lambda each: each[0])
+        found[position] = max(
+            found[position],
+            _find_pose(terrain, position, near, np.array([60, 5, 2, 1, 0.5, 0.5, 0.3, 3, 3])),
+            key=lambda each: each[0],
+        )
     return {position: x for position, (_, x) in found.items()}
 
 
@@ -216,8 +243,25 @@ def calibrate(terrain: Terrain) -> Calibration:
     parts = [_visible_part(rock) for rock in terrain.rocks]
     points, ends = np.concatenate(parts), np.cumsum([0, *map(len, parts)])[:-1]
     first = poses[positions[0]]
-    x = np.array([first[0], 0, 0, first[0], first[7], first[8], 0, 0, 0, 0, 0, SURVEYED_BASELINE_M, 0, 0,
-                  *np.concatenate([poses[position][1:7] for position in positions])])
+    x = np.array(
+        [
+            first[0],
+            0,
+            0,
+            first[0],
+            first[7],
+            first[8],
+            0,
+            0,
+            0,
+            0,
+            0,
+            SURVEYED_BASELINE_M,
+            0,
+            0,
+            *np.concatenate([poses[position][1:7] for position in positions]),
+        ]
+    )
     start = x.copy()
     start[4:6] = 0.0
     steps = np.array([*_SHARED_STEPS, *_POSE_STEPS * len(positions)])
@@ -225,22 +269,25 @@ def calibrate(terrain: Terrain) -> Calibration:
 
     def eye_of(y: np.ndarray, view: View) -> Eye:
         k = _SHARED + 6 * positions.index(view.position)
-        return _eye(y, view.position, view.eye, y[k:k + 6])
+        return _eye(y, view.position, view.eye, y[k : k + 6])
 
     def supports(y: np.ndarray, view: View) -> np.ndarray:
         return np.asarray(np.maximum.reduceat(eye_of(y, view).project(points) @ _TOWARD, ends))
 
     for reach, width in _ROUNDS:
-        targets = {view: _outline_supports(terrain, view, _middles(np.split(
-            eye_of(x, view).project(points), ends[1:])), reach) for view in terrain.views}
+        targets = {
+            view: _outline_supports(terrain, view, _middles(np.split(eye_of(x, view).project(points), ends[1:])), reach)
+            for view in terrain.views
+        }
 
         known = np.concatenate([np.isfinite(target).ravel() for target in targets.values()])
         if not known.any():
-            raise IcyMoonError(f"Terrain {terrain.name}: no outline is near a rock, so the camera cannot be fitted; "
-                               "check that labels and rocks are of one terrain.")
+            raise IcyMoonError(
+                f"Terrain {terrain.name}: no outline is near a rock, so the camera cannot be fitted; "
+                "check that labels and rocks are of one terrain."
+            )
 
-        def residual(y: np.ndarray, targets: dict[View, np.ndarray] = targets,
-                     known: np.ndarray = known) -> np.ndarray:
+        def residual(y: np.ndarray, targets: dict[View, np.ndarray] = targets, known: np.ndarray = known) -> np.ndarray:
             return np.concatenate([(supports(y, view) - target).ravel() for view, target in targets.items()])[known]
 
         for _ in range(6):
@@ -249,8 +296,10 @@ def calibrate(terrain: Terrain) -> Calibration:
     found = Calibration({view: eye_of(x, view) for view in terrain.views}, residual(x))
     met = found.matched_share * compared_share(terrain, targets)
     if met < 0.5:
-        raise IcyMoonError(f"Terrain {terrain.name}: only {met:.0%} of the outlines meet the rocks; check that "
-                           "labels and rocks are of one terrain.")
+        raise IcyMoonError(
+            f"Terrain {terrain.name}: only {met:.0%} of the outlines meet the rocks; check that "
+            "labels and rocks are of one terrain."
+        )
     return found
 
 
@@ -261,8 +310,10 @@ def compared_share(terrain: Terrain, targets: dict[View, np.ndarray]) -> float:
     a camera can be fitted to so few.
     """
     compared = sum(int(np.isfinite(target).any(axis=1).sum()) for target in targets.values())
-    outlined = [float(np.median([len(terrain.polygons(view, azimuth, ROCK)) for azimuth in terrain.azimuths]))
-                for view in targets]
+    outlined = [
+        float(np.median([len(terrain.polygons(view, azimuth, ROCK)) for azimuth in terrain.azimuths]))
+        for view in targets
+    ]
     return compared / max(sum(min(float(len(terrain.rocks)), count) for count in outlined), 1.0)
 
 

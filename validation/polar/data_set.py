@@ -20,17 +20,25 @@ from ...support.foreign_bytes import read
 WIDTH_PX, HEIGHT_PX = 1936, 1216
 EYES = ("L", "R")
 GROUND, ROCK, SHADOW = 1, 2, 3
-WHERE = ("get POLAR-Sim (github.com/uwsbel/POLAR-Sim, CC0) and put rocks/terrainTT_rockN.obj and "
-         "labels/TT_P_off_AZ_E.txt of a terrain TT into it")
+WHERE = (
+    "get POLAR-Sim (github.com/uwsbel/POLAR-Sim, CC0) and put rocks/terrainTT_rockN.obj and "
+    "labels/TT_P_off_AZ_E.txt of a terrain TT into it"
+)
 #: Positions of the eyes and of the lamp in metres as the release's demo states them; yaw of the camera in degrees.
-SURVEYED_EYES = {"A": ((3.541, -0.303, 1.346), (3.532, -0.002, 1.344)),
-                 "B": ((5.500, -0.303, 1.345), (5.500, -0.002, 1.344)),
-                 "C": ((0.316, -3.540, 1.346), (0.611, -3.479, 1.344))}
+SURVEYED_EYES = {
+    "A": ((3.541, -0.303, 1.346), (3.532, -0.002, 1.344)),
+    "B": ((5.500, -0.303, 1.345), (5.500, -0.002, 1.344)),
+    "C": ((0.316, -3.540, 1.346), (0.611, -3.479, 1.344)),
+}
 SURVEYED_YAW_DEG = {"A": 180.0, "B": 180.0, "C": 100.0}
 SURVEYED_PITCH_DEG = 23.0
 SURVEYED_BASELINE_M = 0.301
-SURVEYED_LAMPS = {30: (3.594, 1.422, 0.803), 180: (-3.544, 0.475, 0.776), 270: (-0.271, -4.109, 0.811),
-                  350: (4.026, -0.896, 0.771)}
+SURVEYED_LAMPS = {
+    30: (3.594, 1.422, 0.803),
+    180: (-3.544, 0.475, 0.776),
+    270: (-0.271, -4.109, 0.811),
+    350: (4.026, -0.896, 0.771),
+}
 #: Sizes in metres that a rock of the sandbox can have; another one means that a mesh is not in metres.
 _LEAST_M, _MOST_M = 0.01, 2.0
 #: Each rock gives a point of two coordinates to a pose of six numbers and a lens; twice as many are asked for.
@@ -108,11 +116,18 @@ def read_terrains(folder: Path) -> list[Terrain]:
         if not found:
             raise IcyMoonError(f"{folder / name} has no files of a terrain; {WHERE}.")
     if lone := {found[1] for _, found in labels} ^ {found[1] for _, found in rocks}:
-        raise IcyMoonError(f"{folder}: terrain {min(lone)} has labels or rocks, but not both; add what is missing, or "
-                           "remove its files.")
-    return [_read_terrain(name, [(path, found) for path, found in labels if found[1] == name],
-                          [(path, found) for path, found in rocks if found[1] == name])
-            for name in sorted({found[1] for _, found in labels})]
+        raise IcyMoonError(
+            f"{folder}: terrain {min(lone)} has labels or rocks, but not both; add what is missing, or "
+            "remove its files."
+        )
+    return [
+        _read_terrain(
+            name,
+            [(path, found) for path, found in labels if found[1] == name],
+            [(path, found) for path, found in rocks if found[1] == name],
+        )
+        for name in sorted({found[1] for _, found in labels})
+    ]
 
 
 def _files(folder: Path, pattern: re.Pattern[str]) -> list[tuple[Path, re.Match[str]]]:
@@ -120,30 +135,42 @@ def _files(folder: Path, pattern: re.Pattern[str]) -> list[tuple[Path, re.Match[
     return [(path, found) for path in paths if (found := pattern.fullmatch(path.name))]
 
 
-def _read_terrain(name: str, labels: list[tuple[Path, re.Match[str]]],
-                  rocks: list[tuple[Path, re.Match[str]]]) -> Terrain:
+def _read_terrain(
+    name: str, labels: list[tuple[Path, re.Match[str]]], rocks: list[tuple[Path, re.Match[str]]]
+) -> Terrain:
     photographs = {}
     for path, found in labels:
         view, azimuth = View(found[2], found[4]), int(found[3])
         if view.position not in SURVEYED_EYES or azimuth not in SURVEYED_LAMPS:
-            raise IcyMoonError(f"{path}: there is no survey of camera position {view.position} with the lamp at "
-                               f"{azimuth}°; positions are {', '.join(SURVEYED_EYES)}, azimuths "
-                               f"{', '.join(map(str, SURVEYED_LAMPS))}. Remove the file.")
+            raise IcyMoonError(
+                f"{path}: there is no survey of camera position {view.position} with the lamp at "
+                f"{azimuth}°; positions are {', '.join(SURVEYED_EYES)}, azimuths "
+                f"{', '.join(map(str, SURVEYED_LAMPS))}. Remove the file."
+            )
         photographs[view, azimuth] = _read_polygons(path)
     terrain = Terrain(name, tuple(read_rock(path, int(found[2])) for path, found in rocks), photographs)
     if len(rocks) < _LEAST_ROCKS:
-        raise IcyMoonError(f"{rocks[0][0].parent}: terrain {name} has {len(rocks)} rocks, too few to fit a camera to; "
-                           f"add at least {_LEAST_ROCKS - len(rocks)} of its others.")
+        raise IcyMoonError(
+            f"{rocks[0][0].parent}: terrain {name} has {len(rocks)} rocks, too few to fit a camera to; "
+            f"add at least {_LEAST_ROCKS - len(rocks)} of its others."
+        )
     for position in terrain.positions:
         if missing := {View(position, eye) for eye in EYES} - set(terrain.views):
-            raise IcyMoonError(f"{labels[0][0].parent}: terrain {name} has no photograph of position {position}, eye "
-                               f"{min(missing).eye}; add it.")
+            raise IcyMoonError(
+                f"{labels[0][0].parent}: terrain {name} has no photograph of position {position}, eye "
+                f"{min(missing).eye}; add it."
+            )
     return terrain
 
 
 def _read_polygons(path: Path) -> tuple[Polygon, ...]:
-    return read(path, lambda foreign: _parse_polygons(path, foreign.text()), "a text of polygons", "get the file again",
-                most=_MOST_LABEL)
+    return read(
+        path,
+        lambda foreign: _parse_polygons(path, foreign.text()),
+        "a text of polygons",
+        "get the file again",
+        most=_MOST_LABEL,
+    )
 
 
 def _parse_polygons(path: Path, content: str) -> tuple[Polygon, ...]:
@@ -156,23 +183,36 @@ def _parse_polygons(path: Path, content: str) -> tuple[Polygon, ...]:
             if len(numbers) < 6 or not np.isfinite(numbers).all() or not 0 <= kind <= SHADOW:
                 raise ValueError
         except (ValueError, IndexError):
-            raise IcyMoonError(f"{path}, line {line}: is no polygon (a class from 0 to 3, then at least three pairs "
-                               "of x and y); get the file again.") from None
+            raise IcyMoonError(
+                f"{path}, line {line}: is no polygon (a class from 0 to 3, then at least three pairs "
+                "of x and y); get the file again."
+            ) from None
         if numbers.min() < -_OUTSIDE or numbers.max() > 1 + _OUTSIDE:
-            raise IcyMoonError(f"{path}, line {line}: has a corner at {max(numbers, key=abs):g}, which is no share of "
-                               f"an image from 0 to 1; divide x and y by its {WIDTH_PX} columns and {HEIGHT_PX} rows.")
+            raise IcyMoonError(
+                f"{path}, line {line}: has a corner at {max(numbers, key=abs):g}, which is no share of "
+                f"an image from 0 to 1; divide x and y by its {WIDTH_PX} columns and {HEIGHT_PX} rows."
+            )
         found.append(Polygon(kind, numbers.reshape(-1, 2) * [WIDTH_PX, HEIGHT_PX]))
     return tuple(found)
 
 
 def read_rock(path: Path, number: int) -> Rock:
     """A rock from an OBJ file. Raises IcyMoonError if it is no such file, or too large or too small for a rock."""
-    rock = Rock(number, *read(path, lambda foreign: parse_triangles(foreign, _MOST_TRIANGLES),
-                              "a mesh of triangles in OBJ", "get the file again"))
+    rock = Rock(
+        number,
+        *read(
+            path,
+            lambda foreign: parse_triangles(foreign, _MOST_TRIANGLES),
+            "a mesh of triangles in OBJ",
+            "get the file again",
+        ),
+    )
     if not len(rock.faces) or not np.isfinite(rock.vertices).all():
         raise IcyMoonError(f"{path}: is no mesh of triangles in OBJ; get the file again.")
     size = float(np.ptp(rock.vertices, axis=0).max())
     if not _LEAST_M <= size <= _MOST_M:
-        raise IcyMoonError(f"{path}: is {size:.3g} m wide, which no rock of the sandbox is ({_LEAST_M:g} to "
-                           f"{_MOST_M:g} m); export it in metres.")
+        raise IcyMoonError(
+            f"{path}: is {size:.3g} m wide, which no rock of the sandbox is ({_LEAST_M:g} to "
+            f"{_MOST_M:g} m); export it in metres."
+        )
     return rock

@@ -38,9 +38,13 @@ class Hand:
 def measure_hand(terrain: Terrain, camera: Calibration, sand: Sand) -> Hand:
     """How the labels of each position agree with themselves."""
     table = HeightTable(sand)
-    return Hand({position: _mean(measure_rocks_again(terrain, position)) for position in terrain.positions},
-                {position: _mean([_shadow_again(terrain, camera, table, position, azimuth)
-                                  for azimuth in terrain.azimuths]) for position in terrain.positions})
+    return Hand(
+        {position: _mean(measure_rocks_again(terrain, position)) for position in terrain.positions},
+        {
+            position: _mean([_shadow_again(terrain, camera, table, position, azimuth) for azimuth in terrain.azimuths])
+            for position in terrain.positions
+        },
+    )
 
 
 def _mean(found: list[float]) -> float:
@@ -68,8 +72,10 @@ def _copied(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
 
 def _shadow_again(terrain: Terrain, camera: Calibration, table: HeightTable, position: str, azimuth: int) -> float:
     left, right = View(position, "L"), View(position, "R")
-    laid = [camera.eyes[right].project(lay_on_sand(camera.eyes[left], _with_more_points(each), table))
-            for each in terrain.polygons(left, azimuth, SHADOW)]
+    laid = [
+        camera.eyes[right].project(lay_on_sand(camera.eyes[left], _with_more_points(each), table))
+        for each in terrain.polygons(left, azimuth, SHADOW)
+    ]
     rock = _fill(terrain.polygons(right, azimuth, ROCK))
     return overlap(_fill(laid) & ~rock, _fill(terrain.polygons(right, azimuth, SHADOW)) & ~rock)
 

@@ -46,8 +46,10 @@ class HeightTable:
         k = at.astype(int)
         u, v = (at - k).T
         table, x, y = self.heights, k[:, 0], k[:, 1]
-        return np.asarray((table[y, x] * (1 - u) + table[y, x + 1] * u) * (1 - v)
-                          + (table[y + 1, x] * (1 - u) + table[y + 1, x + 1] * u) * v)
+        return np.asarray(
+            (table[y, x] * (1 - u) + table[y, x + 1] * u) * (1 - v)
+            + (table[y + 1, x] * (1 - u) + table[y + 1, x + 1] * u) * v
+        )
 
 
 def shadow_of(points: np.ndarray, lamp: np.ndarray, heights: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -61,8 +63,9 @@ def shadow_of(points: np.ndarray, lamp: np.ndarray, heights: Callable[[np.ndarra
     return np.asarray(lamp + way * times[:, None])
 
 
-def _descend(x: np.ndarray, cost: Callable[[np.ndarray], float], steps: tuple[float, ...],
-             scale: np.ndarray) -> np.ndarray:
+def _descend(
+    x: np.ndarray, cost: Callable[[np.ndarray], float], steps: tuple[float, ...], scale: np.ndarray
+) -> np.ndarray:
     """The least cost by steps along each axis, smaller and smaller."""
     best, least = x, cost(x)
     for step in steps:
@@ -108,15 +111,18 @@ class Shadows:
         for k, rock in enumerate(terrain.rocks):
             points, faces = sand.visible(k, rock)
             for azimuth, found in outlines.items() if len(faces) else ():
-                found.append(_outline_points(points[np.unique(faces)], surveyed_lamp(azimuth, sand),
-                                             float(sand.planes[k, 0])))
+                found.append(
+                    _outline_points(points[np.unique(faces)], surveyed_lamp(azimuth, sand), float(sand.planes[k, 0]))
+                )
         self.points = {azimuth: np.concatenate(found) for azimuth, found in outlines.items() if found}
         self.ends = {azimuth: np.cumsum([len(each) for each in found])[:-1] for azimuth, found in outlines.items()}
         self.seen: dict[tuple[View, int], tuple[np.ndarray, np.ndarray]] = {}
         for view, azimuth in terrain.photographs:
             if view.eye == "L":
-                rocks, shadow = (fill_polygons(_SHAPE, [each * _SCALE for each in terrain.polygons(
-                    view, azimuth, kind)]) for kind in (ROCK, SHADOW))
+                rocks, shadow = (
+                    fill_polygons(_SHAPE, [each * _SCALE for each in terrain.polygons(view, azimuth, kind)])
+                    for kind in (ROCK, SHADOW)
+                )
                 self.seen[view, azimuth] = rocks, shadow & ~rocks
 
     def agreement(self, azimuth: int, lamp: np.ndarray, heights: Callable[[np.ndarray], np.ndarray]) -> float:
@@ -139,8 +145,10 @@ def fit_lamps(terrain: Terrain, camera: Calibration, sand: Sand) -> tuple[dict[i
     flat = np.array([1.0, 1.0, 0.5])
     lamps = {azimuth: surveyed_lamp(azimuth, sand) for azimuth in terrain.azimuths}
     for steps in (_LAMP_STEPS_M, _LAMP_STEPS_M[1:]):
-        lamps = {azimuth: _descend(lamp, partial(_disagreement, shadows, azimuth, table), steps, flat)
-                 for azimuth, lamp in lamps.items()}
+        lamps = {
+            azimuth: _descend(lamp, partial(_disagreement, shadows, azimuth, table), steps, flat)
+            for azimuth, lamp in lamps.items()
+        }
         sand = _raise_nodes(shadows, sand, table, lamps)
     return lamps, sand
 
@@ -153,8 +161,10 @@ def _raise_nodes(shadows: Shadows, sand: Sand, table: HeightTable, lamps: dict[i
     """Raise or lower the sand at nodes where shadows end as long as that makes the shadows agree better."""
     raised = sand.raised.copy()
     reached = {azimuth: shadow_of(shadows.points[azimuth], lamp, table)[:, :2] for azimuth, lamp in lamps.items()}
-    used = {k: [azimuth for azimuth, points in reached.items()
-                if (np.hypot(*(points - node).T) < _NODE_REACH_M).any()] for k, node in enumerate(sand.nodes)}
+    used = {
+        k: [azimuth for azimuth, points in reached.items() if (np.hypot(*(points - node).T) < _NODE_REACH_M).any()]
+        for k, node in enumerate(sand.nodes)
+    }
     now = {azimuth: shadows.agreement(azimuth, lamp, table) for azimuth, lamp in lamps.items()}
     for step in _NODE_STEPS_M:
         for k, azimuths in used.items():

@@ -44,8 +44,9 @@ def _lower_plane(rock: Rock, middle: np.ndarray) -> np.ndarray:
     weight = (heights <= np.quantile(heights, 0.6)).astype(np.float64)
     plane = np.zeros(3)
     for _ in range(30):
-        plane = np.linalg.solve((basis.T * weight) @ basis + 1e-5 * len(points) * np.diag([0.0, 1.0, 1.0]),
-                                (basis.T * weight) @ heights)
+        plane = np.linalg.solve(
+            (basis.T * weight) @ basis + 1e-5 * len(points) * np.diag([0.0, 1.0, 1.0]), (basis.T * weight) @ heights
+        )
         above = np.maximum(heights - basis @ plane, 0.0)
         weight = 1 / (1 + (above / 0.004) ** 2) ** 2
     return np.array([plane[0], *np.clip(plane[1:], -0.1, 0.1)])
@@ -71,8 +72,11 @@ class Sand:
     def heights(self, xy: np.ndarray) -> np.ndarray:
         """Heights (n,) in metres of the surface at points (n, 2)."""
         far = _quadratic(np.clip(xy, self.middles.min(axis=0) - 0.3, self.middles.max(axis=0) + 0.3))
-        trend = far @ np.linalg.lstsq(_quadratic(self.middles), self.planes[:, 0], rcond=None)[0] if len(
-            self.middles) >= 12 else np.full(len(xy), np.median(self.planes[:, 0]))
+        trend = (
+            far @ np.linalg.lstsq(_quadratic(self.middles), self.planes[:, 0], rcond=None)[0]
+            if len(self.middles) >= 12
+            else np.full(len(xy), np.median(self.planes[:, 0]))
+        )
         above, weights = _BEYOND * trend, np.full(len(xy), _BEYOND)
         for k, (middle, half) in enumerate(zip(self.middles, self.halves, strict=True)):
             beside = np.maximum(np.abs(xy - middle) - half, 0.0)
@@ -109,12 +113,19 @@ def fit_sand(terrain: Terrain, camera: Calibration) -> Sand:
     low, high = middles.min(axis=0) - 0.8, middles.max(axis=0) + 0.8
     axes = [np.arange(a, b + NODE_M, NODE_M) for a, b in zip(low, high, strict=True)]
     nodes = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    sand = Sand(middles, np.array([(high - low) / 2 for low, high in boxes]),
-                np.array([_lower_plane(rock, middle) for rock, middle in zip(terrain.rocks, middles, strict=True)]),
-                nodes, np.zeros(len(nodes)))
+    sand = Sand(
+        middles,
+        np.array([(high - low) / 2 for low, high in boxes]),
+        np.array([_lower_plane(rock, middle) for rock, middle in zip(terrain.rocks, middles, strict=True)]),
+        nodes,
+        np.zeros(len(nodes)),
+    )
     views = [view for view in terrain.views if view.eye == "L"]
-    own = {(view, azimuth): assign_outlines(terrain, camera, sand, view, azimuth)
-           for view in views for azimuth in terrain.azimuths[:_AZIMUTHS]}
+    own = {
+        (view, azimuth): assign_outlines(terrain, camera, sand, view, azimuth)
+        for view in views
+        for azimuth in terrain.azimuths[:_AZIMUTHS]
+    }
     planes = sand.planes.copy()
     for k, rock in enumerate(terrain.rocks):
         targets = _targets(terrain, camera, own, views, k, rock)
@@ -126,8 +137,14 @@ def fit_sand(terrain: Terrain, camera: Calibration) -> Sand:
 _Target = tuple[View, np.ndarray, np.ndarray]
 
 
-def _targets(terrain: Terrain, camera: Calibration, own: dict[tuple[View, int], list[list[np.ndarray]]],
-             views: list[View], k: int, rock: Rock) -> list[_Target]:
+def _targets(
+    terrain: Terrain,
+    camera: Calibration,
+    own: dict[tuple[View, int], list[list[np.ndarray]]],
+    views: list[View],
+    k: int,
+    rock: Rock,
+) -> list[_Target]:
     """For each photograph with outlines of a rock: the view, the corner of a window around it, and their mask."""
     found = []
     for view in views:
@@ -136,8 +153,13 @@ def _targets(terrain: Terrain, camera: Calibration, own: dict[tuple[View, int], 
         columns, rows = ((seen.max(axis=0) + _MARGIN_PX - corner) * _SCALE).astype(int) + 1
         for azimuth in terrain.azimuths[:_AZIMUTHS]:
             if outlines := own[view, azimuth][k]:
-                found.append((view, corner, fill_polygons((int(rows), int(columns)), [
-                    (each - corner) * _SCALE for each in outlines])))
+                found.append(
+                    (
+                        view,
+                        corner,
+                        fill_polygons((int(rows), int(columns)), [(each - corner) * _SCALE for each in outlines]),
+                    )
+                )
     return found
 
 
@@ -150,9 +172,11 @@ def _fit_plane(rock: Rock, sand: Sand, k: int, camera: Calibration, targets: lis
         for view, corner, mask in targets:
             if view not in masks:
                 masks[view] = fill_triangles(
-                    (mask.shape[0], mask.shape[1]), (camera.eyes[view].project(points) - corner) * _SCALE, faces)
-        return float(np.mean([overlap(masks[view], mask) for view, _, mask in targets])
-                     - _TILT_COST * (plane[1:] ** 2).sum())
+                    (mask.shape[0], mask.shape[1]), (camera.eyes[view].project(points) - corner) * _SCALE, faces
+                )
+        return float(
+            np.mean([overlap(masks[view], mask) for view, _, mask in targets]) - _TILT_COST * (plane[1:] ** 2).sum()
+        )
 
     best = sand.planes[k]
     # Of heights that agree alike, the one nearest to the rim is kept: it comes first.
@@ -175,8 +199,9 @@ def _fit_plane(rock: Rock, sand: Sand, k: int, camera: Calibration, targets: lis
     return best
 
 
-def assign_outlines(terrain: Terrain, camera: Calibration, sand: Sand, view: View,
-                    azimuth: int) -> list[list[np.ndarray]]:
+def assign_outlines(
+    terrain: Terrain, camera: Calibration, sand: Sand, view: View, azimuth: int
+) -> list[list[np.ndarray]]:
     """The outlines of each rock in a photograph: those whose middle is in the picture of the rock, or 10 px off it."""
     parts = []
     for k, rock in enumerate(terrain.rocks):

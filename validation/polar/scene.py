@@ -90,17 +90,41 @@ def find_frame(terrain: Terrain, camera: Calibration, sand: Sand, position: str,
     up = np.array([0.0, 0.0, 1.0]) - x[2] * x
     up /= np.linalg.norm(up)
     origin = np.array([0.0, 0.0, float(np.median(sand.planes[:, 0]))])
-    frame = Frame(position, np.stack([x, np.cross(z, x), z]), np.stack([x, np.cross(up, x), up]), origin, left.place_m,
-                  float(np.linalg.norm(across)), 1000.0, np.zeros(2), (0, 0))
-    seen = np.concatenate([frame.rectify(camera, view.eye, each) for view, azimuth in terrain.photographs
-                           if view.position == position for kind in (ROCK, SHADOW)
-                           for each in terrain.polygons(view, azimuth, kind)])
+    frame = Frame(
+        position,
+        np.stack([x, np.cross(z, x), z]),
+        np.stack([x, np.cross(up, x), up]),
+        origin,
+        left.place_m,
+        float(np.linalg.norm(across)),
+        1000.0,
+        np.zeros(2),
+        (0, 0),
+    )
+    seen = np.concatenate(
+        [
+            frame.rectify(camera, view.eye, each)
+            for view, azimuth in terrain.photographs
+            if view.position == position
+            for kind in (ROCK, SHADOW)
+            for each in terrain.polygons(view, azimuth, kind)
+        ]
+    )
     low, high = seen.min(axis=0), seen.max(axis=0)
     scale = (columns - 2 * _MARGIN) / (high[0] - low[0])
     corner = np.floor(low * scale) - _MARGIN
     size = np.ceil(high * scale).astype(int) + _MARGIN - corner.astype(int)
-    return Frame(position, frame.axes, frame.world, origin, left.place_m, frame.baseline_m, 1000.0 * scale, corner,
-                 (int(size[0]), int(size[1])))
+    return Frame(
+        position,
+        frame.axes,
+        frame.world,
+        origin,
+        left.place_m,
+        frame.baseline_m,
+        1000.0 * scale,
+        corner,
+        (int(size[0]), int(size[1])),
+    )
 
 
 def _ground_mesh(frame: Frame, sand: Sand) -> tuple[np.ndarray, np.ndarray]:
@@ -143,20 +167,41 @@ def describe(frame: Frame, lamp: np.ndarray, mesh: Path) -> Settings:
     forward = frame.world @ frame.axes[2]
     middle = np.array(frame.size) / 2 + frame.corner
     width, height = frame.size
-    return merged(defaults(), load_preset("surfaces/hapke_lunar_like"), check({
-        "source": {"kind": "MESH", "file": str(mesh), "centre": False, "up_axis": "Z"},
-        "surface": {"grain_amplitude_m": 0.0, "albedo_variation": 0.0}, "hapke": {"backend": "NODES"},
-        "rig": {"x_m": float(eye[0]), "y_m": float(eye[1]), "height_m": float(eye[2]),
-                "heading_deg": math.degrees(math.atan2(forward[0], forward[1])),
-                "pitch_deg": math.degrees(-math.asin(forward[2])), "baseline_m": frame.baseline_m,
-                "width_px": width, "height_px": height, "sensor_width_mm": _SENSOR_MM,
-                "focal_length_mm": frame.focal_px * _SENSOR_MM / width,
-                "principal_x_px": float(-middle[0]), "principal_y_px": float(-middle[1])},
-        "light": {"directions_from": "ANGLES", "planet": False, "sun_distance_m": distance,
-                  "sun_elevation_deg": math.degrees(math.asin(way[2] / distance)),
-                  "sun_azimuth_deg": math.degrees(math.atan2(way[0], way[1])), "sun_angular_diameter_deg": LAMP_DEG},
-        "quality": {"samples": _SAMPLES, "denoiser": "NONE", "noise_threshold": 0.0, "diffuse_bounces": 0}},
-        "a photograph"))
+    return merged(
+        defaults(),
+        load_preset("surfaces/hapke_lunar_like"),
+        check(
+            {
+                "source": {"kind": "MESH", "file": str(mesh), "centre": False, "up_axis": "Z"},
+                "surface": {"grain_amplitude_m": 0.0, "albedo_variation": 0.0},
+                "hapke": {"backend": "NODES"},
+                "rig": {
+                    "x_m": float(eye[0]),
+                    "y_m": float(eye[1]),
+                    "height_m": float(eye[2]),
+                    "heading_deg": math.degrees(math.atan2(forward[0], forward[1])),
+                    "pitch_deg": math.degrees(-math.asin(forward[2])),
+                    "baseline_m": frame.baseline_m,
+                    "width_px": width,
+                    "height_px": height,
+                    "sensor_width_mm": _SENSOR_MM,
+                    "focal_length_mm": frame.focal_px * _SENSOR_MM / width,
+                    "principal_x_px": float(-middle[0]),
+                    "principal_y_px": float(-middle[1]),
+                },
+                "light": {
+                    "directions_from": "ANGLES",
+                    "planet": False,
+                    "sun_distance_m": distance,
+                    "sun_elevation_deg": math.degrees(math.asin(way[2] / distance)),
+                    "sun_azimuth_deg": math.degrees(math.atan2(way[0], way[1])),
+                    "sun_angular_diameter_deg": LAMP_DEG,
+                },
+                "quality": {"samples": _SAMPLES, "denoiser": "NONE", "noise_threshold": 0.0, "diffuse_bounces": 0},
+            },
+            "a photograph",
+        ),
+    )
 
 
 def read_masks(with_rocks: Pair, without: Pair, eye: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -178,8 +223,10 @@ def read_masks(with_rocks: Pair, without: Pair, eye: str) -> tuple[np.ndarray, n
 def _distances_to_lamp(pair: Pair, name: str, depth: np.ndarray) -> np.ndarray:
     """Distance (H, W) in metres from the lamp to what each pixel of an eye sees; NaN for sky."""
     camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"][name])
-    u, v = ((np.arange(count) + 0.5 - centre) / camera.focal_px for count, centre in (
-        (camera.width_px, camera.cx_px), (camera.height_px, camera.cy_px)))
+    u, v = (
+        (np.arange(count) + 0.5 - centre) / camera.focal_px
+        for count, centre in ((camera.width_px, camera.cx_px), (camera.height_px, camera.cy_px))
+    )
     ray = np.stack(np.broadcast_arrays(u[None, :], v[:, None], 1.0), axis=-1)
     points = (ray * depth[..., None]) @ pose[:3, :3].T + pose[:3, 3]
     sun = pair.data["light"]["sun"]

@@ -44,7 +44,7 @@ def _census(image: np.ndarray) -> np.ndarray:
     wide = np.pad(image, 3, mode="edge")
     bits = np.zeros(image.shape, np.uint16)
     for k, (dy, dx) in enumerate(_NEIGHBOURS):
-        brighter = wide[3 + dy:3 + dy + height, 3 + dx:3 + dx + width] > image
+        brighter = wide[3 + dy : 3 + dy + height, 3 + dx : 3 + dx + width] > image
         bits |= brighter.astype(np.uint16) << np.uint16(k)
     return bits
 
@@ -55,7 +55,7 @@ def _costs(left: np.ndarray, right: np.ndarray, disparities: np.ndarray, window:
     costs = np.full((len(disparities), *left.shape), np.inf, np.float32)
     for k, disparity in enumerate(disparities):
         if disparity < left.shape[1]:
-            different = left[:, disparity:] ^ right[:, :left.shape[1] - disparity]
+            different = left[:, disparity:] ^ right[:, : left.shape[1] - disparity]
             costs[k, :, disparity:] = _mean(ones[different & 255] + ones[different >> 8], window)
     return costs
 
@@ -77,7 +77,7 @@ def _costs_of_the_right(costs: np.ndarray, disparities: np.ndarray) -> np.ndarra
     width = costs.shape[2]
     for k, disparity in enumerate(disparities):
         if disparity < width:
-            turned[k, :, :width - disparity] = costs[k, :, disparity:]
+            turned[k, :, : width - disparity] = costs[k, :, disparity:]
     return turned
 
 

@@ -14,10 +14,14 @@ ICYMOON_API = 1
 def write_pair(pair: Any, folder: Path) -> None:
     """Write ``pair.npz``: both images, and disparity, px, and depth, m, of the left one, NaN for sky."""
     np.savez_compressed(
-        folder / "pair.npz", left=pair.left, right=pair.right,
-        disparity_px=pair.disparity_left_px.astype(np.float32), depth_m=pair.depth_left_m.astype(np.float32),
+        folder / "pair.npz",
+        left=pair.left,
+        right=pair.right,
+        disparity_px=pair.disparity_left_px.astype(np.float32),
+        depth_m=pair.depth_left_m.astype(np.float32),
         visible=pair.visible_left,
-        camera=np.array([pair.focal_px, pair.cx_px, pair.cy_px, pair.baseline_m]))
+        camera=np.array([pair.focal_px, pair.cx_px, pair.cy_px, pair.baseline_m]),
+    )
 
 
 def finish(names: list[str], folder: Path) -> None:

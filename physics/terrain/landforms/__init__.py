@@ -17,7 +17,13 @@ from .plug_in import make_plugin_landforms
 
 #: In the order in which they shape the ground; the position is part of each one's seed.
 MAKERS: dict[str, Callable[[Any, np.random.Generator, float], Landform | None]] = {
-    "chaos": chaos.make, "ridges": ridges.make, "cracks": cracks.make, "craters": craters.make,
-    "hollows": hollows.make, "penitentes": penitentes.make, "pits": pits.make}
+    "chaos": chaos.make,
+    "ridges": ridges.make,
+    "cracks": cracks.make,
+    "craters": craters.make,
+    "hollows": hollows.make,
+    "penitentes": penitentes.make,
+    "pits": pits.make,
+}
 
 __all__ = ["MAKERS", "Landform", "Walls", "make_plugin_landforms"]

@@ -55,8 +55,9 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
             inside = smooth_step((plate * cells.edge_distance() - gap / 2) / scarp)
         # Random direction of the tilt from a point in the square: no sines needed.
         east, north = (tilt * (2.0 * cells.random(k) - 1.0) for k in keys[3:5])
-        top = relief * (_LOWEST + (1.0 - _LOWEST) * cells.random(keys[5])) \
-            - plate * (east * cells.x1 + north * cells.y1)
+        top = relief * (_LOWEST + (1.0 - _LOWEST) * cells.random(keys[5])) - plate * (
+            east * cells.x1 + north * cells.y1
+        )
         inside *= cells.random(keys[6]) < share
         low = rough * only_where(inside < 1.0, matrix, u, v) if rough else 0.0
         return low + inside * (top - low)
@@ -69,11 +70,17 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
 
 def _lumps(u: np.ndarray, v: np.ndarray, keys: Sequence[int]) -> np.ndarray:
     """Three octaves of gradient noise."""
-    return sum((0.5**k * wander(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, key) for k, key in enumerate(keys)),
-               start=np.zeros(()))
+    return sum(
+        (0.5**k * wander(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, key) for k, key in enumerate(keys)), start=np.zeros(())
+    )
 
 
 def _fragments(u: np.ndarray, v: np.ndarray, keys: Sequence[int]) -> np.ndarray:
     """Tilted fragments of three sizes, the smaller ones between and on the larger."""
-    return sum((width / _FRAGMENTS[0] * facets(u / width, v / width, _FRAGMENT_SIDE, key)
-                for width, key in zip(_FRAGMENTS, keys, strict=True)), start=np.zeros(()))
+    return sum(
+        (
+            width / _FRAGMENTS[0] * facets(u / width, v / width, _FRAGMENT_SIDE, key)
+            for width, key in zip(_FRAGMENTS, keys, strict=True)
+        ),
+        start=np.zeros(()),
+    )

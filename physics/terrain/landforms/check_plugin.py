@@ -20,8 +20,9 @@ _SAME_M = 1e-9
 
 def check_landform(plugin: Plugin) -> Iterator[Check]:
     """Try a landform at its defaults, with its size at 1 or its largest, and at both ends of each setting."""
-    first, landform = check_making("it has height(x, y, settings), and its settings are declared",
-                                   lambda: read_landform(plugin))
+    first, landform = check_making(
+        "it has height(x, y, settings), and its settings are declared", lambda: read_landform(plugin)
+    )
     yield first
     if landform is None:
         return
@@ -38,19 +39,34 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
     yield ran
     if heights is None:
         return
-    yield Check(f"it makes relief where {size.key} is {most:g}", "" if np.ptp(heights) > 0 else
-                f"{plugin.title} is level where {size.key} is {most:g}; make its heights depend on it.")
-    yield check_of("the same points have the same heights again", lambda: _differs(plugin, run(), heights,
-                   "gave other heights for the same points; take random numbers from settings[\"seed\"] only"))
+    yield Check(
+        f"it makes relief where {size.key} is {most:g}",
+        ""
+        if np.ptp(heights) > 0
+        else f"{plugin.title} is level where {size.key} is {most:g}; make its heights depend on it.",
+    )
+    yield check_of(
+        "the same points have the same heights again",
+        lambda: _differs(
+            plugin,
+            run(),
+            heights,
+            'gave other heights for the same points; take random numbers from settings["seed"] only',
+        ),
+    )
     shuffle = np.random.default_rng(0)
     order = shuffle.permutation(heights.size)
     flat_x, flat_y = (np.broadcast_to(values, heights.shape).ravel()[order] for values in (x, y))
-    wrong = ("gave other heights for the same points in another order or number; compute each from its own x and y "
-             "alone, as the ground is made in tiles")
-    yield check_of("a height depends on its own place alone, not on the other points",
-                   lambda: _differs(plugin, run(flat_x, flat_y), heights.ravel()[order], wrong)
-                   or _differs(plugin, run(x[:, :7], y[5:9]), heights[5:9, :7], wrong)
-                   or _differs(plugin, run(x[:, :1], y[:1]), heights[:1, :1], wrong))
+    wrong = (
+        "gave other heights for the same points in another order or number; compute each from its own x and y "
+        "alone, as the ground is made in tiles"
+    )
+    yield check_of(
+        "a height depends on its own place alone, not on the other points",
+        lambda: _differs(plugin, run(flat_x, flat_y), heights.ravel()[order], wrong)
+        or _differs(plugin, run(x[:, :7], y[5:9]), heights[5:9, :7], wrong)
+        or _differs(plugin, run(x[:, :1], y[:1]), heights[:1, :1], wrong),
+    )
     yield check_call("another seed is no error", run, seed=_SEED + 1)
     yield check_call("points far away are no error", run, x * 1000.0, y * 1000.0)
     yield check_of("it states its smallest length", lambda: _finest(landform, settings))
@@ -68,7 +84,9 @@ def _differs(plugin: Plugin, heights: np.ndarray, expected: np.ndarray, what: st
 
 def _finest(landform: PluginLandform, settings: Mapping[str, Any]) -> str:
     if landform.finest is None:
-        return (f"{landform.plugin.title} has no finest_m(settings); write one that returns its smallest length in "
-                "metres, or a mesh that is too coarse for it shows noise.")
+        return (
+            f"{landform.plugin.title} has no finest_m(settings); write one that returns its smallest length in "
+            "metres, or a mesh that is too coarse for it shows noise."
+        )
     landform.finest_m(landform.told(settings, _SEED))
     return ""

@@ -106,13 +106,21 @@ def only_where(mask: np.ndarray, of: Callable[..., np.ndarray], *coordinates: np
     return result
 
 
-def broken_step(distance: np.ndarray, u: np.ndarray, v: np.ndarray, foot: float, width: float,
-                chips: Sequence[float], keys: Sequence[int]) -> np.ndarray:
+def broken_step(
+    distance: np.ndarray,
+    u: np.ndarray,
+    v: np.ndarray,
+    foot: float,
+    width: float,
+    chips: Sequence[float],
+    keys: Sequence[int],
+) -> np.ndarray:
     """A step from 0 at the distance ``foot`` to 1 at ``foot + width``, with chips broken out of it.
 
     It has a ledge for each of the widths of ``chips``, from the foot up; chips reach behind the straight edge by up to
     0.4 of their width. All lengths have the unit of ``distance``, ``u`` and ``v``.
     """
+
     def ledges(behind: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         total = np.zeros(behind.shape)
         for k, (size, key) in enumerate(zip(chips, keys, strict=True)):

@@ -53,11 +53,17 @@ def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -
         fallen = only_where(step < 1.0, lambda x, y: _fallen(x, y, keys[3:6]), x, y)
         return step * outside - depth * (1.0 - step) * (1.0 - fallen)
 
-    return Landform(half * (1.0 - _FOOT if broken else 1.0), heights,
-                    walls=Walls(depth, keys[6]) if broken and depth else None)
+    return Landform(
+        half * (1.0 - _FOOT if broken else 1.0), heights, walls=Walls(depth, keys[6]) if broken and depth else None
+    )
 
 
 def _fallen(x: np.ndarray, y: np.ndarray, keys: Sequence[int]) -> np.ndarray:
     """Height of the fragments on the floor as a share of the depth; coordinates in half widths."""
-    return sum((high * np.maximum(facets(x / size, y / size, _FRAGMENT_SIDE, key) - buried, 0.0)
-                for size, high, buried, key in zip(*_FALLEN, keys, strict=True)), start=np.zeros(()))
+    return sum(
+        (
+            high * np.maximum(facets(x / size, y / size, _FRAGMENT_SIDE, key) - buried, 0.0)
+            for size, high, buried, key in zip(*_FALLEN, keys, strict=True)
+        ),
+        start=np.zeros(()),
+    )

@@ -34,15 +34,19 @@ def draw_craters(settings: CratersSettings, random: np.random.Generator, size_m:
     """
     smallest, largest, index = (float(settings[k]) for k in ("smallest_m", "largest_m", "power_index"))
     if smallest > largest:
-        raise IcyMoonError(f"craters.smallest_m ({smallest:g} m) is larger than craters.largest_m ({largest:g} m); "
-                           "lower the one or raise the other.")
+        raise IcyMoonError(
+            f"craters.smallest_m ({smallest:g} m) is larger than craters.largest_m ({largest:g} m); "
+            "lower the one or raise the other."
+        )
     side = size_m + _REACH * largest
     sizes = PowerLaw(float(settings.coverage), smallest, largest, index)
     count = sizes.total_per_m2 * side**2
     if count > settings.most:
-        raise IcyMoonError(f"The craters settings ask for {count:.0f} craters, more than craters.most "
-                           f"({settings.most}); raise craters.smallest_m or lower craters.coverage or "
-                           "craters.largest_m.")
+        raise IcyMoonError(
+            f"The craters settings ask for {count:.0f} craters, more than craters.most "
+            f"({settings.most}); raise craters.smallest_m or lower craters.coverage or "
+            "craters.largest_m."
+        )
     n = round(count)
     size = np.sort(sizes.diameter_m(random.random(n) * sizes.total_per_m2))[::-1]
     x, y = random.uniform(-side / 2, side / 2, (2, n))
@@ -72,8 +76,13 @@ def make(settings: CratersSettings, random: np.random.Generator, size_m: float) 
         if max(np.abs(x_m).max(), np.abs(y_m).max()) > size_m / 2:
             return beyond(x_m.ravel(), y_m.ravel(), shortest_m.ravel()).reshape(x_m.shape)
         total = np.zeros(x_m.shape)
-        near = ((x + reach > x_m.min()) & (x - reach < x_m.max()) & (y + reach > y_m.min())
-                & (y - reach < y_m.max()) & (_CARRIED * size > shortest_m.min()))
+        near = (
+            (x + reach > x_m.min())
+            & (x - reach < x_m.max())
+            & (y + reach > y_m.min())
+            & (y - reach < y_m.max())
+            & (_CARRIED * size > shortest_m.min())
+        )
         for k in np.flatnonzero(near):
             window = _window(x_m, y_m, x[k], y[k], reach[k])
             dx, dy = x_m[window] - x[k], y_m[window] - y[k]

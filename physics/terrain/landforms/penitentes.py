@@ -69,8 +69,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         """How far a place is beside its row's crest, in spacings; the crest's own place, the row, and the way along."""
         across, along = turn(x_m, y_m, settings.noon_azimuth_deg)
         u, v = along / (_WANDER_LENGTH * length), across / (_WANDER_LENGTH * length)
-        place = across / spacing + _WANDER * wander(u, v, keys[4]) + 0.5 * _WANDER * wander(
-            2.3 * u, 2.3 * v, keys[5])
+        place = across / spacing + _WANDER * wander(u, v, keys[4]) + 0.5 * _WANDER * wander(2.3 * u, 2.3 * v, keys[5])
         if disorder:
             over = _PUSHED_OVER * spacing
             place = place + disorder * _PUSHED * wander(along / over, across / over, more[0])

@@ -85,8 +85,9 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
 
     def add_talus(x: np.ndarray, y: np.ndarray, inside: np.ndarray, bare: np.ndarray) -> np.ndarray:
         """How much higher a place is by the talus on it."""
-        uneven = sum(wander(x / (length * depth), y / (length * depth), keys[5] ^ k)
-                     for k, length in enumerate(_APRONS))
+        uneven = sum(
+            wander(x / (length * depth), y / (length * depth), keys[5] ^ k) for k, length in enumerate(_APRONS)
+        )
         # Height of an apron over the floor at the foot of the wall.
         high = settings.talus * depth * np.maximum(1.0 + _UNEVEN * uneven, 0.0)
         over = high - _REPOSE * (inside - wall)

@@ -30,9 +30,11 @@ def make_plugin_landforms(settings: Settings, generator: Callable[..., np.random
         if values[landform.settings[0].key] == 0:
             continue
         if release and release != landform.plugin.release:
-            raise IcyMoonError(f"This ground cannot be made: {topic} was made by {release}, and "
-                               f"{landform.plugin.release} is installed; install {release}, or set "
-                               f"{topic}.{RELEASE} to an empty text for other ground.")
+            raise IcyMoonError(
+                f"This ground cannot be made: {topic} was made by {release}, and "
+                f"{landform.plugin.release} is installed; install {release}, or set "
+                f"{topic}.{RELEASE} to an empty text for other ground."
+            )
         seed = int(generator(name_key(landform.plugin.name)).integers(0, 2**32))
         made[topic] = _make(landform, landform.told(values, seed))
     return made

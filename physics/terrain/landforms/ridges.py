@@ -52,8 +52,9 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
     def one_set(k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
         """Distance to the ridge of the set's strip, in half widths."""
         along, across = turn(x_m, y_m, settings.azimuth_deg + turns[k] * settings.spread_deg)
-        place = across / spacing + _WANDER * wander(along / (_WANDER_LENGTH * spacing), across / (4 * spacing),
-                                                    keys[2 * k])
+        place = across / spacing + _WANDER * wander(
+            along / (_WANDER_LENGTH * spacing), across / (4 * spacing), keys[2 * k]
+        )
         strip = np.floor(place)
         index = strip.astype(np.int64)
         middle = strip + 0.5 + loose * (to_uniform(hash_lattice(index, np.int64(0) * index, keys[2 * k + 1])) - 0.5)
@@ -73,4 +74,3 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
 
     crests = Crests([partial(line, k) for k in range(sets)], heights, _CREST * width / 2)
     return Landform(width * min(_CREST, 1 - _CREST) / 2, heights, crests)
-

@@ -102,6 +102,11 @@ def ridged(signal: Octaves, octaves: int, roughness: float) -> Any:
 
 
 FRACTALS: dict[str, Fractal] = {
-    "FBM": Fractal(_plain, add_octaves), "MULTIFRACTAL": Fractal(_plain, multifractal),
-    "HYBRID": Fractal(_raised, hybrid), "RIDGED": Fractal(_crested, ridged), "HETERO": Fractal(_raised, hetero),
-    "TURBULENCE": Fractal(np.abs, add_octaves), "CRESTS": Fractal(_crested, add_octaves)}
+    "FBM": Fractal(_plain, add_octaves),
+    "MULTIFRACTAL": Fractal(_plain, multifractal),
+    "HYBRID": Fractal(_raised, hybrid),
+    "RIDGED": Fractal(_crested, ridged),
+    "HETERO": Fractal(_raised, hetero),
+    "TURBULENCE": Fractal(np.abs, add_octaves),
+    "CRESTS": Fractal(_crested, add_octaves),
+}

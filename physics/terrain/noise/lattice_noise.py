@@ -23,8 +23,12 @@ _ANGLES = [2 * math.pi * k / _DIRECTIONS for k in range(_DIRECTIONS)]
 #: Gradients of length √2, which gives noise of about unit range.
 _GRADIENT_X, _GRADIENT_Y = (np.array([math.sqrt(2.0) * f(a) for a in _ANGLES]) for f in (math.cos, math.sin))
 #: The twelve edge directions of Perlin's 3-D noise, of length √2.
-_GRADIENT_3 = np.array([(a, b, 0) for a in (-1, 1) for b in (-1, 1)] + [(a, 0, b) for a in (-1, 1) for b in (-1, 1)]
-                       + [(0, a, b) for a in (-1, 1) for b in (-1, 1)], np.float64)
+_GRADIENT_3 = np.array(
+    [(a, b, 0) for a in (-1, 1) for b in (-1, 1)]
+    + [(a, 0, b) for a in (-1, 1) for b in (-1, 1)]
+    + [(0, a, b) for a in (-1, 1) for b in (-1, 1)],
+    np.float64,
+)
 #: Largest number of lattice corners per point for which a table is cheaper than hashing.
 _TABLE_PER_POINT = 2
 
@@ -88,8 +92,11 @@ class Cells:
         width, height = (float(a.max()) - low + 2 + reach for a, low in ((left, x_min), (below, y_min)))
         if not width * height <= _TABLE_PER_POINT * left.size:
             return cls(dx, dy, left, below, key, reach, None, 0, None)
-        hashes = hash_lattice(np.arange(width)[None, :].astype(np.int64) + int(x_min),
-                              np.arange(height)[:, None].astype(np.int64) + int(y_min), key).ravel()
+        hashes = hash_lattice(
+            np.arange(width)[None, :].astype(np.int64) + int(x_min),
+            np.arange(height)[:, None].astype(np.int64) + int(y_min),
+            key,
+        ).ravel()
         place = below - (y_min + reach)
         place *= width
         place += left

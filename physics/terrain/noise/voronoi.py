@@ -152,5 +152,13 @@ def voronoi(x: np.ndarray, y: np.ndarray, key: int) -> Voronoi:
         offer(i, j, _point_x(h), _point_y(h), unsure)
     f1, f2 = np.sqrt(nearest)
     column, row = cells.squares(slice(None))
-    return Voronoi(x1.reshape(shape), y1.reshape(shape), f1.reshape(shape), f2.reshape(shape),
-                   (column + (owner % 5 - 2)).reshape(shape), (row + (owner // 5 - 2)).reshape(shape), cells, points)
+    return Voronoi(
+        x1.reshape(shape),
+        y1.reshape(shape),
+        f1.reshape(shape),
+        f2.reshape(shape),
+        (column + (owner % 5 - 2)).reshape(shape),
+        (row + (owner // 5 - 2)).reshape(shape),
+        cells,
+        points,
+    )

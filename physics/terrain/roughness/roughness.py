@@ -52,17 +52,27 @@ def wavelengths_m(terrain: TerrainSettings) -> np.ndarray:
     and no further apart than the lacunarity. Raises IcyMoonError where the cut-offs make no sense."""
     outer, inner, lacunarity = (float(terrain[k]) for k in ("outer_scale_m", "inner_scale_m", "lacunarity"))
     if inner > outer:
-        raise IcyMoonError(f"terrain.inner_scale_m ({inner:g} m) is longer than terrain.outer_scale_m ({outer:g} m); "
-                           "lower the one or raise the other.")
+        raise IcyMoonError(
+            f"terrain.inner_scale_m ({inner:g} m) is longer than terrain.outer_scale_m ({outer:g} m); "
+            "lower the one or raise the other."
+        )
     steps = math.ceil(math.log(outer / inner) / math.log(lacunarity) - 1e-6)
     if steps >= MOST_OCTAVES:
-        raise IcyMoonError(f"From terrain.inner_scale_m ({inner:g} m) to terrain.outer_scale_m ({outer:g} m) it takes "
-                           f"{steps + 1} octaves, more than {MOST_OCTAVES}; raise terrain.lacunarity or inner_scale_m.")
+        raise IcyMoonError(
+            f"From terrain.inner_scale_m ({inner:g} m) to terrain.outer_scale_m ({outer:g} m) it takes "
+            f"{steps + 1} octaves, more than {MOST_OCTAVES}; raise terrain.lacunarity or inner_scale_m."
+        )
     return _round_digits(outer * (inner / outer) ** (np.arange(steps + 1) / max(steps, 1)))
 
 
-def _fit_squares(squares: np.ndarray, target: np.ndarray, model: np.ndarray, low: np.ndarray, high: np.ndarray,
-                 cross: np.ndarray | None = None) -> np.ndarray:
+def _fit_squares(
+    squares: np.ndarray,
+    target: np.ndarray,
+    model: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    cross: np.ndarray | None = None,
+) -> np.ndarray:
     """Squared amplitudes between ``low`` and ``high`` that make ``model @ squares`` (plus the cross terms
     of the first octaves) follow ``target`` in ratio; ``squares`` is the start. Multiplicative updates
     keep every amplitude positive."""
@@ -116,8 +126,11 @@ def asked_numbers(terrain: TerrainSettings) -> dict[str, float | None]:
     """
     wavelength = wavelengths_m(terrain)
     squares = _asked_amplitudes(terrain, wavelength) ** 2
-    return {"rms_slope_deg": float(terrain.rms_slope_deg),
-            "rms_height_m": float(f"{NOISE_DEVIATION * math.sqrt(squares.sum()):.4g}"), "hurst": float(terrain.hurst)}
+    return {
+        "rms_slope_deg": float(terrain.rms_slope_deg),
+        "rms_height_m": float(f"{NOISE_DEVIATION * math.sqrt(squares.sum()):.4g}"),
+        "hurst": float(terrain.hurst),
+    }
 
 
 def _asked_amplitudes(terrain: TerrainSettings, wavelength_m: np.ndarray) -> np.ndarray:
@@ -149,8 +162,9 @@ class RoughSurface:
         """Unit noise of octave k."""
         cos, sin = math.cos(k * _TURN) / self.wavelength_m[k], math.sin(k * _TURN) / self.wavelength_m[k]
         # In this order a grid's rows and columns cost nothing until they meet.
-        return gradient_noise((cos * x_m + self.offsets[k, 0]) - sin * y_m,
-                              (sin * x_m + self.offsets[k, 1]) + cos * y_m, self.keys[k])
+        return gradient_noise(
+            (cos * x_m + self.offsets[k, 0]) - sin * y_m, (sin * x_m + self.offsets[k, 1]) + cos * y_m, self.keys[k]
+        )
 
     def weight(self, k: int, total_m: np.ndarray, variance: float) -> np.ndarray:
         """Multifractal weight of the octave after k, from the relief so far, before its level is taken out."""
@@ -216,8 +230,14 @@ def make_rough_surface(terrain: TerrainSettings, size_m: float, random: np.rando
     offsets = random.uniform(0.0, 1024.0, (MOST_OCTAVES, 2))[:n]
     baseline, hurst = float(terrain.slope_baseline_m), float(terrain.hurst)
     at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * baseline
-    plain = RoughSurface(wavelength, _round_digits(_asked_amplitudes(terrain, wavelength)), keys, offsets,
-                         float(terrain.multifractality), np.ones(n))
+    plain = RoughSurface(
+        wavelength,
+        _round_digits(_asked_amplitudes(terrain, wavelength)),
+        keys,
+        offsets,
+        float(terrain.multifractality),
+        np.ones(n),
+    )
     if at_baseline == 0.0:
         return plain
     return _fit_to_patch(plain, size_m, baseline, at_baseline, hurst)
@@ -253,8 +273,9 @@ def _measure_long_octaves(surface: RoughSurface, size_m: float) -> tuple[np.ndar
     return np.array(fields).reshape(len(fields), _SAMPLES, _SAMPLES), level
 
 
-def _fit_to_patch(surface: RoughSurface, size_m: float, baseline: float, at_baseline: float,
-                  hurst: float) -> RoughSurface:
+def _fit_to_patch(
+    surface: RoughSurface, size_m: float, baseline: float, at_baseline: float, hurst: float
+) -> RoughSurface:
     """The surface with the amplitudes of its octaves fitted to the long octaves as measured on the patch."""
     fields, level = _measure_long_octaves(surface, size_m)
     wavelength, long = surface.wavelength_m, len(fields)
@@ -267,8 +288,9 @@ def _fit_to_patch(surface: RoughSurface, size_m: float, baseline: float, at_base
     if long and last > max(first, spacing):
         shortest_measured = max(1, math.ceil(first / spacing))
         whole = np.unique(np.geomspace(shortest_measured, last / spacing, 16).astype(int))
-        lag = np.concatenate([np.geomspace(first, spacing, 24, endpoint=False) if first < spacing else [],
-                              whole * spacing])
+        lag = np.concatenate(
+            [np.geomspace(first, spacing, 24, endpoint=False) if first < spacing else [], whole * spacing]
+        )
         measured = np.array([_products(fields, int(k)) for k in whole])
         # Below the coarse grid's spacing the long octaves are planes: their squares go as distance².
         planes = np.minimum(lag / lag[-len(whole)], 1.0)[:, None, None] ** 2
@@ -289,9 +311,15 @@ def _fit_to_patch(surface: RoughSurface, size_m: float, baseline: float, at_base
             squares = squares * math.exp(np.interp(math.log(baseline), np.log(lag), np.log(target / made)))
     amplitude = _round_digits(np.sqrt(squares))
     mean = float(amplitude[:long] @ means)
-    return RoughSurface(wavelength, amplitude, surface.keys, surface.offsets, surface.multifractality,
-                        _round_digits(level),
-                        float(f"{mean:.9e}"))
+    return RoughSurface(
+        wavelength,
+        amplitude,
+        surface.keys,
+        surface.offsets,
+        surface.multifractality,
+        _round_digits(level),
+        float(f"{mean:.9e}"),
+    )
 
 
 def _products(fields: np.ndarray, lag: int) -> np.ndarray:

@@ -63,8 +63,9 @@ def power_spectrum(heights_m: np.ndarray, spacing_m: float, bins_per_octave: int
     # Columns 0 and n/2 stand for themselves, all others for their mirror images too.
     weight = np.where((k_x == 0) | (np.arange(len(k_x)) * 2 == n), 1.0, 2.0)
     weight = np.broadcast_to(weight, density.shape).ravel()
-    counts, powers, waves = (np.bincount(which, weight * values, len(edges) + 1)[1:-1]
-                             for values in (1.0, density.ravel(), radius.ravel()))
+    counts, powers, waves = (
+        np.bincount(which, weight * values, len(edges) + 1)[1:-1] for values in (1.0, density.ravel(), radius.ravel())
+    )
     filled = counts > 0
     return waves[filled] / counts[filled], powers[filled] / counts[filled]
 
@@ -89,8 +90,9 @@ class Roughness:
         return {key: None if math.isnan(value) else float(f"{value:.4g}") for key, value in found.items()}
 
 
-def measure(heights_m: np.ndarray, spacing_m: float, baseline_m: float,
-            law_m: tuple[float, float] = (0.0, math.inf)) -> Roughness:
+def measure(
+    heights_m: np.ndarray, spacing_m: float, baseline_m: float, law_m: tuple[float, float] = (0.0, math.inf)
+) -> Roughness:
     """Measure the roughness of a square height grid, less its mean plane, at lags up to a quarter of its side.
 
     ``law_m`` are the shortest and longest lag over which the Hurst exponent is fitted.

@@ -23,7 +23,7 @@ def _kernels() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     n = 512  # samples per lattice unit
     t = (np.arange(2 * n) + 0.5) / n - 1.0
     phi = 1.0 - fade(np.abs(t))
-    of_phi, of_psi = (np.correlate(f, f, "full")[2 * n - 1:] / n for f in (phi, t * phi))
+    of_phi, of_psi = (np.correlate(f, f, "full")[2 * n - 1 :] / n for f in (phi, t * phi))
     return np.arange(2 * n) / n, of_phi, of_psi
 
 
@@ -44,8 +44,10 @@ def _structure_table(dimensions: int) -> tuple[np.ndarray, np.ndarray]:
     near_phi, near_psi = (np.interp(along, lag, table, right=0.0) for table in (phi, psi))
 
     def covariance(of_phi: np.ndarray, of_psi: np.ndarray) -> np.ndarray:
-        parts = [np.prod(of_phi, axis=-1) / np.where(of_phi[..., k] == 0, 1, of_phi[..., k]) * of_psi[..., k]
-                 for k in range(dimensions)]
+        parts = [
+            np.prod(of_phi, axis=-1) / np.where(of_phi[..., k] == 0, 1, of_phi[..., k]) * of_psi[..., k]
+            for k in range(dimensions)
+        ]
         return (2.0 / dimensions) * np.sum(parts, axis=0)
 
     at_zero = covariance(np.full((1, dimensions), phi[0]), np.full((1, dimensions), psi[0]))[0]

@@ -28,10 +28,24 @@ def hill(east_m: np.ndarray, north_m: np.ndarray) -> np.ndarray:
     return 40.0 + 0.5 * (east_m - 1000.0) + 0.25 * (north_m + 500.0) + 0.01 * (east_m - 1000.0) * (north_m + 500.0)
 
 
-def write(name: str, *, kind: str = "float32", unit: str = "m", metres: float = 1.0, shape: tuple[int, int] = GRID,
-          flips: tuple[bool, bool] = (False, False), height_m: float = 1.0, scale: float = 1.0, offset: float = 0.0,
-          tags: dict[str, str] | None = None, unit_name: str = "", crs: str | None = "", nodata: float | None = None,
-          holes: str = "", **options: Any) -> None:
+def write(
+    name: str,
+    *,
+    kind: str = "float32",
+    unit: str = "m",
+    metres: float = 1.0,
+    shape: tuple[int, int] = GRID,
+    flips: tuple[bool, bool] = (False, False),
+    height_m: float = 1.0,
+    scale: float = 1.0,
+    offset: float = 0.0,
+    tags: dict[str, str] | None = None,
+    unit_name: str = "",
+    crs: str | None = "",
+    nodata: float | None = None,
+    holes: str = "",
+    **options: Any,
+) -> None:
     """Write one file; ``flips`` are east-west and north-south, ``holes`` 'nodata' or 'mask' on the diagonal."""
     rows, columns = shape
     row, column = np.mgrid[0:rows, 0:columns] + 0.5
@@ -47,9 +61,22 @@ def write(name: str, *, kind: str = "float32", unit: str = "m", metres: float = 
     north = NORTH_M - (rows * SOUTH_STEP_M if flips[1] else 0.0)
     transform = Affine(EAST_STEP_M * (-1 if flips[0] else 1), 0, west, 0, SOUTH_STEP_M * (1 if flips[1] else -1), north)
     transform = Affine.scale(1 / metres) * transform
-    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True), rasterio.open(
-            FOLDER / f"{name}.tif", "w", driver="GTiff", height=rows, width=columns, count=1, dtype=kind,
-            crs=EUROPA + unit if crs == "" else crs, transform=transform, nodata=nodata, **options) as file:
+    with (
+        rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True),
+        rasterio.open(
+            FOLDER / f"{name}.tif",
+            "w",
+            driver="GTiff",
+            height=rows,
+            width=columns,
+            count=1,
+            dtype=kind,
+            crs=EUROPA + unit if crs == "" else crs,
+            transform=transform,
+            nodata=nodata,
+            **options,
+        ) as file,
+    ):
         file.update_tags(**(tags or {}))
         file.write(values, 1)
         if (scale, offset) != (1.0, 0.0):

@@ -73,9 +73,15 @@ def simulated(built):
     return lambda: tree.nodes.remove(made)
 
 
-REFUSED = {"unsaved_paint": (unsaved_paint, "save or pack"), "excluded_collection": (excluded_collection, "excluded"),
-           "particles": (particles, "cache"), "cloth": (cloth, "cache"), "movie": (movie, "movie"),
-           "python_driver": (python_driver, "Python"), "simulated": (simulated, "outside the scene")}
+REFUSED = {
+    "unsaved_paint": (unsaved_paint, "save or pack"),
+    "excluded_collection": (excluded_collection, "excluded"),
+    "particles": (particles, "cache"),
+    "cloth": (cloth, "cache"),
+    "movie": (movie, "movie"),
+    "python_driver": (python_driver, "Python"),
+    "simulated": (simulated, "outside the scene"),
+}
 
 
 @pytest.mark.parametrize("name", EDITS)
@@ -139,10 +145,25 @@ def test_edits_of_the_built_parts_are_no_longer_what_the_settings_say(registered
     scene = empty_scene()
     built = scenes.build(scene, complete(TINY))
     assert built.extra == ""
-    for name in ("moved_vertex", "flat_face", "sharp_edge", "turned_faces", "attribute_of_the_ground",
-                 "surface_of_a_rock", "modifier_on_the_ground", "hidden_collection", "removed_rocks",
-                 "kind of noise of the ground", "displacement", "not rendered",
-                 "sun's colour", "sun's shadow", "delta", "holdout", "near end of the camera"):
+    for name in (
+        "moved_vertex",
+        "flat_face",
+        "sharp_edge",
+        "turned_faces",
+        "attribute_of_the_ground",
+        "surface_of_a_rock",
+        "modifier_on_the_ground",
+        "hidden_collection",
+        "removed_rocks",
+        "kind of noise of the ground",
+        "displacement",
+        "not rendered",
+        "sun's colour",
+        "sun's shadow",
+        "delta",
+        "holdout",
+        "near end of the camera",
+    ):
         back = EDITS[name](built)
         assert built.edited, name
         assert built.extra, name
@@ -298,11 +319,39 @@ def test_two_changed_signs_do_not_cancel():
 
 
 #: What leads nowhere that a picture shows, or back to where one came from, or into arrays, which are tested above.
-NOWHERE = {"rna_type", "id_data", "original", "library", "override_library", "preview", "asset_data", "bl_rna",
-           "library_weak_reference", "render_slots", "pixels", "vertices", "edges", "loops", "polygons", "attributes",
-           "color_attributes", "uv_layers", "vertex_colors", "vertex_normals", "polygon_normals", "corner_normals",
-           "loop_triangles", "loop_triangle_polygons", "position_data", "curve_offset_data", "normals", "texture_mesh",
-           "uv_layer_clone", "uv_layer_stencil", "texco_mesh"}
+NOWHERE = {
+    "rna_type",
+    "id_data",
+    "original",
+    "library",
+    "override_library",
+    "preview",
+    "asset_data",
+    "bl_rna",
+    "library_weak_reference",
+    "render_slots",
+    "pixels",
+    "vertices",
+    "edges",
+    "loops",
+    "polygons",
+    "attributes",
+    "color_attributes",
+    "uv_layers",
+    "vertex_colors",
+    "vertex_normals",
+    "polygon_normals",
+    "corner_normals",
+    "loop_triangles",
+    "loop_triangle_polygons",
+    "position_data",
+    "curve_offset_data",
+    "normals",
+    "texture_mesh",
+    "uv_layer_clone",
+    "uv_layer_stencil",
+    "texco_mesh",
+}
 ELSEWHERE = (bpy.types.Scene, bpy.types.World, bpy.types.Library)
 #: Where a structure is: its data-block, and the names and numbers that lead to it.
 Place = tuple[Any, tuple[Any, ...]]
@@ -330,8 +379,11 @@ def reachable(start: list[Any]) -> dict[tuple[str, str], list[Place]]:
         seen.add(key)
         for prop in struct.bl_rna.properties:
             name = prop.identifier
-            if name in NOWHERE or getattr(prop, "is_deprecated", False) or (
-                    why_left_out(type(struct), name) and name not in ("nodes", "links", "inputs", "outputs")):
+            if (
+                name in NOWHERE
+                or getattr(prop, "is_deprecated", False)
+                or (why_left_out(type(struct), name) and name not in ("nodes", "links", "inputs", "outputs"))
+            ):
                 continue
             if not prop.is_readonly and prop.type != "COLLECTION":
                 same = found.setdefault((type(struct).bl_rna.identifier, name), [])
@@ -340,8 +392,11 @@ def reachable(start: list[Any]) -> dict[tuple[str, str], list[Place]]:
             if prop.type == "POINTER" and value is not None:
                 waiting.append((value, ()) if isinstance(value, bpy.types.ID) else (place[0], (*place[1], name)))
             elif prop.type == "COLLECTION" and value is not None:
-                waiting += [(item, ()) if isinstance(item, bpy.types.ID) else (place[0], (*place[1], name, k))
-                            for k, item in enumerate(list(value)[:3]) if item is not None]
+                waiting += [
+                    (item, ()) if isinstance(item, bpy.types.ID) else (place[0], (*place[1], name, k))
+                    for k, item in enumerate(list(value)[:3])
+                    if item is not None
+                ]
     return found
 
 
@@ -349,18 +404,32 @@ def others(struct: Any, name: str) -> list[Any]:
     """Other values of a property, of which one may be allowed."""
     prop, value = struct.bl_rna.properties[name], getattr(struct, name)
     if prop.type == "POINTER":
-        return [None, *(block for kind in ("objects", "materials", "collections", "images", "meshes", "textures")
-                        for block in list(getattr(bpy.data, kind))[:9] if block != value)]
+        return [
+            None,
+            *(
+                block
+                for kind in ("objects", "materials", "collections", "images", "meshes", "textures")
+                for block in list(getattr(bpy.data, kind))[:9]
+                if block != value
+            ),
+        ]
     if getattr(prop, "is_array", False):
         first = value[0]
         if hasattr(first, "__len__"):
             return [[[first[0] + 0.5, *first[1:]], *value[1:]]]
         return [[not first if prop.type == "BOOLEAN" else first + step, *value[1:]] for step in (1, -1)]
     if prop.type == "ENUM":
-        return [{item.identifier} if prop.is_enum_flag else item.identifier for item in prop.enum_items
-                if {item.identifier} != value and item.identifier != value]
-    return {"BOOLEAN": lambda: [not value], "INT": lambda: [value + 1, value - 1],
-            "FLOAT": lambda: [value + 0.37, value - 0.37, value / 2], "STRING": lambda: [f"{value}x"]}[prop.type]()
+        return [
+            {item.identifier} if prop.is_enum_flag else item.identifier
+            for item in prop.enum_items
+            if {item.identifier} != value and item.identifier != value
+        ]
+    return {
+        "BOOLEAN": lambda: [not value],
+        "INT": lambda: [value + 1, value - 1],
+        "FLOAT": lambda: [value + 0.37, value - 0.37, value / 2],
+        "STRING": lambda: [f"{value}x"],
+    }[prop.type]()
 
 
 def plain(value: Any) -> Any:
@@ -386,6 +455,7 @@ def changed_by(place: Place, name: str, marked: Callable[[], str]) -> bool | Non
 
 def test_every_property_changes_the_mark_or_is_left_out_with_a_reason(registered):
     """Whatever Blender adds counts, unless someone has said why it does not."""
+
     def mark(block: bpy.types.ID) -> str:
         return Walk({}).mark(block)
 
@@ -406,12 +476,27 @@ def test_every_property_changes_the_mark_or_is_left_out_with_a_reason(registered
 def test_nothing_is_left_out_that_no_blender_knows():
     """A misspelt name would leave out nothing."""
     of_other_versions = {
-        "Action.groups", "GeometryNodesModifierInterface.panels", "Bone.select",
-        "Bone.select_head", "Bone.select_tail", "Material.shadow_method",
-        "Mesh.use_remesh_preserve_paint_mask", "Mesh.use_remesh_preserve_sculpt_face_sets",
-        "Mesh.use_remesh_preserve_vertex_colors"}
-    known = {kind: {prop.identifier for prop in getattr(bpy.types, kind).bl_rna.properties}
-             for kinds in LEFT_OUT.values() for kind in kinds if hasattr(bpy.types, kind)}
-    unknown = {f"{kind}.{name}" for kinds in LEFT_OUT.values() for kind, names in kinds.items()
-               for name in names.split() if name not in known.get(kind, ())}
+        "Action.groups",
+        "GeometryNodesModifierInterface.panels",
+        "Bone.select",
+        "Bone.select_head",
+        "Bone.select_tail",
+        "Material.shadow_method",
+        "Mesh.use_remesh_preserve_paint_mask",
+        "Mesh.use_remesh_preserve_sculpt_face_sets",
+        "Mesh.use_remesh_preserve_vertex_colors",
+    }
+    known = {
+        kind: {prop.identifier for prop in getattr(bpy.types, kind).bl_rna.properties}
+        for kinds in LEFT_OUT.values()
+        for kind in kinds
+        if hasattr(bpy.types, kind)
+    }
+    unknown = {
+        f"{kind}.{name}"
+        for kinds in LEFT_OUT.values()
+        for kind, names in kinds.items()
+        for name in names.split()
+        if name not in known.get(kind, ())
+    }
     assert unknown <= of_other_versions

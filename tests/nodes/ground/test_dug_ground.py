@@ -18,8 +18,9 @@ from rendering import complete
 
 DUG = {"path": "LINE", "states": 3, "bite_m": 0.05, "length_m": 0.2, "cell_m": 0.01, "start_y_m": 2.0}
 GRADED = {"mesh": {"kind": "GRADED", "most": 20000, "farthest_m": 100.0}}
-FINE = {"mesh": {"kind": "GRADED", "most": 60000, "farthest_m": 100.0, "error_px": 4.0, "edge_px": 24.0,
-                 "seen": "FINE"}}
+FINE = {
+    "mesh": {"kind": "GRADED", "most": 60000, "farthest_m": 100.0, "error_px": 4.0, "edge_px": 24.0, "seen": "FINE"}
+}
 
 
 def dug(*more, **changes):
@@ -121,9 +122,13 @@ def test_a_state_is_the_same_whichever_was_dug_before(monkeypatch):
 @pytest.mark.parametrize("path", ["RECORDED", "JOINTS"])
 def test_a_path_that_is_edited_is_dug_anew(path, tmp_path):
     file = tmp_path / "path.csv"
-    head, places = {"RECORDED": ("state,x_m,y_m,depth_m", ("1,0,2,{}", "1,0,1.9,{}", (0.04, 0.06))),
-                    "JOINTS": ("state,yaw_deg,shoulder_deg,elbow_deg,wrist_deg,roll_deg",
-                               ("1,0,20,-70,{},0", "1,1,20,-70,{},0", (-40, -41)))}[path]
+    head, places = {
+        "RECORDED": ("state,x_m,y_m,depth_m", ("1,0,2,{}", "1,0,1.9,{}", (0.04, 0.06))),
+        "JOINTS": (
+            "state,yaw_deg,shoulder_deg,elbow_deg,wrist_deg,roll_deg",
+            ("1,0,20,-70,{},0", "1,1,20,-70,{},0", (-40, -41)),
+        ),
+    }[path]
     taken = []
     for value in places[2]:
         file.write_text("\n".join([head, *(line.format(value) for line in places[:2])]), encoding="utf-8")
@@ -143,8 +148,9 @@ def test_a_built_scene_records_what_was_dug():
 def test_the_camera_of_a_series_moves_by_the_seed_and_the_state():
     still = complete({"excavation": DUG})
     assert jittered_rig(still) == still.rig
-    shaken = [complete({"excavation": DUG | {"jitter_m": 0.01, "jitter_deg": 0.1, "state": state}})
-              for state in (0, 1, 1)]
+    shaken = [
+        complete({"excavation": DUG | {"jitter_m": 0.01, "jitter_deg": 0.1, "state": state}}) for state in (0, 1, 1)
+    ]
     first, second, again = map(jittered_rig, shaken)
     assert first != second == again
     assert abs(first.x_m) < 0.05

@@ -31,8 +31,12 @@ def rays(pair, eye: str) -> tuple[np.ndarray, np.ndarray]:
     """Centre (3,) of an eye and directions (rows, columns, 3) of its pixels, of unit planar depth."""
     camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"][eye])
     u, v = (np.arange(n) + 0.5 for n in (camera.width_px, camera.height_px))
-    tangent = np.stack(np.broadcast_arrays(((u - camera.cx_px) / camera.focal_px)[None, :],
-                                           ((v - camera.cy_px) / camera.focal_px)[:, None], 1.0), axis=-1)
+    tangent = np.stack(
+        np.broadcast_arrays(
+            ((u - camera.cx_px) / camera.focal_px)[None, :], ((v - camera.cy_px) / camera.focal_px)[:, None], 1.0
+        ),
+        axis=-1,
+    )
     return pose[:3, 3], tangent @ pose[:3, :3].T
 
 
@@ -78,18 +82,27 @@ def off_px(pair, ground, eye: str) -> np.ndarray:
 
 CASES = {
     "rough": {"terrain": {"rms_slope_deg": 15.0, "hurst": 0.75}, "rig": {"pitch_deg": 5.0}},
-    "steep and patchy": {"terrain": {"rms_slope_deg": 25.0, "hurst": 0.6, "multifractality": 1.0,
-                                     "inner_scale_m": 0.05}, "rig": {"pitch_deg": 45.84}},
+    "steep and patchy": {
+        "terrain": {"rms_slope_deg": 25.0, "hurst": 0.6, "multifractality": 1.0, "inner_scale_m": 0.05},
+        "rig": {"pitch_deg": 45.84},
+    },
     "smooth": {"terrain": {"rms_slope_deg": 5.0, "hurst": 0.95}, "rig": {"pitch_deg": 20.0}, "mesh": {"error_px": 0.3}},
     "wide baseline": {"terrain": {"rms_slope_deg": 12.0}, "rig": {"pitch_deg": 30.0, "baseline_m": 1.5}},
     "low and finer": {"terrain": {"rms_slope_deg": 12.0}, "rig": {"height_m": 0.5}, "mesh": {"error_px": 0.5}},
     "low Hurst": {"terrain": {"rms_slope_deg": 12.0, "hurst": 0.3, "inner_scale_m": 0.2}, "rig": {"pitch_deg": 15.0}},
     "penitentes": {"terrain": {"rms_slope_deg": 5.0}, "penitentes": {"height_m": 1.0}, "rig": {"pitch_deg": 10.0}},
-    "flank with cracks and craters": {"terrain": {"rms_slope_deg": 8.0, "regional_slope_deg": 20.0},
-                                      "cracks": {"depth_m": 0.3}, "craters": {"coverage": 0.2}}}
+    "flank with cracks and craters": {
+        "terrain": {"rms_slope_deg": 8.0, "regional_slope_deg": 20.0},
+        "cracks": {"depth_m": 0.3},
+        "craters": {"coverage": 0.2},
+    },
+}
 _SLOW = [pytest.mark.slow]
-_MARKS = {"penitentes": _SLOW, "flank with cracks and craters": _SLOW,
-          **{case: [pytest.mark.slow, pytest.mark.long] for case in ("steep and patchy", "smooth", "low Hurst")}}
+_MARKS = {
+    "penitentes": _SLOW,
+    "flank with cracks and craters": _SLOW,
+    **{case: [pytest.mark.slow, pytest.mark.long] for case in ("steep and patchy", "smooth", "low Hurst")},
+}
 
 
 @pytest.mark.timeout(600)

@@ -45,8 +45,17 @@ def hill(n: int = 9) -> tuple[np.ndarray, np.ndarray]:
 
 def write_ply(path: Path, positions: np.ndarray, faces: np.ndarray) -> Path:
     """An ASCII PLY, by hand."""
-    lines = ["ply", "format ascii 1.0", f"element vertex {len(positions)}", "property float x", "property float y",
-             "property float z", f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    lines = [
+        "ply",
+        "format ascii 1.0",
+        f"element vertex {len(positions)}",
+        "property float x",
+        "property float y",
+        "property float z",
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
     lines += [" ".join(map(str, p)) for p in positions] + [f"{len(f)} " + " ".join(map(str, f)) for f in faces]
     path.write_text("\n".join(lines) + "\n")
     return path
@@ -65,8 +74,12 @@ def positions_of(item: bpy.types.Object) -> np.ndarray:
 
 def everything() -> set:
     """Every data-block by kind and name."""
-    return {(prop.identifier, block.name) for prop in bpy.data.bl_rna.properties if prop.type == "COLLECTION"
-            for block in getattr(bpy.data, prop.identifier)}
+    return {
+        (prop.identifier, block.name)
+        for prop in bpy.data.bl_rna.properties
+        if prop.type == "COLLECTION"
+        for block in getattr(bpy.data, prop.identifier)
+    }
 
 
 def nearest_gaps(a: np.ndarray, b: np.ndarray) -> float:
@@ -101,9 +114,14 @@ def read_triangles(item: bpy.types.Object) -> np.ndarray:
     return np.array([t.vertices for t in item.data.loop_triangles])
 
 
-TURNED = {"Z": lambda p: p, "Y": lambda p: p[:, [0, 2, 1]] * [1, 1, -1], "X": lambda p: p[:, [2, 0, 1]],
-          "-Z": lambda p: p * [1, -1, -1], "-Y": lambda p: p[:, [0, 2, 1]] * [1, -1, 1],
-          "-X": lambda p: p[:, [2, 1, 0]] * [-1, 1, 1]}
+TURNED = {
+    "Z": lambda p: p,
+    "Y": lambda p: p[:, [0, 2, 1]] * [1, 1, -1],
+    "X": lambda p: p[:, [2, 0, 1]],
+    "-Z": lambda p: p * [1, -1, -1],
+    "-Y": lambda p: p[:, [0, 2, 1]] * [1, -1, 1],
+    "-X": lambda p: p[:, [2, 1, 0]] * [-1, 1, 1],
+}
 
 
 @pytest.mark.parametrize("axis", sorted(TURNED))
@@ -163,16 +181,20 @@ def test_scale_centre_and_origin_place_the_ground_and_are_reported(tmp_path):
 def test_the_camera_and_the_blocks_stand_on_the_mesh(tmp_path):
     positions, faces = hill(33)
     path = write_ply(tmp_path / "a.ply", positions, faces)
-    settings = description.merged(own(path), {"rig": {"x_m": 1.5, "y_m": -0.7, "height_m": 1.25},
-                                              "rocks": {"coverage": 0.1}})
+    settings = description.merged(
+        own(path), {"rig": {"x_m": 1.5, "y_m": -0.7, "height_m": 1.25}, "rocks": {"coverage": 0.1}}
+    )
     built = scenes.build(empty_scene(), settings)
     bpy.context.view_layer.update()
     hit, where, *_ = built.terrain.ray_cast((1.5, -0.7, 50), (0, 0, -1))
     assert hit
     assert built.camera.location.z == pytest.approx(where.z + 1.25, abs=1e-5)
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    blocks = [[(i.matrix_world @ v.co).to_tuple() for v in i.object.data.vertices]
-              for i in depsgraph.object_instances if i.is_instance]
+    blocks = [
+        [(i.matrix_world @ v.co).to_tuple() for v in i.object.data.vertices]
+        for i in depsgraph.object_instances
+        if i.is_instance
+    ]
     assert len(blocks) > 5
     for block in blocks:
         ground = [built.terrain.ray_cast((x, y, 50), (0, 0, -1)) for x, y, _ in block]
@@ -200,8 +222,13 @@ def test_damage_is_reported_and_mended(tmp_path):
         scenes.build(empty_scene(), own(path, repair=False))
     built = scenes.build(empty_scene(), own(path))
     text = " ".join(built.ground["report"])
-    for words in ("1 vertex without finite coordinates", "3 duplicate vertices", "flipped", "faces down",
-                  "Repaired: 80"):
+    for words in (
+        "1 vertex without finite coordinates",
+        "3 duplicate vertices",
+        "flipped",
+        "faces down",
+        "Repaired: 80",
+    ):
         assert words in text, text
     assert examine(positions_of(built.terrain), read_triangles(built.terrain)).facing_down == 0
     assert len(built.terrain.data.polygons) == 2 * 63
@@ -227,19 +254,32 @@ def test_an_unlikely_size_is_said(tmp_path):
     assert any("is 0.08 m wide" in warning and "source.scale" in warning for warning in built.warnings)
 
 
-@pytest.mark.parametrize(("size", "height_m", "doubted"), [
-    (1000.0, 1.6, True), (1.0, 1.6, False), (1000.0, 2000.0, False), (4.0, 1.6, False), (5.0, 1.6, True),
-    (1.0, 9.0, True), (0.01, 1.6, True)])
+@pytest.mark.parametrize(
+    ("size", "height_m", "doubted"),
+    [
+        (1000.0, 1.6, True),
+        (1.0, 1.6, False),
+        (1000.0, 2000.0, False),
+        (4.0, 1.6, False),
+        (5.0, 1.6, True),
+        (1.0, 9.0, True),
+        (0.01, 1.6, True),
+    ],
+)
 def test_a_mesh_whose_unit_does_not_fit_the_camera_is_doubted(tmp_path, size, height_m, doubted):
     """8 m with triangles of 1 m: in millimetres one fills the image, and a camera at 9 m sees beyond all of them."""
     positions, faces = hill()
-    settings = description.merged(own(write_ply(tmp_path / "a.ply", positions * size, faces)),
-                                  {"rig": {"height_m": height_m}})
+    settings = description.merged(
+        own(write_ply(tmp_path / "a.ply", positions * size, faces)), {"rig": {"height_m": height_m}}
+    )
     said = [warning for warning in scenes.build(empty_scene(), settings).warnings if "source.scale" in warning]
     assert len(said) == doubted, said
     if size == 1000.0 and doubted:
-        assert re.fullmatch(r"a\.ply is 8e\+03 m wide with triangles of \S+ m, and the camera is 1\.6 m above it; if "
-                            r"its unit is not what you meant, set source\.scale \(0\.001 for millimetres\)\.", said[0])
+        assert re.fullmatch(
+            r"a\.ply is 8e\+03 m wide with triangles of \S+ m, and the camera is 1\.6 m above it; if "
+            r"its unit is not what you meant, set source\.scale \(0\.001 for millimetres\)\.",
+            said[0],
+        )
 
 
 def with_horizon(positions, faces, far_m):
@@ -259,8 +299,10 @@ def test_a_site_with_the_ground_out_to_its_horizon_is_read_whole(tmp_path):
     assert not [warning for warning in built.warnings if "source.scale" in warning]
     assert len(positions_of(built.terrain)) == len(positions) + 4
     assert len(read_triangles(built.terrain)) == 2 * len(faces) + 2
-    for found, far_m, words in ((fine, 4e6, r"cut off what is far .* or set source\.scale"),
-                                (positions * 2e4, 9e4, r"source\.scale")):
+    for found, far_m, words in (
+        (fine, 4e6, r"cut off what is far .* or set source\.scale"),
+        (positions * 2e4, 9e4, r"source\.scale"),
+    ):
         path = write_ply(tmp_path / "b.ply", *with_horizon(found, faces, far_m))
         with pytest.raises(IcyMoonError, match=rf"which is no landing site .*{words}"):
             scenes.build(empty_scene(), own(path))
@@ -297,16 +339,18 @@ def bad_inputs(folder: Path) -> dict[str, tuple[Path, dict, str]]:
     (folder / "nothing.obj").write_text("# nothing\n")
     (folder / "torn.stl").write_bytes(b"x" * 80 + struct.pack("<I", 1000) + bytes(60))
     (folder / "torn.fbx").write_bytes(b"Kaydara FBX Binary  \0\x1a\0" + bytes(40))
-    (folder / "torn.usda").write_text("#usda 1.0\ndef Mesh \"a\" {")
+    (folder / "torn.usda").write_text('#usda 1.0\ndef Mesh "a" {')
     (folder / "mesh.jpg").write_bytes(b"\xff\xd8")
     (folder / "picture.png").write_bytes(b"\xff\xd8\xff\xe0")
     (folder / "torn.png").write_bytes(png(np.zeros((9, 9), np.uint16))[:60])
     (folder / "colour.png").write_bytes(png(np.zeros((9, 9), np.uint8), colour=2))
     (folder / "torn.exr").write_bytes(b"\x76\x2f\x31\x01\2\0\0\0channels\0chlist\0\x12\0\0\0Y\0")
     whole = height_files(folder)["exr"][0].read_bytes()
-    (folder / "half.exr").write_bytes(whole[:len(whole) // 2])
-    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage},
-                 {"height": np.zeros((9, 9), np.float32)}).write(str(folder / "named.exr"))
+    (folder / "half.exr").write_bytes(whole[: len(whole) // 2])
+    OpenEXR.File(
+        {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage},
+        {"height": np.zeros((9, 9), np.float32)},
+    ).write(str(folder / "named.exr"))
     np.save(folder / "three.npy", np.zeros((3, 3, 3)))
     np.save(folder / "objects.npy", np.array([["a"]], object), allow_pickle=True)
     np.save(folder / "thin.npy", np.zeros((1, 5)))
@@ -318,11 +362,16 @@ def bad_inputs(folder: Path) -> dict[str, tuple[Path, dict, str]]:
     np.save(folder / "lost.npy", np.full((5, 5), 1e300))
     write_tiff(folder / "plain.tif", np.zeros((5, 5), np.float32))
     cases: dict[str, tuple[Any, dict, str]] = {
-        "absent mesh": ("absent.ply", {}, "cannot be read"), "wrong mesh": ("text.obj", {}, "not an OBJ file"),
-        "empty file": ("empty.ply", {}, "is empty"), "torn glb": ("torn.glb", {}, "torn.glb"),
-        "point cloud": ("no_faces.obj", {}, "point cloud"), "no mesh": ("nothing.obj", {}, "contains no mesh"),
-        "torn stl": ("torn.stl", {}, "torn.stl"), "torn fbx": ("torn.fbx", {}, "torn.fbx"),
-        "torn usd": ("torn.usda", {}, "torn.usda"), "wrong kind": ("mesh.jpg", {"kind": "MESH"}, "not a mesh"),
+        "absent mesh": ("absent.ply", {}, "cannot be read"),
+        "wrong mesh": ("text.obj", {}, "not an OBJ file"),
+        "empty file": ("empty.ply", {}, "is empty"),
+        "torn glb": ("torn.glb", {}, "torn.glb"),
+        "point cloud": ("no_faces.obj", {}, "point cloud"),
+        "no mesh": ("nothing.obj", {}, "contains no mesh"),
+        "torn stl": ("torn.stl", {}, "torn.stl"),
+        "torn fbx": ("torn.fbx", {}, "torn.fbx"),
+        "torn usd": ("torn.usda", {}, "torn.usda"),
+        "wrong kind": ("mesh.jpg", {"kind": "MESH"}, "not a mesh"),
         "no area": (write_ply(folder / "line.ply", positions * [1, 0, 0], faces), {}, "has an area"),
         "all nan": (write_ply(folder / "nan.ply", positions * math.nan, faces), {}, "none of its 9 vertices"),
         "tiny": (write_ply(folder / "tiny.ply", positions * 1e-5, faces), {}, "source.scale"),
@@ -348,8 +397,10 @@ def bad_inputs(folder: Path) -> dict[str, tuple[Path, dict, str]]:
         "height map kind": ("no_faces.obj", {"kind": "HEIGHT_MAP"}, "not a height map"),
         "no file": ("", {"kind": "MESH"}, "source.file is empty"),
     }
-    return {name: (Path(file) if not file or Path(file).is_absolute() else folder / file, source, words)
-            for name, (file, source, words) in cases.items()}
+    return {
+        name: (Path(file) if not file or Path(file).is_absolute() else folder / file, source, words)
+        for name, (file, source, words) in cases.items()
+    }
 
 
 def test_bad_input_is_a_sentence_and_changes_nothing(tmp_path):
@@ -357,8 +408,15 @@ def test_bad_input_is_a_sentence_and_changes_nothing(tmp_path):
     scenes.build(scene, complete())
     before, mark = everything(), scenes.find(scene).extra
     for name, (path, source, words) in bad_inputs(tmp_path).items():
-        settings = complete({"source": {"kind": source.get("kind") or grounds.kind_of(path),
-                                        "file": str(path) if path.name else "", **source}})
+        settings = complete(
+            {
+                "source": {
+                    "kind": source.get("kind") or grounds.kind_of(path),
+                    "file": str(path) if path.name else "",
+                    **source,
+                }
+            }
+        )
         if path.suffix == ".usda" and compat.find_mesh_importer("USD") is None:
             words = "cannot read USD"
         try:
@@ -384,8 +442,12 @@ def png(values: np.ndarray, colour: int = 0) -> bytes:
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", columns, rows, bits, colour, 0, 0, 0))
-            + chunk(b"IDAT", zlib.compress(raw)) + chunk(b"IEND", b""))
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", struct.pack(">IIBBBBB", columns, rows, bits, colour, 0, 0, 0))
+        + chunk(b"IDAT", zlib.compress(raw))
+        + chunk(b"IEND", b"")
+    )
 
 
 def crater(rows: int = 41, columns: int = 61) -> np.ndarray:
@@ -400,8 +462,14 @@ def height_files(folder: Path) -> dict[str, tuple[Path, dict, float, float]]:
     np.save(folder / "a.npy", heights)
     (folder / "a16.png").write_bytes(png(np.rint((heights + 2) / 2e-4).astype(np.uint16)))
     (folder / "a8.png").write_bytes(png(np.rint((heights + 2) / 0.05).astype(np.uint8)))
-    write_tiff(folder / "a.tif", heights.astype(np.float32), pixel=(0.5, 0.5), deflate=True, predictor=3,
-               tie=(0, 0, 0, 7000.0, -3000.0, 0))
+    write_tiff(
+        folder / "a.tif",
+        heights.astype(np.float32),
+        pixel=(0.5, 0.5),
+        deflate=True,
+        predictor=3,
+        tie=(0, 0, 0, 7000.0, -3000.0, 0),
+    )
     write_tiff(folder / "i.tif", np.rint(heights / 0.001).astype(np.int16), pixel=(0.5, 0.5), order=">")
     image = bpy.data.images.new("Heights", 61, 41, float_buffer=True)
     image.colorspace_settings.name = "Non-Color"
@@ -412,12 +480,14 @@ def height_files(folder: Path) -> dict[str, tuple[Path, dict, float, float]]:
     image.save()
     bpy.data.images.remove(image)
     half = {"metres_per_pixel": 0.5}
-    return {"npy": (folder / "a.npy", half, 0.0, 1e-12),
-            "png16": (folder / "a16.png", half | {"height_scale_m": 2e-4}, 2.0, 1.001e-4),
-            "png8": (folder / "a8.png", half | {"height_scale_m": 0.05}, 2.0, 0.02501),
-            "float tiff": (folder / "a.tif", {}, 0.0, 2.5e-7),
-            "int16 tiff": (folder / "i.tif", {"height_scale_m": 0.001}, 0.0, 5.001e-4),
-            "exr": (folder / "a.exr", half, 0.0, 2.5e-7)}
+    return {
+        "npy": (folder / "a.npy", half, 0.0, 1e-12),
+        "png16": (folder / "a16.png", half | {"height_scale_m": 2e-4}, 2.0, 1.001e-4),
+        "png8": (folder / "a8.png", half | {"height_scale_m": 0.05}, 2.0, 0.02501),
+        "float tiff": (folder / "a.tif", {}, 0.0, 2.5e-7),
+        "int16 tiff": (folder / "i.tif", {"height_scale_m": 0.001}, 0.0, 5.001e-4),
+        "exr": (folder / "a.exr", half, 0.0, 2.5e-7),
+    }
 
 
 @pytest.mark.parametrize("kind", ["npy", "png16", "png8", "float tiff", "int16 tiff", "exr"])
@@ -464,6 +534,7 @@ def test_the_ground_of_a_geotiff_is_the_hill_that_it_states(name):
 def test_a_height_map_too_large_for_the_memory_is_named(tmp_path, monkeypatch):
     def too_large(path, site, missing):
         raise MemoryError
+
     monkeypatch.setattr(import_heights.geotiff, "read", too_large)
     path = write_tiff(tmp_path / "large.tif", np.zeros((9, 9), np.float32))
     with pytest.raises(IcyMoonError, match=r"large\.tif: is too large for the memory.*cut out"):
@@ -520,16 +591,20 @@ def test_pairs_are_named_by_the_files_content_not_its_place(tmp_path):
 def test_the_depth_of_a_rendered_mesh_is_that_of_a_ray_cast(tmp_path):
     positions, faces = hill(65)
     path = write_ply(tmp_path / "a.ply", positions, faces)
-    pair, built = render(tmp_path / "set", {"source": {"kind": "MESH", "file": str(path)},
-                                            "rig": {"height_m": 1.5, "pitch_deg": 60.0}})
+    pair, built = render(
+        tmp_path / "set", {"source": {"kind": "MESH", "file": str(path)}, "rig": {"height_m": 1.5, "pitch_deg": 60.0}}
+    )
     assert pair.data["ground"]["report"][0].startswith("PLY, Z up")
     depth = read_view(pair.image("left")).depth
     pose = np.array(pair.data["poses_camera_to_world"]["left"])
     tree = BVHTree.FromPolygons(positions_of(built.terrain).tolist(), read_triangles(built.terrain).tolist())
     checked = 0
     for v, u in np.random.default_rng(0).integers((0, 0), depth.shape, (60, 2)):
-        ray = pose[:3, :3] @ ((u + 0.5 - pair.camera.cx_px) / pair.camera.focal_px,
-                              (v + 0.5 - pair.camera.cy_px) / pair.camera.focal_px, 1.0)
+        ray = pose[:3, :3] @ (
+            (u + 0.5 - pair.camera.cx_px) / pair.camera.focal_px,
+            (v + 0.5 - pair.camera.cy_px) / pair.camera.focal_px,
+            1.0,
+        )
         hit, _, _, distance = tree.ray_cast(pose[:3, 3].tolist(), ray.tolist())
         if hit is None:
             assert not np.isfinite(depth[v, u]) or depth[v, u] > 1e9
@@ -556,6 +631,7 @@ def test_the_operator_imports_builds_and_takes_back_what_failed(scene, tmp_path)
     built = scenes.find(scene)
     assert len(built.terrain.data.polygons) == 128
     from icymoon.operators.ground import report_lines
+
     assert any("81 vertices" in line for line in report_lines(scene))
     (tmp_path / "dem.asc").write_text("ncols 2\n")
     for bad in ("absent.ply", "a.jpg", "dem.asc.*gdal_translate"):
@@ -572,18 +648,37 @@ def test_the_command_line_renders_an_imported_ground(tmp_path):
     write_ply(tmp_path / "a.ply", *hill())
     (tmp_path / "scene.toml").write_text('[source]\nkind = "MESH"\nfile = "a.ply"\n')
     words = ["terrain.resolution=65", "quality.samples=1", "rig.width_px=32", "rig.height_px=24", "quality.threads=1"]
-    command = [sys.executable, "-m", "icymoon", "render", "--out", str(tmp_path / "set"),
-               *(w for text in words for w in ("--set", text))]
-    one = subprocess.run([*command, "--settings", str(tmp_path / "scene.toml")], capture_output=True, text=True,
-                         timeout=240, check=False)
+    command = [
+        sys.executable,
+        "-m",
+        "icymoon",
+        "render",
+        "--out",
+        str(tmp_path / "set"),
+        *(w for text in words for w in ("--set", text)),
+    ]
+    one = subprocess.run(
+        [*command, "--settings", str(tmp_path / "scene.toml")], capture_output=True, text=True, timeout=240, check=False
+    )
     assert one.returncode == 0, one.stderr
-    again = subprocess.run([*command, "--set", "source.kind=MESH", "--set", "source.file=a.ply"], cwd=tmp_path,
-                           capture_output=True, text=True, timeout=240, check=False)
+    again = subprocess.run(
+        [*command, "--set", "source.kind=MESH", "--set", "source.file=a.ply"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
     assert "was already there" in again.stdout, again.stdout + again.stderr
     shutil.copy(tmp_path / "a.ply", tmp_path / "b.ply")
     os.truncate(tmp_path / "b.ply", 300)
-    bad = subprocess.run([*command, "--set", "source.kind=MESH", "--set", f"source.file={tmp_path / 'b.ply'}"],
-                         capture_output=True, text=True, timeout=240, check=False)
+    bad = subprocess.run(
+        [*command, "--set", "source.kind=MESH", "--set", f"source.file={tmp_path / 'b.ply'}"],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
     assert bad.returncode == 1
     assert "b.ply" in bad.stderr
     assert len(bad.stderr.strip().splitlines()) == 1

@@ -25,15 +25,25 @@ EUROPA_M = 1560800.0
 MAPS = {
     "web map at 60°": ("EPSG:3857", (1e6, 8399737.9), 2.0),
     "UTM": ("EPSG:32633", (5.0e5, 7.5e6), 2.0),
-    "equidistant cylindrical at 70° south": (f"+proj=eqc +R={EUROPA_M} +no_defs",
-                                             (3e5, -math.radians(70) * EUROPA_M), 4.0),
+    "equidistant cylindrical at 70° south": (
+        f"+proj=eqc +R={EUROPA_M} +no_defs",
+        (3e5, -math.radians(70) * EUROPA_M),
+        4.0,
+    ),
     "Mercator": (f"+proj=merc +R={EUROPA_M} +no_defs", (2e5, 1.2e6), 3.0),
     "polar, off its parallel": (f"+proj=stere +lat_0=-90 +lat_ts=-71 +R={EUROPA_M} +no_defs", (1e5, 9e5), 2.0),
     "degrees": ("EPSG:4326", (15.0, 50.0), 2e-5),
-    "false easting": (f"+proj=tmerc +lat_0=10 +lon_0=20 +k=0.9999 +x_0=5000000 +y_0=-2000000.25 +R={EUROPA_M} +no_defs",
-                      (5.02e6, -1.98e6), 2.0),
-    "false easting in feet": (f"+proj=lcc +lat_1=30 +lat_2=40 +lat_0=35 +lon_0=15 +x_0=3e6 +y_0=1e6 +R={EUROPA_M} "
-                              "+units=us-ft +no_defs", (9.9e6, 3.3e6), 6.0)}
+    "false easting": (
+        f"+proj=tmerc +lat_0=10 +lon_0=20 +k=0.9999 +x_0=5000000 +y_0=-2000000.25 +R={EUROPA_M} +no_defs",
+        (5.02e6, -1.98e6),
+        2.0,
+    ),
+    "false easting in feet": (
+        f"+proj=lcc +lat_1=30 +lat_2=40 +lat_0=35 +lon_0=15 +x_0=3e6 +y_0=1e6 +R={EUROPA_M} +units=us-ft +no_defs",
+        (9.9e6, 3.3e6),
+        6.0,
+    ),
+}
 
 
 def written(path, name, size=80):
@@ -44,22 +54,31 @@ def written(path, name, size=80):
     columns, rows = np.meshgrid(np.arange(size), np.arange(size))
     xs, ys = rasterio.transform.xy(transform, rows.ravel(), columns.ravel())
     radius = 6371008.8 if text.startswith("EPSG") else EUROPA_M
-    geographic = (rasterio.crs.CRS.from_epsg(4326) if text.startswith("EPSG") else
-                  rasterio.crs.CRS.from_string(f"+proj=longlat +R={EUROPA_M} +no_defs"))
+    geographic = (
+        rasterio.crs.CRS.from_epsg(4326)
+        if text.startswith("EPSG")
+        else rasterio.crs.CRS.from_string(f"+proj=longlat +R={EUROPA_M} +no_defs")
+    )
     lon, lat = map(np.array, warp.transform(crs, geographic, xs, ys))
     (lon0,), (lat0,) = warp.transform(crs, geographic, [x], [y])
     east = np.radians(lon - lon0) * np.cos(np.radians(lat0)) * radius
     north = np.radians(lat - lat0) * radius
     heights = (100.0 + 0.5 * east + 0.2 * north).reshape(size, size).astype(np.float32)
-    with rasterio.open(path, "w", driver="GTiff", width=size, height=size, count=1, dtype="float32", crs=crs,
-                       transform=transform) as out:
+    with rasterio.open(
+        path, "w", driver="GTiff", width=size, height=size, count=1, dtype="float32", crs=crs, transform=transform
+    ) as out:
         out.write(heights, 1)
     return path, (x, y)
 
 
 def ground_of(path, **source):
-    settings = complete({"source": {"kind": "HEIGHT_MAP", "file": str(path), **source},
-                         "terrain": {"size_m": 60.0, "resolution": 65}, "rig": {"height_m": 3.0}})
+    settings = complete(
+        {
+            "source": {"kind": "HEIGHT_MAP", "file": str(path), **source},
+            "terrain": {"size_m": 60.0, "resolution": 65},
+            "rig": {"height_m": 3.0},
+        }
+    )
     return build(empty_scene(), settings)
 
 
@@ -104,13 +123,23 @@ def test_a_point_goes_back_to_its_map_coordinates_within_a_millimetre(tmp_path, 
 
 def large(path, side=14400):
     """A map of 207 megapixels whose heights are its coordinates, in deflated tiles."""
-    profile = {"driver": "GTiff", "width": side, "height": side, "count": 1, "dtype": "float32", "tiled": True,
-               "blockxsize": 256, "blockysize": 256, "compress": "deflate", "crs": "EPSG:32633",
-               "transform": rasterio.transform.from_origin(4e5, 7e6, 1.0, 1.0)}
+    profile = {
+        "driver": "GTiff",
+        "width": side,
+        "height": side,
+        "count": 1,
+        "dtype": "float32",
+        "tiled": True,
+        "blockxsize": 256,
+        "blockysize": 256,
+        "compress": "deflate",
+        "crs": "EPSG:32633",
+        "transform": rasterio.transform.from_origin(4e5, 7e6, 1.0, 1.0),
+    }
     with rasterio.open(path, "w", **profile) as out:
         for row in range(7168, 7680, 256):  # the rest stays empty
             window = rasterio.windows.Window(6912, row, 1024, 256)
-            rows, columns = np.mgrid[row:row + 256, 6912:7936]
+            rows, columns = np.mgrid[row : row + 256, 6912:7936]
             out.write((rows * 0.01 + columns * 0.001).astype(np.float32), 1, window=window)
     return path
 
@@ -149,14 +178,14 @@ def test_a_window_is_the_cut_of_the_whole(tmp_path, monkeypatch):
     assert whole.corner_m is not None
     assert part.corner_m is not None
     left, low = (round((part.corner_m[k] - whole.corner_m[k]) / 2.0) for k in range(2))
-    cut = whole.heights_m[200 - low - 63:200 - low, left:left + 63]
+    cut = whole.heights_m[200 - low - 63 : 200 - low, left : left + 63]
     np.testing.assert_array_equal(part.heights_m, cut)
 
 
 @pytest.mark.parametrize(("mark", "count"), [(-9999.0, 9), (-32768.0, 1), (0.0, 5), (65535.0, 3), (1e6, 2)])
 def test_missing_heights_without_a_mark_are_found(tmp_path, mark, count):
     heights = 1500 + np.random.default_rng(1).uniform(0, 10, (64, 64))
-    heights.ravel()[:count * 65:65] = mark
+    heights.ravel()[: count * 65 : 65] = mark
     np.save(tmp_path / "a.npy", heights)
     built = ground_of(tmp_path / "a.npy", metres_per_pixel=2.0)
     said = " ".join(built.warnings)
@@ -176,8 +205,18 @@ def save_tiff(path, heights):
     """Heights of half a metre per value, with a mark of their own in the first pixel."""
     values = np.rint(2 * heights).astype(np.int16)
     values[0, 0] = -1
-    with rasterio.open(path, "w", driver="GTiff", width=64, height=64, count=1, dtype="int16", crs="EPSG:32633",
-                       nodata=-1, transform=rasterio.transform.from_origin(5e5, 7.5e6, 2, 2)) as out:
+    with rasterio.open(
+        path,
+        "w",
+        driver="GTiff",
+        width=64,
+        height=64,
+        count=1,
+        dtype="int16",
+        crs="EPSG:32633",
+        nodata=-1,
+        transform=rasterio.transform.from_origin(5e5, 7.5e6, 2, 2),
+    ) as out:
         out.write(values, 1)
         out.scales = (0.5,)
     return path
@@ -221,10 +260,21 @@ def test_a_file_without_a_map_has_its_exact_offset(tmp_path):
 
 def test_a_mesh_in_map_coordinates_has_its_exact_offset(tmp_path):
     """Vertices in feet, millions of them from the origin, in double precision."""
-    corner = np.array([[9.9e6, 3.3e6, 400.0], [9.9e6 + 40, 3.3e6, 410], [9.9e6, 3.3e6 + 40, 420],
-                       [9.9e6 + 40, 3.3e6 + 40, 450]]) + 0.123456789
-    head = ["ply", "format ascii 1.0", "element vertex 4", *(f"property double {axis}" for axis in "xyz"),
-            "element face 2", "property list uchar int vertex_indices", "end_header"]
+    corner = (
+        np.array(
+            [[9.9e6, 3.3e6, 400.0], [9.9e6 + 40, 3.3e6, 410], [9.9e6, 3.3e6 + 40, 420], [9.9e6 + 40, 3.3e6 + 40, 450]]
+        )
+        + 0.123456789
+    )
+    head = [
+        "ply",
+        "format ascii 1.0",
+        "element vertex 4",
+        *(f"property double {axis}" for axis in "xyz"),
+        "element face 2",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
     rows = [*(" ".join(map(repr, map(float, vertex))) for vertex in corner), "3 0 1 2", "3 1 3 2"]
     (tmp_path / "a.ply").write_text("\n".join([*head, *rows]) + "\n")
     settings = complete({"source": {"kind": "MESH", "file": str(tmp_path / "a.ply"), "scale": 0.3048}})
@@ -237,10 +287,16 @@ def test_a_mesh_in_map_coordinates_has_its_exact_offset(tmp_path):
     assert distance.min(axis=0).max() < 1e-3
 
 
-@pytest.mark.parametrize("heights", [
-    lambda: np.random.default_rng(1).uniform(0, 10, (64, 64)), lambda: np.maximum(np.mgrid[:64, :64][0] - 20.0, 0.0),
-    lambda: np.where(np.mgrid[:64, :64][0] > 60, -30.0, np.random.default_rng(1).uniform(0, 15, (64, 64))),
-    lambda: np.full((64, 64), 7.0)], ids=["noise", "a plain", "a pit", "level"])
+@pytest.mark.parametrize(
+    "heights",
+    [
+        lambda: np.random.default_rng(1).uniform(0, 10, (64, 64)),
+        lambda: np.maximum(np.mgrid[:64, :64][0] - 20.0, 0.0),
+        lambda: np.where(np.mgrid[:64, :64][0] > 60, -30.0, np.random.default_rng(1).uniform(0, 15, (64, 64))),
+        lambda: np.full((64, 64), 7.0),
+    ],
+    ids=["noise", "a plain", "a pit", "level"],
+)
 def test_heights_that_are_there_stay(tmp_path, heights):
     np.save(tmp_path / "a.npy", heights())
     assert "taken for missing" not in " ".join(ground_of(tmp_path / "a.npy", metres_per_pixel=2.0).warnings)
@@ -251,8 +307,17 @@ def test_a_place_beyond_the_map_and_skewed_ground_are_refused_with_a_way(tmp_pat
     with pytest.raises(IcyMoonError, match=r"no height within terrain\.size_m"):
         ground_of(path, centre=False)
     crs = rasterio.crs.CRS.from_string(f"+proj=sinu +R={EUROPA_M} +no_defs")
-    with rasterio.open(tmp_path / "s.tif", "w", driver="GTiff", width=9, height=9, count=1, dtype="float32", crs=crs,
-                       transform=rasterio.transform.from_origin(9e5, 1.3e6, 2.0, 2.0)) as out:
+    with rasterio.open(
+        tmp_path / "s.tif",
+        "w",
+        driver="GTiff",
+        width=9,
+        height=9,
+        count=1,
+        dtype="float32",
+        crs=crs,
+        transform=rasterio.transform.from_origin(9e5, 1.3e6, 2.0, 2.0),
+    ) as out:
         out.write(np.ones((9, 9), np.float32), 1)
     with pytest.raises(IcyMoonError, match=r'gdalwarp -t_srs "\+proj=aeqd .*" .* s\.tif s_new\.tif$') as caught:
         ground_of(tmp_path / "s.tif")
@@ -291,9 +356,18 @@ def test_the_record_has_the_exact_place(tmp_path):
 
 
 def test_a_sentence_with_a_command_ends_with_it(tmp_path):
-    with rasterio.open(tmp_path / "f.tif", "w", driver="GTiff", width=9, height=9, count=1, dtype="float32",
-                       crs="EPSG:2263", GEOTIFF_VERSION="1.1",
-                       transform=rasterio.transform.from_origin(9e5, 1.3e5, 2.0, 2.0)) as out:
+    with rasterio.open(
+        tmp_path / "f.tif",
+        "w",
+        driver="GTiff",
+        width=9,
+        height=9,
+        count=1,
+        dtype="float32",
+        crs="EPSG:2263",
+        GEOTIFF_VERSION="1.1",
+        transform=rasterio.transform.from_origin(9e5, 1.3e5, 2.0, 2.0),
+    ) as out:
         out.write(np.ones((9, 9), np.float32), 1)
     with pytest.raises(IcyMoonError, match=r"with: gdal_translate .* f\.tif f_new\.tif$"):
         ground_of(tmp_path / "f.tif")

@@ -25,8 +25,11 @@ def instances(built: scenes.Built) -> list[tuple[np.ndarray, bpy.types.Mesh]]:
     """Matrix and mesh of every block as the dependency graph makes them, in the order of the points."""
     bpy.context.view_layer.update()
     graph = bpy.context.evaluated_depsgraph_get()
-    return [(np.array(i.matrix_world), i.object.original.data) for i in graph.object_instances
-            if i.is_instance and i.parent.original == carrier(built)]
+    return [
+        (np.array(i.matrix_world), i.object.original.data)
+        for i in graph.object_instances
+        if i.is_instance and i.parent.original == carrier(built)
+    ]
 
 
 def corners(mesh: bpy.types.Mesh) -> np.ndarray:
@@ -38,8 +41,10 @@ def corners(mesh: bpy.types.Mesh) -> np.ndarray:
 
 def data_blocks() -> dict[str, int]:
     """Number of data-blocks of every kind that blocks are made of."""
-    return {kind: len(getattr(bpy.data, kind)) for kind in
-            ("objects", "meshes", "materials", "collections", "scenes", "node_groups")}
+    return {
+        kind: len(getattr(bpy.data, kind))
+        for kind in ("objects", "meshes", "materials", "collections", "scenes", "node_groups")
+    }
 
 
 def test_two_builds_are_equal_and_clear_removes_everything():
@@ -81,16 +86,25 @@ def test_every_point_is_an_instance_with_the_pose_that_was_computed():
     assert np.array_equal(labels, FIRST_ROCK_INSTANCE + np.arange(len(found)))
 
 
-@pytest.mark.parametrize(("terrain", "kind"), [
-    pytest.param({"rms_slope_deg": 5.0}, "GRID", marks=pytest.mark.long),
-    ({"rms_slope_deg": 30.0, "resolution": 129}, "GRID"),
-    pytest.param({"rms_slope_deg": 55.0, "resolution": 33}, "GRID", marks=pytest.mark.long),
-    ({"rms_slope_deg": 15.0, "regional_slope_deg": 35.0}, "GRID"),
-    ({"rms_slope_deg": 30.0}, "GRADED")], ids=["smooth", "rough", "steep and coarse", "slope", "graded"])
+@pytest.mark.parametrize(
+    ("terrain", "kind"),
+    [
+        pytest.param({"rms_slope_deg": 5.0}, "GRID", marks=pytest.mark.long),
+        ({"rms_slope_deg": 30.0, "resolution": 129}, "GRID"),
+        pytest.param({"rms_slope_deg": 55.0, "resolution": 33}, "GRID", marks=pytest.mark.long),
+        ({"rms_slope_deg": 15.0, "regional_slope_deg": 35.0}, "GRID"),
+        ({"rms_slope_deg": 30.0}, "GRADED"),
+    ],
+    ids=["smooth", "rough", "steep and coarse", "slope", "graded"],
+)
 def test_no_block_floats_over_the_mesh_that_is_rendered(terrain, kind):
-    built = scenes.build(empty_scene(), complete(
-        {"terrain": terrain, "mesh": {"kind": kind}},
-        {"rocks": {"coverage": 0.05, "smallest_m": 0.1, "burial": 0.0, "tilt_deg": 25.0}}))
+    built = scenes.build(
+        empty_scene(),
+        complete(
+            {"terrain": terrain, "mesh": {"kind": kind}},
+            {"rocks": {"coverage": 0.05, "smallest_m": 0.1, "burial": 0.0, "tilt_deg": 25.0}},
+        ),
+    )
     found = instances(built)
     assert len(found) > 300
     shapes = {mesh: corners(mesh) for mesh in {m for _, m in found}}
@@ -130,7 +144,8 @@ def test_edits_of_blocks_are_noticed():
 
     def reshape(item):
         item.modifiers[0].node_group.nodes["Shapes"].inputs["Collection"].default_value.objects[0].data.vertices[
-            0].co.z += 0.1
+            0
+        ].co.z += 0.1
 
     def unplug(item):
         group = item.modifiers[0].node_group
@@ -154,8 +169,12 @@ def test_blocks_survive_saving_and_loading(tmp_path):
 
 def test_blocks_are_made_of_the_ground_or_of_their_own():
     def reflectance(**rocks) -> float:
-        built = scenes.build(empty_scene(), complete({"rocks": {**STREWN["rocks"], **rocks}}, {
-            "surface": {"albedo": 0.9}, "rock_surface": {"albedo": 0.3}}))
+        built = scenes.build(
+            empty_scene(),
+            complete(
+                {"rocks": {**STREWN["rocks"], **rocks}}, {"surface": {"albedo": 0.9}, "rock_surface": {"albedo": 0.3}}
+            ),
+        )
         material = instances(built)[0][1].materials[0]
         return material.node_tree.nodes["Snow"].inputs["Base Color"].default_value[0]
 
@@ -180,8 +199,9 @@ def test_left_out_blocks_are_a_warning():
 
 
 def test_a_hundred_thousand_blocks_are_few_objects():
-    built = scenes.build(empty_scene(), complete(
-        {"rocks": {"coverage": 0.3, "smallest_m": 0.01, "largest_m": 1.0, "most": 100_000}}))
+    built = scenes.build(
+        empty_scene(), complete({"rocks": {"coverage": 0.3, "smallest_m": 0.01, "largest_m": 1.0, "most": 100_000}})
+    )
     assert built.rock_count == 100_000
     assert len({o.data for o in bpy.data.objects}) < 70
     assert len(bpy.data.objects) < 80  # as single objects they would take ten times as long to build

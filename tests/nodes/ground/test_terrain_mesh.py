@@ -62,8 +62,10 @@ def test_the_built_mesh_has_the_stated_roughness(hurst, multifractality):
 
 def test_what_the_panel_says_is_what_is_measured():
     empty = empty_scene()
-    scene_properties.write_settings(empty.icymoon, description.check(
-        {"mesh": {"kind": "GRID"}, "terrain": {**LAW["terrain"], "rms_slope_deg": 9.0}}, "test"))
+    scene_properties.write_settings(
+        empty.icymoon,
+        description.check({"mesh": {"kind": "GRID"}, "terrain": {**LAW["terrain"], "rms_slope_deg": 9.0}}, "test"),
+    )
     assert not bpy.ops.icymoon.show_roughness.poll()
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
     built = scenes.find(bpy.context.scene)
@@ -101,8 +103,9 @@ def test_the_table_of_roughness():
     for distance, deviation, asked, ratio, density in rows:
         metres, made = float(distance.split()[0]), float(deviation.split()[0]) / 1e3
         lag = round(metres / vertex_spacing_m(terrain))
-        difference = np.concatenate([(heights[:, lag:] - heights[:, :-lag]).ravel(),
-                                     (heights[lag:] - heights[:-lag]).ravel()])
+        difference = np.concatenate(
+            [(heights[:, lag:] - heights[:, :-lag]).ravel(), (heights[lag:] - heights[:-lag]).ravel()]
+        )
         # The plane of the patch is taken off before measuring, which counts at the longest lags.
         assert made == pytest.approx(math.sqrt(np.mean(difference**2)), rel=0.15 if metres > 2 else 0.03)
         if ratio:
@@ -126,14 +129,18 @@ def test_no_roughness_is_shown_of_a_mesh_that_is_not_the_grid():
     assert roughness_table(scenes.measured_patch(built), built.settings.terrain) == []
     flat = _built({"terrain": {"rms_slope_deg": 0.0}})
     assert scenes.ground_statistics(bpy.context.scene) == (
-        "RMS slope over 1 m, RMS height", "By roughness: 0.0°, 0 m", "Built: 0.0°, 0 m")
+        "RMS slope over 1 m, RMS height",
+        "By roughness: 0.0°, 0 m",
+        "Built: 0.0°, 0 m",
+    )
     assert roughness_table(scenes.measured_patch(flat), flat.settings.terrain)[1][2:4] == ("", "")
 
 
 def test_what_was_measured_on_an_earlier_ground_is_shown_as_such():
     empty = empty_scene()
-    scene_properties.write_settings(empty.icymoon, description.check(
-        {**LAW, "mesh": {"kind": "GRID"}, "ridges": {"height_m": 0.3}}, "test"))
+    scene_properties.write_settings(
+        empty.icymoon, description.check({**LAW, "mesh": {"kind": "GRID"}, "ridges": {"height_m": 0.3}}, "test")
+    )
     roughness = empty.icymoon.terrain.rms_slope_deg
     bpy.ops.icymoon.build_scene()
     before = scenes.ground_statistics(empty)
@@ -174,8 +181,10 @@ def test_layers_are_added_moved_and_removed(scene):
 
 
 def test_layers_reach_the_mesh():
-    bare, layered = (_built({"terrain": {"rms_slope_deg": 0.0, "layers": layers}})
-                     for layers in ([], [{"amplitude_m": 0.5, "scale_m": 4.0}]))
+    bare, layered = (
+        _built({"terrain": {"rms_slope_deg": 0.0, "layers": layers}})
+        for layers in ([], [{"amplitude_m": 0.5, "scale_m": 4.0}])
+    )
     heights = grid_heights(layered.terrain.data, layered.settings.terrain)
     assert heights is not None
     # Twenty-five waves on the patch: their RMS height is that of all within a fifth.

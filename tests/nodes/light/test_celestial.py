@@ -17,13 +17,24 @@ from icymoon.stereo.images.exr import read_view
 from icymoon.support.labels import PLANET
 from rendering import complete, empty_scene, render
 
-LAMBERT = {"terrain": {"rms_slope_deg": 0.0, "size_m": 40.0}, "mesh": {"kind": "GRID"},
-           "surface": {"grain_amplitude_m": 0.0, "albedo_variation": 0.0, "specular": 0.0, "albedo": 0.8},
-           "quality": {"diffuse_bounces": 0}}
+LAMBERT = {
+    "terrain": {"rms_slope_deg": 0.0, "size_m": 40.0},
+    "mesh": {"kind": "GRID"},
+    "surface": {"grain_amplitude_m": 0.0, "albedo_variation": 0.0, "specular": 0.0, "albedo": 0.8},
+    "quality": {"diffuse_bounces": 0},
+}
 NIGHT = {"sun_azimuth_deg": 180.0, "sun_elevation_deg": -30.0}
-SATURN = {"planet": True, "planet_angular_diameter_deg": 29.33, "planet_flattening": 0.098, "latitude_deg": -80.0,
-          "planet_elevation_deg": 40.0, "planet_azimuth_deg": 0.0, "planet_albedo": 0.499,
-          "planet_phase_law": "SATURN", "planet_rings": True}
+SATURN = {
+    "planet": True,
+    "planet_angular_diameter_deg": 29.33,
+    "planet_flattening": 0.098,
+    "latitude_deg": -80.0,
+    "planet_elevation_deg": 40.0,
+    "planet_azimuth_deg": 0.0,
+    "planet_albedo": 0.499,
+    "planet_phase_law": "SATURN",
+    "planet_rings": True,
+}
 UP = {"rig": {"width_px": 320, "height_px": 240, "pitch_deg": -50.0}}
 
 
@@ -41,8 +52,16 @@ def solid_angles(camera):
 
 @pytest.mark.heavy
 def test_each_star_has_its_light_and_place_and_no_depth(tmp_path):
-    pair, _ = render(tmp_path, LAMBERT, UP, {"light": NIGHT | {"stars": True, "latitude_deg": 45.0},
-                                             "rig": {"heading_deg": 90.0}, "quality": {"samples": 100}})
+    pair, _ = render(
+        tmp_path,
+        LAMBERT,
+        UP,
+        {
+            "light": NIGHT | {"stars": True, "latitude_deg": 45.0},
+            "rig": {"heading_deg": 90.0},
+            "quality": {"samples": 100},
+        },
+    )
     shown = stars_above_horizon(2.5, 1, sky(pair.settings.light).from_j2000)
     for eye in ("left", "right"):  # at infinity: both eyes see them in the same pixels
         view, camera = read_view(pair.image(eye)), pair.camera
@@ -53,11 +72,11 @@ def test_each_star_has_its_light_and_place_and_no_depth(tmp_path):
         assert len(inside) > 5
         for k in inside:
             u, v = int(column[k]), int(row[k])
-            around = light[v - 4:v + 5, u - 4:u + 5]
+            around = light[v - 4 : v + 5, u - 4 : u + 5]
             # Where it falls in the pixels 2 % (see celestial.STAR_PX), the paths' noise 1 %, at 16 of them 4 %.
             np.testing.assert_allclose(around.sum(axis=(0, 1)), shown.irradiance_wm2[k], rtol=0.05)
             grey = around.sum(axis=2)
-            middle = [(grey * axis).sum() / grey.sum() for axis in np.mgrid[v - 4:v + 5, u - 4:u + 5] + 0.5]
+            middle = [(grey * axis).sum() / grey.sum() for axis in np.mgrid[v - 4 : v + 5, u - 4 : u + 5] + 0.5]
             assert np.hypot(middle[0] - row[k], middle[1] - column[k]) < 0.15
         assert np.isnan(view.depth).all()
         assert np.isnan(scene_depth(view)).all()
@@ -67,8 +86,10 @@ def test_each_star_has_its_light_and_place_and_no_depth(tmp_path):
 
 def test_stars_give_the_ground_nothing_and_are_in_no_group(tmp_path):
     for light in (NIGHT, {"sun_elevation_deg": 30.0}):
-        pairs = [render(tmp_path, LAMBERT, {"rig": {"pitch_deg": 10.0}, "light": light | more})[0]
-                 for more in ({}, {"stars": True, "stars_faintest_mag": 6.0})]
+        pairs = [
+            render(tmp_path, LAMBERT, {"rig": {"pitch_deg": 10.0}, "light": light | more})[0]
+            for more in ({}, {"stars": True, "stars_faintest_mag": 6.0})
+        ]
         views = [read_view(pair.image("left")) for pair in pairs]
         assert (views[0].semantic[48:] > 0).all()
         assert (views[0].semantic[:24] == 0).all()
@@ -87,16 +108,21 @@ def test_stars_are_made_for_the_lens_and_cost_nothing_when_off():
     assert not [item for item in bpy.data.objects if "Stars" in item.name]
     sizes = []
     changes: tuple[dict[str, Any], ...] = (
-        {"light": {"stars": True}}, {"light": {"stars": True}, "rig": {"focal_length_mm": 64.0}},
-        {"light": {"stars": True, "stars_faintest_mag": 5.0}}, {"light": {"stars": False}})
+        {"light": {"stars": True}},
+        {"light": {"stars": True}, "rig": {"focal_length_mm": 64.0}},
+        {"light": {"stars": True, "stars_faintest_mag": 5.0}},
+        {"light": {"stars": False}},
+    )
     for change in changes:
         preview.show_settings(built, complete({"light": NIGHT}, change), 65)
         built = scenes.find(scene)
         assert not built.edited
         found = [item for item in bpy.data.objects if "Stars" in item.name]
         assert [item.name for item in found] == (["Icy Moon Stars"] if change["light"]["stars"] else [])
-        sizes += [(len(item.data.vertices) // 7, np.linalg.norm(item.data.vertices[1].co - item.data.vertices[0].co))
-                  for item in found]
+        sizes += [
+            (len(item.data.vertices) // 7, np.linalg.norm(item.data.vertices[1].co - item.data.vertices[0].co))
+            for item in found
+        ]
     (few, wide), (same, narrow), (more, _) = sizes
     assert few == same < 92 < more
     assert wide == pytest.approx(2 * narrow, rel=1e-3)
@@ -129,8 +155,11 @@ def test_rings_are_seen_as_bright_as_they_are_before_and_behind_the_planet(tmp_p
         inside = (radius > 60268 * ring.inner + 2500) & (radius < 60268 * ring.outer - 2500) & (distance > 0)
         lit = inside & (bare.semantic == 0) & (view.radiance[..., 0] > 0)
         assert lit.sum() > 100
-        expected = 14.82 / math.pi * brightness(ring, abs(sun), np.abs(ray[lit] @ shown.pole),
-                                                np.arccos(-ray[lit] @ shown.sun), lit_side)
+        expected = (
+            14.82
+            / math.pi
+            * brightness(ring, abs(sun), np.abs(ray[lit] @ shown.pole), np.arccos(-ray[lit] @ shown.sun), lit_side)
+        )
         ratio = view.radiance[lit][:, 0] / expected
         # Triangles between circles a sixth of a ring apart; at its edges a pixel holds a part of the ring.
         assert np.median(ratio) == pytest.approx(1, abs=0.01)
@@ -149,8 +178,15 @@ def test_saturn_shines_less_through_the_shadow_of_its_rings(tmp_path):
     light = SATURN | {"planet_elevation_deg": 15.0, "sun_elevation_deg": -30.0, "sun_azimuth_deg": 150.0}
     found = {}
     for has in (True, False):
-        pair, _ = render(tmp_path, LAMBERT, {"light": light | {"planet_rings": has}, "quality": {"samples": 256},
-                                             "rig": {"pitch_deg": 90.0, "width_px": 48, "height_px": 36}})
+        pair, _ = render(
+            tmp_path,
+            LAMBERT,
+            {
+                "light": light | {"planet_rings": has},
+                "quality": {"samples": 256},
+                "rig": {"pitch_deg": 90.0, "width_px": 48, "height_px": 36},
+            },
+        )
         expected = sky(pair.settings.light).ground_irradiance_wm2[1] * 0.8 / math.pi
         found[has] = read_view(pair.image("left")).radiance.mean()
         assert found[has] == pytest.approx(expected, rel=2e-3)
@@ -163,14 +199,25 @@ def test_rings_give_the_ground_nothing_and_go_when_they_are_below():
     item = bpy.data.objects["Icy Moon Rings"]
     assert not any((item.visible_diffuse, item.visible_shadow, item.visible_glossy))
     assert min(v.co.z for v in item.data.vertices) >= 0
-    for change in ({"planet_elevation_deg": -60.0}, {"planet": False}, {"planet_rings": False},
-                   {"planet_elevation_deg": 10.0}):  # the last has the site exactly in their plane
+    for change in (
+        {"planet_elevation_deg": -60.0},
+        {"planet": False},
+        {"planet_rings": False},
+        {"planet_elevation_deg": 10.0},
+    ):  # the last has the site exactly in their plane
         preview.show_settings(built, complete({"light": SATURN | change}), 65)
         assert not [item for item in bpy.data.objects if "Rings" in item.name]
         assert not [m for m in bpy.data.materials if "Rings" in m.name]
         assert not built.edited
-    built = scenes.build(empty_scene(), complete({"terrain": {"body_radius_m": 1.5608e6}, "light": {
-        "directions_from": "DATE", "body": "EUROPA", "planet": True, "planet_rings": True}}))
+    built = scenes.build(
+        empty_scene(),
+        complete(
+            {
+                "terrain": {"body_radius_m": 1.5608e6},
+                "light": {"directions_from": "DATE", "body": "EUROPA", "planet": True, "planet_rings": True},
+            }
+        ),
+    )
     assert "Only Saturn has bright rings" in " ".join(built.warnings)
 
 
@@ -186,9 +233,19 @@ def test_the_panel_says_how_the_rings_stand_and_that_there_is_an_eclipse():
 @pytest.mark.parametrize("elevation_deg", [40.0, 49.0, -5.0])
 def test_the_panel_shows_the_light_of_the_sun_that_the_scene_renders(elevation_deg):
     """Less what the planet hides, all, part or nothing of it, and 0 by night."""
-    settings = complete({"light": {"planet": True, "planet_elevation_deg": 40.0, "planet_azimuth_deg": 0.0,
-                                   "planet_angular_diameter_deg": 18.0, "planet_flattening": 0.0,
-                                   "sun_elevation_deg": elevation_deg, "sun_azimuth_deg": 0.0}})
+    settings = complete(
+        {
+            "light": {
+                "planet": True,
+                "planet_elevation_deg": 40.0,
+                "planet_azimuth_deg": 0.0,
+                "planet_angular_diameter_deg": 18.0,
+                "planet_flattening": 0.0,
+                "sun_elevation_deg": elevation_deg,
+                "sun_azimuth_deg": 0.0,
+            }
+        }
+    )
     built = scenes.build(empty_scene(), settings)
     assert (sky(settings.light).eclipse > 0) == (elevation_deg > 0)
     lamp = float(built.sun.data.energy)

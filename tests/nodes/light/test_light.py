@@ -20,9 +20,11 @@ from icymoon.support.labels import PLANET, TERRAIN
 from lit_scenes import JUPITER, NIGHT, SATURN
 from rendering import complete, empty_scene, render
 
-LAMBERT = {"terrain": {"rms_slope_deg": 0.0, "size_m": 40.0},
-           "surface": {"grain_amplitude_m": 0.0, "albedo_variation": 0.0, "specular": 0.0, "albedo": 0.8},
-           "quality": {"diffuse_bounces": 0}}
+LAMBERT = {
+    "terrain": {"rms_slope_deg": 0.0, "size_m": 40.0},
+    "surface": {"grain_amplitude_m": 0.0, "albedo_variation": 0.0, "specular": 0.0, "albedo": 0.8},
+    "quality": {"diffuse_bounces": 0},
+}
 DOWN = {"rig": {"pitch_deg": 90.0, "width_px": 48, "height_px": 36}}
 
 
@@ -43,12 +45,18 @@ def test_a_plane_in_planetshine_has_the_radiance_of_the_integral(tmp_path, plane
     assert view.groups["Sun"].max() == 0
 
 
-@pytest.mark.parametrize(("irradiance", "diameter"), [(14.82, 0.0556), (50.26, 0.1024), (4.14, 0.57296)],
-                         ids=["Enceladus", "Europa", "paper"])
+@pytest.mark.parametrize(
+    ("irradiance", "diameter"),
+    [(14.82, 0.0556), (50.26, 0.1024), (4.14, 0.57296)],
+    ids=["Enceladus", "Europa", "paper"],
+)
 def test_a_plane_in_sunlight_has_the_radiance_of_lambert_at_every_elevation(tmp_path, irradiance, diameter):
     for elevation in (-5.0, 0.0, 0.01, 12.0, 90.0):
-        _, view = lit(tmp_path, {"sun_irradiance_wm2": irradiance, "sun_angular_diameter_deg": diameter,
-                                 "sun_elevation_deg": elevation}, {"quality": {"samples": 16}})
+        _, view = lit(
+            tmp_path,
+            {"sun_irradiance_wm2": irradiance, "sun_angular_diameter_deg": diameter, "sun_elevation_deg": elevation},
+            {"quality": {"samples": 16}},
+        )
         assert np.isfinite(view.radiance).all()
         expected = irradiance * math.sin(math.radians(elevation)) * 0.8 / math.pi
         if elevation < 0:
@@ -60,16 +68,26 @@ def test_a_plane_in_sunlight_has_the_radiance_of_lambert_at_every_elevation(tmp_
             assert view.radiance.mean() == pytest.approx(expected, rel=1e-3)
 
 
-@pytest.mark.parametrize(("surface", "law"), [
-    ({}, photometry.lunar_lambert(0.8, 0.0)), ({"model": "LUNAR_LAMBERT", "lommel_seeliger_share": 0.6},
-                                               photometry.lunar_lambert(0.8, 0.6))], ids=["Lambert", "by nodes"])
+@pytest.mark.parametrize(
+    ("surface", "law"),
+    [
+        ({}, photometry.lunar_lambert(0.8, 0.0)),
+        ({"model": "LUNAR_LAMBERT", "lommel_seeliger_share": 0.6}, photometry.lunar_lambert(0.8, 0.6)),
+    ],
+    ids=["Lambert", "by nodes"],
+)
 def test_a_lamp_near_the_ground_lights_each_point_from_its_own_side(tmp_path, surface, law):
     """Irradiance by the inverse square of each point's distance, direction by the lamp's place: E (D/d)² cos i."""
-    pair, view = lit(tmp_path, {"sun_distance_m": 2.0, "sun_elevation_deg": 35.0, "sun_azimuth_deg": 120.0,
-                                "sun_angular_diameter_deg": 0.0}, {"quality": {"samples": 16}, "surface": surface})
+    pair, view = lit(
+        tmp_path,
+        {"sun_distance_m": 2.0, "sun_elevation_deg": 35.0, "sun_azimuth_deg": 120.0, "sun_angular_diameter_deg": 0.0},
+        {"quality": {"samples": 16}, "surface": surface},
+    )
     camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"]["left"])
-    u, v = ((np.arange(n) + 0.5 - c) / camera.focal_px for n, c in (
-        (camera.width_px, camera.cx_px), (camera.height_px, camera.cy_px)))
+    u, v = (
+        (np.arange(n) + 0.5 - c) / camera.focal_px
+        for n, c in ((camera.width_px, camera.cx_px), (camera.height_px, camera.cy_px))
+    )
     ray = np.stack(np.broadcast_arrays(u[None, :], v[:, None], 1.0), axis=-1)
     point = (ray * view.depth[..., None]) @ pose[:3, :3].T + pose[:3, 3]
     sun = pair.data["light"]["sun"]
@@ -78,17 +96,23 @@ def test_a_lamp_near_the_ground_lights_each_point_from_its_own_side(tmp_path, su
     way, eye = np.array(sun["direction_to_world"]) * 2.0 - point, pose[:3, 3] - point
     far = np.linalg.norm(way, axis=-1)
     i, e = np.arccos(way[..., 2] / far), np.arccos(eye[..., 2] / np.linalg.norm(eye, axis=-1))
-    azimuth = np.abs(np.angle(np.exp(1j * (np.arctan2(way[..., 1], way[..., 0]) - np.arctan2(eye[..., 1],
-                                                                                             eye[..., 0])))))
+    azimuth = np.abs(
+        np.angle(np.exp(1j * (np.arctan2(way[..., 1], way[..., 0]) - np.arctan2(eye[..., 1], eye[..., 0]))))
+    )
     expected = 14.82 * (2.0 / far) ** 2 * law(i, e, azimuth)
     assert far.max() / far.min() > 1.3  # a Sun far away would be off by 1.7 times
     # A pixel spans 3 % of the distance to the lamp; its mean is that of its centre but for the curvature, 1e-3.
     assert view.radiance.mean(axis=-1) == pytest.approx(expected, rel=0.01)
 
 
-@pytest.mark.parametrize(("part", "word"), [
-    ({"light": {"planet": True}}, "without a date or a planet"), ({"surface": {"model": "HAPKE"}}, "to NODES"),
-    ({"surface": {"model": "SNOW"}, "hapke": {"backend": "OSL"}}, "to NODES")])
+@pytest.mark.parametrize(
+    ("part", "word"),
+    [
+        ({"light": {"planet": True}}, "without a date or a planet"),
+        ({"surface": {"model": "HAPKE"}}, "to NODES"),
+        ({"surface": {"model": "SNOW"}, "hapke": {"backend": "OSL"}}, "to NODES"),
+    ],
+)
 def test_what_a_lamp_near_the_ground_cannot_light_is_refused(part, word):
     near = {"light": {"sun_distance_m": 2.0, **part.get("light", {})}}
     assert any(word in reason for reason in reasons_of_settings(complete(part, near)))
@@ -97,8 +121,15 @@ def test_what_a_lamp_near_the_ground_cannot_light_is_refused(part, word):
 
 def test_the_planet_is_seen_where_it_stands_as_big_and_bright_as_it_is(tmp_path):
     light = SATURN | NIGHT
-    pair, _ = render(tmp_path, LAMBERT, {"light": light, "quality": {"samples": 16}, "rig": {
-        "pitch_deg": -50.0, "heading_deg": 20.0, "width_px": 320, "height_px": 240}})
+    pair, _ = render(
+        tmp_path,
+        LAMBERT,
+        {
+            "light": light,
+            "quality": {"samples": 16},
+            "rig": {"pitch_deg": -50.0, "heading_deg": 20.0, "width_px": 320, "height_px": 240},
+        },
+    )
     view, camera = read_view(pair.image("left")), pair.camera
     assert set(np.unique(view.semantic)) == {0, PLANET}
     on = view.semantic == PLANET
@@ -131,8 +162,15 @@ def test_sun_and_planet_add_up_to_the_image(tmp_path):
 @pytest.mark.heavy
 @pytest.mark.parametrize("accuracy", [pytest.param("FAST", marks=pytest.mark.long), "ACCURATE"])
 def test_sun_and_planet_add_up_on_ice_that_traces_the_sun_itself(tmp_path, accuracy):
-    pair, _ = render(tmp_path, {"light": SATURN | {"sun_elevation_deg": 10.0}, "surface": {"model": "HAPKE"},
-                                "hapke": {"accuracy": accuracy}, "rocks": {"coverage": 0.05}})
+    pair, _ = render(
+        tmp_path,
+        {
+            "light": SATURN | {"sun_elevation_deg": 10.0},
+            "surface": {"model": "HAPKE"},
+            "hapke": {"accuracy": accuracy},
+            "rocks": {"coverage": 0.05},
+        },
+    )
     view = read_view(pair.image("left"))
     assert np.abs(sum(view.groups.values()) - view.radiance).max() <= 1e-5 * view.radiance.max()
     ground = view.semantic == TERRAIN
@@ -145,8 +183,9 @@ def test_a_scene_with_one_light_has_no_groups_and_a_lander_brings_them(tmp_path)
     assert not built.several_lights
 
 
-@pytest.mark.parametrize("planet", [{"planet_elevation_deg": -15.0}, {"planet_angular_diameter_deg": 0.0},
-                                    {"planet_albedo": 0.0}])
+@pytest.mark.parametrize(
+    "planet", [{"planet_elevation_deg": -15.0}, {"planet_angular_diameter_deg": 0.0}, {"planet_albedo": 0.0}]
+)
 def test_a_planet_that_is_down_or_dark_gives_nothing(tmp_path, planet):
     _, view = lit(tmp_path, SATURN | NIGHT | planet, {"quality": {"samples": 16}})
     assert view.radiance.max() == 0
@@ -162,7 +201,8 @@ def test_full_and_new(tmp_path, elevation, azimuth, phase):
         assert view.radiance.max() == 0  # the planet hides the Sun and shows its night
     else:
         assert view.radiance.mean() == pytest.approx(
-            sky(pair.settings["light"]).ground_irradiance_wm2[1] * 0.8 / math.pi, rel=2e-3)
+            sky(pair.settings["light"]).ground_irradiance_wm2[1] * 0.8 / math.pi, rel=2e-3
+        )
 
 
 def test_of_a_planet_on_the_horizon_the_upper_half_shines_and_is_seen(tmp_path):
@@ -194,8 +234,14 @@ def test_a_dark_sky_is_said_with_its_mend():
 
 
 def test_what_the_planet_hides_of_the_sun_the_ground_lacks(tmp_path):
-    light = {"planet": True, "planet_elevation_deg": 30.0, "planet_azimuth_deg": 60.0, "sun_elevation_deg": 30.01,
-             "planet_angular_diameter_deg": 0.05, "planet_albedo": 0.0}
+    light = {
+        "planet": True,
+        "planet_elevation_deg": 30.0,
+        "planet_azimuth_deg": 60.0,
+        "sun_elevation_deg": 30.01,
+        "planet_angular_diameter_deg": 0.05,
+        "planet_albedo": 0.0,
+    }
     pair, view = lit(tmp_path, light, {"quality": {"samples": 16}})
     hidden = pair.data["light"]["sun"]["eclipse"]
     assert 0.3 < hidden < 0.9
@@ -208,15 +254,37 @@ def turn_by_hand(lamp) -> None:
     lamp.data.energy = 10.0
 
 
-@pytest.mark.parametrize(("light", "source"), [
-    ({"sun_elevation_deg": 20.0, "planet": False}, "ANGLES"),
-    ({"directions_from": "DATE", "body": "ENCELADUS", "date_utc": "2027-03-01T12:00:00", "latitude_deg": 10.0,
-      "longitude_deg": 20.0, "planet": False}, "DATE"),
-    ({"planet": True, "planet_elevation_deg": 30.0, "planet_azimuth_deg": 60.0, "sun_elevation_deg": 30.01,
-      "planet_angular_diameter_deg": 0.05, "planet_albedo": 0.0}, "ANGLES"),
-    ({"sun_elevation_deg": 20.0, "planet": False}, "HAND"),
-    ({"directions_from": "DATE", "body": "ENCELADUS", "date_utc": "2027-03-01T12:00:00", "planet": False}, "HAND")],
-    ids=["angles", "date", "half hidden", "by hand", "date, by hand"])
+@pytest.mark.parametrize(
+    ("light", "source"),
+    [
+        ({"sun_elevation_deg": 20.0, "planet": False}, "ANGLES"),
+        (
+            {
+                "directions_from": "DATE",
+                "body": "ENCELADUS",
+                "date_utc": "2027-03-01T12:00:00",
+                "latitude_deg": 10.0,
+                "longitude_deg": 20.0,
+                "planet": False,
+            },
+            "DATE",
+        ),
+        (
+            {
+                "planet": True,
+                "planet_elevation_deg": 30.0,
+                "planet_azimuth_deg": 60.0,
+                "sun_elevation_deg": 30.01,
+                "planet_angular_diameter_deg": 0.05,
+                "planet_albedo": 0.0,
+            },
+            "ANGLES",
+        ),
+        ({"sun_elevation_deg": 20.0, "planet": False}, "HAND"),
+        ({"directions_from": "DATE", "body": "ENCELADUS", "date_utc": "2027-03-01T12:00:00", "planet": False}, "HAND"),
+    ],
+    ids=["angles", "date", "half hidden", "by hand", "date, by hand"],
+)
 def test_the_record_states_the_sun_that_the_images_have(tmp_path, light, source):
     """Lambert's law on a level plane turns the light of the images into the Sun's irradiance on level ground."""
     settings = complete(LAMBERT, DOWN, {"light": light, "quality": {"samples": 16}})
@@ -244,10 +312,19 @@ def test_a_penumbra_is_as_wide_as_the_sun(tmp_path, diameter):
     """A wall's shadow under the Sun at 45°: from full light to none over the diameter seen from the wall's top."""
     import bpy
 
-    settings = complete(LAMBERT, {"light": {"sun_elevation_deg": 45.0, "sun_azimuth_deg": 90.0,
-                                            "sun_angular_diameter_deg": diameter, "sun_irradiance_wm2": 10.0},
-                                  "quality": {"samples": 256},
-                                  "rig": {"pitch_deg": 90.0, "width_px": 128, "height_px": 16, "height_m": 0.6}})
+    settings = complete(
+        LAMBERT,
+        {
+            "light": {
+                "sun_elevation_deg": 45.0,
+                "sun_azimuth_deg": 90.0,
+                "sun_angular_diameter_deg": diameter,
+                "sun_irradiance_wm2": 10.0,
+            },
+            "quality": {"samples": 256},
+            "rig": {"pitch_deg": 90.0, "width_px": 128, "height_px": 16, "height_m": 0.6},
+        },
+    )
     scene = empty_scene()
     built = scenes.build(scene, settings)
     height = 5.0
@@ -265,6 +342,7 @@ def test_a_penumbra_is_as_wide_as_the_sun(tmp_path, diameter):
     # The light falls on the side away from the Sun's: x < 0 is lit last.
     expected = min((expected, expected[::-1]), key=lambda e: np.abs(level - e).max())
     assert np.abs(level - expected).max() < 0.05
+
     # Its width, as the scatter of the slope about the edge: a disc's is half its radius. Within 4 %, a pixel or two.
     def scatter(profile):
         slope = np.abs(np.diff(profile))
@@ -281,7 +359,9 @@ def test_planet_and_world_are_replaced_and_cleared():
     for _ in "12":
         built = scenes.build(scene, complete({"light": SATURN}))
         assert [item.name for item in bpy.data.objects if "Planet" in item.name] == [
-            "Icy Moon Planet", "Icy Moon Planetshine"]
+            "Icy Moon Planet",
+            "Icy Moon Planetshine",
+        ]
         assert len(bpy.data.worlds) == 1
         assert not built.edited
     built = scenes.build(scene, complete())
@@ -321,8 +401,11 @@ def test_a_camera_that_was_toed_in_or_focused_by_hand_is_refused(tmp_path):
     with pytest.raises(IcyMoonError, match="depth of field"):
         render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
     built.camera.data.dof.use_dof = False
-    for name, value, setting in (("lens", 33.0, "rig.focal_length_mm"), ("shift_y", 0.01, "rig.principal_y_px"),
-                                 ("type", "ORTHO", "rig.focal_length_mm")):
+    for name, value, setting in (
+        ("lens", 33.0, "rig.focal_length_mm"),
+        ("shift_y", 0.01, "rig.principal_y_px"),
+        ("type", "ORTHO", "rig.focal_length_mm"),
+    ):
         before = getattr(built.camera.data, name)
         setattr(built.camera.data, name, value)
         with pytest.raises(IcyMoonError, match=setting):
@@ -347,7 +430,8 @@ def test_the_preview_moves_the_planet_and_takes_it_away():
         assert not built.edited
         assert fresh.sky == sky_facts(sky(settings.light))
         assert [o.name for o in bpy.data.objects if "Planet" in o.name] == (
-            [] if "planet" in change else ["Icy Moon Planet", "Icy Moon Planetshine"])
+            [] if "planet" in change else ["Icy Moon Planet", "Icy Moon Planetshine"]
+        )
     preview.show_settings(built, complete({"light": {"directions_from": "DATE", "date_utc": "soon"}}), 65)
     assert "light.date_utc" in preview.notes(scene)[0]
 

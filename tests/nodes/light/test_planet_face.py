@@ -15,11 +15,17 @@ from rendering import complete, empty_scene, render
 
 FLAT = {"terrain": {"rms_slope_deg": 0.0, "size_m": 40.0}, "mesh": {"kind": "GRID"}, "quality": {"samples": 16}}
 #: Of a site in the plane of the rings only their shadow is seen, if they are Saturn's.
-LIGHT = {"planet": True, "planet_angular_diameter_deg": 29.33, "planet_flattening": 0.098, "latitude_deg": 0.0,
-         "planet_elevation_deg": 40.0, "planet_azimuth_deg": 90.0, "sun_elevation_deg": -30.0,
-         "sun_azimuth_deg": 300.0}
-RIG = {"width_px": 240, "height_px": 180, "pitch_deg": -40.0, "heading_deg": 90.0,
-       "focal_length_mm": 80.0}
+LIGHT = {
+    "planet": True,
+    "planet_angular_diameter_deg": 29.33,
+    "planet_flattening": 0.098,
+    "latitude_deg": 0.0,
+    "planet_elevation_deg": 40.0,
+    "planet_azimuth_deg": 90.0,
+    "sun_elevation_deg": -30.0,
+    "sun_azimuth_deg": 300.0,
+}
+RIG = {"width_px": 240, "height_px": 180, "pitch_deg": -40.0, "heading_deg": 90.0, "focal_length_mm": 80.0}
 
 
 def rays(pair):
@@ -29,8 +35,10 @@ def rays(pair):
     y = (np.arange(camera.height_px) + 0.5 - camera.cy_px) / camera.focal_px
     ray = np.stack(np.broadcast_arrays(x[None, :], y[:, None], np.ones(1)), axis=-1)
     length = np.linalg.norm(ray, axis=-1)
-    return (ray / length[..., None] @ np.array(pair.data["poses_camera_to_world"]["left"])[:3, :3].T,
-            length**-3 / camera.focal_px**2)
+    return (
+        ray / length[..., None] @ np.array(pair.data["poses_camera_to_world"]["left"])[:3, :3].T,
+        length**-3 / camera.focal_px**2,
+    )
 
 
 def nearest(shown, ray):
@@ -44,8 +52,11 @@ def nearest(shown, ray):
 
 @pytest.mark.parametrize(("face", "rings"), [("PLAIN", True), ("SATURN", True), ("JUPITER", False)])
 def test_the_image_of_the_planet_is_what_rays_find(tmp_path, face, rings):
-    pair, _ = render(tmp_path, FLAT, {"rig": RIG, "light": LIGHT | {
-        "planet_face": face, "planet_rings": rings, "planet_spot_longitude_deg": 10.0}})
+    pair, _ = render(
+        tmp_path,
+        FLAT,
+        {"rig": RIG, "light": LIGHT | {"planet_face": face, "planet_rings": rings, "planet_spot_longitude_deg": 10.0}},
+    )
     view, shown = read_view(pair.image("left")), sky(pair.settings.light).planet
     ray, solid_angle = rays(pair)
     distance = nearest(shown, ray)
@@ -76,8 +87,15 @@ def test_a_face_changes_the_colour_of_the_light_on_the_ground_but_not_its_amount
 
 def test_the_planet_reaches_down_to_the_horizon_of_the_moon(tmp_path):
     light = LIGHT | {"planet_elevation_deg": 0.0}
-    pair, built = render(tmp_path, FLAT, {"light": light, "terrain": {"body_radius_m": 10000.0}, "rig": {
-        "width_px": 64, "height_px": 240, "pitch_deg": 0.0, "heading_deg": 90.0, "sensor_width_mm": 3.0}})
+    pair, built = render(
+        tmp_path,
+        FLAT,
+        {
+            "light": light,
+            "terrain": {"body_radius_m": 10000.0},
+            "rig": {"width_px": 64, "height_px": 240, "pitch_deg": 0.0, "heading_deg": 90.0, "sensor_width_mm": 3.0},
+        },
+    )
     rows = np.nonzero((read_view(pair.image("left")).semantic == PLANET).any(axis=1))[0]
     dip = math.acos(10000.0 / 10001.6)
     # The flat ground of the test ends lower: a planet cut at eye level would leave a black strip of 13 rows.

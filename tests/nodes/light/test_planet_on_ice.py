@@ -15,11 +15,19 @@ from icymoon.stereo.images.exr import View, read_view
 from icymoon.support.labels import TERRAIN
 from lit_scenes import JUPITER, NIGHT, SATURN
 
-ICE = {"terrain": FLAT, "surface": BARE, "rig": {"width_px": 48, "height_px": 36},
-       "quality": {"samples": 256, "diffuse_bounces": 0}}
+ICE = {
+    "terrain": FLAT,
+    "surface": BARE,
+    "rig": {"width_px": 48, "height_px": 36},
+    "quality": {"samples": 256, "diffuse_bounces": 0},
+}
 #: Of Saturn 150 degrees past full a crescent is left, lit from the north-east.
-CRESCENT = SATURN | {"sun_azimuth_deg": 30.0, "sun_elevation_deg": -1.0, "planet_elevation_deg": 28.0,
-                     "planet_azimuth_deg": 20.0}
+CRESCENT = SATURN | {
+    "sun_azimuth_deg": 30.0,
+    "sun_elevation_deg": -1.0,
+    "planet_elevation_deg": 28.0,
+    "planet_azimuth_deg": 20.0,
+}
 
 
 def by_integral(pair: Pair, steps: int = 24) -> np.ndarray:
@@ -44,8 +52,15 @@ def left(pair: Pair) -> View:
 @pytest.mark.parametrize("light", [SATURN | NIGHT, JUPITER | NIGHT, CRESCENT], ids=["Saturn", "Jupiter", "crescent"])
 def test_ice_in_planetshine_is_as_bright_as_the_law_over_the_disc(tmp_path, accuracy, light):
     narrow = light is CRESCENT
-    pair, _ = picture(tmp_path, ICE, {"light": light, "hapke": {"accuracy": accuracy, "backend": "OSL"},
-                                      "quality": {"samples": 1024 if narrow else 256}})
+    pair, _ = picture(
+        tmp_path,
+        ICE,
+        {
+            "light": light,
+            "hapke": {"accuracy": accuracy, "backend": "OSL"},
+            "quality": {"samples": 1024 if narrow else 256},
+        },
+    )
     view, truth = left(pair), by_integral(pair, 60 if narrow else 24)
     ground = view.semantic == TERRAIN
     image = view.radiance.mean(axis=-1)
@@ -65,13 +80,25 @@ def test_nodes_follow_the_planet_when_the_sun_is_down(tmp_path, light):
     assert view.radiance[ground].mean() == pytest.approx(truth[ground].mean(), rel=1e-2)
 
 
-@pytest.mark.parametrize("hapke", [{"backend": "OSL"}, {"backend": "NODES"}, *long(
-    {"backend": "OSL", "accuracy": "ACCURATE"}, {"backend": "OSL", "accuracy": "REFERENCE"})])
+@pytest.mark.parametrize(
+    "hapke",
+    [
+        {"backend": "OSL"},
+        {"backend": "NODES"},
+        *long({"backend": "OSL", "accuracy": "ACCURATE"}, {"backend": "OSL", "accuracy": "REFERENCE"}),
+    ],
+)
 def test_by_day_each_lights_part_is_what_it_gives_alone(tmp_path, hapke):
-    scene = [{"surface": {"model": "HAPKE"}, "hapke": hapke,
-              "rocks": {"coverage": 0.1}, "quality": {"samples": 64, "diffuse_bounces": 2},
-              "terrain": {"rms_slope_deg": 15.0, "size_m": 8.0, "resolution": 65},
-              "rig": {"width_px": 64, "height_px": 48}}]
+    scene = [
+        {
+            "surface": {"model": "HAPKE"},
+            "hapke": hapke,
+            "rocks": {"coverage": 0.1},
+            "quality": {"samples": 64, "diffuse_bounces": 2},
+            "terrain": {"rms_slope_deg": 15.0, "size_m": 8.0, "resolution": 65},
+            "rig": {"width_px": 64, "height_px": 48},
+        }
+    ]
     day = SATURN | {"sun_elevation_deg": 12.0, "sun_azimuth_deg": 200.0}
 
     def sun_off(built):
@@ -99,29 +126,57 @@ def test_by_day_each_lights_part_is_what_it_gives_alone(tmp_path, hapke):
 
 
 #: Saturn behind the camera, so that phase angles reach 0, or ahead of it and cut by the horizon, where all grazes.
-PLACES = {"behind": {"planet_azimuth_deg": 180.0, "planet_elevation_deg": 45.84, "sun_azimuth_deg": 0.0,
-                     "sun_elevation_deg": -40.0},
-          "ahead": {"planet_azimuth_deg": 0.0, "planet_elevation_deg": 2.0, "sun_azimuth_deg": 170.0,
-                    "sun_elevation_deg": -5.0}}
+PLACES = {
+    "behind": {
+        "planet_azimuth_deg": 180.0,
+        "planet_elevation_deg": 45.84,
+        "sun_azimuth_deg": 0.0,
+        "sun_elevation_deg": -40.0,
+    },
+    "ahead": {
+        "planet_azimuth_deg": 0.0,
+        "planet_elevation_deg": 2.0,
+        "sun_azimuth_deg": 170.0,
+        "sun_elevation_deg": -5.0,
+    },
+}
 
 
 @pytest.mark.parametrize("backend", ["OSL", "NODES"])
 @pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize("changes", [
-    {"theta_bar_deg": 60.0, "b": 0.99, "c": -1.0, "w": 1.0}, *long(
-        {"w": 0.0}, {"w": 0.99, "theta_bar_deg": 0.0}, {"theta_bar_deg": 60.0}, {"b": 0.99, "c": -1.0},
-        {"b": -0.99, "c": 0.3}, {"h_s": 1e-8, "b_c0": 1.0, "h_c": 1e-8}, {"h_s": 10.0, "b_s0": 3.0, "w": 0.7},
-        {"filling_factor": 0.75, "w": 0.5})])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"theta_bar_deg": 60.0, "b": 0.99, "c": -1.0, "w": 1.0},
+        *long(
+            {"w": 0.0},
+            {"w": 0.99, "theta_bar_deg": 0.0},
+            {"theta_bar_deg": 60.0},
+            {"b": 0.99, "c": -1.0},
+            {"b": -0.99, "c": 0.3},
+            {"h_s": 1e-8, "b_c0": 1.0, "h_c": 1e-8},
+            {"h_s": 10.0, "b_s0": 3.0, "w": 0.7},
+            {"filling_factor": 0.75, "w": 0.5},
+        ),
+    ],
+)
 def test_no_extreme_leaves_a_bad_pixel(tmp_path, backend, place, changes):
     pitch = 45.84 if place == "behind" else 3.0
-    pair, _ = picture(tmp_path, ICE, {
-        "light": SATURN | PLACES[place], "hapke": {"backend": backend, **changes}, "quality": {"samples": 64},
-        "rig": {"width_px": 24, "height_px": 18, "pitch_deg": pitch}})
+    pair, _ = picture(
+        tmp_path,
+        ICE,
+        {
+            "light": SATURN | PLACES[place],
+            "hapke": {"backend": backend, **changes},
+            "quality": {"samples": 64},
+            "rig": {"width_px": 24, "height_px": 18, "pitch_deg": pitch},
+        },
+    )
     view, truth = left(pair), by_integral(pair)
     wide = np.pad(view.semantic == TERRAIN, 2, mode="edge")
     rows, columns = view.semantic.shape
     # Where the pixel filter does not reach the planet itself, which may stand on the horizon.
-    ground = np.all([wide[r:r + rows, c:c + columns] for r in range(5) for c in range(5)], axis=0)
+    ground = np.all([wide[r : r + rows, c : c + columns] for r in range(5) for c in range(5)], axis=0)
     assert ground.mean() > 0.2
     image = view.radiance.mean(axis=-1)[ground]
     # One direction of the disc brings the radiance of its brightest spot at most: no pixel is far above the mean.
@@ -135,9 +190,15 @@ def test_truth_is_the_same_with_open_shading_language_and_without(tmp_path):
     """Labels of blocks and normals of facets are value passes, which Cycles does not write with OSL."""
     views = []
     for backend in ("OSL", "NODES"):
-        pair, _ = picture(tmp_path / backend, {
-            "surface": {"model": "HAPKE"}, "hapke": {"backend": backend}, "rocks": {"coverage": 0.15},
-            "terrain": {"rms_slope_deg": 15.0, "resolution": 65}})
+        pair, _ = picture(
+            tmp_path / backend,
+            {
+                "surface": {"model": "HAPKE"},
+                "hapke": {"backend": backend},
+                "rocks": {"coverage": 0.15},
+                "terrain": {"rms_slope_deg": 15.0, "resolution": 65},
+            },
+        )
         views.append(read_view(pair.image("right")))
     osl, nodes = views
     assert len(np.unique(osl.instance)) > 10

@@ -23,16 +23,30 @@ def surface(**changes: Any) -> SurfaceSettings:
     return defaults().surface | {"grain_amplitude_m": 0.0} | check({"surface": changes}, "test").surface
 
 
-@pytest.mark.parametrize("changes", [
-    {"albedo": 0.2, "specular": 0.0}, {"albedo": 1.0, "specular": 0.0}, {"albedo": 0.0, "specular": 0.0},
-    {"albedo": 0.2, "specular": 1.0, "roughness": 0.1}, {"albedo": 0.6, "specular": 0.5, "roughness": 0.4},
-    *(pytest.param({"albedo": albedo, "subsurface_weight": 1.0}, marks=pytest.mark.heavy) for albedo in (0.9, 1.0)),
-    {"albedo": 0.4, "subsurface_weight": 0.5, "roughness": 0.2}, {"albedo": 0.8, "transmission": 0.5},
-    {"albedo": 0.8, "subsurface_weight": 1.0, "subsurface_method": "BURLEY"},
-    {"albedo": 0.5, "refractive_index": 2.2, "specular": 0.9, "roughness": 0.6},
-    {"albedo": 0.7, "grain_size_m": 0.02, "grain_amplitude_m": 0.006},
-    {"albedo": 1.0, "grain_size_m": 0.02, "grain_amplitude_m": 0.006, "transmission": 0.2, "subsurface_weight": 0.5},
-], ids=str)
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"albedo": 0.2, "specular": 0.0},
+        {"albedo": 1.0, "specular": 0.0},
+        {"albedo": 0.0, "specular": 0.0},
+        {"albedo": 0.2, "specular": 1.0, "roughness": 0.1},
+        {"albedo": 0.6, "specular": 0.5, "roughness": 0.4},
+        *(pytest.param({"albedo": albedo, "subsurface_weight": 1.0}, marks=pytest.mark.heavy) for albedo in (0.9, 1.0)),
+        {"albedo": 0.4, "subsurface_weight": 0.5, "roughness": 0.2},
+        {"albedo": 0.8, "transmission": 0.5},
+        {"albedo": 0.8, "subsurface_weight": 1.0, "subsurface_method": "BURLEY"},
+        {"albedo": 0.5, "refractive_index": 2.2, "specular": 0.9, "roughness": 0.6},
+        {"albedo": 0.7, "grain_size_m": 0.02, "grain_amplitude_m": 0.006},
+        {
+            "albedo": 1.0,
+            "grain_size_m": 0.02,
+            "grain_amplitude_m": 0.006,
+            "transmission": 0.2,
+            "subsurface_weight": 0.5,
+        },
+    ],
+    ids=str,
+)
 def test_a_white_furnace_measures_the_albedo(changes):
     settings = surface(**changes)
     # One per cent is what is promised; sampling noise of 64 samples on 256 pixels is far below. Light goes further
@@ -43,8 +57,14 @@ def test_a_white_furnace_measures_the_albedo(changes):
 
 @pytest.mark.parametrize("subsurface", [0.0, 0.5, 1.0])
 def test_bumps_as_high_as_they_are_wide_lose_the_light_that_is_reckoned_with(subsurface):
-    settings = surface(albedo=1.0, grain_size_m=0.02, grain_amplitude_m=0.02, transmission=0.2,
-                       subsurface_weight=subsurface, subsurface_radius_m=0.05)
+    settings = surface(
+        albedo=1.0,
+        grain_size_m=0.02,
+        grain_amplitude_m=0.02,
+        transmission=0.2,
+        subsurface_weight=subsurface,
+        subsurface_radius_m=0.05,
+    )
     assert measured(settings, view_m=1.0) == pytest.approx(real_albedo(settings), rel=0.01)
 
 
@@ -58,16 +78,21 @@ def test_presets_have_their_albedo(name):
 
 
 def test_patches_darken_by_half_their_depth_on_average():
-    plain, patchy = (measured(surface(albedo=0.8, albedo_variation=v, albedo_patch_m=0.2), view_m=20.0)
-                     for v in (0.0, 0.5))
+    plain, patchy = (
+        measured(surface(albedo=0.8, albedo_variation=v, albedo_patch_m=0.2), view_m=20.0) for v in (0.0, 0.5)
+    )
     # The noise has a mean of 0.5; a hundred patches across leave a per cent or two to chance.
     assert patchy == pytest.approx(0.75 * plain, rel=0.03)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.6, 1.0])
 def test_salt_stains_its_share_of_the_ground(share):
-    red, green, blue = measured(surface(albedo=0.8, specular=0.0, salt_share=share, salt_patch_m=0.2, salt_red=1.0,
-                                        salt_green=0.5, salt_blue=0.0), view_m=20.0)
+    red, green, blue = measured(
+        surface(
+            albedo=0.8, specular=0.0, salt_share=share, salt_patch_m=0.2, salt_red=1.0, salt_green=0.5, salt_blue=0.0
+        ),
+        view_m=20.0,
+    )
     assert red == pytest.approx(0.8, rel=0.01)
     assert 1.0 - blue / red == pytest.approx(share, abs=0.05)  # the edges of stains and chance
     assert 1.0 - green / red == pytest.approx((1.0 - blue / red) / 2, abs=0.01)

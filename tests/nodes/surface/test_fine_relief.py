@@ -26,8 +26,11 @@ from rendering import complete, empty_scene, png, render
 
 ALL, CAMERA = ({"quality": {"fine_relief": choice}} for choice in ("ALL", "CAMERA"))
 #: Bumps on bright ground that lights itself, under a low Sun.
-BUMPY = {"terrain": {"rms_slope_deg": 20.0}, "light": {"sun_elevation_deg": 20.0},
-         "surface": {"albedo": 0.9, "grain_size_m": 0.1, "grain_amplitude_m": 0.004, "subsurface_weight": 0.0}}
+BUMPY = {
+    "terrain": {"rms_slope_deg": 20.0},
+    "light": {"sun_elevation_deg": 20.0},
+    "surface": {"albedo": 0.9, "grain_size_m": 0.1, "grain_amplitude_m": 0.004, "subsurface_weight": 0.0},
+}
 LAWS = [{"model": "LAMBERT"}, {"model": "PRINCIPLED"}]
 
 
@@ -48,9 +51,10 @@ def tree_of(*changes):
     empty_scene()
     settings = complete(*changes)
     tree = build_material("Test", settings.surface, 1, TERRAIN, None, settings).node_tree
-    return ([(node.bl_idname, node.name, non_socket_values(node), [_value(s) for s in node.inputs])
-             for node in tree.nodes],
-            [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier) for k in tree.links])
+    return (
+        [(node.bl_idname, node.name, non_socket_values(node), [_value(s) for s in node.inputs]) for node in tree.nodes],
+        [(k.from_node.name, k.from_socket.identifier, k.to_node.name, k.to_socket.identifier) for k in tree.links],
+    )
 
 
 def _value(socket):
@@ -66,8 +70,11 @@ def bounced(folder, *changes):
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law["model"])
 def test_direct_light_is_the_same_to_rounding(law, tmp_path, one_seed):
     """Without bounces, of gloss neither, the camera's is the only light."""
-    scene = (BUMPY, {"surface": law | {"specular": 0.0, "grain_amplitude_m": 0.02}},
-             {"quality": {"diffuse_bounces": 0, "samples": 4}})
+    scene = (
+        BUMPY,
+        {"surface": law | {"specular": 0.0, "grain_amplitude_m": 0.02}},
+        {"quality": {"diffuse_bounces": 0, "samples": 4}},
+    )
     pairs = [render(tmp_path / name, *scene, choice)[0] for name, choice in (("all", ALL), ("camera", CAMERA))]
     found = [read_view(pair.image("left")).radiance for pair in pairs]
     truth = [read_truth(pair.truth("left"), "left") for pair in pairs]
@@ -79,8 +86,7 @@ def test_direct_light_is_the_same_to_rounding(law, tmp_path, one_seed):
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize("law", [pytest.param(LAWS[0], marks=pytest.mark.long), LAWS[1]],
-                         ids=lambda law: law["model"])
+@pytest.mark.parametrize("law", [pytest.param(LAWS[0], marks=pytest.mark.long), LAWS[1]], ids=lambda law: law["model"])
 def test_with_bounces_the_mean_is_the_same(law, tmp_path, one_seed):
     """Bumps turn what ground reflects and take little of it: of steepness 0.04 0.02 % (``principled.json``),
     under a low Sun a few times that, of what other ground sends, which is a tenth of the light. The rest is noise:
@@ -96,15 +102,26 @@ def test_of_the_ground_s_nodes_only_the_closure_is_there_twice(law):
     patchy = {"surface": {**BUMPY["surface"], **law, "albedo_variation": 0.3, "salt_share": 0.2}}
     every, alone = (tree_of(patchy, choice)[0] for choice in (ALL, CAMERA))
     added = sorted(node[1] for node in alone if node[1] not in {n[1] for n in every})
-    assert added == sorted({"LAMBERT": ["Smooth Lambert", "Light Path", "Seen or Not"],
-                            "PRINCIPLED": ["Smooth Snow", "Base of Smooth Snow", "Light Path", "Seen or Not"]}
-                           [law["model"]])
+    assert added == sorted(
+        {
+            "LAMBERT": ["Smooth Lambert", "Light Path", "Seen or Not"],
+            "PRINCIPLED": ["Smooth Snow", "Base of Smooth Snow", "Light Path", "Seen or Not"],
+        }[law["model"]]
+    )
 
 
-@pytest.mark.parametrize("surface", [
-    {"model": "LAMBERT", "grain_amplitude_m": 0.0}, {"model": "PRINCIPLED", "grain_amplitude_m": 0.0},
-    {"model": "LAMBERT", "relief": "DISPLACEMENT"}, {"model": "PRINCIPLED", "subsurface_weight": 1.0},
-    {"model": "LUNAR_LAMBERT"}, {"model": "HAPKE"}], ids=str)
+@pytest.mark.parametrize(
+    "surface",
+    [
+        {"model": "LAMBERT", "grain_amplitude_m": 0.0},
+        {"model": "PRINCIPLED", "grain_amplitude_m": 0.0},
+        {"model": "LAMBERT", "relief": "DISPLACEMENT"},
+        {"model": "PRINCIPLED", "subsurface_weight": 1.0},
+        {"model": "LUNAR_LAMBERT"},
+        {"model": "HAPKE"},
+    ],
+    ids=str,
+)
 def test_what_has_no_shaded_relief_or_another_law_is_left_as_it_is(surface):
     described = {"surface": surface, "hapke": {"backend": "NODES"}}
     assert tree_of(described, CAMERA) == tree_of(described, ALL)
@@ -114,8 +131,10 @@ def test_a_normal_image_is_relief(tmp_path, one_seed):
     """A leaning normal is seen as it is, whatever light by way of other ground meets."""
     leaning = np.array([0.4, 0.0, 1.0]) / np.hypot(0.4, 1.0)
     path = png(tmp_path / "n.png", np.broadcast_to((leaning + 1) / 2, (8, 8, 3)))
-    scene = ({"textures": {"set": "OWN", "normal_file": str(path)}, "surface": {"grain_amplitude_m": 0.0}},
-             {"surface": {"model": "LAMBERT"}, "quality": {"diffuse_bounces": 0, "samples": 4}})
+    scene = (
+        {"textures": {"set": "OWN", "normal_file": str(path)}, "surface": {"grain_amplitude_m": 0.0}},
+        {"surface": {"model": "LAMBERT"}, "quality": {"diffuse_bounces": 0, "samples": 4}},
+    )
     every, alone = (bounced(tmp_path / name, *scene, choice) for name, choice in (("all", ALL), ("camera", CAMERA)))
     plain = bounced(tmp_path / "plain", *scene[1:], {"surface": {"grain_amplitude_m": 0.0}})
     np.testing.assert_allclose(alone, every, rtol=2e-3)
@@ -142,8 +161,10 @@ def test_patchy_grain_has_smooth_places_beside_rough_ones_at_the_same_height():
     """On 240 x 240 wavelengths are about 225 of the longest patches, whose squared factor has a deviation of
     sqrt(exp(4 * 0.4²) - 1) = 0.95, so the RMS height is within 0.95 / 2 / 15 = 3 % by chance; four of these, and 5 %
     for the noise that is not quite Gaussian."""
-    even, patchy = (height_of_grain(1, node, 24.0, grain_patchiness=share)
-                    for node, share in (("Grain Height", 0.0), ("Multiply.001", 0.4)))
+    even, patchy = (
+        height_of_grain(1, node, 24.0, grain_patchiness=share)
+        for node, share in (("Grain Height", 0.0), ("Multiply.001", 0.4))
+    )
 
     def of_squares(field):
         """RMS heights of squares of 7.5 wavelengths."""
@@ -167,9 +188,13 @@ def test_grain_is_of_a_span_and_told_apart_by_the_seed():
 
 
 #: A small camera near rough ice, without rocks.
-NEAR_ICE = {"rig": {"height_m": 0.2, "width_px": 96, "height_px": 72, "baseline_m": 0.03, "pitch_deg": 60.0},
-            "terrain": {"rms_slope_deg": 0.0}, "mesh": {"kind": "GRADED"}, "quality": {"samples": 1},
-            "surface": {"model": "LAMBERT", "grain_size_m": 0.05, "grain_amplitude_m": 0.02}}
+NEAR_ICE = {
+    "rig": {"height_m": 0.2, "width_px": 96, "height_px": 72, "baseline_m": 0.03, "pitch_deg": 60.0},
+    "terrain": {"rms_slope_deg": 0.0},
+    "mesh": {"kind": "GRADED"},
+    "quality": {"samples": 1},
+    "surface": {"model": "LAMBERT", "grain_size_m": 0.05, "grain_amplitude_m": 0.02},
+}
 
 
 def shading_angles_deg(pair):
@@ -185,8 +210,10 @@ def reliefs(tmp_path_factory):
     """A pair for each kind of fine relief."""
     folder = tmp_path_factory.mktemp("reliefs")
     shaded = {"quality": {"truth_by": "CYCLES"}}  # which has the normals of shading
-    return {relief: render(folder / relief, NEAR_ICE, shaded, {"surface": {"relief": relief}})[0]
-            for relief in ("BUMP", "REAL")}
+    return {
+        relief: render(folder / relief, NEAR_ICE, shaded, {"surface": {"relief": relief}})[0]
+        for relief in ("BUMP", "REAL")
+    }
 
 
 def test_what_the_image_shows_of_real_relief_is_in_the_depth(reliefs):
@@ -235,14 +262,23 @@ def test_vertices_carry_the_octaves_that_the_law_names(spacing_m):
     material = bpy.data.materials.new("Parts")
     tree = Tree(compat.ensure_nodes(material))
     where = tree.node("ShaderNodeNewGeometry", "Place").outputs["Position"]
-    heights = [*add_grain_by_fineness(tree, surface, where, (1.0, 2.0, 3.0)),
-               add_grain(tree, where, 0.1, (1.0, 2.0, 3.0))]
+    heights = [
+        *add_grain_by_fineness(tree, surface, where, (1.0, 2.0, 3.0)),
+        add_grain(tree, where, 0.1, (1.0, 2.0, 3.0)),
+    ]
     above = dict(zip(("X", "Y", "Z"), (tree.math("ADD", "Over -9", each, 9.0) for each in heights), strict=True))
-    shown = tree.node("ShaderNodeEmission", "Shown", {
-        "Color": tree.node("ShaderNodeCombineXYZ", "All", above).outputs[0], "Strength": 1.0},
-        if_present={"Weight": 0.0})
-    tree.node("ShaderNodeOutputMaterial", "Surface", {"Surface": shown.outputs[0]},
-              leave=("Volume", "Displacement", "Thickness"))
+    shown = tree.node(
+        "ShaderNodeEmission",
+        "Shown",
+        {"Color": tree.node("ShaderNodeCombineXYZ", "All", above).outputs[0], "Strength": 1.0},
+        if_present={"Weight": 0.0},
+    )
+    tree.node(
+        "ShaderNodeOutputMaterial",
+        "Surface",
+        {"Surface": shown.outputs[0]},
+        leave=("Volume", "Displacement", "Thickness"),
+    )
     bpy.context.scene.render.engine, bpy.context.scene.cycles.samples = "CYCLES", 1
     plane(bpy.context.scene, "Ground", 0.0, 20.0, material)
     mesh = bpy.data.objects["Ground"].data
@@ -259,8 +295,9 @@ def radiance_of_left_eye(built, folder):
 
 def test_displacement_on_a_coarse_mesh_is_reported():
     empty_scene()
-    built = scenes.build(bpy.context.scene, complete(
-        NEAR_ICE, {"surface": {"relief": "DISPLACEMENT"}, "mesh": {"kind": "GRID"}}))
+    built = scenes.build(
+        bpy.context.scene, complete(NEAR_ICE, {"surface": {"relief": "DISPLACEMENT"}, "mesh": {"kind": "GRID"}})
+    )
     assert any("of the height of the fine relief" in warning for warning in built.warnings)
 
 
@@ -279,10 +316,16 @@ def test_grain_that_changes_asks_for_a_new_mesh_only_if_relief_is_in_it():
 
 def test_ground_with_sharp_crests_has_no_holes(tmp_path):
     """Cycles moves the vertices of a mesh with sharp edges apart, all over it; one pixel in a hundred was sky."""
-    pair, built = render(tmp_path, {
-        "mesh": {"kind": "GRADED", "crests": "CUT"}, "ridges": {"height_m": 0.3, "width_m": 2.6, "spacing_m": 5.0},
-        "surface": {"relief": "REAL", "grain_size_m": 0.1, "grain_amplitude_m": 0.08, "subsurface_weight": 0.0},
-        "rig": {"width_px": 192, "height_px": 144, "pitch_deg": 45.0}, "quality": {"samples": 1}})
+    pair, built = render(
+        tmp_path,
+        {
+            "mesh": {"kind": "GRADED", "crests": "CUT"},
+            "ridges": {"height_m": 0.3, "width_m": 2.6, "spacing_m": 5.0},
+            "surface": {"relief": "REAL", "grain_size_m": 0.1, "grain_amplitude_m": 0.08, "subsurface_weight": 0.0},
+            "rig": {"width_px": 192, "height_px": 144, "pitch_deg": 45.0},
+            "quality": {"samples": 1},
+        },
+    )
     mesh = built.terrain.data
     assert SPACING in mesh.attributes
     assert "sharp_edge" not in mesh.attributes

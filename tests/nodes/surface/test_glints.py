@@ -12,10 +12,13 @@ from icymoon.support.labels import TERRAIN
 from rendering import complete, empty_scene, render
 
 #: Level, even snow, seen toward the Sun.
-SNOW = {"terrain": {"rms_slope_deg": 0.0}, "light": {"sun_elevation_deg": 30.0, "sun_azimuth_deg": 0.0},
-        "surface": {"albedo": 0.9, "specular": 0.0, "grain_amplitude_m": 0.0},
-        "quality": {"samples": 64, "denoiser": "NONE"},
-        "rig": {"width_px": 160, "height_px": 120, "pitch_deg": 40.0, "baseline_m": 0.25}}
+SNOW = {
+    "terrain": {"rms_slope_deg": 0.0},
+    "light": {"sun_elevation_deg": 30.0, "sun_azimuth_deg": 0.0},
+    "surface": {"albedo": 0.9, "specular": 0.0, "grain_amplitude_m": 0.0},
+    "quality": {"samples": 64, "denoiser": "NONE"},
+    "rig": {"width_px": 160, "height_px": 120, "pitch_deg": 40.0, "baseline_m": 0.25},
+}
 GLINTS = {"surface": {"glint_share": 0.1}}
 #: A glint is this many times as bright as the ground around.
 BRIGHT = 1.5
@@ -56,8 +59,10 @@ def test_facets_reflect_nearly_all_light_that_snow_does(share):
 
 @pytest.mark.heavy
 def test_they_shine_toward_the_sun_and_leave_the_mean(tmp_path):
-    none, toward, away = (_radiance(tmp_path / str(k), *changes) for k, changes in enumerate((
-        (), (GLINTS,), (GLINTS, {"light": {"sun_azimuth_deg": 180.0}}))))
+    none, toward, away = (
+        _radiance(tmp_path / str(k), *changes)
+        for k, changes in enumerate(((), (GLINTS,), (GLINTS, {"light": {"sun_azimuth_deg": 180.0}})))
+    )
     assert not _are_glints(none).any()
     assert 0.002 < _are_glints(toward).mean() < 0.1
     assert _are_glints(away).mean() < 0.05 * _are_glints(toward).mean()
@@ -67,8 +72,10 @@ def test_they_shine_toward_the_sun_and_leave_the_mean(tmp_path):
 
 @pytest.mark.heavy
 def test_they_stay_where_they_are_and_move_with_the_seed(tmp_path):
-    first, again, other = (_are_glints(_radiance(tmp_path / str(k), GLINTS, changes)) for k, changes in enumerate((
-        {}, {"light": {"sun_irradiance_wm2": 20.0}}, {"dataset": {"seed": 9}})))
+    first, again, other = (
+        _are_glints(_radiance(tmp_path / str(k), GLINTS, changes))
+        for k, changes in enumerate(({}, {"light": {"sun_irradiance_wm2": 20.0}}, {"dataset": {"seed": 9}}))
+    )
 
     def overlap(a, b):
         return (a & b).sum() / min(a.sum(), b.sum())
@@ -81,8 +88,9 @@ def test_they_stay_where_they_are_and_move_with_the_seed(tmp_path):
 
 def _share_in_both_eyes(folder, baseline_m):
     pair, _ = render(folder, SNOW, GLINTS, {"rig": {"baseline_m": baseline_m}})
-    left, right = (_are_glints(read_view(pair.image(eye)).radiance[..., 0].astype(np.float64))
-                   for eye in ("left", "right"))
+    left, right = (
+        _are_glints(read_view(pair.image(eye)).radiance[..., 0].astype(np.float64)) for eye in ("left", "right")
+    )
     depth = read_truth(pair.image("left")).depth
     rows, columns = np.nonzero(left & (depth > 0.0))
     match = np.round(columns - focal_px(pair.settings.rig) * baseline_m / depth[rows, columns]).astype(int)

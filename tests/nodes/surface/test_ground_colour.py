@@ -62,8 +62,9 @@ def test_no_band_of_bright_ice_reflects_more_than_all_light():
 def test_salt_of_a_material_replaces_the_ice_and_dirt_lies_on_it():
     white = measured(surface(salt_share=1.0, salt_patch_m=0.2, salt="IRRADIATED_SALT", ice_colour="EUROPA_PLAINS"))
     assert white == pytest.approx(material_bands("IRRADIATED_SALT"), rel=0.02)
-    both = measured(surface(salt_share=1.0, salt_patch_m=0.2, salt="IRRADIATED_SALT", slope_dirt=-0.5,
-                            dirt="EUROPA_DARK"))
+    both = measured(
+        surface(salt_share=1.0, salt_patch_m=0.2, salt="IRRADIATED_SALT", slope_dirt=-0.5, dirt="EUROPA_DARK")
+    )
     expected = (np.array(material_bands("IRRADIATED_SALT")) + material_bands("EUROPA_DARK")) / 2
     assert both == pytest.approx(expected, rel=0.02)
 
@@ -79,8 +80,9 @@ def test_salt_and_dirt_on_bubbly_ice_keep_their_own_colour(band_m):
 
 def test_salt_of_own_colour_is_a_factor_on_bubbly_ice():
     blue = {"bubble_share": 0.01}
-    salty = measured(surface(**blue, salt_share=1.0, salt_patch_m=0.2, salt="OWN", salt_red=0.9, salt_green=0.8,
-                             salt_blue=0.5))
+    salty = measured(
+        surface(**blue, salt_share=1.0, salt_patch_m=0.2, salt="OWN", salt_red=0.9, salt_green=0.8, salt_blue=0.5)
+    )
     assert salty == pytest.approx(np.array(bubbly_ice_bands(5e-4, 0.01)) * [0.9, 0.8, 0.5], rel=0.02)
 
 

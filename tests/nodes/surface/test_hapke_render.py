@@ -41,6 +41,7 @@ def ball(built: scenes.Built, radius_m: float = 1.0) -> None:
     """Put a sphere of flat facets in the place of the ground, at the height that the camera looks at."""
     mesh = built.terrain.data
     import bmesh
+
     shape = bmesh.new()
     bmesh.ops.create_uvsphere(shape, u_segments=180, v_segments=90, radius=radius_m)
     shape.to_mesh(mesh)
@@ -58,10 +59,18 @@ def test_a_plane_is_as_bright_as_the_reference(tmp_path, made_of, theta_bar_deg)
 
 
 @BOTH
-@pytest.mark.parametrize("changes", [
-    {"h_function": "2002", "b": -0.6, "c": -0.9, "filling_factor": 0.4, "b_c0": 0.8, "h_c": 0.02}, *slow(
-        {"h_function": "1993", "w": 0.9995}, {"h_function": "2002", "w": 1.0, "b": 0.0, "theta_bar_deg": 0.0},
-        {"b_c0": 0.8, "h_c": 0.02, "b_s0": 0.0, "theta_bar_deg": 25.0}, {"w": 0.05, "b": 0.9, "c": 1.0})])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"h_function": "2002", "b": -0.6, "c": -0.9, "filling_factor": 0.4, "b_c0": 0.8, "h_c": 0.02},
+        *slow(
+            {"h_function": "1993", "w": 0.9995},
+            {"h_function": "2002", "w": 1.0, "b": 0.0, "theta_bar_deg": 0.0},
+            {"b_c0": 0.8, "h_c": 0.02, "b_s0": 0.0, "theta_bar_deg": 25.0},
+            {"w": 0.05, "b": 0.9, "c": 1.0},
+        ),
+    ],
+)
 def test_every_part_of_the_law(tmp_path, made_of, changes):
     pair, _ = picture(tmp_path, {"hapke": {"backend": made_of, **changes}})
     assert np.quantile(errors(pair), 0.999) < SMOOTH
@@ -70,28 +79,46 @@ def test_every_part_of_the_law(tmp_path, made_of, changes):
 @BOTH
 @pytest.mark.parametrize("azimuth_deg", [120.0, *slow(180.0, 60.0)])
 def test_a_sphere_is_as_bright_as_the_reference(tmp_path, made_of, azimuth_deg):
-    pair, _ = picture(tmp_path, {"hapke": {"backend": made_of, "theta_bar_deg": 25.0},
-                                 "light": {"sun_azimuth_deg": azimuth_deg, "sun_elevation_deg": 30.0}}, change=ball)
+    pair, _ = picture(
+        tmp_path,
+        {
+            "hapke": {"backend": made_of, "theta_bar_deg": 25.0},
+            "light": {"sun_azimuth_deg": azimuth_deg, "sun_elevation_deg": 30.0},
+        },
+        change=ball,
+    )
     assert np.quantile(errors(pair), 0.999) < FACETS
 
 
 @pytest.mark.parametrize("level", ["ACCURATE", "REFERENCE"])
 def test_the_traced_sun_is_the_lamp(tmp_path, level):
     for change in (None, ball):
-        pair, built = picture(tmp_path, {"hapke": {"backend": "OSL", "accuracy": level, "theta_bar_deg": 25.0},
-                                         "light": {"sun_azimuth_deg": 150.0}}, change=change)
+        pair, built = picture(
+            tmp_path,
+            {
+                "hapke": {"backend": "OSL", "accuracy": level, "theta_bar_deg": 25.0},
+                "light": {"sun_azimuth_deg": 150.0},
+            },
+            change=change,
+        )
         assert built.sun.light_linking.receiver_collection is not None
         assert np.quantile(errors(pair), 0.999) < (FACETS if change else SMOOTH)
 
 
 @BOTH
-@pytest.mark.parametrize(("azimuth_deg", "theta_bar_deg"), [
-    (0.0, 40.0), *(pytest.param(*pair, marks=pytest.mark.slow) for pair in ((0.0, 0.0), (180.0, 25.0), (90.0, 25.0)))])
+@pytest.mark.parametrize(
+    ("azimuth_deg", "theta_bar_deg"),
+    [(0.0, 40.0), *(pytest.param(*pair, marks=pytest.mark.slow) for pair in ((0.0, 0.0), (180.0, 25.0), (90.0, 25.0)))],
+)
 def test_grazing_light_and_sight(tmp_path, made_of, azimuth_deg, theta_bar_deg):
-    pair, _ = picture(tmp_path, {
-        "hapke": {"backend": made_of, "theta_bar_deg": theta_bar_deg},
-        "light": {"sun_azimuth_deg": azimuth_deg, "sun_elevation_deg": 0.6},
-        "rig": {"pitch_deg": 3.0, "focal_length_mm": 600.0, "height_m": 1.0}})
+    pair, _ = picture(
+        tmp_path,
+        {
+            "hapke": {"backend": made_of, "theta_bar_deg": theta_bar_deg},
+            "light": {"sun_azimuth_deg": azimuth_deg, "sun_elevation_deg": 0.6},
+            "rig": {"pitch_deg": 3.0, "focal_length_mm": 600.0, "height_m": 1.0},
+        },
+    )
     assert errors(pair).max() < 2e-3
 
 
@@ -102,10 +129,19 @@ def by_distance(pair: Pair) -> list[np.ndarray]:
     return np.array_split(image[ground][np.argsort(view.depth[ground], kind="stable")], 5)
 
 
-@pytest.mark.parametrize("changes", [{}, *slow(
-    # w is small, since at that level the ground shines by itself: an interreflection even without bounces.
-    {"hapke": {"accuracy": "ACCURATE", "w": 0.02}}, {"surface": {"grain_amplitude_m": 0.01, "grain_size_m": 0.1}},
-    {"hapke": {"theta_bar_range_deg": 20.0}, "textures": {"set": "FROST"}})], ids=str)
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        *slow(
+            # w is small, since at that level the ground shines by itself: an interreflection even without bounces.
+            {"hapke": {"accuracy": "ACCURATE", "w": 0.02}},
+            {"surface": {"grain_amplitude_m": 0.01, "grain_size_m": 0.1}},
+            {"hapke": {"theta_bar_range_deg": 20.0}, "textures": {"set": "FROST"}},
+        ),
+    ],
+    ids=str,
+)
 def test_seen_at_a_slant_osl_is_as_bright_as_nodes_near_and_far(tmp_path, monkeypatch, changes):
     """Many shading normals turn away from a low eye that sees their facets: those of 7 % of the farthest fifth here.
 
@@ -118,12 +154,23 @@ def test_seen_at_a_slant_osl_is_as_bright_as_nodes_near_and_far(tmp_path, monkey
         scene.cycles.seed = 1
 
     monkeypatch.setattr(cycles_settings, "apply", applied)
-    rolling = {"terrain": {"rms_slope_deg": 15.0, "size_m": 100.0, "resolution": 65, "inner_scale_m": 1.0},
-               "quality": {"samples": 4}, "light": {"sun_elevation_deg": 30.0, "sun_azimuth_deg": 180.0},
-               "rig": {"height_m": 0.5, "pitch_deg": 0.0}}
-    osl, nodes = (by_distance(picture(tmp_path / made_of, rolling, changes, {"hapke": {
-        "backend": made_of, **({"accuracy": "FAST"} if made_of == "NODES" else {})}})[0])
-        for made_of in ("OSL", "NODES"))
+    rolling = {
+        "terrain": {"rms_slope_deg": 15.0, "size_m": 100.0, "resolution": 65, "inner_scale_m": 1.0},
+        "quality": {"samples": 4},
+        "light": {"sun_elevation_deg": 30.0, "sun_azimuth_deg": 180.0},
+        "rig": {"height_m": 0.5, "pitch_deg": 0.0},
+    }
+    osl, nodes = (
+        by_distance(
+            picture(
+                tmp_path / made_of,
+                rolling,
+                changes,
+                {"hapke": {"backend": made_of, **({"accuracy": "FAST"} if made_of == "NODES" else {})}},
+            )[0]
+        )
+        for made_of in ("OSL", "NODES")
+    )
     for found, wanted in zip(osl, nodes, strict=True):
         lit = wanted > 1e-3 * wanted.max()
         ratio = found[lit] / wanted[lit]
@@ -137,25 +184,46 @@ def test_seen_at_a_slant_osl_is_as_bright_as_nodes_near_and_far(tmp_path, monkey
 @BOTH
 def test_the_opposition_surge_to_phase_zero(tmp_path, made_of):
     """The Sun stands behind the camera; the image spans 0.06 degrees, a third of the surge's width."""
-    pair, _ = picture(tmp_path, {
-        "hapke": {"backend": made_of, "b_s0": 1.0, "h_s": 0.0016, "b_c0": 0.5, "h_c": 0.001},
-        "light": {"sun_azimuth_deg": 180.0, "sun_elevation_deg": 45.0},
-        "rig": {"pitch_deg": 45.0, "focal_length_mm": 5000.0, "sensor_width_mm": 5.0}})
+    pair, _ = picture(
+        tmp_path,
+        {
+            "hapke": {"backend": made_of, "b_s0": 1.0, "h_s": 0.0016, "b_c0": 0.5, "h_c": 0.001},
+            "light": {"sun_azimuth_deg": 180.0, "sun_elevation_deg": 45.0},
+            "rig": {"pitch_deg": 45.0, "focal_length_mm": 5000.0, "sensor_width_mm": 5.0},
+        },
+    )
     # A direction of single precision is 6e-8 off, which is 4e-5 of the narrower surge's width.
     assert errors(pair).max() < 2e-4
 
 
 @BOTH
-@pytest.mark.parametrize("changes", [
-    {"theta_bar_deg": 60.0, "b": 0.99, "c": -1.0, "w": 1.0}, *long(
-        {"w": 0.0}, {"w": 1.0}, {"theta_bar_deg": 60.0}, {"theta_bar_deg": 1e-4}, {"b": 0.99, "c": -1.0},
-        {"b": -0.99, "c": 0.3}, {"h_s": 1e-8, "b_c0": 1.0, "h_c": 1e-8}, {"h_s": 10.0, "b_s0": 3.0, "w": 0.7},
-        {"filling_factor": 0.75, "w": 0.5})])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"theta_bar_deg": 60.0, "b": 0.99, "c": -1.0, "w": 1.0},
+        *long(
+            {"w": 0.0},
+            {"w": 1.0},
+            {"theta_bar_deg": 60.0},
+            {"theta_bar_deg": 1e-4},
+            {"b": 0.99, "c": -1.0},
+            {"b": -0.99, "c": 0.3},
+            {"h_s": 1e-8, "b_c0": 1.0, "h_c": 1e-8},
+            {"h_s": 10.0, "b_s0": 3.0, "w": 0.7},
+            {"filling_factor": 0.75, "w": 0.5},
+        ),
+    ],
+)
 @pytest.mark.parametrize("sun", [(0.0, 5.0), (180.0, 45.84), *slow((0.0, 1e-3), (0.0, 90.0))])
 def test_no_extreme_leaves_a_bad_pixel(tmp_path, made_of, changes, sun):
-    pair, _ = picture(tmp_path, {
-        "hapke": {"backend": made_of, **changes}, "light": {"sun_azimuth_deg": sun[0], "sun_elevation_deg": sun[1]},
-        "rig": {"width_px": 48, "height_px": 36, "pitch_deg": 45.84}})
+    pair, _ = picture(
+        tmp_path,
+        {
+            "hapke": {"backend": made_of, **changes},
+            "light": {"sun_azimuth_deg": sun[0], "sun_elevation_deg": sun[1]},
+            "rig": {"width_px": 48, "height_px": 36, "pitch_deg": 45.84},
+        },
+    )
     image, truth = read_view(pair.image("left")).radiance[..., 0], expected(pair)
     assert np.isfinite(image).all()
     assert (image >= 0).all()
@@ -168,9 +236,13 @@ def test_no_extreme_leaves_a_bad_pixel(tmp_path, made_of, changes, sun):
 @BOTH
 def test_dirt_drives_w_and_salt_tints(tmp_path, made_of):
     """Negative dirt on slopes darkens level ground by that share; all of the ground is stained."""
-    pair, _ = picture(tmp_path, {
-        "surface": {"slope_dirt": -0.5, "salt_share": 1.0, "salt_red": 1.0, "salt_green": 0.7, "salt_blue": 0.4},
-        "hapke": {"backend": made_of}})
+    pair, _ = picture(
+        tmp_path,
+        {
+            "surface": {"slope_dirt": -0.5, "salt_share": 1.0, "salt_red": 1.0, "salt_green": 0.7, "salt_blue": 0.4},
+            "hapke": {"backend": made_of},
+        },
+    )
     darker = from_settings(pair.settings.hapke | {"w": pair.settings.hapke.w * 0.5})
     truth = expected(pair, partial(bidirectional_reflectance, parameters=darker))
     image = read_view(pair.image("left")).radiance
@@ -191,9 +263,14 @@ def test_the_other_laws(tmp_path):
 def test_the_snow_law(tmp_path, made_of, case):
     albedo, elevation_deg = case
     backend, _, level = made_of.partition(" ")
-    pair, built = picture(tmp_path, {"surface": {"model": "SNOW", "albedo": albedo},
-                                     "hapke": {"backend": backend, "accuracy": level or "FAST"},
-                                     "light": {"sun_elevation_deg": elevation_deg}})
+    pair, built = picture(
+        tmp_path,
+        {
+            "surface": {"model": "SNOW", "albedo": albedo},
+            "hapke": {"backend": backend, "accuracy": level or "FAST"},
+            "light": {"sun_elevation_deg": elevation_deg},
+        },
+    )
     assert any(map(sun_inputs.is_osl, built.terrain.data.materials)) == (backend == "OSL")
     assert pair.data["hapke"] is None
     # Exponentials of up to 16 in single precision, where the phase angle is large.
@@ -231,10 +308,15 @@ def test_the_levels_agree_where_there_is_only_the_sun_and_its_disc(tmp_path):
     """Half shadows of blocks by a disc of 4 degrees, hardly any interreflection: traced or by the lamp, the same."""
     means = []
     for number, accuracy in enumerate(("FAST", "ACCURATE")):
-        pair, _ = picture(tmp_path / str(number), {
-            "hapke": {"backend": "OSL", "accuracy": accuracy, "b_s0": 0.0, "w": 0.02, "b": 0.0},
-            "light": {"sun_angular_diameter_deg": 4.0}, "rocks": {"coverage": 0.3},
-            "quality": {"samples": 64, "diffuse_bounces": 1}})
+        pair, _ = picture(
+            tmp_path / str(number),
+            {
+                "hapke": {"backend": "OSL", "accuracy": accuracy, "b_s0": 0.0, "w": 0.02, "b": 0.0},
+                "light": {"sun_angular_diameter_deg": 4.0},
+                "rocks": {"coverage": 0.3},
+                "quality": {"samples": 64, "diffuse_bounces": 1},
+            },
+        )
         means.append(mean_radiance(pair))
     # At w = 0.02 the two differ in interreflection by far less than what is left of the noise, about 0.1 %; that the
     # law bends over the disc is of the order of its radius squared, 0.1 %.
@@ -244,13 +326,15 @@ def test_the_levels_agree_where_there_is_only_the_sun_and_its_disc(tmp_path):
 def test_the_blur_of_the_surge_is_that_of_the_suns_disc(tmp_path):
     """Fast accuracy has the disc's mean in closed form; accurate takes it by sampling."""
     surge = {"b_s0": 1.0, "h_s": 0.0016, "theta_bar_deg": 0.0, "backend": "OSL"}
-    behind = {"light": {"sun_azimuth_deg": 180.0, "sun_elevation_deg": 45.0, "sun_angular_diameter_deg": 0.1024},
-              "rig": {"pitch_deg": 45.0, "focal_length_mm": 5000.0, "sensor_width_mm": 5.0, "width_px": 24,
-                      "height_px": 18}}
+    behind = {
+        "light": {"sun_azimuth_deg": 180.0, "sun_elevation_deg": 45.0, "sun_angular_diameter_deg": 0.1024},
+        "rig": {"pitch_deg": 45.0, "focal_length_mm": 5000.0, "sensor_width_mm": 5.0, "width_px": 24, "height_px": 18},
+    }
     point = mean_radiance(picture(tmp_path / "p", behind, {"hapke": surge, "light": POINT})[0])
     fast = mean_radiance(picture(tmp_path / "f", behind, {"hapke": surge})[0])
-    exact = mean_radiance(picture(tmp_path / "e", behind, {"hapke": surge | {"accuracy": "ACCURATE"},
-                                                           "quality": {"samples": 256}})[0])
+    exact = mean_radiance(
+        picture(tmp_path / "e", behind, {"hapke": surge | {"accuracy": "ACCURATE"}, "quality": {"samples": 256}})[0]
+    )
     assert exact < 0.98 * point
     # The closed form is wrong by up to an eighth of what the disc takes away; noise adds a little.
     assert abs(fast - exact) < 0.15 * (point - exact)
@@ -263,8 +347,9 @@ def test_what_lights_itself_leaves_the_lamp_to_the_persons_objects(tmp_path):
         material = bpy.data.materials.new("White")
         compat.ensure_nodes(material).nodes.clear()
         tree = material.node_tree
-        tree.links.new(tree.nodes.new("ShaderNodeBsdfDiffuse").outputs[0],
-                       tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
+        tree.links.new(
+            tree.nodes.new("ShaderNodeBsdfDiffuse").outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs[0]
+        )
         tree.nodes["Diffuse BSDF"].inputs["Color"].default_value = (0.5, 0.5, 0.5, 1.0)
         mesh.materials.append(material)
         plate = bpy.data.objects.new("Plate", mesh)
@@ -301,14 +386,18 @@ def test_without_osl_and_on_a_gpu_nodes_are_taken_and_it_is_said(monkeypatch):
 
 def test_a_surface_of_osl_is_not_rendered_where_there_is_none(tmp_path, monkeypatch):
     with pytest.raises(IcyMoonError, match="Open Shading Language"):
-        picture(tmp_path, {"hapke": {"backend": "OSL"}},
-                change=lambda _: monkeypatch.setattr(compat, "has_osl", lambda: False))
+        picture(
+            tmp_path,
+            {"hapke": {"backend": "OSL"}},
+            change=lambda _: monkeypatch.setattr(compat, "has_osl", lambda: False),
+        )
 
 
 def test_building_again_and_clearing_leave_nothing_behind():
     scene = empty_scene()
-    settings = complete({"surface": BARE, "terrain": FLAT, "rocks": {"coverage": 0.02},
-                         "hapke": {"accuracy": "ACCURATE"}})
+    settings = complete(
+        {"surface": BARE, "terrain": FLAT, "rocks": {"coverage": 0.02}, "hapke": {"accuracy": "ACCURATE"}}
+    )
 
     def blocks():
         return [len(getattr(bpy.data, kind)) for kind in ("objects", "materials", "collections", "texts")]
@@ -330,16 +419,18 @@ def valley(built: scenes.Built) -> None:
     mesh = built.terrain.data
     material = mesh.materials[0]
     mesh.clear_geometry()
-    mesh.from_pydata([(-4, -4, 0), (4, -4, 0), (4, 3, 0), (-4, 3, 0), (4, 3, 4), (-4, 3, 4)], [],
-                     [(0, 1, 2, 3), (3, 2, 4, 5)])
+    mesh.from_pydata(
+        [(-4, -4, 0), (4, -4, 0), (4, 3, 0), (-4, 3, 0), (4, 3, 4), (-4, 3, 4)], [], [(0, 1, 2, 3), (3, 2, 4, 5)]
+    )
     mesh.materials.append(material)
     mesh.polygons.foreach_set("use_smooth", np.zeros(2, bool))
     for k in range(4):
         material.node_tree.nodes["Hapke"].inputs[f"Albedo{k}"].default_value = (0.0, 0.0, 0.0)
 
 
-def reflected(place: np.ndarray, eye: np.ndarray, sun: np.ndarray, law, often: int,
-              rng: np.random.Generator) -> np.ndarray:
+def reflected(
+    place: np.ndarray, eye: np.ndarray, sun: np.ndarray, law, often: int, rng: np.random.Generator
+) -> np.ndarray:
     """Radiance (N, often) of the ground of the valley after 1, 2, … interreflections, per irradiance of the Sun.
 
     One random path from each place, cosine-distributed at each end; ``place`` and ``eye`` are (N, 3).
@@ -350,14 +441,20 @@ def reflected(place: np.ndarray, eye: np.ndarray, sun: np.ndarray, law, often: i
         normal, other = (up, south) if k % 2 == 0 else (south, up)
         along, across = np.array([1.0, 0.0, 0.0]), np.cross(normal, [1.0, 0.0, 0.0])
         turn, radius = 2 * np.pi * rng.random(len(place)), np.sqrt(rng.random(len(place)))
-        away = ((radius * np.cos(turn))[:, None] * along + (radius * np.sin(turn))[:, None] * across
-                + np.sqrt(1 - radius**2)[:, None] * normal)
+        away = (
+            (radius * np.cos(turn))[:, None] * along
+            + (radius * np.sin(turn))[:, None] * across
+            + np.sqrt(1 - radius**2)[:, None] * normal
+        )
         # To the wall at y = 3 from the ground, to the ground at z = 0 from the wall.
         towards = -(away @ other)
         distance = (3.0 - place[:, 1] if k % 2 == 0 else place[:, 2]) / np.where(towards > 0, towards, np.nan)
         there = place + distance[:, None] * away
-        inside = ((towards > 0) & (np.abs(there[:, 0]) < 4)
-                  & ((there[:, 2] > 0) & (there[:, 2] < 4) if k % 2 == 0 else (there[:, 1] > -4) & (there[:, 1] < 3)))
+        inside = (
+            (towards > 0)
+            & (np.abs(there[:, 0]) < 4)
+            & ((there[:, 2] > 0) & (there[:, 2] < 4) if k % 2 == 0 else (there[:, 1] > -4) & (there[:, 1] < 3))
+        )
         # r holds the cosine of incidence already, so that the cosine of the path's density leaves r pi/cos.
         left = np.where(inside, left * np.pi * law(*angles(normal, away, eye)) / (away @ normal), 0.0)
         place, eye = np.where(inside[:, None], there, place), -away
@@ -369,10 +466,16 @@ def reflected(place: np.ndarray, eye: np.ndarray, sun: np.ndarray, law, often: i
 @pytest.mark.timeout(600)
 def test_the_reference_level_has_the_law_at_every_end_of_three_interreflections(tmp_path):
     """Light between a wall and the ground, against paths in double precision."""
-    pair, _ = picture(tmp_path, {
-        "hapke": {"backend": "OSL", "accuracy": "REFERENCE", "h_function": "2002"}, "quality": {"samples": 256},
-        "light": {"sun_azimuth_deg": 200.0, "sun_elevation_deg": 30.0},
-        "rig": {"width_px": 32, "height_px": 24}}, change=valley)
+    pair, _ = picture(
+        tmp_path,
+        {
+            "hapke": {"backend": "OSL", "accuracy": "REFERENCE", "h_function": "2002"},
+            "quality": {"samples": 256},
+            "light": {"sun_azimuth_deg": 200.0, "sun_elevation_deg": 30.0},
+            "rig": {"width_px": 32, "height_px": 24},
+        },
+        change=valley,
+    )
     view, light = read_view(pair.image("left")), pair.data["light"]["sun"]
     law = partial(bidirectional_reflectance, parameters=from_settings(pair.settings.hapke))
     pose, sun = np.array(pair.data["poses_camera_to_world"]["left"]), np.array(light["direction_to_world"])
@@ -383,8 +486,14 @@ def test_the_reference_level_has_the_law_at_every_end_of_three_interreflections(
     ground = (np.abs(where[..., 2]) < 1e-3) & (where[..., 1] < 2.4)
     assert ground.mean() > 0.5
     paths = 2000
-    found = reflected(np.repeat(where[ground], paths, axis=0), np.repeat(eye[ground], paths, axis=0), sun, law, 3,
-                      np.random.default_rng(1))
+    found = reflected(
+        np.repeat(where[ground], paths, axis=0),
+        np.repeat(eye[ground], paths, axis=0),
+        sun,
+        law,
+        3,
+        np.random.default_rng(1),
+    )
     first, second, third = light["irradiance_wm2"] * found.sum(axis=0) / paths
     direct = expected(pair)[ground]
     assert first > 0.03 * direct.sum()

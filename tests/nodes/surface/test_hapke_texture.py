@@ -37,8 +37,11 @@ def textured(tmp_path, values, hapke):
     """Settings of that ground under a roughness image of these values from west to east."""
     tmp_path.mkdir(exist_ok=True)
     image = png(tmp_path / "roughness.png", np.repeat(np.broadcast_to(values, (4, PIXELS))[..., None], 3, axis=-1))
-    return {"hapke": hapke, "source": {"kind": "MESH", "file": str(level_ground(tmp_path)), "up_axis": "Z"},
-            "textures": {"set": "OWN", "mapping": "UV", "roughness_file": str(image)}}
+    return {
+        "hapke": hapke,
+        "source": {"kind": "MESH", "file": str(level_ground(tmp_path)), "up_axis": "Z"},
+        "textures": {"set": "OWN", "mapping": "UV", "roughness_file": str(image)},
+    }
 
 
 def east_m(pair) -> np.ndarray:
@@ -51,12 +54,13 @@ HALVES = np.repeat([0.0, 1.0], PIXELS // 2)
 
 
 @EVERY_WAY
-@pytest.mark.parametrize(("theta_bar_deg", "range_deg"), [
-    (30.0, 60.0), *(pytest.param(*pair, marks=pytest.mark.slow) for pair in ((12.0, 10.0), (15.0, -20.0)))])
+@pytest.mark.parametrize(
+    ("theta_bar_deg", "range_deg"),
+    [(30.0, 60.0), *(pytest.param(*pair, marks=pytest.mark.slow) for pair in ((12.0, 10.0), (15.0, -20.0)))],
+)
 def test_each_half_has_its_own_roughness(tmp_path, made_of, accuracy, theta_bar_deg, range_deg):
     """The west is smooth and the east rough, or the other way round; at most 0 and 60 degrees."""
-    hapke = {"backend": made_of, "accuracy": accuracy, "theta_bar_deg": theta_bar_deg,
-             "theta_bar_range_deg": range_deg}
+    hapke = {"backend": made_of, "accuracy": accuracy, "theta_bar_deg": theta_bar_deg, "theta_bar_range_deg": range_deg}
     pair, _ = picture(tmp_path, textured(tmp_path, HALVES, hapke))
     east, image = east_m(pair), read_view(pair.image("left")).radiance[..., 0]
     assert np.isfinite(image).all()
@@ -71,15 +75,22 @@ def test_each_half_has_its_own_roughness(tmp_path, made_of, accuracy, theta_bar_
 @EVERY_WAY
 def test_an_even_image_is_the_constant(tmp_path, made_of, accuracy):
     hapke = {"backend": made_of, "accuracy": accuracy, "theta_bar_deg": 20.0}
-    images = [read_view(picture(tmp_path / str(range_deg), textured(
-        tmp_path / str(range_deg), 0.6, hapke | {"theta_bar_range_deg": range_deg}))[0].image("left")).radiance
-        for range_deg in (0.0, 30.0)]
+    images = [
+        read_view(
+            picture(
+                tmp_path / str(range_deg),
+                textured(tmp_path / str(range_deg), 0.6, hapke | {"theta_bar_range_deg": range_deg}),
+            )[0].image("left")
+        ).radiance
+        for range_deg in (0.0, 30.0)
+    ]
     assert np.allclose(images[1], images[0], rtol=SMOOTH)
 
 
 def nodes_of(changes, textures) -> list[str]:
-    built = scenes.build(empty_scene(), complete({"terrain": FLAT, "surface": BARE}, {"hapke": changes},
-                                                 {"textures": textures}))
+    built = scenes.build(
+        empty_scene(), complete({"terrain": FLAT, "surface": BARE}, {"hapke": changes}, {"textures": textures})
+    )
     return sorted(node.label for node in built.terrain.data.materials[0].node_tree.nodes)
 
 
@@ -92,8 +103,15 @@ def test_what_is_off_costs_no_node(made_of):
     assert "tan θ̄" in nodes_of({"backend": made_of, "theta_bar_range_deg": 20.0}, {"set": "FROST"})
 
 
-@pytest.mark.parametrize(("w", "span_deg", "within"), [(0.964, (0.0, 20.0), 0.006), (0.97943, (0.0, 60.0), 0.012),
-                                                       (1.0, (0.0, 60.0), 0.012), (0.447, (5.0, 25.0), 0.006)])
+@pytest.mark.parametrize(
+    ("w", "span_deg", "within"),
+    [
+        (0.964, (0.0, 20.0), 0.006),
+        (0.97943, (0.0, 60.0), 0.012),
+        (1.0, (0.0, 60.0), 0.012),
+        (0.447, (5.0, 25.0), 0.006),
+    ],
+)
 def test_the_albedo_for_the_sky_follows_the_roughness(w, span_deg, within):
     """The polynomial against the integral, at slopes and angles between those that it was fitted to."""
     q = from_settings(complete({"hapke": {"w": w}}).hapke)
@@ -103,17 +121,26 @@ def test_the_albedo_for_the_sky_follows_the_roughness(w, span_deg, within):
     for share in (0.0, 0.13, 0.5, 0.8, 1.0):
         for grey in (1.0, 0.7):
             gamma = np.sqrt(1 - w * grey)
-            at = from_settings(complete({"hapke": {
-                "w": w * grey, "theta_bar_deg": span_deg[0] + share * (span_deg[1] - span_deg[0])}}).hapke)
+            at = from_settings(
+                complete(
+                    {"hapke": {"w": w * grey, "theta_bar_deg": span_deg[0] + share * (span_deg[1] - span_deg[0])}}
+                ).hapke
+            )
             truth = hemispherical_albedo(partial(bidirectional_reflectance, parameters=at), np.arccos(mu))
-            found = np.einsum("knm,kx,n,m->x", coefficients, mu ** np.arange(4)[:, None],
-                              ((1 - gamma) / (1 + gamma)) ** np.arange(3), (2 * share - 1) ** np.arange(5))
+            found = np.einsum(
+                "knm,kx,n,m->x",
+                coefficients,
+                mu ** np.arange(4)[:, None],
+                ((1 - gamma) / (1 + gamma)) ** np.arange(3),
+                (2 * share - 1) ** np.arange(5),
+            )
             assert np.abs(found - truth).max() < within
 
 
 @EVERY_WAY
 def test_shaded_ground_has_the_albedo_of_its_roughness(tmp_path, made_of, accuracy):
     """Each half under an evenly glowing dome, the Sun below the horizon, against the integral over the dome."""
+
     def dome(built):
         bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=10 * SIDE_M)
         around = bpy.context.object
@@ -129,9 +156,16 @@ def test_shaded_ground_has_the_albedo_of_its_roughness(tmp_path, made_of, accura
         around.data.materials.append(material)
 
     hapke = {"backend": made_of, "accuracy": accuracy, "theta_bar_deg": 20.0, "theta_bar_range_deg": 30.0}
-    pair, _ = picture(tmp_path, textured(tmp_path, HALVES, hapke), {
-        "light": {"sun_elevation_deg": -20.0}, "quality": {"samples": 4, "diffuse_bounces": 2},
-        "rig": {"width_px": 32, "height_px": 24}}, change=dome)
+    pair, _ = picture(
+        tmp_path,
+        textured(tmp_path, HALVES, hapke),
+        {
+            "light": {"sun_elevation_deg": -20.0},
+            "quality": {"samples": 4, "diffuse_bounces": 2},
+            "rig": {"width_px": 32, "height_px": 24},
+        },
+        change=dome,
+    )
     east, view, eye = east_m(pair), read_view(pair.image("left")), rays(pair)
     for side, value in ((-1, 0.0), (1, 1.0)):
         there = from_settings(pair.settings.hapke | {"theta_bar_deg": 20.0 + (value - 0.5) * 30.0})
@@ -151,7 +185,8 @@ def test_the_pair_says_what_neighbours_are_taken_to_be(tmp_path):
 
 
 def test_a_roughness_range_without_an_image_is_said():
-    told = scenes.build(empty_scene(), complete({
-        "terrain": FLAT, "surface": BARE, "hapke": {"theta_bar_range_deg": 20.0}})).warnings
+    told = scenes.build(
+        empty_scene(), complete({"terrain": FLAT, "surface": BARE, "hapke": {"theta_bar_range_deg": 20.0}})
+    ).warnings
     assert any("theta_bar_range_deg" in sentence for sentence in told)
     assert len(bpy.data.images) == 0

@@ -102,7 +102,8 @@ def test_a_crust_of_any_share_has_the_albedo_of_the_snow():
         assert made == pytest.approx(0.8 * (1 - LOST_AT_ENDS), rel=0.01)
     # Its steps lose a little of the light, as bumps do.
     assert measured(surface(**settings | {"crust_height_m": 0.006}, crust_share=0.4), view_m=WIDE_M) == pytest.approx(
-        0.79, rel=0.02)
+        0.79, rel=0.02
+    )
 
 
 def _shining_scene() -> bpy.types.Scene:

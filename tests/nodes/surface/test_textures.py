@@ -21,11 +21,16 @@ from rendering import complete, empty_scene, png
 
 def measured(surface: dict, textures: dict, files=None, **view) -> np.ndarray:
     """What a white furnace measures on a textured surface."""
-    settings = defaults().surface | {"grain_amplitude_m": 0.0, "specular": 0.0,
-                **check({"surface": surface}, "test").get("surface", {})}
+    settings = defaults().surface | {
+        "grain_amplitude_m": 0.0,
+        "specular": 0.0,
+        **check({"surface": surface}, "test").get("surface", {}),
+    }
     described = defaults().textures | check({"textures": textures}, "test").textures
-    return furnace(lambda: build_material("Test", settings, 1, TERRAIN,
-                                          Textured(described, load_maps(described, files or {}))), **view)
+    return furnace(
+        lambda: build_material("Test", settings, 1, TERRAIN, Textured(described, load_maps(described, files or {}))),
+        **view,
+    )
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -102,8 +107,7 @@ def test_a_normal_map_tilts_as_it_says(tmp_path):
     empty_scene()
     described = defaults().textures | {"set": "OWN", "repeat": "PLAIN"}
     settings = defaults().surface | {"grain_amplitude_m": 0.0, "specular": 0.0, "albedo": 0.5}
-    material = build_material("Test", settings, 1, TERRAIN,
-                              Textured(described, load_maps(described, {"normal": path})))
+    material = build_material("Test", settings, 1, TERRAIN, Textured(described, load_maps(described, {"normal": path})))
     scene = bpy.context.scene
     scene.render.engine, scene.cycles.samples = "CYCLES", 16
     plane(scene, "Ground", 0.0, 10.0, material)
@@ -151,8 +155,11 @@ def test_an_image_that_reflects_more_light_than_it_gets_is_told(registered, tmp_
     path = png(tmp_path / "q.png", np.where(np.arange(64).reshape(8, 8) % 4 == 0, 1.0, 0.0)[..., None] * np.ones(3))
     scene = empty_scene()
     own = {"textures": {"set": "OWN", "albedo_file": str(path)}, "terrain": {"size_m": 8.0}}
-    told = [sentence for sentence in scenes.build(scene, complete(own, {"surface": {"albedo": 0.6}})).warnings
-            if "more light than they get" in sentence]
+    told = [
+        sentence
+        for sentence in scenes.build(scene, complete(own, {"surface": {"albedo": 0.6}})).warnings
+        if "more light than they get" in sentence
+    ]
     assert len(told) == 1
     assert "25 % of the albedo image" in told[0]
     assert "2.4 times" in told[0]

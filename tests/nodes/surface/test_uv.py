@@ -62,13 +62,22 @@ def ground() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return positions, faces, layout(corner[..., 0], corner[..., 1], corner[..., :1].mean(axis=1) > 0)
 
 
-def glb(path: Path, positions: np.ndarray, faces: np.ndarray, layers: list[np.ndarray], images: dict[str, Path],
-        textures: dict[str, str]) -> Path:
+def glb(
+    path: Path,
+    positions: np.ndarray,
+    faces: np.ndarray,
+    layers: list[np.ndarray],
+    images: dict[str, Path],
+    textures: dict[str, str],
+) -> Path:
     """A binary glTF, z up as its coordinates are, with a vertex for each corner; ``textures`` says which image is for
     which use. V runs down in glTF."""
     own = np.arange(faces.size, dtype="<u4")
-    arrays = [positions[faces].reshape(-1, 3).astype("<f4"), own,
-              *((uv.reshape(-1, 2) * (1, -1) + (0, 1)).astype("<f4") for uv in layers)]
+    arrays = [
+        positions[faces].reshape(-1, 3).astype("<f4"),
+        own,
+        *((uv.reshape(-1, 2) * (1, -1) + (0, 1)).astype("<f4") for uv in layers),
+    ]
     chunks = [a.tobytes() for a in arrays] + [file.read_bytes() for file in images.values()]
     chunks = [chunk + b"\0" * (-len(chunk) % 4) for chunk in chunks]
     starts = np.cumsum([0, *map(len, chunks)]).tolist()
@@ -76,51 +85,102 @@ def glb(path: Path, positions: np.ndarray, faces: np.ndarray, layers: list[np.nd
     place = {name: {"index": list(images).index(image)} for name, image in textures.items()}
     pbr = {name: place[name] for name in ("baseColorTexture", "metallicRoughnessTexture") if name in place}
     document = {
-        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-        "buffers": [{"byteLength": starts[-1]}], "bufferViews": views,
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": len(own), "type": "VEC3",
-                       "min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()},
-                      {"bufferView": 1, "componentType": 5125, "count": len(own), "type": "SCALAR"},
-                      *({"bufferView": 2 + k, "componentType": 5126, "count": len(own), "type": "VEC2"}
-                        for k in range(len(layers)))],
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "buffers": [{"byteLength": starts[-1]}],
+        "bufferViews": views,
+        "accessors": [
+            {
+                "bufferView": 0,
+                "componentType": 5126,
+                "count": len(own),
+                "type": "VEC3",
+                "min": positions.min(axis=0).tolist(),
+                "max": positions.max(axis=0).tolist(),
+            },
+            {"bufferView": 1, "componentType": 5125, "count": len(own), "type": "SCALAR"},
+            *(
+                {"bufferView": 2 + k, "componentType": 5126, "count": len(own), "type": "VEC2"}
+                for k in range(len(layers))
+            ),
+        ],
         "images": [{"bufferView": len(arrays) + k, "mimeType": "image/png"} for k in range(len(images))],
         "textures": [{"source": k} for k in range(len(images))],
-        "materials": [{"pbrMetallicRoughness": pbr,
-                       **{name: place[name] for name in ("normalTexture",) if name in place}}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, **{f"TEXCOORD_{k}": 2 + k
-                                                                     for k in range(len(layers))}},
-                                    "indices": 1, "material": 0}]}]}
+        "materials": [
+            {"pbrMetallicRoughness": pbr, **{name: place[name] for name in ("normalTexture",) if name in place}}
+        ],
+        "meshes": [
+            {
+                "primitives": [
+                    {
+                        "attributes": {"POSITION": 0, **{f"TEXCOORD_{k}": 2 + k for k in range(len(layers))}},
+                        "indices": 1,
+                        "material": 0,
+                    }
+                ]
+            }
+        ],
+    }
     text = json.dumps({key: value for key, value in document.items() if value != []}).encode()
     text += b" " * (-len(text) % 4)
-    path.write_bytes(b"glTF" + struct.pack("<II", 2, 28 + len(text) + starts[-1])
-                     + struct.pack("<I4s", len(text), b"JSON") + text
-                     + struct.pack("<I4s", starts[-1], b"BIN\0") + b"".join(chunks))
+    path.write_bytes(
+        b"glTF"
+        + struct.pack("<II", 2, 28 + len(text) + starts[-1])
+        + struct.pack("<I4s", len(text), b"JSON")
+        + text
+        + struct.pack("<I4s", starts[-1], b"BIN\0")
+        + b"".join(chunks)
+    )
     return path
 
 
 def corner_ply(path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> Path:
     """A PLY that has its UV in the faces."""
-    lines = ["ply", "format ascii 1.0", "comment TextureFile quarters.png", f"element vertex {len(positions)}",
-             "property float x", "property float y", "property float z", f"element face {len(faces)}",
-             "property list uchar int vertex_indices", "property list uchar float texcoord", "end_header"]
+    lines = [
+        "ply",
+        "format ascii 1.0",
+        "comment TextureFile quarters.png",
+        f"element vertex {len(positions)}",
+        "property float x",
+        "property float y",
+        "property float z",
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "property list uchar float texcoord",
+        "end_header",
+    ]
     lines += [" ".join(map(repr, p)) for p in positions.tolist()]
-    lines += [" ".join(map(repr, [3, *f, 6, *t])) for f, t in zip(faces.tolist(), uv.reshape(-1, 6).tolist(),
-                                                                   strict=True)]
+    lines += [
+        " ".join(map(repr, [3, *f, 6, *t])) for f, t in zip(faces.tolist(), uv.reshape(-1, 6).tolist(), strict=True)
+    ]
     path.write_text("\n".join(lines) + "\n")
     return path
 
 
 def vertex_ply(names: tuple[str, str]) -> Callable[..., Path]:
     """Writer of a PLY that has a vertex for each corner, its UV under these names."""
+
     def write(path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> Path:
         rows = np.concatenate([positions[faces].reshape(-1, 3), uv.reshape(-1, 2)], axis=1)
-        lines = ["ply", "format ascii 1.0", f"element vertex {len(rows)}", "property float x", "property float y",
-                 "property float z", *(f"property float {name}" for name in names), f"element face {len(faces)}",
-                 "property list uchar int vertex_indices", "end_header"]
+        lines = [
+            "ply",
+            "format ascii 1.0",
+            f"element vertex {len(rows)}",
+            "property float x",
+            "property float y",
+            "property float z",
+            *(f"property float {name}" for name in names),
+            f"element face {len(faces)}",
+            "property list uchar int vertex_indices",
+            "end_header",
+        ]
         lines += [" ".join(map(repr, row)) for row in rows.tolist()]
         lines += [f"3 {3 * k} {3 * k + 1} {3 * k + 2}" for k in range(len(faces))]
         path.write_text("\n".join(lines) + "\n")
         return path
+
     return write
 
 
@@ -130,22 +190,37 @@ def seen_by_obj(path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.nda
 
 
 def seen_by_glb(path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> Path:
-    return glb(path, positions, faces, [uv, 1 - uv], {"quarters": path.parent / "quarters.png"},
-               {"baseColorTexture": "quarters"})
+    return glb(
+        path,
+        positions,
+        faces,
+        [uv, 1 - uv],
+        {"quarters": path.parent / "quarters.png"},
+        {"baseColorTexture": "quarters"},
+    )
 
 
 WRITERS: dict[str, Callable[..., Path]] = {
-    "a.obj": seen_by_obj, "a.glb": seen_by_glb, "a.ply": corner_ply, "st.ply": vertex_ply(("s", "t")),
-    "uv.ply": vertex_ply(("u", "v")), "texture.ply": vertex_ply(("texture_u", "texture_v"))}
+    "a.obj": seen_by_obj,
+    "a.glb": seen_by_glb,
+    "a.ply": corner_ply,
+    "st.ply": vertex_ply(("s", "t")),
+    "uv.ply": vertex_ply(("u", "v")),
+    "texture.ply": vertex_ply(("texture_u", "texture_v")),
+}
 
 
 def described(path: Path, textures: dict, source: dict | None = None, *more: dict) -> Settings:
     """Settings of a plain matt ground from a file, the Sun in the zenith."""
-    return complete({"source": {"kind": "MESH", "file": str(path), "up_axis": "Z", "origin_x_m": ASIDE_M,
-                                **(source or {})},
-                     "surface": {"model": "LAMBERT", "albedo": ALBEDO, "grain_amplitude_m": 0.0},
-                     "light": {"sun_elevation_deg": 90.0, "planet": False, "sun_angular_diameter_deg": 0.0},
-                     "textures": textures}, *more)
+    return complete(
+        {
+            "source": {"kind": "MESH", "file": str(path), "up_axis": "Z", "origin_x_m": ASIDE_M, **(source or {})},
+            "surface": {"model": "LAMBERT", "albedo": ALBEDO, "grain_amplitude_m": 0.0},
+            "light": {"sun_elevation_deg": 90.0, "planet": False, "sun_angular_diameter_deg": 0.0},
+            "textures": textures,
+        },
+        *more,
+    )
 
 
 def above(settings: Settings, samples: int = 4) -> np.ndarray:
@@ -266,8 +341,12 @@ def test_the_mean_is_that_of_the_ground_and_blocks_take_it(tmp_path):
     image = png(tmp_path / "baked.png", as_srgb(np.repeat(np.repeat(baked, 32, axis=0), 32, axis=1)))
     positions, faces, uv = ground()
     path = obj(tmp_path / "a.obj", positions, faces, 0.05 + 0.35 * uv)
-    settings = described(path, {"set": "OWN", "mapping": "UV", "albedo_file": str(image)}, None,
-                         {"rocks": {"coverage": 0.1, "smallest_m": 0.1, "clear_radius_m": 0.0}})
+    settings = described(
+        path,
+        {"set": "OWN", "mapping": "UV", "albedo_file": str(image)},
+        None,
+        {"rocks": {"coverage": 0.1, "smallest_m": 0.1, "clear_radius_m": 0.0}},
+    )
     found = above(settings)
     colour = ALBEDO * np.array([0.6, 0.3, 0.3]) / 0.4
     bare = np.median(found.reshape(-1, 3), axis=0)
@@ -302,8 +381,14 @@ def test_a_normal_map_tilts_along_u_and_v(tmp_path, direction, mirrored):
 
     def seen(azimuth: float, elevation: float, kind: str = "normal") -> float:
         textures = {"set": "OWN", "mapping": "UV", f"{kind}_file": str(image)}
-        return float(above(described(path, textures, None, {"light": {
-            "sun_elevation_deg": elevation, "sun_azimuth_deg": azimuth}}), 1)[8:-8, 8:-8].mean())
+        return float(
+            above(
+                described(
+                    path, textures, None, {"light": {"sun_elevation_deg": elevation, "sun_azimuth_deg": azimuth}}
+                ),
+                1,
+            )[8:-8, 8:-8].mean()
+        )
 
     lean = np.degrees(np.arctan(0.5))
     # The cosine at a high Sun; near the terminator Blender 4.2 darkens tilted normals.
@@ -329,10 +414,28 @@ def test_a_height_map_by_uv_is_in_metres(tmp_path, relief, with_normals):
     at = positions[faces]
     uv = np.stack([(at[..., 1] + 2) / 4, (2 - at[..., 0]) / 4], axis=-1)
     path = obj(tmp_path / "a.obj", positions, faces, uv)
-    textures = {"set": "OWN", "mapping": "UV", "height_file": str(image), "height_m": 2.0, "width_m": 0.01,
-                **({"normal_file": str(level)} if with_normals else {})}
-    found = {azimuth: np.median(above(described(path, textures, None, {"surface": {"relief": relief}, "light": {
-        "sun_elevation_deg": 60.0, "sun_azimuth_deg": azimuth}}), 16)[8:-8, 8:-8]) for azimuth in (0.0, 180.0)}
+    textures = {
+        "set": "OWN",
+        "mapping": "UV",
+        "height_file": str(image),
+        "height_m": 2.0,
+        "width_m": 0.01,
+        **({"normal_file": str(level)} if with_normals else {}),
+    }
+    found = {
+        azimuth: np.median(
+            above(
+                described(
+                    path,
+                    textures,
+                    None,
+                    {"surface": {"relief": relief}, "light": {"sun_elevation_deg": 60.0, "sun_azimuth_deg": azimuth}},
+                ),
+                16,
+            )[8:-8, 8:-8]
+        )
+        for azimuth in (0.0, 180.0)
+    }
     # Eight bits make steps of the bump; the rim of the displaced ground, where the image repeats, lights it a little.
     slope, tolerance = np.arctan(0.5), 0.05
     assert found[180.0] == pytest.approx(ALBEDO * np.cos(np.pi / 6 - slope), rel=tolerance)
@@ -347,8 +450,14 @@ def test_a_gltf_s_roughness_is_its_green_channel(tmp_path):
     rough = png(tmp_path / "rough.png", np.broadcast_to([1.0, 0.4, 0.0], (4, 4, 3)))
     normal = png(tmp_path / "normal.png", np.broadcast_to([0.5, 0.5, 1.0], (4, 4, 3)))
     positions, faces, uv = ground()
-    path = glb(tmp_path / "a.glb", positions, faces, [uv], {"a": tmp_path / "quarters.png", "r": rough, "n": normal},
-               {"baseColorTexture": "a", "metallicRoughnessTexture": "r", "normalTexture": "n"})
+    path = glb(
+        tmp_path / "a.glb",
+        positions,
+        faces,
+        [uv],
+        {"a": tmp_path / "quarters.png", "r": rough, "n": normal},
+        {"baseColorTexture": "a", "metallicRoughnessTexture": "r", "normalTexture": "n"},
+    )
     built = scenes.build(empty_scene(), described(path, {"set": "MESH"}, None, {"surface": {"model": "PRINCIPLED"}}))
     assert any("albedo, roughness, normal" in line for line in built.ground["report"])
     nodes = bpy.data.materials["Icy Moon Surface"].node_tree.nodes
@@ -423,8 +532,9 @@ def test_a_ground_with_faces_of_four_corners_has_the_same_mean(tmp_path):
     image = png(tmp_path / "a.png", np.random.default_rng(0).random((16, 16, 3)))
     scene = empty_scene()
     positions, faces, uv = ground()
-    settings = described(obj(tmp_path / "a.obj", positions, faces, uv), {"set": "OWN", "mapping": "UV",
-                                                                          "albedo_file": str(image)})
+    settings = described(
+        obj(tmp_path / "a.obj", positions, faces, uv), {"set": "OWN", "mapping": "UV", "albedo_file": str(image)}
+    )
     mesh = scenes.build(scene, settings).terrain.data
     before = images.measure_means(mesh, images.load_maps(settings.textures, {"albedo": image}))["albedo"].mean
     edited = bmesh.new()
@@ -450,7 +560,8 @@ def test_a_mesh_with_coordinates_is_the_same_mesh(tmp_path):
         return vertices.tobytes(), corners.tobytes()
 
     assert shape(obj(tmp_path / "with.obj", positions, faces, uv)) == shape(
-        obj(tmp_path / "without.obj", positions, faces, None))
+        obj(tmp_path / "without.obj", positions, faces, None)
+    )
 
 
 def test_the_images_of_a_mesh_are_the_pair_s(tmp_path):
@@ -501,13 +612,16 @@ def test_ground_without_coordinates_is_refused(tmp_path):
     built = scenes.build(scene, complete())
     mark, meshes = built.extra, len(bpy.data.meshes)
     for settings, words in (
-            (complete({"textures": own}), r"textures\.mapping is UV, but procedural ground.*OBJECT.*source\.kind"),
-            (complete({"textures": {"set": "MESH"}}), r"textures\.set is MESH, but procedural ground"),
-            (complete(heights, {"textures": own}), "but a height map has no UV"),
-            (described(bare, own), r"bare\.obj: has no UV coordinates.*export it with them, or set textures\.mapping"),
-            (described(bare, {"set": "MESH"}), r"bare\.obj: has no UV.*choose another textures\.set"),
-            (complete({"textures": {"set": "OWN", "mapping": "UV"},
-                       "source": {"kind": "MESH", "file": str(bare)}}), "has no UV")):
+        (complete({"textures": own}), r"textures\.mapping is UV, but procedural ground.*OBJECT.*source\.kind"),
+        (complete({"textures": {"set": "MESH"}}), r"textures\.set is MESH, but procedural ground"),
+        (complete(heights, {"textures": own}), "but a height map has no UV"),
+        (described(bare, own), r"bare\.obj: has no UV coordinates.*export it with them, or set textures\.mapping"),
+        (described(bare, {"set": "MESH"}), r"bare\.obj: has no UV.*choose another textures\.set"),
+        (
+            complete({"textures": {"set": "OWN", "mapping": "UV"}, "source": {"kind": "MESH", "file": str(bare)}}),
+            "has no UV",
+        ),
+    ):
         with pytest.raises(IcyMoonError, match=words):
             scenes.build(scene, settings)
         assert (scenes.find(scene).extra, len(bpy.data.meshes)) == (mark, meshes)

@@ -32,8 +32,10 @@ def test_the_workspaces_centre_is_seen_by_both_eyes_and_reached(name):
     settings = described(name)
     rig, workspace = settings.rig, settings.workspace
     ground = make_rocky_ground(settings)
-    site_m, height_m = (float(ground.heights(np.array([x]), np.array([y]))[0])
-                        for x, y in ((rig.x_m, rig.y_m), (workspace.east_m, workspace.north_m)))
+    site_m, height_m = (
+        float(ground.heights(np.array([x]), np.array([y]))[0])
+        for x, y in ((rig.x_m, rig.y_m), (workspace.east_m, workspace.north_m))
+    )
     axes, camera = camera_axes(rig.heading_deg, rig.pitch_deg), StereoCamera.from_settings(rig)
     left = np.array([rig.x_m, rig.y_m, site_m + rig.height_m])
     for eye in (left, left + rig.baseline_m * axes[:, 0]):

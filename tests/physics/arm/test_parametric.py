@@ -34,17 +34,32 @@ def add_up(settings: Settings, angles: np.ndarray, site_m: float) -> np.ndarray:
     """Place of the tip by sines and cosines alone: compass directions, and a sum in the plane of the arm."""
     a, rig = settings.arm, settings.rig
     yaw, q1, q2, q3, _ = angles
-    out = (a.offset_m + a.upper_m * math.cos(q1) + a.fore_m * math.cos(q1 + q2)
-           + (a.hand_m + a.scoop_length_m) * math.cos(q1 + q2 + q3))
-    up = (a.upper_m * math.sin(q1) + a.fore_m * math.sin(q1 + q2)
-          + (a.hand_m + a.scoop_length_m) * math.sin(q1 + q2 + q3))
+    out = (
+        a.offset_m
+        + a.upper_m * math.cos(q1)
+        + a.fore_m * math.cos(q1 + q2)
+        + (a.hand_m + a.scoop_length_m) * math.cos(q1 + q2 + q3)
+    )
+    up = (
+        a.upper_m * math.sin(q1) + a.fore_m * math.sin(q1 + q2) + (a.hand_m + a.scoop_length_m) * math.sin(q1 + q2 + q3)
+    )
     view = math.radians(rig.heading_deg)
     deck = view + math.radians(settings.lander.turn_deg)
     arm = deck - yaw  # compass directions are clockwise
-    east = (rig.x_m + rig.baseline_m / 2 * math.cos(view) + a.shoulder_x_m * math.sin(deck)
-            - a.shoulder_y_m * math.cos(deck) + out * math.sin(arm))
-    north = (rig.y_m - rig.baseline_m / 2 * math.sin(view) + a.shoulder_x_m * math.cos(deck)
-             + a.shoulder_y_m * math.sin(deck) + out * math.cos(arm))
+    east = (
+        rig.x_m
+        + rig.baseline_m / 2 * math.cos(view)
+        + a.shoulder_x_m * math.sin(deck)
+        - a.shoulder_y_m * math.cos(deck)
+        + out * math.sin(arm)
+    )
+    north = (
+        rig.y_m
+        - rig.baseline_m / 2 * math.sin(view)
+        + a.shoulder_x_m * math.cos(deck)
+        + a.shoulder_y_m * math.sin(deck)
+        + out * math.cos(arm)
+    )
     return np.array([east, north, site_m + a.shoulder_z_m + up])
 
 
@@ -146,7 +161,9 @@ def test_the_default_pose_is_within_its_limits():
 
 
 def test_a_joint_that_slides_moves_its_link_along_the_axis():
-    joints = (Joint("turn", "one", -1, pose(), np.array([0.0, 0.0, 1.0])),
-              Joint("slide", "two", 0, pose(place=(1.0, 0.0, 0.0)), np.array([1.0, 0.0, 0.0]), 0.0, 1.0, True))
+    joints = (
+        Joint("turn", "one", -1, pose(), np.array([0.0, 0.0, 1.0])),
+        Joint("slide", "two", 0, pose(place=(1.0, 0.0, 0.0)), np.array([1.0, 0.0, 0.0]), 0.0, 1.0, True),
+    )
     arm = Arm(joints, pose(place=(0.0, 0.0, 2.0)), np.zeros(3))
     assert np.allclose(tip_of(arm, np.array([np.pi / 2, 0.5])), [0.0, 1.5, 2.0], atol=1e-15)

@@ -26,9 +26,12 @@ def area_vector(solid: Solid) -> np.ndarray:
     return np.asarray(np.cross(b - a, c - a).sum(axis=0) / 2)
 
 
-SOLIDS = {"box": box("metal", (0.3, 0.2, 0.1), (1.0, 2.0, 3.0)), "ball": ball("metal", (1.0, 0.0, 0.0), 0.2),
-          "rod": rod("metal", (0.0, 0.0, 0.0), (1.0, 2.0, 0.5), 0.1, 0.05),
-          "prism": prism("metal", [(0, 0), (1, 0), (1, 1), (0, 1)], 0.0, 0.5, 0.05, 0.8)}
+SOLIDS = {
+    "box": box("metal", (0.3, 0.2, 0.1), (1.0, 2.0, 3.0)),
+    "ball": ball("metal", (1.0, 0.0, 0.0), 0.2),
+    "rod": rod("metal", (0.0, 0.0, 0.0), (1.0, 2.0, 0.5), 0.1, 0.05),
+    "prism": prism("metal", [(0, 0), (1, 0), (1, 1), (0, 1)], 0.0, 0.5, 0.05, 0.8),
+}
 
 
 @pytest.mark.parametrize("name", SOLIDS)
@@ -92,13 +95,19 @@ def test_no_part_of_the_lander_is_around_an_eye(height_m):
 
 def test_keypoints_are_where_a_pinhole_puts_them_and_hidden_where_something_is_nearer():
     settings = defaults()
-    links = {**dict.fromkeys((BODY, *LEGS), np.eye(4)),
-             **dict(zip(arm_of(settings).links, forward(arm_of(settings), real_rad(settings.arm)), strict=True))}
+    links = {
+        **dict.fromkeys((BODY, *LEGS), np.eye(4)),
+        **dict(zip(arm_of(settings).links, forward(arm_of(settings), real_rad(settings.arm)), strict=True)),
+    }
     down = pose(np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), (1.0, 0.2, 5.0))
     matrix = np.array([[100.0, 0.0, 160.0], [0.0, 100.0, 120.0], [0.0, 0.0, 1.0]])
     far, near = np.full((240, 320), 9.0), np.full((240, 320), 1.0)
-    found = {entry["name"]: entry for entry in describe_keypoints(
-        settings, [0.0, 0.0], links, {"left": down, "right": down}, matrix, {"left": far, "right": near})}
+    found = {
+        entry["name"]: entry
+        for entry in describe_keypoints(
+            settings, [0.0, 0.0], links, {"left": down, "right": down}, matrix, {"left": far, "right": near}
+        )
+    }
     assert set(found) == {name for name, *_ in keypoints_of(settings)}
     tip = found["tip"]
     x, y, z = tip["position_m"]

@@ -33,19 +33,27 @@ def test_without_blur_there_is_none_and_the_response_does_not_name_the_pair():
     assert expand_headings(same)[0].id == expand_headings(base)[0].id
 
 
-@pytest.mark.parametrize(("rig", "one", "other", "same"), [
-    ({"focus_distance_m": 2.0}, {"f_number": 8.0}, {"f_number": 4.0}, {"exposure_s": 1.0}),
-    ({"roll_deg_s": 3.0}, {"exposure_s": 0.01}, {"exposure_s": 0.02}, {"f_number": 4.0})])
+@pytest.mark.parametrize(
+    ("rig", "one", "other", "same"),
+    [
+        ({"focus_distance_m": 2.0}, {"f_number": 8.0}, {"f_number": 4.0}, {"exposure_s": 1.0}),
+        ({"roll_deg_s": 3.0}, {"exposure_s": 0.01}, {"exposure_s": 0.02}, {"f_number": 4.0}),
+    ],
+)
 def test_what_of_the_response_is_in_the_light_names_the_pair(rig, one, other, same):
     base = described(rig, {"sensor": defaults().sensor | FIXED["sensor"]})
     name = [expand_headings(merged(base, {"sensor": values}))[0].id for values in (one, other, one | same)]
     assert name[0] == name[2] != name[1]
 
 
-@pytest.mark.parametrize(("rig", "sensor", "said"), [
-    ({"focus_distance_m": 0.001}, {"f_number": 0.5}, "rig.focus_distance_m is 0.001 m"),
-    ({"speed_down_m_s": 1000.0}, {}, "rig.motion_exposure_s"),
-    ({"turn_right_deg_s": 100.0, "motion_exposure_s": 1000.0}, {}, "turns by 1e[+]05°")])
+@pytest.mark.parametrize(
+    ("rig", "sensor", "said"),
+    [
+        ({"focus_distance_m": 0.001}, {"f_number": 0.5}, "rig.focus_distance_m is 0.001 m"),
+        ({"speed_down_m_s": 1000.0}, {}, "rig.motion_exposure_s"),
+        ({"turn_right_deg_s": 100.0, "motion_exposure_s": 1000.0}, {}, "turns by 1e[+]05°"),
+    ],
+)
 def test_blur_that_cannot_be_rendered_is_refused_in_a_sentence(rig, sensor, said):
     settings = described(rig, {"sensor": sensor})
     for refuse in (blur_of, expand_headings):
@@ -76,11 +84,15 @@ def test_whatever_moves_the_way_is_a_number(values, seconds, depth):
 
 def test_the_signs_of_motion_are_those_that_its_settings_name():
     forward, right, down = [0, 0, 1.0], [1.0, 0, 0], [0, 1.0, 0]
-    for key, of, toward in (("turn_right_deg_s", forward, right), ("turn_down_deg_s", forward, down),
-                            ("roll_deg_s", right, down)):
+    for key, of, toward in (
+        ("turn_right_deg_s", forward, right),
+        ("turn_down_deg_s", forward, down),
+        ("roll_deg_s", right, down),
+    ):
         pose = pose_after(blur_of(described({key: 30.0}, FIXED)), 1.0)
-        np.testing.assert_allclose(pose[:3, :3] @ of, np.cos(np.pi / 6) * np.array(of) + 0.5 * np.array(toward),
-                                   atol=1e-12)
+        np.testing.assert_allclose(
+            pose[:3, :3] @ of, np.cos(np.pi / 6) * np.array(of) + 0.5 * np.array(toward), atol=1e-12
+        )
         assert not pose[:3, 3].any()
     for key, toward in (("speed_right_m_s", right), ("speed_down_m_s", down), ("speed_forward_m_s", forward)):
         np.testing.assert_allclose(pose_after(blur_of(described({key: 2.0}, FIXED)), 3.0)[:3, 3], 6 * np.array(toward))

@@ -39,8 +39,9 @@ def test_a_black_body_radiates_what_stefan_and_wien_say():
 
 
 def test_electrons_follow_aperture_band_and_pixel_area():
-    light, sensor = settings(band_centre_nm=600.0, band_width_nm=1.0, f_number=4.0, transmission=0.8,
-                             quantum_efficiency=0.5)
+    light, sensor = settings(
+        band_centre_nm=600.0, band_width_nm=1.0, f_number=4.0, transmission=0.8, quantum_efficiency=0.5
+    )
     light["irradiance_band"] = "CAMERA"
     # By hand: 2 W/(m² sr) at 600 nm on a 10 µm pixel behind f/4.
     watts = math.pi * 0.8 * 2.0 / (1 + 4 * 16) * 1e-10
@@ -79,8 +80,9 @@ def test_particles_come_in_poisson_numbers_and_leave_their_ionisation():
     mean = expected_hits(sensor, shape, pitch, seconds)
     assert mean == pytest.approx(2000 * 0.2 * 0.3 * 0.5)
     # So shallow that nearly every track lies in one pixel: pixels hit are hits.
-    counts = [np.count_nonzero(draw_hits(sensor, shape, pitch, seconds, noise_generator(k, "p", "left")))
-              for k in range(400)]
+    counts = [
+        np.count_nonzero(draw_hits(sensor, shape, pitch, seconds, noise_generator(k, "p", "left"))) for k in range(400)
+    ]
     assert np.mean(counts) == pytest.approx(mean, abs=5 * math.sqrt(mean / 400) + 0.02 * mean)
     assert np.var(counts) == pytest.approx(mean, rel=0.4)
     image = draw_hits(sensor, shape, pitch, seconds, random())
@@ -99,8 +101,14 @@ def test_tracks_are_as_long_as_isotropic_particles_make_them():
 
 def test_electrons_are_those_of_a_photon_budget_by_hand():
     """Radiance x solid angle x pixel area x exposure x efficiency over the energy of a photon, in a narrow band."""
-    light, sensor = settings(pixel_pitch_um=6.4, f_number=12.0, transmission=0.85, quantum_efficiency=0.45,
-                             band_centre_nm=600.0, band_width_nm=0.1)
+    light, sensor = settings(
+        pixel_pitch_um=6.4,
+        f_number=12.0,
+        transmission=0.85,
+        quantum_efficiency=0.45,
+        band_centre_nm=600.0,
+        band_width_nm=0.1,
+    )
     light = light | {"irradiance_band": "CAMERA"}
     radiance, seconds = 12.5, 3e-3
     # A lens of f/N seen from its image fills sin² of half its angle = 1 / (1 + 4 N²): that times pi is its solid
@@ -124,9 +132,11 @@ def test_real_pixels_expose_sunlit_europa_as_long_as_real_cameras_do(name):
     described = merged(defaults(), load_preset("rigs/guiss"), load_preset(f"sensors/{name}"))
     # Level Lambert ground of albedo 0.6 under the Sun of Europa, 30 degrees high.
     radiance = np.full((8, 8), 0.6 * 50.26 * 0.5 / math.pi)
+
     def auto(sensor):
         rate = electron_rate(described.light, sensor, pixel_pitch_m(sensor, described.rig))
         return exposure_s(radiance, rate, sensor)
+
     real, wide = auto(described.sensor), auto(described.sensor | {"pixel_pitch_um": 0.0})
     assert 0.01 < real < 0.5
     assert wide / real == pytest.approx((described.sensor.pixel_pitch_um / 93.75) ** 2, rel=1e-6)
@@ -139,8 +149,9 @@ def test_particles_of_jupiters_belts_are_seen_in_an_exposure_of_sunlit_ice():
     described = merged(defaults(), load_preset("rigs/guiss"), load_preset("sensors/europa_radiation"))
     sensor = described.sensor
     pitch_m = pixel_pitch_m(sensor, described.rig)
-    seconds = exposure_s(np.full((8, 8), 0.6 * 50.26 * 0.5 / math.pi),
-                         electron_rate(described.light, sensor, pitch_m), sensor)
+    seconds = exposure_s(
+        np.full((8, 8), 0.6 * 50.26 * 0.5 / math.pi), electron_rate(described.light, sensor, pitch_m), sensor
+    )
     by_hand = 1e5 * (640 * 6.5e-4) * (480 * 6.5e-4) * seconds
     assert expected_hits(sensor, (480, 640), pitch_m, seconds) == pytest.approx(by_hand, rel=1e-9)
     assert 10 < by_hand < 1000
@@ -151,12 +162,18 @@ def test_particles_of_jupiters_belts_are_seen_in_an_exposure_of_sunlit_ice():
     assert np.count_nonzero(wide) < 1.3 * by_hand
 
 
-@pytest.mark.parametrize(("seconds", "saturated", "changes", "words"), [
-    (1e-6, 0.0, {}, ["shortest time, 1e-06 s"]), (1e3, 0.0, {}, ["longest time"]),
-    (0.01, 0.3, {}, ["More than 2% of the left", "sensor.auto_target"]),
-    (0.01, 0.0199, {}, []),
-    (1e-6, 0.5, {"auto_exposure": False}, ["More than 2% of the left", "sensor.exposure_s"]),
-    (0.01, 0.0, {}, [])], ids=str)
+@pytest.mark.parametrize(
+    ("seconds", "saturated", "changes", "words"),
+    [
+        (1e-6, 0.0, {}, ["shortest time, 1e-06 s"]),
+        (1e3, 0.0, {}, ["longest time"]),
+        (0.01, 0.3, {}, ["More than 2% of the left", "sensor.auto_target"]),
+        (0.01, 0.0199, {}, []),
+        (1e-6, 0.5, {"auto_exposure": False}, ["More than 2% of the left", "sensor.exposure_s"]),
+        (0.01, 0.0, {}, []),
+    ],
+    ids=str,
+)
 def test_an_exposure_at_its_end_or_too_long_is_said(seconds, saturated, changes, words):
     said = exposure_warnings(seconds, saturated, settings(**changes)[1])
     assert len(said) == bool(words)
@@ -172,8 +189,9 @@ def test_a_flood_of_particles_is_refused_by_name_and_none_is_none():
 
 
 def test_brackets_widen_the_range_and_keep_the_light():
-    _, sensor = settings(brackets=3, bracket_stops=3.0, bits=10, shot_noise=False, read_noise_e=0.0,
-                         dark_current_e_s=0.0)
+    _, sensor = settings(
+        brackets=3, bracket_stops=3.0, bits=10, shot_noise=False, read_noise_e=0.0, dark_current_e_s=0.0
+    )
     times = brackets.exposure_times(0.1, sensor)
     np.testing.assert_allclose(times, [0.8, 0.1, 0.0125])
     rate = np.geomspace(100.0, 1.5e6, 500)[None, :]  # electrons per second, from a full well's 1e-5 to 1
@@ -200,14 +218,18 @@ def test_merging_noisy_exposures_beats_the_longest_usable_one():
     _, sensor = settings(brackets=2, bracket_stops=1.0, bits=16)
     times = brackets.exposure_times(1.0, sensor)
     generator = random()
-    numbers = [digital_numbers(electrons(np.full((300, 300), 5000.0), t, 1.0, sensor, generator), sensor)
-               for t in times]
-    merged, longest = brackets.merge_exposures(numbers, times, sensor), brackets.merge_exposures(numbers[:1],
-                                                                                                 times[:1], sensor)
+    numbers = [
+        digital_numbers(electrons(np.full((300, 300), 5000.0), t, 1.0, sensor, generator), sensor) for t in times
+    ]
+    merged, longest = (
+        brackets.merge_exposures(numbers, times, sensor),
+        brackets.merge_exposures(numbers[:1], times[:1], sensor),
+    )
     assert merged.mean() == pytest.approx(5000, rel=1e-3)
     # A full well that is read a little low must not pass for light.
-    bright = [digital_numbers(electrons(np.full((300, 300), 30000.0), t, 1.0, sensor, generator), sensor)
-              for t in (1.0, 0.1)]
+    bright = [
+        digital_numbers(electrons(np.full((300, 300), 30000.0), t, 1.0, sensor, generator), sensor) for t in (1.0, 0.1)
+    ]
     assert brackets.merge_exposures(bright, (1.0, 0.1), sensor).min() > 27000
     # Shot noise of 1.5 times the light: a variance of 2/3, and read noise twice instead of once.
     assert merged.var() / longest.var() == pytest.approx(2 / 3, rel=0.05)

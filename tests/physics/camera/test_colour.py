@@ -53,8 +53,13 @@ def test_filters_of_glass_see_white_ground_as_a_monochrome_sensor_does(kelvin):
 
 
 def test_a_narrow_filter_sees_its_own_band_only():
-    narrow = sensor(red_centre_nm=620.0, green_centre_nm=550.0, blue_centre_nm=460.0, filter_leak=0.0,
-                    **{f"{name}_half_width_nm": 8.0 for name in ("red", "green", "blue")})
+    narrow = sensor(
+        red_centre_nm=620.0,
+        green_centre_nm=550.0,
+        blue_centre_nm=460.0,
+        filter_leak=0.0,
+        **{f"{name}_half_width_nm": 8.0 for name in ("red", "green", "blue")},
+    )
     rates = channel_rates(LIGHT, narrow, PITCH_M)
     assert (np.diag(rates) > 0.9 * rates.sum(axis=1)).all()
 

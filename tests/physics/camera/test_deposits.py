@@ -44,8 +44,12 @@ def test_one_grain_is_a_spot_as_wide_and_as_dark_as_geometry_has_it():
     rig, sensor = settings.rig, settings.sensor
     pupil = rig.focal_length_mm / sensor.f_number
     per_mm = focal_px(rig) / sensor.deposit_window_mm
-    found = next(image for image in (blocked(settings, seed) for seed in range(200)) if image[5:-5, 5:-5].max() > 0
-                 and max(image[:5].max(), image[-5:].max(), image[:, :5].max(), image[:, -5:].max()) < 1e-9)
+    found = next(
+        image
+        for image in (blocked(settings, seed) for seed in range(200))
+        if image[5:-5, 5:-5].max() > 0
+        and max(image[:5].max(), image[-5:].max(), image[:, :5].max(), image[:, -5:].max()) < 1e-9
+    )
     # The beam blocked in full counts (d / A)² of its disc; over the whole spot a grain blocks its own area once.
     assert found.max() == pytest.approx((sensor.deposit_mm / pupil) ** 2, rel=0.1)
     grains = found.sum() / (math.pi / 4 * (sensor.deposit_mm * per_mm) ** 2)

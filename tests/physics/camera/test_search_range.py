@@ -30,7 +30,7 @@ def test_level_ground_has_exactly_the_disparities_of_its_rows(name):
     rows = 16
     seen = ground_rays.disparities(LEVEL, rig, 2, rows)[:, 1]
     step = (bottom - seen[-1]) * 2  # of a row; rays are in the middle of rows
-    np.testing.assert_allclose(np.diff(seen[rows // 2:]), step, rtol=1e-3)
+    np.testing.assert_allclose(np.diff(seen[rows // 2 :]), step, rtol=1e-3)
     if top > 5:  # beyond, the ground is farther than rays go
         assert seen[0] - step / 2 == pytest.approx(top, rel=1e-3)
 
@@ -43,8 +43,10 @@ def test_the_range_grows_with_relief_and_is_none_above_the_horizon():
 
 
 ROCKY: dict[str, dict[str, Any]] = {
-    "mesh": {"kind": "GRADED"}, "terrain": {"size_m": 6.0},
-    "rocks": {"coverage": 0.2, "smallest_m": 0.2, "largest_m": 0.8, "beyond_px": 8.0, "clear_radius_m": 0.0}}
+    "mesh": {"kind": "GRADED"},
+    "terrain": {"size_m": 6.0},
+    "rocks": {"coverage": 0.2, "smallest_m": 0.2, "largest_m": 0.8, "beyond_px": 8.0, "clear_radius_m": 0.0},
+}
 
 
 def test_the_rocks_beyond_the_patch_are_those_of_the_pairs_own_rig():
@@ -58,8 +60,15 @@ def test_the_rocks_beyond_the_patch_are_those_of_the_pairs_own_rig():
     assert len(set(found[1.0])) == 2
 
 
-@pytest.mark.parametrize("part", [{"surface": {"grain_amplitude_m": 0.01}}, {"light": {"body": "ENCELADUS"}},
-                                  {"rig": {"x_m": 1.5, "heading_deg": 40.0}}, {"dataset": {"headings": 3}}])
+@pytest.mark.parametrize(
+    "part",
+    [
+        {"surface": {"grain_amplitude_m": 0.01}},
+        {"light": {"body": "ENCELADUS"}},
+        {"rig": {"x_m": 1.5, "heading_deg": 40.0}},
+        {"dataset": {"headings": 3}},
+    ],
+)
 def test_the_ground_is_the_same_under_another_light_surface_or_site(part):
     settings = merged(defaults(), ROCKY)
     assert name_ground(settings) == name_ground(merged(settings, part))

@@ -78,8 +78,10 @@ def test_photon_transfer_curve_gives_gain_read_noise_and_full_well_back():
     generator = random()
     for level in levels:
         # EMVA 1288 measures temporal noise as half the variance of the difference of two images.
-        one, two = (digital_numbers(electrons(np.full(N, level), 1.0, 1.0, settings, generator), settings).astype(float)
-                    for _ in "12")
+        one, two = (
+            digital_numbers(electrons(np.full(N, level), 1.0, 1.0, settings, generator), settings).astype(float)
+            for _ in "12"
+        )
         means.append((one.mean() + two.mean()) / 2)
         variances.append((one - two).var() / 2)
     mean, variance = np.array(means), np.array(variances)
@@ -124,8 +126,9 @@ def test_defective_radiance_is_dark():
 
 
 def test_dark_current_doubles_with_temperature_and_has_shot_noise():
-    settings = sensor(dark_current_e_s=100.0, temperature_k=301.0, dark_reference_k=293.0, dark_doubling_k=8.0,
-                      read_noise_e=0.0)
+    settings = sensor(
+        dark_current_e_s=100.0, temperature_k=301.0, dark_reference_k=293.0, dark_doubling_k=8.0, read_noise_e=0.0
+    )
     assert dark_current_e_s(settings) == pytest.approx(200.0)
     charge = exposed(np.zeros(N), settings, seconds=10.0)
     assert abs(charge.mean() - 2000) < 5 * np.sqrt(2000 / N)
@@ -172,7 +175,7 @@ def test_what_is_wrong_with_an_exposure_is_told_with_what_to_change(auto):
         return exposure_warnings(seconds, saturated, sensor(auto_exposure=auto))
 
     assert told(0.1, 0.0) == told(0.1, 0.02) == []
-    much, = told(0.1, 0.021)
+    (much,) = told(0.1, 0.021)
     assert "More than 2%" in much
     assert ("sensor.auto_target" in much) == auto
     assert ("sensor.exposure_s" in much) != auto
@@ -183,8 +186,11 @@ def test_what_is_wrong_with_an_exposure_is_told_with_what_to_change(auto):
 
 def test_the_noise_of_a_pair_is_that_of_the_first_release():
     """Or images would differ that are developed anew."""
-    drawn = [noise_generator(1, "0123456789ab", eye, *index).integers(1 << 30) for eye in ("left", "right")
-             for index in ((), (1,))]
+    drawn = [
+        noise_generator(1, "0123456789ab", eye, *index).integers(1 << 30)
+        for eye in ("left", "right")
+        for index in ((), (1,))
+    ]
     assert drawn == [398687802, 777532168, 928075206, 716836773]
 
 
@@ -244,8 +250,12 @@ def test_noise_repeats_for_the_same_eye_and_is_independent_between_eyes_pairs_an
         assert abs(np.corrcoef(first, other)[0, 1]) < 5 / np.sqrt(N)
 
 
-_EXTREMES = [pytest.param(s.key, value, id=f"{s.key}-{value:g}") for s in SensorSettings.fields
-             if s.kind in ("int", "float") for value in (s.minimum, s.maximum)]
+_EXTREMES = [
+    pytest.param(s.key, value, id=f"{s.key}-{value:g}")
+    for s in SensorSettings.fields
+    if s.kind in ("int", "float")
+    for value in (s.minimum, s.maximum)
+]
 
 
 @pytest.mark.parametrize(("key", "value"), [*_EXTREMES, ("exposure_s", 1e-6), ("exposure_s", 1e3)])
@@ -259,16 +269,18 @@ def test_no_extreme_of_the_sensor_makes_anything_but_numbers(key, value, light):
     image = np.full((12, 9), light)
     image[3, 3] = np.nan
     seconds = exposure_s(image, rate, settings.sensor)
-    charge = electrons(image, seconds, rate, settings.sensor, random(),
-                       draw_pattern(1, "left", (12, 9), settings.sensor))
+    charge = electrons(
+        image, seconds, rate, settings.sensor, random(), draw_pattern(1, "left", (12, 9), settings.sensor)
+    )
     assert np.isfinite(charge).all()
     numbers = digital_numbers(charge, settings.sensor)
-    assert numbers.max() <= 2 ** settings.sensor.bits - 1
+    assert numbers.max() <= 2**settings.sensor.bits - 1
 
 
 def test_a_well_of_one_electron_counts_photons():
-    numbers = digital_numbers(exposed(np.full(N, 0.1), sensor(full_well_e=1.0, read_noise_e=0.0)),
-                              sensor(full_well_e=1.0))
+    numbers = digital_numbers(
+        exposed(np.full(N, 0.1), sensor(full_well_e=1.0, read_noise_e=0.0)), sensor(full_well_e=1.0)
+    )
     assert set(np.unique(numbers)) == {0, 255}
     expected = 1 - np.exp(-0.1)  # at least one photon
     assert np.mean(numbers == 255) == pytest.approx(expected, abs=5 * np.sqrt(expected / N))

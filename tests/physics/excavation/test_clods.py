@@ -71,8 +71,9 @@ def test_large_clods_come_farther_than_small_ones():
 def test_a_clod_is_a_convex_body_lower_than_wide():
     flat = np.zeros((161, 161))
     for seed in range(20):
-        made = clods._raise_clods(flat, np.array([[80.2, 79.7]]), np.array([0.1]), GRID.cell_m,
-                                  np.random.default_rng(seed))
+        made = clods._raise_clods(
+            flat, np.array([[80.2, 79.7]]), np.array([0.1]), GRID.cell_m, np.random.default_rng(seed)
+        )
         assert 0.02 < made.max() < 0.1
         wide = (made > 0.0).any(axis=0).sum() * GRID.cell_m, (made > 0.0).any(axis=1).sum() * GRID.cell_m
         assert all(0.03 < each < 0.13 for each in wide)

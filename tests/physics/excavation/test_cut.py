@@ -45,10 +45,21 @@ def test_a_prism_along_the_axes_has_its_volume_to_a_part_of_a_cell():
 
 
 def test_an_arc_has_the_volume_of_a_segment_of_a_circle():
-    excavation = complete({"excavation": {"path": "ARC", "length_m": 0.0, "bite_m": 0.05, "radius_m": 0.25,
-                                             "states": 2, "start_y_m": 0.0, "heading_deg": 30.0}}).excavation
+    excavation = complete(
+        {
+            "excavation": {
+                "path": "ARC",
+                "length_m": 0.0,
+                "bite_m": 0.05,
+                "radius_m": 0.25,
+                "states": 2,
+                "start_y_m": 0.0,
+                "heading_deg": 30.0,
+            }
+        }
+    ).excavation
     grid, top = flat()
-    (pull,), = make_pulls(excavation)
+    ((pull,),) = make_pulls(excavation)
     half = math.acos(1 - 0.05 / 0.25)
     segment = 0.25**2 * (half - math.sin(half) * math.cos(half))
     # The depth at the middle of a subsample stands for the subsample: second order, 1e-3 at these sizes.

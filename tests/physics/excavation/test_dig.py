@@ -31,8 +31,17 @@ def test_the_first_state_is_untouched():
     assert made.facts(0)["taken_m3"] == 0.0
 
 
-@pytest.mark.parametrize("changes", [{}, {"cohesion_pa": 0.0}, {"path": "ARC"}, {"heaped_share": 0.3},
-                                     {"heading_deg": 213.0, "heap_side": "LEFT"}, {"bulking": 1.0}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"cohesion_pa": 0.0},
+        {"path": "ARC"},
+        {"heaped_share": 0.3},
+        {"heading_deg": 213.0, "heap_side": "LEFT"},
+        {"bulking": 1.0},
+    ],
+)
 def test_no_mass_comes_or_goes(changes):
     # Sums of 1e4 numbers in double precision.
     assert series(0.1, **changes).mass_error(3) < 1e-12
@@ -104,19 +113,29 @@ def test_no_bite_digs_nothing():
 
 def test_a_recorded_path_digs_what_a_line_digs(tmp_path):
     file = tmp_path / "path.csv"
-    file.write_text("state,x_m,y_m,depth_m\n" + "".join(
-        f"{k},0,0.1,{0.04 * k}\n{k},0,-0.1,{0.04 * k}\n" for k in (1, 2, 3)), encoding="utf-8")
+    file.write_text(
+        "state,x_m,y_m,depth_m\n" + "".join(f"{k},0,0.1,{0.04 * k}\n{k},0,-0.1,{0.04 * k}\n" for k in (1, 2, 3)),
+        encoding="utf-8",
+    )
     made = series(path="RECORDED", file=str(file))
     np.testing.assert_allclose(made.facts(3)["taken_by_state_m3"], series().facts(3)["taken_by_state_m3"], rtol=0.01)
 
 
-@pytest.mark.parametrize(("text", "message"), [
-    ("state,x_m,y_m\n1,0,0\n", "no column depth_m"), ("state,x_m,y_m,depth_m\n0,0,0,0\n", "line 2"),
-    ("state,x_m,y_m,depth_m\n1,0,zero,0\n", "line 2"), ("state,x_m,y_m,depth_m\n", "no line of numbers"),
-    ("state,x_m,y_m,depth_m\n1,1e300,0,0\n", "line 2 is more than 10000 m"),
-    ("state,x_m,y_m,depth_m\n1,0,0,1e30\n", "100 m deep"), ("state,x_m,y_m,depth_m\n1.5,0,0,0\n", "line 2"),
-    ("state;x_m;y_m;depth_m\n1;0;0;0\n", "no column state"), ("", "no column state"),
-    ("state,x_m,y_m,depth_m\n" + "1,0,0,0\n" * 20_001, "more than 20000 lines")])
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("state,x_m,y_m\n1,0,0\n", "no column depth_m"),
+        ("state,x_m,y_m,depth_m\n0,0,0,0\n", "line 2"),
+        ("state,x_m,y_m,depth_m\n1,0,zero,0\n", "line 2"),
+        ("state,x_m,y_m,depth_m\n", "no line of numbers"),
+        ("state,x_m,y_m,depth_m\n1,1e300,0,0\n", "line 2 is more than 10000 m"),
+        ("state,x_m,y_m,depth_m\n1,0,0,1e30\n", "100 m deep"),
+        ("state,x_m,y_m,depth_m\n1.5,0,0,0\n", "line 2"),
+        ("state;x_m;y_m;depth_m\n1;0;0;0\n", "no column state"),
+        ("", "no column state"),
+        ("state,x_m,y_m,depth_m\n" + "1,0,0,0\n" * 20_001, "more than 20000 lines"),
+    ],
+)
 def test_a_bad_path_is_refused(tmp_path, text, message):
     file = tmp_path / "path.csv"
     file.write_text(text, encoding="utf-8")
@@ -152,8 +171,11 @@ def test_walls_and_arcs_are_explained():
 def test_a_path_that_crosses_itself_takes_each_place_once(tmp_path):
     file = tmp_path / "path.csv"
     # A cross of two pulls of 0.2 x 0.08 m, each drawn twice, with places that coincide.
-    file.write_text("state,x_m,y_m,depth_m\n" + "1,-0.1,0,0.04\n" * 2 + "1,0.1,0,0.04\n1,-0.1,0,0.04\n1,0,0,0.04\n"
-                    "1,0,-0.1,0.04\n1,0,0.1,0.04\n1,0,-0.1,0.04\n", encoding="utf-8")
+    file.write_text(
+        "state,x_m,y_m,depth_m\n" + "1,-0.1,0,0.04\n" * 2 + "1,0.1,0,0.04\n1,-0.1,0,0.04\n1,0,0,0.04\n"
+        "1,0,-0.1,0.04\n1,0,0.1,0.04\n1,0,-0.1,0.04\n",
+        encoding="utf-8",
+    )
     facts = series(path="RECORDED", file=str(file), chips_m=0.0, states=2).facts(1)
     # Edges lie between cells of 5 mm, so the volume is exact.
     assert facts["taken_m3"] == pytest.approx(0.04 * (2 * 0.2 * 0.08 - 0.08**2), rel=1e-9)
@@ -162,8 +184,10 @@ def test_a_path_that_crosses_itself_takes_each_place_once(tmp_path):
 def test_a_ring_has_the_volume_of_a_ring(tmp_path):
     turn = np.radians(np.arange(0, 361, 5))
     file = tmp_path / "path.csv"
-    file.write_text("state,x_m,y_m,depth_m\n" + "".join(
-        f"1,{0.15 * math.sin(a)},{0.15 * math.cos(a)},0.04\n" for a in turn), encoding="utf-8")
+    file.write_text(
+        "state,x_m,y_m,depth_m\n" + "".join(f"1,{0.15 * math.sin(a)},{0.15 * math.cos(a)},0.04\n" for a in turn),
+        encoding="utf-8",
+    )
     facts = series(path="RECORDED", file=str(file), chips_m=0.0, states=2).facts(1)
     # A polygon of 72 sides in place of a circle: 0.1 %; and cells of 5 mm with 16 places each. Without the sectors that
     # the turning blade sweeps, 7 % are missing, however many sides there are.
@@ -204,8 +228,11 @@ def test_a_heap_that_slides_to_the_rim_is_told():
 
 
 def test_many_states_deep_walls_and_wide_blades_keep_their_mass():
-    for changes in ({"states": 40, "bite_m": 0.005}, {"bite_m": 1.0, "cohesion_pa": 1e8, "cell_m": 0.01},
-                    {"width_m": 2.0, "cell_m": 0.02}):
+    for changes in (
+        {"states": 40, "bite_m": 0.005},
+        {"bite_m": 1.0, "cohesion_pa": 1e8, "cell_m": 0.01},
+        {"width_m": 2.0, "cell_m": 0.02},
+    ):
         made = series(0.05, **changes)
         last = len(made.site.pulls)
         assert made.mass_error(last) < 1e-12

@@ -19,16 +19,28 @@ LEVEL = {"terrain": {"rms_slope_deg": 0.0}, "rocks": {"coverage": 0.0}}
 
 
 def described(file, **topics) -> Settings:
-    part = {**LEVEL, "excavation": {"path": "JOINTS", "file": str(file), "states": 2, "state": 1, "width_m": 0.08,
-                                    "chips_m": 0.0, "cell_m": 0.005}, **topics}
+    part = {
+        **LEVEL,
+        "excavation": {
+            "path": "JOINTS",
+            "file": str(file),
+            "states": 2,
+            "state": 1,
+            "width_m": 0.08,
+            "chips_m": 0.0,
+            "cell_m": 0.005,
+        },
+        **topics,
+    }
     return description.merged(description.defaults(), description.check(part, "test"))
 
 
 def write_lines(file, settings, places) -> None:
     """A file with the joints that put the tip on each place (state, east, north, height)."""
     arm = arm_of(settings)
-    lines = [",".join(repr(float(each)) for each in (state, *np.degrees(inverse(arm, x, y, z))))
-             for state, x, y, z in places]
+    lines = [
+        ",".join(repr(float(each)) for each in (state, *np.degrees(inverse(arm, x, y, z)))) for state, x, y, z in places
+    ]
     file.write_text(HEAD + "\n".join(lines), encoding="utf-8")
 
 
@@ -57,8 +69,9 @@ def test_depths_count_from_the_arms_level_and_not_from_the_plane_of_the_ground(t
     write_lines(file, settings, [(1, 0.125, y, -0.05) for y in np.linspace(1.8, 1.5, 31)])
     site = sites.make_site(settings)
     shape = (site.grid.rows, site.grid.columns)
-    taken = [Series(site, settings.excavation, 1, np.full(shape, rise), 0.0).at(1).taken_m3
-             for rise in (0.0, 0.02, -0.05)]
+    taken = [
+        Series(site, settings.excavation, 1, np.full(shape, rise), 0.0).at(1).taken_m3 for rise in (0.0, 0.02, -0.05)
+    ]
     assert taken[1] / taken[0] == pytest.approx(0.07 / 0.05, rel=0.01)
     assert taken[2] == pytest.approx(0.0, abs=1e-5)
 
@@ -71,14 +84,21 @@ def test_a_line_beyond_a_limit_is_named_by_its_number(tmp_path):
     assert "elbow at -170°, but its limits are -165° to 165°" in reason
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("state,yaw_deg\n1,0\n", "no column shoulder_deg"), (HEAD, "no line of numbers"),
-    (HEAD + "1,0,20,-70,x,0\n", "line 2 is no pose"), (HEAD + "0,0,20,-70,-40,0\n", "line 2 is no pose"),
-    (HEAD + "1,0,20,-70,nan,0\n", "line 2 is no pose"), (HEAD + "7,0,20,-70,-40,0\n", "raise excavation.states"),
-    (HEAD + "1,0,20,-70,-40,0\n", "in which the scoop's tip moves"),
-    (HEAD + "1,0,20,-70,-40,0\n" * 20_001, "more than 20000 lines"),
-    # 399 turns of 100 degrees there and back: each line is fine, and they are 39 900 steps of a degree.
-    (HEAD + "1,-50,20,-70,-40,0\n1,50,20,-70,-40,0\n" * 200, "has 39901 places, a degree apart, more than 20000")])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("state,yaw_deg\n1,0\n", "no column shoulder_deg"),
+        (HEAD, "no line of numbers"),
+        (HEAD + "1,0,20,-70,x,0\n", "line 2 is no pose"),
+        (HEAD + "0,0,20,-70,-40,0\n", "line 2 is no pose"),
+        (HEAD + "1,0,20,-70,nan,0\n", "line 2 is no pose"),
+        (HEAD + "7,0,20,-70,-40,0\n", "raise excavation.states"),
+        (HEAD + "1,0,20,-70,-40,0\n", "in which the scoop's tip moves"),
+        (HEAD + "1,0,20,-70,-40,0\n" * 20_001, "more than 20000 lines"),
+        # 399 turns of 100 degrees there and back: each line is fine, and they are 39 900 steps of a degree.
+        (HEAD + "1,-50,20,-70,-40,0\n1,50,20,-70,-40,0\n" * 200, "has 39901 places, a degree apart, more than 20000"),
+    ],
+)
 def test_a_bad_file_is_a_sentence(tmp_path, text, words):
     file = tmp_path / "joints.csv"
     file.write_text(text, encoding="utf-8")
@@ -118,8 +138,13 @@ def test_a_path_is_read_again_only_if_something_it_depends_on_has_changed(tmp_pa
     read = []
     monkeypatch.setattr(sites, "make_joint_pulls", lambda given: read.append(1) or make_joint_pulls(given))
     counts = []
-    for north, topics in ((1.5, {}), (1.5, {"excavation": {"state": 0}}), (1.5, {"arm": {"upper_m": 1.01}}),
-                          (1.5, {"rig": {"x_m": 0.1}}), (1.4, {})):
+    for north, topics in (
+        (1.5, {}),
+        (1.5, {"excavation": {"state": 0}}),
+        (1.5, {"arm": {"upper_m": 1.01}}),
+        (1.5, {"rig": {"x_m": 0.1}}),
+        (1.4, {}),
+    ):
         if not counts or north != 1.5:
             write_lines(file, settings, [(1, 0.125, y, -0.05) for y in np.arange(1.8, north, -0.05)])
         changed = description.merged(settings, topics)
@@ -130,6 +155,8 @@ def test_a_path_is_read_again_only_if_something_it_depends_on_has_changed(tmp_pa
     own = described(file, lander={"kind": "OWN", "file": str(write_robot(tmp_path))})
     file.write_text("state,yaw_deg,pitch_deg,reach_m\n1,0,0,0\n1,10,5,0.1\n", encoding="utf-8")
     before = sites.make_site(own).trench_m
-    (tmp_path / "arm.urdf").write_text((tmp_path / "arm.urdf").read_text(encoding="utf-8").replace(
-        'xyz="0.4 0 0.1"', 'xyz="0.55 0 0.1"'), encoding="utf-8")
+    (tmp_path / "arm.urdf").write_text(
+        (tmp_path / "arm.urdf").read_text(encoding="utf-8").replace('xyz="0.4 0 0.1"', 'xyz="0.55 0 0.1"'),
+        encoding="utf-8",
+    )
     assert sites.make_site(own).trench_m != before

@@ -14,8 +14,15 @@ DEEP = 0.1
 
 def rocks_at(*places, diameter=0.1):
     n = len(places)
-    return Rocks(np.array([(x, y, 0.02) for x, y in places]), np.zeros((n, 3)), np.full((n, 3), diameter),
-                 np.full(n, 2), np.zeros(n, int), np.full(n, diameter), np.full(n, diameter))
+    return Rocks(
+        np.array([(x, y, 0.02) for x, y in places]),
+        np.zeros((n, 3)),
+        np.full((n, 3), diameter),
+        np.full(n, 2),
+        np.zeros(n, int),
+        np.full(n, diameter),
+        np.full(n, diameter),
+    )
 
 
 def trench(half_width):
@@ -44,7 +51,7 @@ def test_a_rock_is_lowered_until_it_touches_and_no_deeper():
     np.testing.assert_array_equal(after.position_m[:, :2], before.position_m[:, :2])  # the floor is level
     for k in (0, 1):
         shape = SHAPES[after.level[k]][after.shape[k]]
-        turned = euler_matrices(after.rotation[k:k + 1])[0]
+        turned = euler_matrices(after.rotation[k : k + 1])[0]
         points = (shape.vertices * after.scale_m[k]) @ turned.T + after.position_m[k]
         gap = points[:, 2] - surface(points[:, 0], points[:, 1])
         assert gap.min() == pytest.approx(0.0, abs=1e-12)
@@ -86,8 +93,10 @@ def test_rocks_that_roll_meet_and_do_not_overlap():
     before = rocks_at(*zip(east.ravel(), (north + random.uniform(-0.02, 0.02, north.shape)).ravel(), strict=True))
     after, moved = settle_rocks(before, surface, surface, SHAPES)
     assert moved == len(before.diameter_m)
-    apart, were = (np.hypot(*(each.position_m[:, None, :2] - each.position_m[None, :, :2]).transpose(2, 0, 1))
-                   for each in (after, before))
+    apart, were = (
+        np.hypot(*(each.position_m[:, None, :2] - each.position_m[None, :, :2]).transpose(2, 0, 1))
+        for each in (after, before)
+    )
     other = ~np.eye(moved, dtype=bool)
     assert (apart >= np.minimum(were, 0.1))[other].all()
     assert np.abs(after.position_m[:, 0]).max() < np.abs(before.position_m[:, 0]).max()  # they did roll

@@ -14,8 +14,7 @@ def balls(count: int, seed: int = 1) -> Points:
     """Points of two balls with the numbers 4 and 2, of five rocks."""
     vertices, triangles = icosphere(4)
     matrices = np.stack([np.eye(3) * DIAMETER_M] * 2)
-    return draw_points(vertices / 2, triangles, np.array([4, 2]), matrices, CENTRES, count,
-                       np.random.default_rng(seed))
+    return draw_points(vertices / 2, triangles, np.array([4, 2]), matrices, CENTRES, count, np.random.default_rng(seed))
 
 
 def of_a_hemisphere(normal: np.ndarray) -> np.ndarray:

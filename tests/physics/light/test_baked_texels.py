@@ -60,8 +60,9 @@ def test_light_over_the_facets_is_that_of_their_texels():
     found = mesh()
     light = np.random.default_rng(3).uniform(0.0, 1.0, (len(CORNERS), 3))
     at_vertices = gather(found, image_of(found, light), VERTICES)
-    shown = sum(areas @ at_vertices[corners].mean(axis=1)
-                for areas, corners in zip(found.areas, found.vertices, strict=True))
+    shown = sum(
+        areas @ at_vertices[corners].mean(axis=1) for areas, corners in zip(found.areas, found.vertices, strict=True)
+    )
     of_triangles = found.texels[0].size
     baked = found.areas[0] @ light[:of_triangles].reshape(-1, 3, 3).mean(axis=1)
     baked = baked + found.areas[1] @ light[of_triangles:].reshape(-1, 4, 3).mean(axis=1)

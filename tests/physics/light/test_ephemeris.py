@@ -19,12 +19,21 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 #: Heliocentric positions in au, J2000 equator, by days since J2000: Simon et al. 1994 (ERFA's plan94).
 PLAN94 = {
-    "EUROPA": {0.0: (4.00156, 2.7361, 1.07544), 5478.75: (-3.73145, 3.45229, 1.57059),
-               10957.5: (-4.01803, -3.38021, -1.35113), 16436.25: (3.60244, -3.24691, -1.47929),
-               21915.0: (2.58981, 3.96914, 1.63825)},
-    "ENCELADUS": {0.0: (6.4046, 6.17527, 2.27445), 5478.75: (-5.40649, -7.80468, -2.99047),
-                  10957.5: (5.50225, 6.80734, 2.57451), 16436.25: (-4.47945, -8.31086, -3.23976),
-                  21915.0: (4.46981, 7.39535, 2.86213)}}
+    "EUROPA": {
+        0.0: (4.00156, 2.7361, 1.07544),
+        5478.75: (-3.73145, 3.45229, 1.57059),
+        10957.5: (-4.01803, -3.38021, -1.35113),
+        16436.25: (3.60244, -3.24691, -1.47929),
+        21915.0: (2.58981, 3.96914, 1.63825),
+    },
+    "ENCELADUS": {
+        0.0: (6.4046, 6.17527, 2.27445),
+        5478.75: (-5.40649, -7.80468, -2.99047),
+        10957.5: (5.50225, 6.80734, 2.57451),
+        16436.25: (-4.47945, -8.31086, -3.23976),
+        21915.0: (4.46981, 7.39535, 2.86213),
+    },
+}
 DATE = "2035-03-01T12:00:00"
 
 
@@ -54,12 +63,21 @@ def test_sub_solar_latitude_and_irradiance_stay_in_their_ranges():
 #: Europa about Jupiter by Lainey's L1.2 theory (astronomy-engine 2.1.19) and Enceladus about Saturn by Dourneau's with
 #: its inclination, from B1950 to J2000: kilometres, J2000 equator, by days since J2000.
 MOONS = {
-    "EUROPA": {100.0: (13329, -610590, -284909), 5478.75: (-506242, 390695, 182562),
-               10957.5: (262214, 552237, 262411), 16436.25: (661925, -69783, -23780),
-               21915.0: (124109, -595495, -275670)},
-    "ENCELADUS": {100.0: (139327, -191949, 2094), 5478.75: (-103114, 215269, -7005),
-                  10957.5: (29515, -236595, 15087), 16436.25: (39340, 232890, -20651),
-                  21915.0: (-106710, -211597, 24770)}}
+    "EUROPA": {
+        100.0: (13329, -610590, -284909),
+        5478.75: (-506242, 390695, 182562),
+        10957.5: (262214, 552237, 262411),
+        16436.25: (661925, -69783, -23780),
+        21915.0: (124109, -595495, -275670),
+    },
+    "ENCELADUS": {
+        100.0: (139327, -191949, 2094),
+        5478.75: (-103114, 215269, -7005),
+        10957.5: (29515, -236595, 15087),
+        16436.25: (39340, 232890, -20651),
+        21915.0: (-106710, -211597, 24770),
+    },
+}
 
 
 @pytest.mark.parametrize(("body", "error_deg"), [("EUROPA", 0.15), ("ENCELADUS", 0.05)])
@@ -75,8 +93,9 @@ def test_the_planet_is_where_a_full_theory_puts_it(body, error_deg):
         assert moon.distance_km * ratio == pytest.approx(np.linalg.norm(seen), rel=1e-3)
 
 
-@pytest.mark.parametrize(("body", "mean", "reach", "eccentricity"), [
-    ("EUROPA", -1.53, 1.065, 0.0094), ("ENCELADUS", -4.09, 1.02, 0.0048)])
+@pytest.mark.parametrize(
+    ("body", "mean", "reach", "eccentricity"), [("EUROPA", -1.53, 1.065, 0.0094), ("ENCELADUS", -4.09, 1.02, 0.0048)]
+)
 def test_the_planet_swings_in_bounds(body, mean, reach, eccentricity):
     found = np.array([BODIES[body].under_planet(d) for d in np.arange(0.0, 21900.0, 0.37)])
     assert found[:, 0].mean() == pytest.approx(mean, abs=0.02)
@@ -112,34 +131,54 @@ def test_up_is_the_normal_of_the_ellipsoid():
     assert max(tilts) == pytest.approx(1.88, abs=0.05)  # (a² - c²) / 2ac, at 45° on the meridian
 
 
-@pytest.mark.parametrize("text", ["", "yesterday", "NaT", "20350-03-01", "2035-3-1", "2035-03-01T12:00+99:00",
-                                  "2035-03-01T12:00 CET", "2035-03-01+02:00"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "yesterday",
+        "NaT",
+        "20350-03-01",
+        "2035-3-1",
+        "2035-03-01T12:00+99:00",
+        "2035-03-01T12:00 CET",
+        "2035-03-01+02:00",
+    ],
+)
 def test_what_is_no_date_is_said_in_a_sentence(text):
     with pytest.raises(IcyMoonError, match=r"light\.date_utc is .*; write it as 2035-03-01T12:00:00\."):
         ephemeris.days_since_j2000(text)
 
 
-@pytest.mark.parametrize(("text", "cause", "fix"), [
-    ("2035-13-01", "a year has 12 months", "write a month from 01 to 12"),
-    ("2035-00-01T12:00", "a year has 12 months", "write a month from 01 to 12"),
-    ("2035-02-29T00:00", "2035-02 has 28 days", "write a day from 01 to 28"),
-    ("2036-02-30", "2036-02 has 29 days", "write a day from 01 to 29"),
-    ("2035-12-32T00:00+02:00", "2035-12 has 31 days", "write a day from 01 to 31"),
-    ("2035-03-01T24:00", "the hours of a day are 00 to 23", "write its end as 2035-03-02T00:00:00"),
-    ("2035-12-31 24:00:00.000Z", "the hours of a day are 00 to 23", "write its end as 2036-01-01T00:00:00"),
-    ("2035-03-01T24:01", "the hours of a day are 00 to 23", "write an hour from 00 to 23"),
-    ("2035-03-01T25:00", "the hours of a day are 00 to 23", "write an hour from 00 to 23"),
-    ("2035-03-01T12:60", "an hour has 60 minutes", "write a minute from 00 to 59"),
-    ("2035-03-01T12:00:60", "a minute has 60 seconds here", "write a second from 00 to 59")])
+@pytest.mark.parametrize(
+    ("text", "cause", "fix"),
+    [
+        ("2035-13-01", "a year has 12 months", "write a month from 01 to 12"),
+        ("2035-00-01T12:00", "a year has 12 months", "write a month from 01 to 12"),
+        ("2035-02-29T00:00", "2035-02 has 28 days", "write a day from 01 to 28"),
+        ("2036-02-30", "2036-02 has 29 days", "write a day from 01 to 29"),
+        ("2035-12-32T00:00+02:00", "2035-12 has 31 days", "write a day from 01 to 31"),
+        ("2035-03-01T24:00", "the hours of a day are 00 to 23", "write its end as 2035-03-02T00:00:00"),
+        ("2035-12-31 24:00:00.000Z", "the hours of a day are 00 to 23", "write its end as 2036-01-01T00:00:00"),
+        ("2035-03-01T24:01", "the hours of a day are 00 to 23", "write an hour from 00 to 23"),
+        ("2035-03-01T25:00", "the hours of a day are 00 to 23", "write an hour from 00 to 23"),
+        ("2035-03-01T12:60", "an hour has 60 minutes", "write a minute from 00 to 59"),
+        ("2035-03-01T12:00:60", "a minute has 60 seconds here", "write a second from 00 to 59"),
+    ],
+)
 def test_what_the_calendar_lacks_is_said(text, cause, fix):
     with pytest.raises(IcyMoonError) as caught:
         ephemeris.days_since_j2000(text)
     assert str(caught.value) == f"light.date_utc is {text!r}, but {cause}; {fix}."
 
 
-@pytest.mark.parametrize(("text", "moment"), [
-    ("2036-05-05T01:02:03+02:00", "2036-05-04T23:02:03"), ("2035-12-31T23:30-01", "2036-01-01T00:30:00"),
-    ("2035-03-01 12:00:00.250+0530", "2035-03-01T06:30:00.250")])
+@pytest.mark.parametrize(
+    ("text", "moment"),
+    [
+        ("2036-05-05T01:02:03+02:00", "2036-05-04T23:02:03"),
+        ("2035-12-31T23:30-01", "2036-01-01T00:30:00"),
+        ("2035-03-01 12:00:00.250+0530", "2035-03-01T06:30:00.250"),
+    ],
+)
 def test_the_same_moment_in_utc_is_the_fix_for_another_zone(text, moment):
     with pytest.raises(IcyMoonError, match=re.escape(f"is not in UTC; write the same moment as {moment}.")):
         ephemeris.parse_date(text)
@@ -149,8 +188,10 @@ def test_the_same_moment_in_utc_is_the_fix_for_another_zone(text, moment):
 def test_utc_may_be_stated(kernels, zone):
     """Also where SPICE reads the date."""
     assert ephemeris.parse_date(f"2035-03-01T12:00{zone}") == ephemeris.parse_date("2035-03-01T12:00")
-    stated, plain = (spice.positions(kernels, "ENCELADUS", "SATURN", date, 0.0, 0.0)
-                     for date in (f"2035-03-01T12:00{zone}", "2035-03-01T12:00"))
+    stated, plain = (
+        spice.positions(kernels, "ENCELADUS", "SATURN", date, 0.0, 0.0)
+        for date in (f"2035-03-01T12:00{zone}", "2035-03-01T12:00")
+    )
     assert np.array_equal(stated.sun, plain.sun)
 
 
@@ -208,10 +249,25 @@ def written_kernels(folder, date):
         return -moon.distance_km * ratio * over @ ephemeris.body_frame(moon.orientation(t / 86400))
 
     handle = spiceypy.spkopn(str(folder / "c.bsp"), "test", 0)
-    for body, centre, position in ((10, 0, lambda t: np.zeros(3)), (602, 699, around),
-                                   (699, 0, lambda t: AU_KM * ephemeris.heliocentric_au(moon.orbit, t / 86400))):
-        spiceypy.spkw08(handle, body, centre, "J2000", times[0], times[-1], str(body), 7, len(times), states(position),
-                        times[0], 3600.0)
+    for body, centre, position in (
+        (10, 0, lambda t: np.zeros(3)),
+        (602, 699, around),
+        (699, 0, lambda t: AU_KM * ephemeris.heliocentric_au(moon.orbit, t / 86400)),
+    ):
+        spiceypy.spkw08(
+            handle,
+            body,
+            centre,
+            "J2000",
+            times[0],
+            times[-1],
+            str(body),
+            7,
+            len(times),
+            states(position),
+            times[0],
+            3600.0,
+        )
     spiceypy.spkcls(handle)
     return folder
 
@@ -237,13 +293,18 @@ def test_a_pole_is_the_end_of_the_meridian_of_its_longitude(kernels, pole, longi
     """Of a date and of kernels. A thousandth of a degree before it, directions differ by about as much."""
     at = []
     for latitude in (pole, math.copysign(89.999, pole)):
-        for found in (ephemeris.positions("ENCELADUS", DATE, latitude, longitude),
-                      spice.positions(kernels, "ENCELADUS", "SATURN", DATE, latitude, longitude)):
+        for found in (
+            ephemeris.positions("ENCELADUS", DATE, latitude, longitude),
+            spice.positions(kernels, "ENCELADUS", "SATURN", DATE, latitude, longitude),
+        ):
             at.append(found)
             assert abs(found.from_j2000 @ found.from_j2000.T - np.eye(3)).max() < 1e-9
     here, here_by_spice, before, before_by_spice = at
-    for one, other, most_deg in ((here, before, 3e-3), (here_by_spice, before_by_spice, 3e-3),
-                                 (here, here_by_spice, 0.05)):
+    for one, other, most_deg in (
+        (here, before, 3e-3),
+        (here_by_spice, before_by_spice, 3e-3),
+        (here, here_by_spice, 0.05),
+    ):
         for name in ("sun", "planet", "planet_axis"):
             apart = angle_deg(getattr(one, name), getattr(other, name))
             assert apart < (0.1 if name == "planet_axis" and most_deg > 0.01 else most_deg)
@@ -271,8 +332,7 @@ def test_the_folder_of_a_mac_and_a_meta_kernel_give_the_same_sky(kernels, tmp_pa
 
 
 def test_the_sky_of_a_date_and_of_kernels(kernels):
-    light = description.merged(
-        description.defaults(), preset_files.load_preset("bodies/enceladus")).light
+    light = description.merged(description.defaults(), preset_files.load_preset("bodies/enceladus")).light
     dated = sky(light | {"directions_from": "DATE", "date_utc": DATE})
     exact = sky(light | {"directions_from": "KERNELS", "date_utc": DATE, "kernels": str(kernels)})
     for shown in (dated, exact):
@@ -293,8 +353,10 @@ def test_the_planet_eclipses_the_sun_once_an_orbit(tmp_path):
         times = np.datetime64(start) + np.arange(0, 1974, 3) * np.timedelta64(1, "m")  # an orbit, 32.9 hours
         return np.array([sky(light | source | {"date_utc": str(time)}).eclipse for time in times])
 
-    dated, exact = (eclipses(date, source) for source in (
-        {"directions_from": "DATE"}, {"directions_from": "KERNELS", "kernels": str(kernels)}))
+    dated, exact = (
+        eclipses(date, source)
+        for source in ({"directions_from": "DATE"}, {"directions_from": "KERNELS", "kernels": str(kernels)})
+    )
     assert dated.max() == exact.max() == 1.0
     at = sky(light | {"directions_from": "DATE", "date_utc": date, "planet": True})
     below = math.degrees(math.asin(at.planet.sun @ at.planet.pole))
@@ -308,8 +370,10 @@ def test_the_planet_eclipses_the_sun_once_an_orbit(tmp_path):
     assert not eclipses("2032-06-01", {"directions_from": "DATE"}).any()
 
 
-@pytest.mark.parametrize(("body", "date", "words"), [
-    ("ENCELADUS", "1990-01-01", "1990-01-01"), ("DIONE", DATE, "DIONE"), ("ENCELADUS", "soon", "light.date_utc")])
+@pytest.mark.parametrize(
+    ("body", "date", "words"),
+    [("ENCELADUS", "1990-01-01", "1990-01-01"), ("DIONE", DATE, "DIONE"), ("ENCELADUS", "soon", "light.date_utc")],
+)
 def test_what_kernels_lack_is_a_sentence(kernels, body, date, words):
     with pytest.raises(IcyMoonError, match=words) as caught:
         spice.positions(kernels, body, "SATURN", date, 0.0, 0.0)
@@ -317,8 +381,10 @@ def test_what_kernels_lack_is_a_sentence(kernels, body, date, words):
     spice.positions(kernels, "ENCELADUS", "SATURN", DATE, 0.0, 0.0)  # nothing is left behind
 
 
-@pytest.mark.parametrize(("body", "parent", "planet"), [
-    ("EUROPA", "SATURN", "JUPITER"), ("Enceladus", "jupiter", "SATURN"), ("TITANIA", "SATURN", "URANUS")])
+@pytest.mark.parametrize(
+    ("body", "parent", "planet"),
+    [("EUROPA", "SATURN", "JUPITER"), ("Enceladus", "jupiter", "SATURN"), ("TITANIA", "SATURN", "URANUS")],
+)
 def test_a_moon_of_another_planet_is_refused_before_data_of_that_are_asked_for(kernels, body, parent, planet):
     """Data of the wrong planet would give its sky without a word."""
     with pytest.raises(IcyMoonError, match=f"a moon of {planet}, but .* set light.parent to {planet}"):
@@ -335,7 +401,9 @@ def test_missing_kernels_and_a_missing_package_are_sentences(tmp_path, monkeypat
 
 
 def test_spice_is_loaded_for_kernels_only():
-    program = ("import sys\nfrom icymoon.settings import description\nfrom icymoon.physics.light.sky import sky\n"
-               "light = description.defaults()['light']\nsky(light)\nsky(light | {'directions_from': 'DATE'})\n"
-               "assert 'spiceypy' not in sys.modules")
+    program = (
+        "import sys\nfrom icymoon.settings import description\nfrom icymoon.physics.light.sky import sky\n"
+        "light = description.defaults()['light']\nsky(light)\nsky(light | {'directions_from': 'DATE'})\n"
+        "assert 'spiceypy' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-c", program], check=True, timeout=240)

@@ -17,12 +17,26 @@ PCK = "KPL/PCK\nA text of others\n\\begindata\nBODY599_RADII = ( 71492 71492 668
 MK = "KPL/MK\n\\begindata\n{}\n\\begintext\n"
 
 
-def daf(following: float = 0.0, count: float = 1.0, first: int = 2, begin: int = 385, end: int = 400, doubles: int = 2,
-        integers: int = 6, free: int = 401, order: str = "<") -> bytes:
+def daf(
+    following: float = 0.0,
+    count: float = 1.0,
+    first: int = 2,
+    begin: int = 385,
+    end: int = 400,
+    doubles: int = 2,
+    integers: int = 6,
+    free: int = 401,
+    order: str = "<",
+) -> bytes:
     """A DAF of four records: its own, a record of summaries, one of names, one of numbers."""
     mark = b"LTL-IEEE" if order == "<" else b"BIG-IEEE"
-    head = (b"DAF/SPK " + struct.pack(f"{order}2i", doubles, integers) + b"name".ljust(60)
-            + struct.pack(f"{order}3i", first, 2, free) + mark).ljust(1024, b"\0")
+    head = (
+        b"DAF/SPK "
+        + struct.pack(f"{order}2i", doubles, integers)
+        + b"name".ljust(60)
+        + struct.pack(f"{order}3i", first, 2, free)
+        + mark
+    ).ljust(1024, b"\0")
     summary = struct.pack(f"{order}3d2d6i", following, 0.0, count, 0.0, 1.0, 10, 0, 1, 8, begin, end)
     return head + summary.ljust(1024, b"\0") + b" " * 1024 + bytes(1024)
 
@@ -51,10 +65,16 @@ def test_only_kernels_are_loaded_of_a_folder(folder):
             find_kernels(empty)
 
 
-@pytest.mark.parametrize("data", [
-    "KERNELS_TO_LOAD = ( 'a.tpc', 'spk/b.bsp' )", "KERNELS_TO_LOAD = 'a.tpc'\nKERNELS_TO_LOAD += ( 'spk/b.bsp' )",
-    "PATH_SYMBOLS = ('K' 'S')\nPATH_VALUES = ('.' 'spk')\nKERNELS_TO_LOAD=('$K/a.tpc'\n  '$S/b.bsp')",
-    "KERNELS_TO_LOAD = ( 'a.t+' 'pc' 'spk/+', 'b.bsp' )", "KERNELS_TO_LOAD = ( '{}/a.tpc', '{}/spk/b.bsp' )"])
+@pytest.mark.parametrize(
+    "data",
+    [
+        "KERNELS_TO_LOAD = ( 'a.tpc', 'spk/b.bsp' )",
+        "KERNELS_TO_LOAD = 'a.tpc'\nKERNELS_TO_LOAD += ( 'spk/b.bsp' )",
+        "PATH_SYMBOLS = ('K' 'S')\nPATH_VALUES = ('.' 'spk')\nKERNELS_TO_LOAD=('$K/a.tpc'\n  '$S/b.bsp')",
+        "KERNELS_TO_LOAD = ( 'a.t+' 'pc' 'spk/+', 'b.bsp' )",
+        "KERNELS_TO_LOAD = ( '{}/a.tpc', '{}/spk/b.bsp' )",
+    ],
+)
 def test_a_meta_kernel_names_files_beside_it(folder, data):
     (folder / "m.tm").write_text(MK.format(data.replace("{}", str(folder))))
     assert find_kernels(folder / "m.tm") == [folder / "a.tpc", folder / "spk" / "b.bsp"]
@@ -67,16 +87,32 @@ def test_a_meta_kernel_in_a_folder_of_its_kind_names_what_is_beside_that(folder)
     assert find_kernels(folder) == [folder / "a.tpc", folder / "spk" / "b.bsp"]
 
 
-@pytest.mark.parametrize("data", [
-    "KERNELS_TO_LOAD = ( '../secret.tpc' )", "KERNELS_TO_LOAD = ( '/etc/passwd' )", "KERNELS_TO_LOAD = ( 'link.tpc' )",
-    "PATH_SYMBOLS = 'A'\nPATH_VALUES = '..'\nKERNELS_TO_LOAD = '$A/secret.tpc'", "KERNELS_TO_LOAD = ( 'absent.tpc' )",
-    "KERNELS_TO_LOAD = ( 'm.tm' )", "KERNELS_TO_LOAD = ( 'README' )", "KERNELS_TO_LOAD = ( 'pipe' )",
-    "KERNELS_TO_LOAD = ( '' )",
-    "KERNELS_TO_LOAD = ( 'spk' )", "KERNELS_TO_LOAD = ( )", "KERNELS_TO_LOAD", "KERNELS_TO_LOAD = ( 'a",
-    "KERNELS_TO_LOAD = ( 3 )",
-    "KERNELS_TO_LOAD = ( '\0' )", "PATH_SYMBOLS = ('A' 'B')\nPATH_VALUES = 'a'\nKERNELS_TO_LOAD = 'a.tpc'",
-    "KERNELS_TO_LOAD = ( " + "'a.tpc' " * 3000 + ")", "KERNELS_TO_LOAD = ( '" + "a" * 5000 + "' )",
-    "KERNELS_TO_LOAD = ( '" + "a+' '" * 10**4 + "' )", "KERNELS_TO_LOAD = '" + "a" * 70_000 + "'"], ids=range(20))
+@pytest.mark.parametrize(
+    "data",
+    [
+        "KERNELS_TO_LOAD = ( '../secret.tpc' )",
+        "KERNELS_TO_LOAD = ( '/etc/passwd' )",
+        "KERNELS_TO_LOAD = ( 'link.tpc' )",
+        "PATH_SYMBOLS = 'A'\nPATH_VALUES = '..'\nKERNELS_TO_LOAD = '$A/secret.tpc'",
+        "KERNELS_TO_LOAD = ( 'absent.tpc' )",
+        "KERNELS_TO_LOAD = ( 'm.tm' )",
+        "KERNELS_TO_LOAD = ( 'README' )",
+        "KERNELS_TO_LOAD = ( 'pipe' )",
+        "KERNELS_TO_LOAD = ( '' )",
+        "KERNELS_TO_LOAD = ( 'spk' )",
+        "KERNELS_TO_LOAD = ( )",
+        "KERNELS_TO_LOAD",
+        "KERNELS_TO_LOAD = ( 'a",
+        "KERNELS_TO_LOAD = ( 3 )",
+        "KERNELS_TO_LOAD = ( '\0' )",
+        "PATH_SYMBOLS = ('A' 'B')\nPATH_VALUES = 'a'\nKERNELS_TO_LOAD = 'a.tpc'",
+        "KERNELS_TO_LOAD = ( " + "'a.tpc' " * 3000 + ")",
+        "KERNELS_TO_LOAD = ( '" + "a" * 5000 + "' )",
+        "KERNELS_TO_LOAD = ( '" + "a+' '" * 10**4 + "' )",
+        "KERNELS_TO_LOAD = '" + "a" * 70_000 + "'",
+    ],
+    ids=range(20),
+)
 def test_a_meta_kernel_leads_nowhere_else(folder, data):
     (folder.parent / "secret.tpc").write_text(PCK)
     (folder / "link.tpc").symlink_to(folder.parent / "secret.tpc")
@@ -88,13 +124,37 @@ def test_a_meta_kernel_leads_nowhere_else(folder, data):
     assert str(caught.value).isprintable()
 
 
-@pytest.mark.parametrize("content", [
-    daf(following=2.0), daf(following=-1.0), daf(following=1e300), daf(following=float("nan")), daf(following=2.5),
-    daf(count=-1),
-    daf(count=1e9), daf(count=float("nan")), daf(count=126), daf(first=-1), daf(first=5), daf(first=1), daf(doubles=-1),
-    daf(doubles=200), daf(integers=0), daf(integers=10**6), daf(integers=-1), daf(begin=0), daf(begin=401),
-    daf(end=10**9),
-    daf(free=10**9), daf(free=-1), daf()[:1500], daf()[:500], b"DAF/SPK "], ids=range(25))
+@pytest.mark.parametrize(
+    "content",
+    [
+        daf(following=2.0),
+        daf(following=-1.0),
+        daf(following=1e300),
+        daf(following=float("nan")),
+        daf(following=2.5),
+        daf(count=-1),
+        daf(count=1e9),
+        daf(count=float("nan")),
+        daf(count=126),
+        daf(first=-1),
+        daf(first=5),
+        daf(first=1),
+        daf(doubles=-1),
+        daf(doubles=200),
+        daf(integers=0),
+        daf(integers=10**6),
+        daf(integers=-1),
+        daf(begin=0),
+        daf(begin=401),
+        daf(end=10**9),
+        daf(free=10**9),
+        daf(free=-1),
+        daf()[:1500],
+        daf()[:500],
+        b"DAF/SPK ",
+    ],
+    ids=range(25),
+)
 def test_a_binary_kernel_that_leads_in_a_ring_or_out_is_refused(folder, content):
     (folder / "c.bsp").write_bytes(content)
     with pytest.raises(IcyMoonError, match=r"c\.bsp"):

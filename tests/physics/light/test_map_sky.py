@@ -22,7 +22,7 @@ def place(latitude: float | None, longitude: float | None, north: float = 0.0) -
 
 
 def test_a_site_elsewhere_is_said_and_its_fix_silences_it():
-    said, = doubt_sky(light(latitude_deg=10.0, longitude_deg=27.5), place(89.927, -180.0))
+    (said,) = doubt_sky(light(latitude_deg=10.0, longitude_deg=27.5), place(89.927, -180.0))
     fixed = dict(re.findall(r"light\.(\w+) to (-?[\d.]+\d)", said))
     assert set(fixed) == {"latitude_deg", "longitude_deg"}
     assert not doubt_sky(light(**{key: float(value) for key, value in fixed.items()}), place(89.927, -180.0))
@@ -41,7 +41,7 @@ def test_at_a_pole_the_longitude_is_a_direction(pole):
     for x, y in ((0.0, 0.0), (1e-10, -1e-10), (0.0, 500.0), (500.0, 0.0), (-300.0, -300.0)):
         at = local_scale(system, x, y)
         there = place(at.latitude_deg, at.longitude_deg, at.north_deg)
-        said, = doubt_sky(light(latitude_deg=pole, longitude_deg=10.0), there)
+        (said,) = doubt_sky(light(latitude_deg=pole, longitude_deg=10.0), there)
         turns.add(re.search(r"(\S+)° clockwise", said)[1])
         fixed = float(re.search(r"set light\.longitude_deg to (\S+),", said)[1])
         assert fixed == pytest.approx(40.0, abs=2e-4)
@@ -51,7 +51,7 @@ def test_at_a_pole_the_longitude_is_a_direction(pole):
 
 
 def test_a_map_whose_up_is_not_north_turns_the_sun_of_a_date():
-    said, = doubt_sky(light(latitude_deg=80.0, longitude_deg=-90.0), place(80.0, -90.0, -90.0))
+    (said,) = doubt_sky(light(latitude_deg=80.0, longitude_deg=-90.0), place(80.0, -90.0, -90.0))
     assert "90.0° off" in said
     assert "azimuth plus 270.0°" in said
     assert not doubt_sky(light(latitude_deg=80.0, longitude_deg=-90.0), place(80.0, -90.0, -0.5))

@@ -96,16 +96,20 @@ def test_saturn_is_brightest_at_its_equator_and_has_a_darker_limb_in_red_than_in
 
 
 def test_a_planet_that_is_new_or_has_no_light_is_dark_and_finite():
-    for shown in (planet("SATURN", sun=(0.3, 0.0, 1.0)), planet("JUPITER", sun_irradiance_wm2=0.0),
-                  planet("SATURN", geometric_albedo=0.0)):
+    for shown in (
+        planet("SATURN", sun=(0.3, 0.0, 1.0)),
+        planet("JUPITER", sun_irradiance_wm2=0.0),
+        planet("SATURN", geometric_albedo=0.0),
+    ):
         _, solid_angle, place = rays_to(shown, 40)
         radiance = face_radiance(shown, place)[solid_angle > 0]
         assert np.isfinite(radiance).all()
         assert radiance.min() >= 0
 
 
-@pytest.mark.parametrize(("height", "radius", "dip"), [(1.6, 252100.0, 0.2041), (1.6, 1560800.0, 0.0820),
-                                                       (0.0, 252100.0, 0.0)])
+@pytest.mark.parametrize(
+    ("height", "radius", "dip"), [(1.6, 252100.0, 0.2041), (1.6, 1560800.0, 0.0820), (0.0, 252100.0, 0.0)]
+)
 def test_the_horizon_dips_by_the_angle_whose_cosine_is_the_ratio_of_radii(height, radius, dip):
     assert dip_deg(height, radius) == pytest.approx(math.degrees(math.acos(radius / (radius + height))), abs=1e-6)
     assert dip_deg(height, radius) == pytest.approx(dip, abs=1e-4)

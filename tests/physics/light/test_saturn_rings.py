@@ -13,13 +13,13 @@ from icymoon.settings import description, preset_files
 
 pytestmark = pytest.mark.filterwarnings("error")
 
-ENCELADUS = description.merged(
-    description.defaults(), preset_files.load_preset("bodies/enceladus")).light
+ENCELADUS = description.merged(description.defaults(), preset_files.load_preset("bodies/enceladus")).light
 
 
 def dated(date, latitude):
-    return sky(ENCELADUS | {"directions_from": "DATE", "date_utc": date, "latitude_deg": latitude,
-                            "planet_rings": True})
+    return sky(
+        ENCELADUS | {"directions_from": "DATE", "date_utc": date, "latitude_deg": latitude, "planet_rings": True}
+    )
 
 
 def opened(height_deg, sun_deg, sun_azimuth_deg=140.0):
@@ -29,15 +29,18 @@ def opened(height_deg, sun_deg, sun_azimuth_deg=140.0):
     pole = np.array([0.0, -math.sin(height), math.cos(height)])
     flat = np.array([0.0, math.cos(height), math.sin(height)])
     toward = math.cos(sun) * (math.cos(azimuth) * flat + math.sin(azimuth) * np.array([1.0, 0.0, 0.0]))
-    return Planet(direction, 29.33, 0.098, pole, toward + math.sin(sun) * pole, 14.82, 0.499, "SATURN",
-                  tuple(RINGS.values()))
+    return Planet(
+        direction, 29.33, 0.098, pole, toward + math.sin(sun) * pole, 14.82, 0.499, "SATURN", tuple(RINGS.values())
+    )
 
 
 def light_of(mesh):
     """Irradiance on a surface that faces each part, and solid angle."""
     corners = mesh.vertices[mesh.faces]
-    area = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            + np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0])) / 2
+    area = (
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        + np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0])
+    ) / 2
     middle = corners.mean(axis=1)
     solid_angle = np.abs((area * middle).sum(axis=1)) / np.linalg.norm(middle, axis=1) ** 3
     return (mesh.radiance[mesh.faces].mean(axis=1) * solid_angle).sum(), solid_angle.sum()
@@ -85,8 +88,12 @@ def test_the_shadow_is_where_rays_to_the_sun_meet_the_planet():
 
 
 def test_from_enceladus_they_are_a_line_that_gives_no_light_to_speak_of():
-    for date, latitude in (("2032-06-01", -80.0), ("2032-06-01T20:00", -80.0), ("2032-06-01T20:00", 85.0),
-                           ("2038-06-01", 30.0)):
+    for date, latitude in (
+        ("2032-06-01", -80.0),
+        ("2032-06-01T20:00", -80.0),
+        ("2032-06-01T20:00", 85.0),
+        ("2038-06-01", 30.0),
+    ):
         shown = dated(date, latitude)
         mesh = ring_mesh(shown.planet)
         ray = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
@@ -112,7 +119,8 @@ def test_the_rings_shade_saturn_as_rays_to_the_sun_find():
     around = 2 * np.pi * random.random(n)
     y = np.cross(shown.direction, [1.0, 0.0, 0.0])
     ray = z[:, None] * shown.direction + np.sqrt(1 - z**2)[:, None] * (
-        np.cos(around)[:, None] * np.array([1.0, 0.0, 0.0]) + np.sin(around)[:, None] * y)
+        np.cos(around)[:, None] * np.array([1.0, 0.0, 0.0]) + np.sin(around)[:, None] * y
+    )
     radius = math.sin(math.radians(29.33 / 2))
     shape = (np.eye(3) + ((1 / 0.902) ** 2 - 1) * np.outer(shown.pole, shown.pole)) / radius**2
     a, b = np.einsum("ni,ij,nj->n", ray, shape, ray), -ray @ shape @ shown.direction
@@ -130,8 +138,10 @@ def test_the_rings_shade_saturn_as_rays_to_the_sun_find():
     up = np.array([0.0, 0.0, 1.0])
     mesh = disc_mesh(shown, 144)
     corners = mesh.vertices[mesh.faces]
-    area = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            + np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0])) / 2
+    area = (
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        + np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0])
+    ) / 2
     middle = corners.mean(axis=1)
     solid_angle = -(area * middle).sum(axis=1) / np.linalg.norm(middle, axis=1) ** 3
     radiance = face_radiance(shown, middle)[:, 0]
@@ -156,8 +166,10 @@ def test_the_side_away_from_the_sun_is_dark_where_the_ring_is_dense():
     assert lit.radiance[b].mean() > 2 * lit.radiance[radius < 91000].mean()  # than ring C
 
 
-@pytest.mark.parametrize(("height", "sun"), [(0.001, 0.0), (90.0, 90.0), (-90.0, 90.0), (5.0, 90.0), (30.0, 1e-6),
-                                             (20.0, 20.0), (-20.0, 20.0)])
+@pytest.mark.parametrize(
+    ("height", "sun"),
+    [(0.001, 0.0), (90.0, 90.0), (-90.0, 90.0), (5.0, 90.0), (30.0, 1e-6), (20.0, 20.0), (-20.0, 20.0)],
+)
 def test_no_geometry_is_too_much(height, sun):
     mesh = ring_mesh(opened(height, sun))
     assert np.isfinite(mesh.vertices).all()

@@ -18,8 +18,13 @@ def described(**light) -> SceneSun:
 
 
 def stands(sun: SceneSun, **changed) -> SceneSun:
-    values = {"direction": sun.direction, "irradiance_wm2": sun.irradiance_wm2,
-              "angular_diameter_deg": sun.angular_diameter_deg, "distance_m": sun.distance_m, **changed}
+    values = {
+        "direction": sun.direction,
+        "irradiance_wm2": sun.irradiance_wm2,
+        "angular_diameter_deg": sun.angular_diameter_deg,
+        "distance_m": sun.distance_m,
+        **changed,
+    }
     return as_it_stands(sun, **values)
 
 
@@ -32,21 +37,28 @@ def test_its_angles_and_its_light_on_level_ground_follow_from_its_direction(azim
     assert found["ground_irradiance_wm2"] == pytest.approx(50.0 * max(0, math.sin(math.radians(elevation))), abs=1e-12)
 
 
-@pytest.mark.parametrize(("changed", "source"), [
-    ({}, "ANGLES"), ({"direction": toward(250.0, 20.001)}, BY_HAND), ({"irradiance_wm2": 7.0}, BY_HAND),
-    ({"angular_diameter_deg": 3.0}, BY_HAND), ({"distance_m": 5.0}, BY_HAND),
-    ({"direction": np.float32(toward(250.0, 20.0)).astype(float)}, "ANGLES")])
+@pytest.mark.parametrize(
+    ("changed", "source"),
+    [
+        ({}, "ANGLES"),
+        ({"direction": toward(250.0, 20.001)}, BY_HAND),
+        ({"irradiance_wm2": 7.0}, BY_HAND),
+        ({"angular_diameter_deg": 3.0}, BY_HAND),
+        ({"distance_m": 5.0}, BY_HAND),
+        ({"direction": np.float32(toward(250.0, 20.0)).astype(float)}, "ANGLES"),
+    ],
+)
 def test_what_was_changed_by_hand_is_known(changed, source):
     found = stands(described(), **changed)
     assert found.source == source
     for key, value in changed.items():  # the lamp's own: what single precision leaves out shows at a grazing Sun
-        np.testing.assert_allclose(getattr(found, key), value / np.linalg.norm(value) if key == "direction" else value,
-                                   rtol=1e-12)
+        np.testing.assert_allclose(
+            getattr(found, key), value / np.linalg.norm(value) if key == "direction" else value, rtol=1e-12
+        )
 
 
 def test_what_the_planet_hides_is_left_out_once():
-    sun = described(planet=True, planet_azimuth_deg=250.0, planet_elevation_deg=20.03,
-                    planet_angular_diameter_deg=0.05)
+    sun = described(planet=True, planet_azimuth_deg=250.0, planet_elevation_deg=20.03, planet_angular_diameter_deg=0.05)
     assert 0.1 < sun.eclipse < 0.9
     assert sun.irradiance_wm2 == pytest.approx((1 - sun.eclipse) * defaults().light.sun_irradiance_wm2)
     assert stands(sun).eclipse == sun.eclipse
@@ -69,17 +81,37 @@ def test_it_is_read_as_it_was_written():
 
 def test_an_old_record_is_of_its_direction():
     """Pairs of releases up to 0.2 may state the elevation of the settings beside the direction of the lamp."""
-    found = from_json({"sun": {"direction_to_world": [0.0, 0.0, 2.0], "elevation_deg": 20.0, "irradiance_wm2": 14.8,
-                               "ground_irradiance_wm2": 5.07}})
+    found = from_json(
+        {
+            "sun": {
+                "direction_to_world": [0.0, 0.0, 2.0],
+                "elevation_deg": 20.0,
+                "irradiance_wm2": 14.8,
+                "ground_irradiance_wm2": 5.07,
+            }
+        }
+    )
     assert found is not None
     assert (found.elevation_deg, found.ground_irradiance_wm2, found.source) == (90.0, 14.8, "")
 
 
-@pytest.mark.parametrize("light", [
-    None, {}, [], {"sun": None}, {"sun": []}, {"sun": {}}, {"sun": {"direction_to_world": [0, 0]}},
-    {"sun": {"direction_to_world": [0, 0, 0]}}, {"sun": {"direction_to_world": "up"}},
-    {"sun": {"direction_to_world": [0, 0, math.nan]}}, {"sun": {"direction_to_world": [0, 0, 1], "eclipse": "all"}},
-    {"sun": {"direction_to_world": [[0, 0, 1]]}},
-    {"sun": {"direction_to_world": [0, 0, 1], "irradiance_wm2": math.inf}}])
+@pytest.mark.parametrize(
+    "light",
+    [
+        None,
+        {},
+        [],
+        {"sun": None},
+        {"sun": []},
+        {"sun": {}},
+        {"sun": {"direction_to_world": [0, 0]}},
+        {"sun": {"direction_to_world": [0, 0, 0]}},
+        {"sun": {"direction_to_world": "up"}},
+        {"sun": {"direction_to_world": [0, 0, math.nan]}},
+        {"sun": {"direction_to_world": [0, 0, 1], "eclipse": "all"}},
+        {"sun": {"direction_to_world": [[0, 0, 1]]}},
+        {"sun": {"direction_to_world": [0, 0, 1], "irradiance_wm2": math.inf}},
+    ],
+)
 def test_what_is_no_sun_is_none(light):
     assert from_json(light) is None

@@ -57,8 +57,15 @@ def test_planets_are_equal_by_their_values_and_each_value_counts():
     one = planet(30.0)
     assert (one, hash(one)) == (planet(30.0), hash(planet(30.0)))
     rings = replace(one, rings=(Ring(1.2, 1.5, 0.1, 0.5),))
-    others = [planet(31.0), planet(30.0, JUPITER), planet(30.0, law="SATURN"), planet(30.0, direction=UP[[2, 0, 1]]),
-              planet(30.0, flattening=0.1), planet(30.0, pole=(1.0, 0.0, 0.0)), rings]
+    others = [
+        planet(31.0),
+        planet(30.0, JUPITER),
+        planet(30.0, law="SATURN"),
+        planet(30.0, direction=UP[[2, 0, 1]]),
+        planet(30.0, flattening=0.1),
+        planet(30.0, pole=(1.0, 0.0, 0.0)),
+        rings,
+    ]
     assert one not in others
     assert irradiance_wm2(others[0]) < irradiance_wm2(one)  # which asks again for what was asked before
 
@@ -70,8 +77,10 @@ def test_colour_is_white_for_the_sun_and_warm_below():
     assert sun_colour(4000.0).mean() == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("values", "expected"), [
-    (SATURN, (0.558, 0.484, 0.305, 0.1255, 0.026)), (JUPITER, (0.331, 0.289, 0.1915, 0.091, 0.026))])
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [(SATURN, (0.558, 0.484, 0.305, 0.1255, 0.026)), (JUPITER, (0.331, 0.289, 0.1915, 0.091, 0.026))],
+)
 def test_irradiance_by_phase_is_the_tabulated_one(values, expected):
     found = [irradiance_wm2(planet(phase, values)) for phase in (0, 30, 60, 90, 120)]
     np.testing.assert_allclose(found, expected, atol=1e-3)
@@ -99,8 +108,9 @@ def test_irradiance_is_that_of_random_rays():
     around = 2 * np.pi * random.random(n)
     x_axis = np.cross(direction, UP) / np.linalg.norm(np.cross(direction, UP))
     y_axis = np.cross(direction, x_axis)
-    ray = (z[:, None] * direction + np.sqrt(1 - z**2)[:, None]
-           * (np.cos(around)[:, None] * x_axis + np.sin(around)[:, None] * y_axis))
+    ray = z[:, None] * direction + np.sqrt(1 - z**2)[:, None] * (
+        np.cos(around)[:, None] * x_axis + np.sin(around)[:, None] * y_axis
+    )
     radius = math.sin(math.radians(shown.angular_diameter_deg / 2))
     shape = (np.eye(3) + ((1 / 0.8) ** 2 - 1) * np.outer(shown.pole, shown.pole)) / radius**2  # xᵀ A x = 1
     a, b, c = (np.einsum("ni,ij,nj->n", ray, shape, ray), -ray @ shape @ direction, direction @ shape @ direction - 1)
@@ -141,8 +151,10 @@ def test_the_mesh_is_the_ellipsoid_in_size_light_and_side():
     shown = planet(60.0, flattening=0.1)
     mesh = disc_mesh(shown)
     corners = mesh.vertices[mesh.faces]
-    area = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            + np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0])) / 2
+    area = (
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        + np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0])
+    ) / 2
     middle = corners.mean(axis=1)
     distance = np.linalg.norm(middle, axis=1)
     solid_angle = -(area * middle).sum(axis=1) / distance**3
@@ -155,15 +167,15 @@ def test_the_mesh_is_the_ellipsoid_in_size_light_and_side():
 
 
 def test_the_sky_of_the_settings():
-    light = description.merged(
-        description.defaults(), preset_files.load_preset("bodies/enceladus")).light
+    light = description.merged(description.defaults(), preset_files.load_preset("bodies/enceladus")).light
     shown = sky(light | {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 300.0})
     assert (elevation_deg(shown.sun), azimuth_deg(shown.sun)) == pytest.approx((20.0, 300.0))
     assert shown.ground_irradiance_wm2[0] == pytest.approx(14.82 * math.sin(math.radians(20)))
     assert elevation_deg(shown.planet.pole) == pytest.approx(-80.0)
     said = sky_facts(shown)
-    assert said["planet"]["phase_deg"] == pytest.approx(180 - math.degrees(math.acos(shown.sun @ [0, math.cos(
-        math.radians(10)), math.sin(math.radians(10))])))
+    assert said["planet"]["phase_deg"] == pytest.approx(
+        180 - math.degrees(math.acos(shown.sun @ [0, math.cos(math.radians(10)), math.sin(math.radians(10))]))
+    )
     assert 0 < said["planet"]["ground_irradiance_wm2"] < 0.1
     assert sky(light | {"planet": False}).planet is None
 
@@ -183,18 +195,24 @@ def circles_overlap(radius, other, apart):
         return min(1.0, (other / radius) ** 2)
     near = (apart**2 + radius**2 - other**2) / (2 * apart)  # from the centre to the common chord
     far = apart - near
-    return (radius**2 * math.acos(near / radius) - near * math.sqrt(radius**2 - near**2)
-            + other**2 * math.acos(far / other) - far * math.sqrt(other**2 - far**2)) / (math.pi * radius**2)
+    return (
+        radius**2 * math.acos(near / radius)
+        - near * math.sqrt(radius**2 - near**2)
+        + other**2 * math.acos(far / other)
+        - far * math.sqrt(other**2 - far**2)
+    ) / (math.pi * radius**2)
 
 
-@pytest.mark.parametrize(("diameter", "sun"), [(0.05, 0.05), (2.0, 1.0), (12.23, 0.1024), (29.33, 0.0556),
-                                               (120.0, 0.05)])
+@pytest.mark.parametrize(
+    ("diameter", "sun"), [(0.05, 0.05), (2.0, 1.0), (12.23, 0.1024), (29.33, 0.0556), (120.0, 0.05)]
+)
 def test_of_a_sphere_an_eclipse_is_the_share_of_two_circles(diameter, sun):
     for apart in diameter / 2 + sun / 2 * np.linspace(-1.2, 1.2, 13):
         shown = planet(180.0 - max(apart, 0.0), (1.0, diameter, 0.5))
         # The sky is no plane: the limb of a large planet is less curved than a circle of its angular radius.
-        assert hidden_share(shown, sun) == pytest.approx(circles_overlap(sun / 2, diameter / 2, max(apart, 0.0)),
-                                                         abs=3e-4)
+        assert hidden_share(shown, sun) == pytest.approx(
+            circles_overlap(sun / 2, diameter / 2, max(apart, 0.0)), abs=3e-4
+        )
 
 
 def test_a_planet_before_the_middle_of_the_sun_hides_its_own_size():
@@ -235,8 +253,7 @@ def test_an_eclipse_takes_the_light_of_the_ground():
 
 def test_every_scene_preset_has_light():
     for name in preset_files.preset_names("scenes"):
-        shown = sky(description.merged(
-            description.defaults(), preset_files.load_preset(name)).light)
+        shown = sky(description.merged(description.defaults(), preset_files.load_preset(name)).light)
         assert shown.eclipse == 0.0, name
         assert sum(shown.ground_irradiance_wm2) > (0.05 if name.endswith("shine") else 1.0), name
 
@@ -287,8 +304,10 @@ def test_the_manuals_ganymede_has_no_europas_sky(tmp_path):
 
 def test_a_plan_refuses_such_ground_in_each_of_its_sweep(tmp_path):
     """One description after the other, of which only the radius differs."""
-    (tmp_path / "plan.toml").write_text('[plan]\ninclude = ["bodies/europa"]\n[light]\ndirections_from = "DATE"\n'
-                                        '[[sweep]]\nkind = "grid"\nterrain.body_radius_m = [1.5608e6, 2.6312e6]\n',
-                                        encoding="utf-8")
+    (tmp_path / "plan.toml").write_text(
+        '[plan]\ninclude = ["bodies/europa"]\n[light]\ndirections_from = "DATE"\n'
+        '[[sweep]]\nkind = "grid"\nterrain.body_radius_m = [1.5608e6, 2.6312e6]\n',
+        encoding="utf-8",
+    )
     (said,) = read_plan(tmp_path / "plan.toml").refused().values()
     assert "of a body of 2631 km, which has another sky" in said

@@ -35,7 +35,12 @@ def test_a_star_of_magnitude_zero_has_the_light_of_vegas_zero_point():
 def test_a_camera_counts_the_photons_of_a_star():
     """A thousand photons per cm², second and Ångström at V = 0 (Bessell 1979, PASP 91, 589), through f/8 of 32 mm."""
     sensor = description.defaults().sensor | {
-        "band_centre_nm": 545.0, "band_width_nm": 80.0, "f_number": 8.0, "transmission": 1.0, "quantum_efficiency": 1.0}
+        "band_centre_nm": 545.0,
+        "band_width_nm": 80.0,
+        "f_number": 8.0,
+        "transmission": 1.0,
+        "quantum_efficiency": 1.0,
+    }
     pitch, focal = 94e-6, 32e-3
     radiance = stars.V0_WM2 / (pitch / focal) ** 2  # of the one pixel that has all of it
     expected = 1000 * 800 * math.pi * 0.2**2
@@ -49,9 +54,16 @@ def test_the_brightest_stars_are_where_they_are():
     assert known.v_mag[-1] == stars.COMPLETE_TO_MAG
     np.testing.assert_allclose(np.linalg.norm(known.direction, axis=1), 1.0)
     # Separations that observing handbooks give.
-    for one, other, apart in (("Dubhe", "Merak", 5.4), ("Alnitak", "Mintaka", 2.7), ("Castor", "Pollux", 4.5),
-                              ("Sirius", "Procyon", 25.7), ("Betelgeuse", "Rigel", 18.6), ("Deneb", "Altair", 38.0),
-                              ("Hadar", "Rigil Kentaurus", 4.4), ("Acrux", "Gacrux", 6.0)):
+    for one, other, apart in (
+        ("Dubhe", "Merak", 5.4),
+        ("Alnitak", "Mintaka", 2.7),
+        ("Castor", "Pollux", 4.5),
+        ("Sirius", "Procyon", 25.7),
+        ("Betelgeuse", "Rigel", 18.6),
+        ("Deneb", "Altair", 38.0),
+        ("Hadar", "Rigil Kentaurus", 4.4),
+        ("Acrux", "Gacrux", 6.0),
+    ):
         assert angle_deg(star(one), star(other)) == pytest.approx(apart, abs=0.06), (one, other)
     closest = np.sort(known.direction @ known.direction.T, axis=1)[:, -2]
     assert closest.max() < math.cos(math.radians(1.0))  # none is there twice
@@ -61,8 +73,9 @@ def test_colours_are_those_of_their_temperatures():
     assert stars.temperature_k(0.65) == pytest.approx(5772, rel=0.02)  # the Sun
     assert stars.temperature_k(0.0) == pytest.approx(10000, rel=0.03)
     assert stars.temperature_k(1.85) == pytest.approx(3400, rel=0.05)
-    shown = stars.stars_above_horizon(-1.0, 1,
-                                      np.diag([1.0, 1.0, -1.0])).irradiance_wm2  # Sirius alone, which is in the south
+    shown = stars.stars_above_horizon(
+        -1.0, 1, np.diag([1.0, 1.0, -1.0])
+    ).irradiance_wm2  # Sirius alone, which is in the south
     assert shown.shape == (1, 3)
     assert shown[0, 2] > shown[0, 0]
     assert shown.mean() == pytest.approx(stars.V0_WM2 * 10 ** (0.4 * 1.46))
@@ -74,7 +87,8 @@ def test_fainter_stars_come_in_their_numbers_and_stay_when_more_are_asked_for():
     def whole(faintest, seed):
         parts = [stars.stars_above_horizon(faintest, seed, half) for half in both]
         return np.concatenate([p.direction @ m for p, m in zip(parts, both, strict=True)]), np.concatenate(
-            [p.irradiance_wm2.mean(axis=1) for p in parts])
+            [p.irradiance_wm2.mean(axis=1) for p in parts]
+        )
 
     for faintest, number in ((4.0, 558), (5.0, 1744), (6.0, 5326), (8.0, 48559)):
         direction, light = whole(faintest, 7)

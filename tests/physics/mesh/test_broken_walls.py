@@ -14,9 +14,13 @@ from icymoon.settings.topics.declaration import Parts
 
 WALLS = Walls(1.0, 7)
 #: Plates with steep sides before a small camera.
-PLATES: Parts = {"terrain": {"rms_slope_deg": 0.0}, "chaos": {"relief_m": 1.0, "plate_m": 3.0, "edges": "BROKEN"},
-          "surface": {"grain_amplitude_m": 0.0}, "rig": {"width_px": 120, "height_px": 90},
-          "mesh": {"error_px": 4.0, "farthest_m": 40.0, "most": 60_000}}
+PLATES: Parts = {
+    "terrain": {"rms_slope_deg": 0.0},
+    "chaos": {"relief_m": 1.0, "plate_m": 3.0, "edges": "BROKEN"},
+    "surface": {"grain_amplitude_m": 0.0},
+    "rig": {"width_px": 120, "height_px": 90},
+    "mesh": {"error_px": 4.0, "farthest_m": 40.0, "most": 60_000},
+}
 
 
 def _cliff(n=41, spacing_m=0.05):
@@ -24,8 +28,9 @@ def _cliff(n=41, spacing_m=0.05):
     x, y = np.meshgrid(spacing_m * np.arange(n), spacing_m * np.arange(n))
     z = np.clip((x - 0.9) * np.tan(np.radians(80.0)), 0.0, 1.0)
     corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)[None, :]).ravel()
-    faces = np.concatenate([np.stack([corner, corner + 1, corner + n + 1], 1),
-                            np.stack([corner, corner + n + 1, corner + n], 1)]).astype(np.int32)
+    faces = np.concatenate(
+        [np.stack([corner, corner + 1, corner + n + 1], 1), np.stack([corner, corner + n + 1, corner + n], 1)]
+    ).astype(np.int32)
     return np.stack([x, y, z], axis=-1).reshape(-1, 3), faces, np.full(n * n, spacing_m)
 
 
@@ -88,7 +93,7 @@ def test_chips_go_into_the_ice_and_differ_from_top_to_bottom():
     within = np.sqrt(np.mean((depth[inner] - mean[column]) ** 2))
     assert within > 0.01
     flat = (positions[:, 0] < 0.5) | (positions[:, 0] > 1.5)
-    assert np.array_equal(broken.positions[:len(positions)][flat], positions[flat])
+    assert np.array_equal(broken.positions[: len(positions)][flat], positions[flat])
 
 
 def test_what_is_not_seen_stays_as_it_is():
@@ -115,8 +120,16 @@ def test_walls_of_plates_are_broken_where_it_is_asked_for_and_within_the_limit()
     assert uses.max() == 2
 
 
-@pytest.mark.parametrize("change", [{"chaos": {"edges": "ROUNDED"}}, {"chaos": {"relief_m": 0.0}},
-                                    {"mesh": {"walls": "FLUTED"}}, {"mesh": {"kind": "GRID"}}], ids=str)
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"chaos": {"edges": "ROUNDED"}},
+        {"chaos": {"relief_m": 0.0}},
+        {"mesh": {"walls": "FLUTED"}},
+        {"mesh": {"kind": "GRID"}},
+    ],
+    ids=str,
+)
 def test_the_mesh_depends_on_the_heading_only_with_broken_walls(change):
     broken = {"mesh": {"walls": "BROKEN"}}
 

@@ -16,8 +16,22 @@ from sheets import sheet
 
 CUBE = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
 #: Outward triangles: bottom, top, front, back, left, right.
-BOX = np.array([(0, 2, 3), (0, 3, 1), (4, 5, 7), (4, 7, 6), (0, 1, 5), (0, 5, 4), (2, 6, 7), (2, 7, 3),
-                (0, 4, 6), (0, 6, 2), (1, 3, 7), (1, 7, 5)])
+BOX = np.array(
+    [
+        (0, 2, 3),
+        (0, 3, 1),
+        (4, 5, 7),
+        (4, 7, 6),
+        (0, 1, 5),
+        (0, 5, 4),
+        (2, 6, 7),
+        (2, 7, 3),
+        (0, 4, 6),
+        (0, 6, 2),
+        (1, 3, 7),
+        (1, 7, 5),
+    ]
+)
 
 
 def test_components_are_those_of_a_plain_search():
@@ -88,8 +102,10 @@ def test_a_closed_part_is_turned_outward_wherever_it_lies():
 def test_a_moebius_strip_is_left_as_it_is():
     n = 12
     turn, half = np.linspace(0, 2 * np.pi, n, endpoint=False), np.linspace(0, np.pi, n, endpoint=False)
-    rim = [np.stack([(2 + w * np.cos(half)) * np.cos(turn), (2 + w * np.cos(half)) * np.sin(turn), w * np.sin(half)], 1)
-           for w in (-0.5, 0.5)]
+    rim = [
+        np.stack([(2 + w * np.cos(half)) * np.cos(turn), (2 + w * np.cos(half)) * np.sin(turn), w * np.sin(half)], 1)
+        for w in (-0.5, 0.5)
+    ]
     positions = np.concatenate(rim)
     faces = []
     for k in range(n):
@@ -123,8 +139,11 @@ def test_what_cannot_be_rendered_goes_and_the_rest_stays():
 
 def test_nothing_left_is_a_report_too():
     one = np.array([(0, 1, 2)])
-    for positions, faces in ((np.full((3, 3), np.nan), one), (np.zeros((3, 3)), one),
-                             (np.empty((0, 3)), np.empty((0, 3), int))):
+    for positions, faces in (
+        (np.full((3, 3), np.nan), one),
+        (np.zeros((3, 3)), one),
+        (np.empty((0, 3)), np.empty((0, 3), int)),
+    ):
         report = examine(positions, faces)
         assert report.area_m2 == 0.0
         assert len(repair(positions, faces)[1]) == 0
@@ -146,8 +165,11 @@ def test_costs_come_from_the_header_or_the_size(tmp_path):
     stl = tmp_path / "a.stl"
     stl.write_bytes(b"x" * 80 + struct.pack("<I", 2) + bytes(100))
     assert mesh_file.estimate_cost(stl).triangles == 2
-    document = {"accessors": [{"count": 30}], "meshes": [{"primitives": [{"indices": 0}]}],
-                "buffers": [{"uri": "a%20b.bin"}]}
+    document = {
+        "accessors": [{"count": 30}],
+        "meshes": [{"primitives": [{"indices": 0}]}],
+        "buffers": [{"uri": "a%20b.bin"}],
+    }
     (tmp_path / "a.gltf").write_text(json.dumps(document))
     assert mesh_file.estimate_cost(tmp_path / "a.gltf").triangles == 10
     assert mesh_file.find_geometry_files(tmp_path / "a.gltf") == [tmp_path / "a.gltf", tmp_path / "a b.bin"]

@@ -58,7 +58,7 @@ def test_the_mesh_stays_closed_and_unfolded_and_follows_the_line(name):
     # On the line to a thousandth of a step, moved by less than half of one, and no edge crosses it any more.
     line = LINES[name]
     assert np.abs(line(*cut.places[cut.on_line].T)).max() < 1e-3 * STEP
-    assert np.hypot(*(cut.places[:len(places)] - places).T).max() < 0.5 * STEP
+    assert np.hypot(*(cut.places[: len(places)] - places).T).max() < 0.5 * STEP
     assert cut.places[0].tolist() == [0, 0]
     value = line(*cut.places.T)
     value[cut.on_line] = 0.0
@@ -82,11 +82,15 @@ def test_triangles_that_are_too_coarse_stay_whole():
 
 
 def _penitentes(crests, disorder):
-    settings = merged(defaults(), {
-        "terrain": {"rms_slope_deg": 0.0}, "penitentes": {"height_m": 2.0, "spacing_m": 1.1, "lean_deg": 8.0,
-                                                         "disorder": disorder},
-        "mesh": {"crests": crests, "error_px": 4.0, "farthest_m": 40.0, "most": 60_000},
-        "rig": {"width_px": 160, "height_px": 120}})
+    settings = merged(
+        defaults(),
+        {
+            "terrain": {"rms_slope_deg": 0.0},
+            "penitentes": {"height_m": 2.0, "spacing_m": 1.1, "lean_deg": 8.0, "disorder": disorder},
+            "mesh": {"crests": crests, "error_px": 4.0, "farthest_m": 40.0, "most": 60_000},
+            "rig": {"width_px": 160, "height_px": 120},
+        },
+    )
     ground = make_terrain(settings, 1)
     return ground, grade_ground(ground, settings)
 
@@ -139,11 +143,15 @@ def test_the_crests_of_penitentes_have_no_teeth(disorder):
 def test_the_crests_and_troughs_of_ridges_are_edges_of_the_mesh(sets):
     low = {}
     for crests in ("ROUNDED", "CUT"):
-        settings = merged(defaults(), {
-            "terrain": {"rms_slope_deg": 0.0},
-            "mesh": {"crests": crests, "error_px": 1.0, "edge_px": 3.0, "farthest_m": 12.0, "most": 60_000},
-            "ridges": {"height_m": 1.0, "width_m": 6.0, "spacing_m": 7.5, "sets": sets},
-            "rig": {"width_px": 160, "height_px": 120}})
+        settings = merged(
+            defaults(),
+            {
+                "terrain": {"rms_slope_deg": 0.0},
+                "mesh": {"crests": crests, "error_px": 1.0, "edge_px": 3.0, "farthest_m": 12.0, "most": 60_000},
+                "ridges": {"height_m": 1.0, "width_m": 6.0, "spacing_m": 7.5, "sets": sets},
+                "rig": {"width_px": 160, "height_px": 120},
+            },
+        )
         ground = make_terrain(settings, 1)
         positions, faces, sharp = grade_ground(ground, settings).mesh()
         assert (len(sharp) > 0) == (crests == "CUT")
@@ -156,6 +164,7 @@ def test_the_crests_and_troughs_of_ridges_are_edges_of_the_mesh(sets):
 
 @pytest.mark.parametrize("penitentes", [{}, {"height_m": 2.0, "sharpness": 0.0}])
 def test_ground_without_sharp_crests_is_not_cut(penitentes):
-    settings = merged(defaults(), {"mesh": {"crests": "CUT", "error_px": 4.0, "most": 20_000},
-                                   "penitentes": penitentes})
+    settings = merged(
+        defaults(), {"mesh": {"crests": "CUT", "error_px": 4.0, "most": 20_000}, "penitentes": penitentes}
+    )
     assert not grade_ground(make_terrain(settings, 1), settings).cuts_crests

@@ -14,8 +14,11 @@ from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import changes, description
 
 #: A small camera near rough ice, so that meshes are small.
-NEAR = {"rig": {"height_m": 0.4, "width_px": 120, "height_px": 90, "baseline_m": 0.06},
-        "surface": {"grain_size_m": 0.05, "grain_amplitude_m": 0.02}, "terrain": {"rms_slope_deg": 10.0}}
+NEAR = {
+    "rig": {"height_m": 0.4, "width_px": 120, "height_px": 90, "baseline_m": 0.06},
+    "surface": {"grain_size_m": 0.05, "grain_amplitude_m": 0.02},
+    "terrain": {"rms_slope_deg": 10.0},
+}
 
 
 def described(*changed):
@@ -33,9 +36,16 @@ def test_the_default_scene_has_no_fine_relief_in_its_mesh_and_does_not_pay_for_i
     assert changes.relief_in_mesh(default) == ""
 
 
-@pytest.mark.parametrize("change", [
-    {"surface": {"relief": "BUMP"}}, {"surface": {"relief": "DISPLACEMENT"}}, {"surface": {"grain_amplitude_m": 0.0}},
-    {"source": {"kind": "HEIGHT_MAP"}}], ids=str)
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"surface": {"relief": "BUMP"}},
+        {"surface": {"relief": "DISPLACEMENT"}},
+        {"surface": {"grain_amplitude_m": 0.0}},
+        {"source": {"kind": "HEIGHT_MAP"}},
+    ],
+    ids=str,
+)
 def test_only_real_relief_of_procedural_ground_is_in_the_mesh(change):
     assert fine_relief_of(described()) is not None
     assert fine_relief_of(described(change)) is None
@@ -83,8 +93,9 @@ def test_a_mesh_may_be_too_large_for_it_and_says_what_is_left():
 
 def test_a_camera_that_turns_needs_another_mesh_only_for_real_relief():
     for relief, differs in (("REAL", True), ("BUMP", False)):
-        one, other = (described({"surface": {"relief": relief}, "rig": {"heading_deg": heading}})
-                      for heading in (0.0, 30.0))
+        one, other = (
+            described({"surface": {"relief": relief}, "rig": {"heading_deg": heading}}) for heading in (0.0, 30.0)
+        )
         assert (changes.scene(one) != changes.scene(other)) == differs
 
 
@@ -123,10 +134,11 @@ def test_finer_ground_ends_where_the_cameras_see_nothing():
     whole = made.faces[~made.fine]
     behind = plain[0][plain[1]][..., 1].max(axis=1) < -1.0
     assert behind.any()
-    np.testing.assert_array_equal(made.positions[whole][made.positions[whole][..., 1].max(axis=1) < -1.0],
-                                  plain[0][plain[1]][behind])
+    np.testing.assert_array_equal(
+        made.positions[whole][made.positions[whole][..., 1].max(axis=1) < -1.0], plain[0][plain[1]][behind]
+    )
     assert not np.isfinite(made.spacing_m[np.unique(whole)]).any()
-    assert _middles(fine, made)[1][:len(whole)].mean() < 0.01  # nothing that is seen is left whole
+    assert _middles(fine, made)[1][: len(whole)].mean() < 0.01  # nothing that is seen is left whole
 
 
 def test_a_camera_that_turns_needs_another_mesh_where_it_is_finer():

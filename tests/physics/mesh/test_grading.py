@@ -27,7 +27,8 @@ GROUNDS = {
     "penitentes": {"terrain": {"rms_slope_deg": 5.0}, "penitentes": {"height_m": 1.0}},
     "cracks": {"terrain": {"rms_slope_deg": 8.0}, "cracks": {"depth_m": 0.3}},
     "craters": {"terrain": {"rms_slope_deg": 5.0}, "craters": {"coverage": 0.3}},
-    "slope": {"terrain": {"rms_slope_deg": 8.0, "regional_slope_deg": 25.0}}}
+    "slope": {"terrain": {"rms_slope_deg": 8.0, "regional_slope_deg": 25.0}},
+}
 
 
 def made(*changes):
@@ -49,8 +50,9 @@ def test_horizon_and_drop_are_those_of_a_sphere(radius, height):
         under = r - (r * r - Decimal(distance) ** 2).sqrt()
         assert float(drop_m(distance, radius)) == pytest.approx(float(under), rel=1e-14)
     # The ground there lies R - R²/(R + h) = R h/(R + h) under the tangent plane.
-    assert float(drop_m(horizon_m(height, radius), radius)) == pytest.approx(radius * height / (radius + height),
-                                                                             rel=1e-9)
+    assert float(drop_m(horizon_m(height, radius), radius)) == pytest.approx(
+        radius * height / (radius + height), rel=1e-9
+    )
     assert horizon_m(0.0, radius) == 0.0
 
 
@@ -154,16 +156,23 @@ def test_farthest_and_most_are_kept_to():
 
 
 def test_a_smaller_error_costs_more_and_a_larger_image_too():
-    count = [made(GROUNDS["rough"], c)[0].grading.rings.vertices for c in (
-        {"mesh": {"error_px": 2.0}}, {}, {"mesh": {"error_px": 0.5}}, {"mesh": {"error_px": 0.5}, "rig": {
-            "width_px": 192, "height_px": 144}})]
+    count = [
+        made(GROUNDS["rough"], c)[0].grading.rings.vertices
+        for c in (
+            {"mesh": {"error_px": 2.0}},
+            {},
+            {"mesh": {"error_px": 0.5}},
+            {"mesh": {"error_px": 0.5}, "rig": {"width_px": 192, "height_px": 144}},
+        )
+    ]
     assert count == sorted(count)
     assert count[-1] > 3 * count[-2]
 
 
 def test_the_ground_goes_on_beyond_the_patch():
-    settings = merged(defaults(), {"terrain": {"rms_slope_deg": 0.0, "regional_slope_deg": 30.0,
-                                               "regional_slope_azimuth_deg": 90.0}})
+    settings = merged(
+        defaults(), {"terrain": {"rms_slope_deg": 0.0, "regional_slope_deg": 30.0, "regional_slope_azimuth_deg": 90.0}}
+    )
     ground = make_terrain(settings, 1)
     x = np.array([-1e6, -1e3, -14.0, -5.0, 0.0, 5.0, 14.0, 1e3, 1e6])
     z = ground.heights(x, 0 * x)

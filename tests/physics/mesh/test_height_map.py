@@ -37,8 +37,9 @@ def test_a_tilted_plane_is_interpolated_exactly_and_nothing_is_beyond_it():
 
 
 def test_the_patch_ends_where_the_settings_say():
-    ground, _ = place_map(np.zeros((101, 101)), (1.0, 1.0), (0.0, 0.0), centre=True, origin_m=(30.0, -10.0),
-                          size_m=20.0)
+    ground, _ = place_map(
+        np.zeros((101, 101)), (1.0, 1.0), (0.0, 0.0), centre=True, origin_m=(30.0, -10.0), size_m=20.0
+    )
     assert ground.bounds_m == (-10.0, 10.0, -10.0, 10.0)
     assert np.isnan(ground.heights(10.5, 0.0))
     edge, _ = place_map(np.zeros((101, 101)), (1.0, 1.0), (0.0, 0.0), centre=True, origin_m=(45.0, 0.0), size_m=20.0)
@@ -96,9 +97,20 @@ def test_added_roughness_keeps_to_wavelengths_below_the_pixels():
     assert np.array_equal(ground.heights(x, y, 2.0), np.ones(500))  # the mesh carries nothing finer
 
 
-@pytest.mark.parametrize("options", [{}, {"order": ">"}, {"rows_per_strip": 5}, {"deflate": True, "rows_per_strip": 5},
-                                     {"tile": 16}, {"tile": 16, "deflate": True, "order": ">"},
-                                     {"predictor": 2, "deflate": True}, {"predictor": 2, "order": ">"}], ids=str)
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"order": ">"},
+        {"rows_per_strip": 5},
+        {"deflate": True, "rows_per_strip": 5},
+        {"tile": 16},
+        {"tile": 16, "deflate": True, "order": ">"},
+        {"predictor": 2, "deflate": True},
+        {"predictor": 2, "order": ">"},
+    ],
+    ids=str,
+)
 @pytest.mark.parametrize("kind", ["u1", "u2", "i2", "i4", "f4", "f8"])
 def test_geotiff_values_are_exact(tmp_path, kind, options):
     if kind[0] == "f" and options.get("predictor") == 2:
@@ -113,18 +125,22 @@ def test_geotiff_values_are_exact(tmp_path, kind, options):
 
 def test_geotiff_states_pixels_place_and_missing_values(tmp_path):
     values = np.array([[1.5, -9999.0, 2.0], [3.0, -3.4028235e38, 4.0]], np.float32)
-    read = geotiff.read(write_tiff(tmp_path / "a.tif", values, pixel=(2.0, 3.0), tie=(0, 0, 0, 1000.0, 500.0, 0),
-                                   nodata="-9999"))
+    read = geotiff.read(
+        write_tiff(tmp_path / "a.tif", values, pixel=(2.0, 3.0), tie=(0, 0, 0, 1000.0, 500.0, 0), nodata="-9999")
+    )
     assert np.array_equal(np.isnan(read.heights_m), values < -9000)
     assert read.pixel_m == (2.0, 3.0)
     assert read.corner_m == (1001.0, 495.5)  # pixel is area: the tie point is the north-west corner
-    read = geotiff.read(write_tiff(tmp_path / "a.tif", values, pixel=(2.0, 3.0), tie=(0, 0, 0, 1000.0, 500.0, 0),
-                                   point=True))
+    read = geotiff.read(
+        write_tiff(tmp_path / "a.tif", values, pixel=(2.0, 3.0), tie=(0, 0, 0, 1000.0, 500.0, 0), point=True)
+    )
     assert read.corner_m == (1000.0, 497.0)
 
 
-@pytest.mark.parametrize(("extra", "word"), [({259: (34887,)}, "LERC"), ({259: (7,)}, "JPEG"), ({277: (3,)}, "3 bands"),
-                                             ({258: (12,)}, "12-bit")])
+@pytest.mark.parametrize(
+    ("extra", "word"),
+    [({259: (34887,)}, "LERC"), ({259: (7,)}, "JPEG"), ({277: (3,)}, "3 bands"), ({258: (12,)}, "12-bit")],
+)
 def test_what_is_not_read_names_the_mend(tmp_path, extra, word):
     path = write_tiff(tmp_path / "a.tif", np.zeros((4, 4), np.float32), extra=extra)
     with pytest.raises(IcyMoonError, match=r"a\.tif.*gdal_translate") as caught:
@@ -133,8 +149,9 @@ def test_what_is_not_read_names_the_mend(tmp_path, extra, word):
 
 
 def test_a_torn_tiff_is_a_sentence_at_every_length(tmp_path):
-    whole = write_tiff(tmp_path / "a.tif", bumpy().astype(np.float32), deflate=True, rows_per_strip=4,
-                       pixel=(1.0, 1.0)).read_bytes()
+    whole = write_tiff(
+        tmp_path / "a.tif", bumpy().astype(np.float32), deflate=True, rows_per_strip=4, pixel=(1.0, 1.0)
+    ).read_bytes()
     for length in range(0, len(whole), max(1, len(whole) // 40)):
         (tmp_path / "torn.tif").write_bytes(whole[:length])
         with pytest.raises(IcyMoonError, match=r"torn\.tif"):

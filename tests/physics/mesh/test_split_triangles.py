@@ -27,7 +27,7 @@ def edges(faces):
 @pytest.mark.parametrize("parts", [2, 3, 5])
 def test_the_cut_mesh_covers_the_same_ground_once(parts):
     at, faces = places(), RINGS.faces()
-    which = (at[faces].mean(axis=1)[:, 0] > 1.0)
+    which = at[faces].mean(axis=1)[:, 0] > 1.0
     split = split_triangles(faces, which, len(at), parts)
     now = split.spread(at)
     assert doubled_areas(now, split.faces).min() > 0

@@ -44,10 +44,12 @@ def test_repair_keeps_every_corner_on_its_place_of_the_image():
     loose = np.concatenate([positions[faces].reshape(-1, 3), [(np.nan, 0, 0)]])
     own = np.arange(3 * len(faces)).reshape(-1, 3)
     flipped = np.random.default_rng(0).random(len(faces)) < 0.4
-    broken = np.concatenate([np.where(flipped[:, None], own[:, ::-1], own),
-                             [(0, 1, len(loose) - 1), (0, 0, 1)], own[:5, [1, 2, 0]]])
-    of_broken = np.concatenate([np.where(flipped[:, None, None], uv[:, ::-1], uv), np.zeros((2, 3, 2)),
-                                uv[:5, [1, 2, 0]]]).astype(np.float32)
+    broken = np.concatenate(
+        [np.where(flipped[:, None], own[:, ::-1], own), [(0, 1, len(loose) - 1), (0, 0, 1)], own[:5, [1, 2, 0]]]
+    )
+    of_broken = np.concatenate(
+        [np.where(flipped[:, None, None], uv[:, ::-1], uv), np.zeros((2, 3, 2)), uv[:5, [1, 2, 0]]]
+    ).astype(np.float32)
     order = np.random.default_rng(1).permutation(len(broken))
     after, mended, kept = repair(loose, broken[order], of_broken[order])
     assert (len(after), len(mended), kept.shape) == (n, len(faces), (len(faces), 3, 2))
@@ -121,15 +123,20 @@ def ply(path: Path, encoding: str, corner_uv: np.ndarray | None, vertex_uv: tupl
     positions, faces, _ = laid()
     named = "".join(f"property float {name}\n" for name in vertex_uv if name)
     lists = "property list uchar float texcoord\nproperty uchar flag\n" if corner_uv is not None else ""
-    header = (f"ply\nformat {encoding} 1.0\ncomment TextureFile a b.png\nelement vertex {len(positions)}\n"
-              f"property double x\nproperty double y\nproperty double z\n{named}element face {len(faces)}\n"
-              f"property list uchar int vertex_indices\n{lists}end_header\n")
+    header = (
+        f"ply\nformat {encoding} 1.0\ncomment TextureFile a b.png\nelement vertex {len(positions)}\n"
+        f"property double x\nproperty double y\nproperty double z\n{named}element face {len(faces)}\n"
+        f"property list uchar int vertex_indices\n{lists}end_header\n"
+    )
     order = ">" if "big" in encoding else "<"
     body = b""
     for point in positions.tolist():
         extra = [0.25 * point[0], 0.5 * point[1]] if named else []
-        body += (" ".join(map(repr, [*point, *extra])) + "\n").encode() if encoding == "ascii" else struct.pack(
-            f"{order}3d{len(extra)}f", *point, *extra)
+        body += (
+            (" ".join(map(repr, [*point, *extra])) + "\n").encode()
+            if encoding == "ascii"
+            else struct.pack(f"{order}3d{len(extra)}f", *point, *extra)
+        )
     for k, face in enumerate(faces.tolist()):
         six = [] if corner_uv is None else corner_uv[k].ravel().tolist()
         if encoding == "ascii":
@@ -154,8 +161,9 @@ def test_a_ply_has_coordinates_of_corners_or_of_vertices(tmp_path, encoding):
     assert read_texture_coordinates(tmp_path / "a.ply", faces[:, ::-1]) is None
     torn = uv.copy()
     torn[2, 1, 1] = math.nan
-    assert np.array_equal(read_texture_coordinates(ply(tmp_path / "d.ply", encoding, torn), faces), torn,
-                          equal_nan=True)
+    assert np.array_equal(
+        read_texture_coordinates(ply(tmp_path / "d.ply", encoding, torn), faces), torn, equal_nan=True
+    )
 
 
 def test_a_ply_names_its_image(tmp_path):
@@ -186,11 +194,15 @@ def test_an_obj_names_its_images_in_its_library(tmp_path):
     (tmp_path / "my mesh.mtl").write_text(LIBRARY)
     found = mesh_images.choose_images(path)
     assert {kind: image.file for kind, image in found.items()} == {
-        "albedo": tmp_path / "textures/my rock.png", "roughness": tmp_path / "r.png", "normal": tmp_path / "n.png"}
+        "albedo": tmp_path / "textures/my rock.png",
+        "roughness": tmp_path / "r.png",
+        "normal": tmp_path / "n.png",
+    }
     (tmp_path / "my rock.png").write_bytes(b"moved here")
     assert mesh_images.choose_images(path)["albedo"].file == tmp_path / "my rock.png"
-    (tmp_path / "my mesh.mtl").write_text(LIBRARY.replace("-s 1 1 1", "-s 2 2").replace(
-        "map_Kd textures/my rock.png\n", ""))
+    (tmp_path / "my mesh.mtl").write_text(
+        LIBRARY.replace("-s 1 1 1", "-s 2 2").replace("map_Kd textures/my rock.png\n", "")
+    )
     with pytest.raises(IcyMoonError, match=r"albedo image is shifted or scaled by -s 2 2.*textures\.set"):
         mesh_images.choose_images(path)
     (tmp_path / "my mesh.mtl").write_text(LIBRARY + "map_Kd other.png\n")
@@ -206,13 +218,23 @@ def test_an_obj_names_its_images_in_its_library(tmp_path):
 def gltf(folder: Path, binary: bytes, images: list[dict], **changed) -> dict:
     """A glTF document with one material of three images."""
     folder.joinpath("a.bin").write_bytes(binary)
-    return {"meshes": [{"primitives": [{"material": 1}]}], "textures": [{"source": k} for k in range(len(images))],
-            "images": images, "buffers": [{"uri": "a.bin", "byteLength": len(binary)}],
-            "bufferViews": [{"buffer": 0, "byteOffset": 3, "byteLength": 4}],
-            "materials": [{"normalTexture": {"index": 9}}, {
-                "pbrMetallicRoughness": {"baseColorTexture": {"index": 0, **changed},
-                                         "metallicRoughnessTexture": {"index": 1}},
-                "normalTexture": {"index": 2}}]}
+    return {
+        "meshes": [{"primitives": [{"material": 1}]}],
+        "textures": [{"source": k} for k in range(len(images))],
+        "images": images,
+        "buffers": [{"uri": "a.bin", "byteLength": len(binary)}],
+        "bufferViews": [{"buffer": 0, "byteOffset": 3, "byteLength": 4}],
+        "materials": [
+            {"normalTexture": {"index": 9}},
+            {
+                "pbrMetallicRoughness": {
+                    "baseColorTexture": {"index": 0, **changed},
+                    "metallicRoughnessTexture": {"index": 1},
+                },
+                "normalTexture": {"index": 2},
+            },
+        ],
+    }
 
 
 def test_a_gltf_holds_or_names_its_images(tmp_path):
@@ -228,15 +250,25 @@ def test_a_gltf_holds_or_names_its_images(tmp_path):
     del document["buffers"][0]["uri"]
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
-    (tmp_path / "a.glb").write_bytes(b"glTF" + struct.pack("<II", 2, 0) + struct.pack("<I4s", len(text), b"JSON")
-                                     + text + struct.pack("<I4s", 10, b"BIN\0") + b"012data789")
+    (tmp_path / "a.glb").write_bytes(
+        b"glTF"
+        + struct.pack("<II", 2, 0)
+        + struct.pack("<I4s", len(text), b"JSON")
+        + text
+        + struct.pack("<I4s", 10, b"BIN\0")
+        + b"012data789"
+    )
     assert mesh_images.choose_images(tmp_path / "a.glb")["albedo"].data() == b"data"
 
 
-@pytest.mark.parametrize(("changed", "words"), [
-    ({"texCoord": 1}, "UV coordinates of its own"),
-    ({"extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}, "KHR_texture_transform"),
-    ({"extensions": {"KHR_texture_transform": {"scale": [1.0, 1.0], "offset": [0, 0]}}}, "")])
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"texCoord": 1}, "UV coordinates of its own"),
+        ({"extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}, "KHR_texture_transform"),
+        ({"extensions": {"KHR_texture_transform": {"scale": [1.0, 1.0], "offset": [0, 0]}}}, ""),
+    ],
+)
 def test_what_cannot_be_followed_is_said(tmp_path, changed, words):
     path = tmp_path / "a.gltf"
     path.write_text(json.dumps(gltf(tmp_path, b"012data789", [{"uri": f"{k}.png"} for k in range(3)], **changed)))

@@ -81,9 +81,16 @@ def test_uniform_and_log_uniform_are_even():
     assert sampling.log_uniform(np.array([0.0, 1.0]), 0.1, 0.3).tolist() == pytest.approx([0.1, 0.3])
 
 
-@pytest.mark.parametrize(("mean", "deviation", "low", "high"), [
-    (0.0, 1.0, -1.0, 2.0), (5.0, 2.0, -1e30, 1e30), (0.95, 0.02, 0.8, 1.0), (0.0, 1.0, 4.0, 6.0),
-    (0.0, 1.0, -6.0, -4.0)])
+@pytest.mark.parametrize(
+    ("mean", "deviation", "low", "high"),
+    [
+        (0.0, 1.0, -1.0, 2.0),
+        (5.0, 2.0, -1e30, 1e30),
+        (0.95, 0.02, 0.8, 1.0),
+        (0.0, 1.0, 4.0, 6.0),
+        (0.0, 1.0, -6.0, -4.0),
+    ],
+)
 def test_the_truncated_normal_distribution_has_its_quantiles(mean, deviation, low, high):
     values = sampling.normal(SHARES, mean, deviation, low, high)
     assert (np.diff(values) > 0).all()

@@ -41,8 +41,9 @@ def test_there_are_as_many_as_the_law_has_of_those_that_are_seen(law):
     edges = np.array([16.0, 25.0, 40.0, 80.0, 160.0])
     for low, high in itertools.pairwise(edges):
         r = np.linspace(low, high, 2000)
-        smallest = np.maximum(VIEW.smallest_rad * np.hypot(r - SIZE_M * math.sqrt(0.5), VIEW.height_m),
-                              sizes.smallest_m)
+        smallest = np.maximum(
+            VIEW.smallest_rad * np.hypot(r - SIZE_M * math.sqrt(0.5), VIEW.height_m), sizes.smallest_m
+        )
         density = np.where(smallest < rocks.largest_m, sizes.per_m2_above(np.minimum(smallest, rocks.largest_m)), 0.0)
         expected = np.sum(2 * np.pi * r * density) * (r[1] - r[0])
         found = np.sum((radius >= low) & (radius < high))
@@ -59,8 +60,12 @@ def test_rocks_beside_the_patch_have_all_sizes_of_the_law():
 
 
 def test_clusters_keep_the_number_and_lie_close():
-    loose, gathered = (draw_beyond(_rocks(clustering=share, cluster_blocks=50.0, cluster_radius_m=0.2), SIZE_M, VIEW,
-                                   np.random.default_rng(4)) for share in (0.0, 1.0))
+    loose, gathered = (
+        draw_beyond(
+            _rocks(clustering=share, cluster_blocks=50.0, cluster_radius_m=0.2), SIZE_M, VIEW, np.random.default_rng(4)
+        )
+        for share in (0.0, 1.0)
+    )
     assert len(gathered.diameter_m) == pytest.approx(len(loose.diameter_m), rel=0.05)
 
     def lonely(drawn):
@@ -88,8 +93,9 @@ def test_a_law_of_one_size_and_one_smaller_than_the_patch_allows():
 
 def _scattered(beyond):
     rocks = _rocks(most=300, smallest_m=0.2)
-    return scatter(rocks, SIZE_M, 7, lambda x, y: 0.1 * np.asarray(x), make_rock_shapes("MIXED", 0.7, 7),
-                   (0.0, 0.0, 0.0), beyond)
+    return scatter(
+        rocks, SIZE_M, 7, lambda x, y: 0.1 * np.asarray(x), make_rock_shapes("MIXED", 0.7, 7), (0.0, 0.0, 0.0), beyond
+    )
 
 
 def test_rocks_on_the_patch_are_the_same_and_come_first():
@@ -107,13 +113,15 @@ def test_rocks_on_the_patch_are_the_same_and_come_first():
 
 def test_the_view_is_of_the_camera_and_not_of_where_it_stands():
     asked = {"rocks": {"beyond_px": 2.0}, "rig": {"width_px": 640, "focal_length_mm": 32.0, "sensor_width_mm": 64.0}}
-    here, there = (view_beyond(merged(defaults(), asked, {"rig": {"x_m": x, "heading_deg": 9 * x}}))
-                   for x in (0.0, 5.0))
+    here, there = (
+        view_beyond(merged(defaults(), asked, {"rig": {"x_m": x, "heading_deg": 9 * x}})) for x in (0.0, 5.0)
+    )
     assert here == there
     assert here.smallest_rad == pytest.approx(2.0 / 320.0)
 
 
-@pytest.mark.parametrize("changes", [{"rocks": {"beyond_px": 0.0}}, {"mesh": {"kind": "GRID"}},
-                                     {"source": {"kind": "MESH"}}])
+@pytest.mark.parametrize(
+    "changes", [{"rocks": {"beyond_px": 0.0}}, {"mesh": {"kind": "GRID"}}, {"source": {"kind": "MESH"}}]
+)
 def test_none_lie_where_there_is_no_ground(changes):
     assert view_beyond(merged(defaults(), {"rocks": {"beyond_px": 2.0}}, changes)) is None

@@ -45,8 +45,11 @@ def world_vertices(rocks, shapes, i: int) -> np.ndarray:
     """Vertices of one block, from its Euler angles as Blender reads them: about x, then y, then z."""
     shape = shapes[rocks.level[i]][rocks.shape[i]]
     (cx, cy, cz), (sx, sy, sz) = np.cos(rocks.rotation[i]), np.sin(rocks.rotation[i])
-    turns = (np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]]) @ np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-             @ np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]]))
+    turns = (
+        np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+        @ np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+        @ np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+    )
     return rocks.position_m[i] + (shape.vertices * rocks.scale_m[i]) @ turns.T
 
 
@@ -54,7 +57,8 @@ def world_vertices(rocks, shapes, i: int) -> np.ndarray:
 
 LAWS: dict[str, dict[str, Any]] = {
     "POWER": {"law": "POWER", "power_index": 2.5, "smallest_m": 0.1, "largest_m": 2.0, "coverage": 0.1},
-    "GOLOMBEK": {"law": "GOLOMBEK", "smallest_m": 0.1, "largest_m": 2.0, "coverage": 0.1}}
+    "GOLOMBEK": {"law": "GOLOMBEK", "smallest_m": 0.1, "largest_m": 2.0, "coverage": 0.1},
+}
 
 
 def share_above(rocks, d: np.ndarray) -> np.ndarray:
@@ -95,8 +99,10 @@ def test_the_realised_sizes_follow_the_law(law, seed):
     assert kolmogorov_smirnov(sizes, share_above({**rocks, **other}, sizes)) > critical
 
 
-@pytest.mark.parametrize(("k", "above_10cm", "above_30cm", "above_1m"), [
-    (0.05, 413, 32, 0.15), (0.10, 745, 84, 1.2), (0.20, 1330, 184, 4.8), (0.40, 2447, 375, 13)])
+@pytest.mark.parametrize(
+    ("k", "above_10cm", "above_30cm", "above_1m"),
+    [(0.05, 413, 32, 0.15), (0.10, 745, 84, 1.2), (0.20, 1330, 184, 4.8), (0.40, 2447, 375, 13)],
+)
 def test_golombeks_law_gives_the_counts_that_were_worked_out_by_hand(k, above_10cm, above_30cm, above_1m):
     law = Golombek(k, 0.1, 50.0)
     counts = law.per_m2_above(np.array([0.1, 0.3, 1.0])) * 400
@@ -157,6 +163,7 @@ def test_one_size_and_no_room_are_possible_and_a_contradiction_is_named():
 
 # Places
 
+
 def pairs_within(xy: np.ndarray, r: float, size_m: float) -> int:
     """Ordered pairs of points nearer than r, on a square whose sides are joined."""
     apart = np.abs(xy[:, None] - xy)
@@ -195,8 +202,10 @@ def test_rocks_lie_evenly_on_the_whole_patch():
 def test_no_vertex_reaches_into_the_clear_circle(radius):
     rocks = strewn(rough, clear=(1.0, -2.0, radius), coverage=0.3, largest_m=2.0, elongation=2.0)
     shapes = make_rock_shapes("MIXED", described()["angularity"], 5)
-    nearest = min(np.hypot(*(world_vertices(rocks, shapes, i)[:, :2] - [1.0, -2.0]).T).min()
-                  for i in range(0, len(rocks.diameter_m), 7))
+    nearest = min(
+        np.hypot(*(world_vertices(rocks, shapes, i)[:, :2] - [1.0, -2.0]).T).min()
+        for i in range(0, len(rocks.diameter_m), 7)
+    )
     assert nearest > radius
     # Elsewhere the circle changes nothing: same seed, same rocks.
     every = strewn(rough, clear=(1e6, 0.0, 0.0), coverage=0.3, largest_m=2.0, elongation=2.0)
@@ -218,6 +227,7 @@ def test_a_seed_gives_the_same_rocks_and_concerns_do_not_mix():
 
 
 # Resting
+
 
 @pytest.mark.parametrize("surface", [level, rough])
 @pytest.mark.parametrize("burial", [0.0, 0.25, 0.9])
@@ -246,8 +256,11 @@ def test_euler_angles_make_the_rotation_they_came_from(angles):
     (cx, cy, cz), (sx, sy, sz) = np.cos(angles), np.sin(angles)
 
     def matrix(cx, sx, cy, sy, cz, sz):
-        return (np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]]) @ np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-                @ np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]]))
+        return (
+            np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+            @ np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+            @ np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+        )
 
     turned = matrix(cx, sx, cy, sy, cz, sz)
     back = euler_xyz(turned[None])[0]
@@ -266,6 +279,7 @@ def test_rocks_lie_along_a_slope():
 
 
 # Shapes
+
 
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("angularity", heavy_but([1.0], [0.0, 0.5, 1.0]))
@@ -288,9 +302,16 @@ def test_shapes_are_closed_have_unit_size_and_face_outward(family, angularity):
 def test_angular_rocks_have_plane_faces_and_worn_ones_have_not():
     def plane_share(angularity: float) -> float:
         shapes = make_rock_shapes("FRAGMENTS", angularity, 3)[0]
-        areas = [np.linalg.norm(np.cross(s.vertices[s.triangles[:, 1]] - s.vertices[s.triangles[:, 0]],
-                                         s.vertices[s.triangles[:, 2]] - s.vertices[s.triangles[:, 0]]), axis=1)
-                 for s in shapes]
+        areas = [
+            np.linalg.norm(
+                np.cross(
+                    s.vertices[s.triangles[:, 1]] - s.vertices[s.triangles[:, 0]],
+                    s.vertices[s.triangles[:, 2]] - s.vertices[s.triangles[:, 0]],
+                ),
+                axis=1,
+            )
+            for s in shapes
+        ]
         return float(np.mean([area[s.plane].sum() / area.sum() for area, s in zip(areas, shapes, strict=True)]))
 
     assert plane_share(1.0) > 0.6
@@ -328,7 +349,8 @@ def test_corners_of_a_cube():
     normals = np.concatenate([np.eye(3), -np.eye(3)])
     corners = corners_of(normals, np.full(6, 0.5))
     assert {tuple(c) for c in np.round(corners, 12).tolist()} == {
-        (a, b, c) for a in (-0.5, 0.5) for b in (-0.5, 0.5) for c in (-0.5, 0.5)}
+        (a, b, c) for a in (-0.5, 0.5) for b in (-0.5, 0.5) for c in (-0.5, 0.5)
+    }
 
 
 @pytest.mark.parametrize("subdivisions", LEVELS)

@@ -23,11 +23,17 @@ def test_columns_are_found_by_name_and_the_largest_come_first(tmp_path):
     assert covered_share(read_table(path), 10.0) == pytest.approx(np.pi / 4 * (0.25 + 2.25) / 100)
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("x_m,y_m\n1,2\n", "diameter_m"),
-    ("x_m,y_m,diameter\n", "'diameter'"), ("x_m,y_m,diameter_m\n1,2,3\n1,2\n", "line 3"),
-    ("x_m,y_m,diameter_m\n1,2,big\n", "line 2"), ("x_m,y_m,diameter_m\n1,nan,1\n", "line 2"),
-    ("x_m,y_m,diameter_m\n1,1,1\n0,0,0\n", "line 3")])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x_m,y_m\n1,2\n", "diameter_m"),
+        ("x_m,y_m,diameter\n", "'diameter'"),
+        ("x_m,y_m,diameter_m\n1,2,3\n1,2\n", "line 3"),
+        ("x_m,y_m,diameter_m\n1,2,big\n", "line 2"),
+        ("x_m,y_m,diameter_m\n1,nan,1\n", "line 2"),
+        ("x_m,y_m,diameter_m\n1,1,1\n0,0,0\n", "line 3"),
+    ],
+)
 def test_what_is_no_rock_is_refused_by_its_line(tmp_path, text, words):
     with pytest.raises(IcyMoonError, match=words):
         read_table(written(tmp_path, text))

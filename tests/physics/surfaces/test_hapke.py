@@ -18,7 +18,13 @@ from icymoon.settings import description, preset_files
 from icymoon.support.errors import IcyMoonError
 
 EUROPA: dict[str, Any] = {
-    "w": 0.964, "b": 0.429, "c": 0.113, "b_s0": 0.5, "h_s": 0.0016, "theta_bar": math.radians(10.0)}
+    "w": 0.964,
+    "b": 0.429,
+    "c": 0.113,
+    "b_s0": 0.5,
+    "h_s": 0.0016,
+    "theta_bar": math.radians(10.0),
+}
 HALF_PI = math.pi / 2
 
 
@@ -47,7 +53,8 @@ def test_the_other_programs_agree(column):
 
 def test_arrays_broadcast_and_give_what_single_angles_give():
     i, e, psi = (
-        np.radians(values) for values in ([[[0.0]], [[40.0]], [[80.0]]], [[0.0], [70.0]], [0.0, 90.0, 180.0, 270.0]))
+        np.radians(values) for values in ([[[0.0]], [[40.0]], [[80.0]]], [[0.0], [70.0]], [0.0, 90.0, 180.0, 270.0])
+    )
     together = bidirectional_reflectance(i, e, psi, HapkeParameters(**EUROPA))
     assert together.shape == (3, 2, 4)
     assert together[2, 1, 1] == bidirectional_reflectance(i[2, 0, 0], e[1, 0], psi[1], HapkeParameters(**EUROPA))
@@ -57,11 +64,20 @@ def test_arrays_broadcast_and_give_what_single_angles_give():
     assert textured[0] < textured[1]
 
 
-PARAMETERS = st.fixed_dictionaries({
-    "w": st.floats(0.0, 1.0), "b": st.floats(-0.99, 0.99), "c": st.floats(-1.0, 1.0), "b_s0": st.floats(0.0, 3.0),
-    "h_s": st.floats(0.0, 10.0), "b_c0": st.floats(0.0, 1.0), "h_c": st.floats(0.0, 10.0),
-    "theta_bar": st.floats(0.0, math.radians(60.0)), "filling_factor": st.floats(0.0, 0.752),
-    "h_function": st.sampled_from(hapke.H_FUNCTIONS)})
+PARAMETERS = st.fixed_dictionaries(
+    {
+        "w": st.floats(0.0, 1.0),
+        "b": st.floats(-0.99, 0.99),
+        "c": st.floats(-1.0, 1.0),
+        "b_s0": st.floats(0.0, 3.0),
+        "h_s": st.floats(0.0, 10.0),
+        "b_c0": st.floats(0.0, 1.0),
+        "h_c": st.floats(0.0, 10.0),
+        "theta_bar": st.floats(0.0, math.radians(60.0)),
+        "filling_factor": st.floats(0.0, 0.752),
+        "h_function": st.sampled_from(hapke.H_FUNCTIONS),
+    }
+)
 ANGLE, AZIMUTH = st.floats(0.0, HALF_PI), st.floats(-7.0, 7.0)
 
 
@@ -83,14 +99,28 @@ def test_reciprocal(described, i, e, psi):
 
 
 def test_no_corner_of_angles_and_parameters_breaks():
-    edge = [0.0, 1e-12, 1e-6, 0.3, HALF_PI / 2, HALF_PI - 1e-6, np.nextafter(HALF_PI, 0), HALF_PI, HALF_PI + 0.1,
-            math.pi]
+    edge = [
+        0.0,
+        1e-12,
+        1e-6,
+        0.3,
+        HALF_PI / 2,
+        HALF_PI - 1e-6,
+        np.nextafter(HALF_PI, 0),
+        HALF_PI,
+        HALF_PI + 0.1,
+        math.pi,
+    ]
     around = [0.0, 1e-12, 1.0, HALF_PI, np.nextafter(math.pi, 0), math.pi, -math.pi]
     i, e, psi = np.meshgrid(edge, edge, around, indexing="ij")
     lit = (i < HALF_PI) & (e <= HALF_PI)
     for w, b, theta, h, f in itertools.product(
-            (0.0, 1e-12, 0.9, 1.0), (-0.99, 0.0, 0.99), (0.0, 1e-300, 1e-9, 1e-3, math.radians(60)),
-            (0.0, 1e-300, 1e-8, 1.0, 1e300), (0.0, 0.752)):
+        (0.0, 1e-12, 0.9, 1.0),
+        (-0.99, 0.0, 0.99),
+        (0.0, 1e-300, 1e-9, 1e-3, math.radians(60)),
+        (0.0, 1e-300, 1e-8, 1.0, 1e300),
+        (0.0, 0.752),
+    ):
         for kind in hapke.H_FUNCTIONS:
             with np.errstate(all="raise", under="ignore"):
                 r = bidirectional_reflectance(i, e, psi, HapkeParameters(w, b, 0.5, 1.0, h, 1.0, h, theta, f, kind))
@@ -160,7 +190,8 @@ def test_opposition_effects_have_their_amplitude_and_width():
     angle = 0.6
     plain, hidden, coherent = (
         bidirectional_reflectance(angle, angle, 0.0, HapkeParameters(**smooth, **extra))
-        for extra in (dict[str, Any](), {"b_s0": 0.7, "h_s": 0.01}, {"b_c0": 0.7, "h_c": 0.01}))
+        for extra in (dict[str, Any](), {"b_s0": 0.7, "h_s": 0.01}, {"b_c0": 0.7, "h_c": 0.01})
+    )
     single = 0.3 / (8 * math.pi) * hapke.phase_function(0.0, 0.2, 1.0)
     assert hidden - plain == pytest.approx(0.7 * single, rel=1e-9)
     assert coherent == pytest.approx(1.7 * plain, rel=1e-9)
@@ -192,13 +223,22 @@ def test_porosity_factor():
     assert hapke.porosity_factor(0.3) == pytest.approx(-math.log(1 - 1.209 * 0.3 ** (2 / 3)) / (1.209 * 0.3 ** (2 / 3)))
 
 
-@pytest.mark.parametrize(("wrong", "words"), [
-    ({"w": 1.01}, ("w is 1.01", "from 0 to 1")), ({"w": -0.1}, ("w is -0.1",)), ({"w": math.nan}, ("w", "finite")),
-    ({"w": np.array([0.5, 1.5])}, ("0.5 to 1.5",)), ({"w": 0.5, "b": 1.0}, ("b is 1", "above -1 and below 1")),
-    ({"w": 0.5, "b": 0.4, "c": 2.0}, ("c is 2", "negative")), ({"w": 0.5, "h_s": -1e-9}, ("h_s", "at least 0")),
-    ({"w": 0.5, "b_c0": -1.0}, ("b_c0",)), ({"w": 0.5, "theta_bar": 1.6}, ("theta_bar is 1.6", "1.5708")),
-    ({"w": 0.5, "filling_factor": 0.76}, ("filling_factor is 0.76", "0.7522")),
-    ({"w": 0.5, "h_function": "2012"}, ("1981, 1993, 2002",))])
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"w": 1.01}, ("w is 1.01", "from 0 to 1")),
+        ({"w": -0.1}, ("w is -0.1",)),
+        ({"w": math.nan}, ("w", "finite")),
+        ({"w": np.array([0.5, 1.5])}, ("0.5 to 1.5",)),
+        ({"w": 0.5, "b": 1.0}, ("b is 1", "above -1 and below 1")),
+        ({"w": 0.5, "b": 0.4, "c": 2.0}, ("c is 2", "negative")),
+        ({"w": 0.5, "h_s": -1e-9}, ("h_s", "at least 0")),
+        ({"w": 0.5, "b_c0": -1.0}, ("b_c0",)),
+        ({"w": 0.5, "theta_bar": 1.6}, ("theta_bar is 1.6", "1.5708")),
+        ({"w": 0.5, "filling_factor": 0.76}, ("filling_factor is 0.76", "0.7522")),
+        ({"w": 0.5, "h_function": "2012"}, ("1981, 1993, 2002",)),
+    ],
+)
 def test_parameters_outside_physics_are_refused_with_the_bound(wrong, words):
     with pytest.raises(IcyMoonError) as caught:
         HapkeParameters(**wrong)
@@ -211,7 +251,8 @@ def test_albedos_of_lamberts_law():
     # The sphere's integral phase function of Lambert's law is known: [sin a + (π - a) cos a] / π.
     alpha = np.radians([0.0, 10.0, 90.0, 170.0])
     assert photometry.phase_curve(white, alpha) == pytest.approx(
-        (np.sin(alpha) + (math.pi - alpha) * np.cos(alpha)) / math.pi, rel=1e-6)
+        (np.sin(alpha) + (math.pi - alpha) * np.cos(alpha)) / math.pi, rel=1e-6
+    )
     assert photometry.geometric_albedo(white) == pytest.approx(2 / 3, rel=1e-9)
     assert photometry.bond_albedo(white) == pytest.approx(1.0, rel=1e-9)
     assert photometry.normal_albedo(white) == pytest.approx(1.0)
@@ -225,12 +266,18 @@ def test_lunar_lambert_has_the_bond_albedo_it_is_given(share):
     mu = np.cos(np.radians([0.0, 45.0, 85.0]))
     directional = 4 * (1 - mu * np.log1p(1 / mu))  # of 2 µ0/(µ0 + µ)
     assert photometry.hemispherical_albedo(lunar, np.arccos(mu)) == pytest.approx(
-        photometry.normal_albedo(lunar) * (share * directional + 1 - share), rel=1e-6)
+        photometry.normal_albedo(lunar) * (share * directional + 1 - share), rel=1e-6
+    )
 
 
-@pytest.mark.parametrize("described", [
-    EUROPA, {"w": 0.979, "b": 0.39, "c": 1.0, "b_s0": 1.0, "h_s": 0.014, "theta_bar": 0.1},
-    {"w": 0.9, "b": 0.5, "c": 0.2, "theta_bar": 0.6}])
+@pytest.mark.parametrize(
+    "described",
+    [
+        EUROPA,
+        {"w": 0.979, "b": 0.39, "c": 1.0, "b_s0": 1.0, "h_s": 0.014, "theta_bar": 0.1},
+        {"w": 0.9, "b": 0.5, "c": 0.2, "theta_bar": 0.6},
+    ],
+)
 def test_the_two_ways_to_the_bond_albedo_agree(described):
     """p q of the sphere against the mean of the plane's hemispherical albedo, integrals that share nothing."""
     mu, weight = np.polynomial.legendre.leggauss(24)
@@ -251,18 +298,33 @@ def _preset(name: str) -> dict:
     return description.merged(description.defaults(), loaded)
 
 
-@pytest.mark.parametrize(("name", "quantity", "value"), [
-    ("europa_global", "bond", 0.62), ("europa_bright_plains", "bond", 0.68), ("enceladus_global", "bond", 0.81),
-    ("enceladus_global", "geometric", 1.375), ("lunar_like", "geometric", 0.12)])
+@pytest.mark.parametrize(
+    ("name", "quantity", "value"),
+    [
+        ("europa_global", "bond", 0.62),
+        ("europa_bright_plains", "bond", 0.68),
+        ("enceladus_global", "bond", 0.81),
+        ("enceladus_global", "geometric", 1.375),
+        ("lunar_like", "geometric", 0.12),
+    ],
+)
 def test_presets_have_the_albedos_that_their_sources_state(name, quantity, value):
     settings = _preset(name)
     found = albedos.albedos(settings["surface"], settings["hapke"])
     assert getattr(found, quantity) == pytest.approx(value, abs=0.003)  # sources state two or three digits
 
 
-@pytest.mark.parametrize(("name", "equigonal", "geometric"), [
-    ("enceladus_global", 0.894, 1.375), ("enceladus_south_polar", 0.92, 1.398), ("mimas", 0.63, 0.962),
-    ("tethys", 0.74, 1.229), ("dione", 0.65, 0.998), ("rhea", 0.60, 0.949)])
+@pytest.mark.parametrize(
+    ("name", "equigonal", "geometric"),
+    [
+        ("enceladus_global", 0.894, 1.375),
+        ("enceladus_south_polar", 0.92, 1.398),
+        ("mimas", 0.63, 0.962),
+        ("tethys", 0.74, 1.229),
+        ("dione", 0.65, 0.998),
+        ("rhea", 0.60, 0.949),
+    ],
+)
 def test_moons_of_saturn_have_their_measured_albedos_together(name, equigonal, geometric):
     settings = _preset(name)
     fitted = albedos.law_of(settings["surface"], settings["hapke"])

@@ -41,11 +41,25 @@ def test_smooth_black_ice_reflects_as_fresnel_says(index):
     assert reflectance == pytest.approx(fresnel(index), rel=0.01, abs=0.002)
 
 
-@given(st.floats(0, 1), st.floats(0, 1), st.floats(1, 3), st.floats(0, 1), st.floats(0, 1), st.floats(0, 1),
-       st.floats(0, 0.1))
+@given(
+    st.floats(0, 1),
+    st.floats(0, 1),
+    st.floats(1, 3),
+    st.floats(0, 1),
+    st.floats(0, 1),
+    st.floats(0, 1),
+    st.floats(0, 0.1),
+)
 def test_base_colour_gives_the_albedo_or_the_nearest_there_is(albedo, roughness, index, specular, weight, share, bumps):
-    settings = surface(albedo=albedo, roughness=roughness, refractive_index=index, specular=specular,
-                       subsurface_weight=weight, transmission=share, grain_amplitude_m=bumps)
+    settings = surface(
+        albedo=albedo,
+        roughness=roughness,
+        refractive_index=index,
+        specular=specular,
+        subsurface_weight=weight,
+        transmission=share,
+        grain_amplitude_m=bumps,
+    )
     base, reflectance = principled.curve(settings)
     assert np.all(np.diff(reflectance) >= -1e-12)
     assert 0.0 <= reflectance[0] <= reflectance[-1] <= 1.0

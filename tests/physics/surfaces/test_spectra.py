@@ -13,9 +13,15 @@ def test_light_goes_as_far_in_pure_ice_as_published():
     assert 1 / ice_absorption_1_m(650.0) == pytest.approx(3.62, rel=2e-3)
 
 
-@pytest.mark.parametrize(("radius_m", "red", "green", "blue"), [
-    (25e-6, 0.986, 0.994, 0.997), (100e-6, 0.973, 0.987, 0.995), (0.5e-3, 0.940, 0.971, 0.988),
-    (2e-3, 0.884, 0.944, 0.977)])
+@pytest.mark.parametrize(
+    ("radius_m", "red", "green", "blue"),
+    [
+        (25e-6, 0.986, 0.994, 0.997),
+        (100e-6, 0.973, 0.987, 0.995),
+        (0.5e-3, 0.940, 0.971, 0.988),
+        (2e-3, 0.884, 0.944, 0.977),
+    ],
+)
 def test_snow_is_as_white_as_the_closed_form_of_others(radius_m, red, green, blue):
     # The same formula evaluated by the package snoWoptics 0.99.2 at 630, 544 and 480 nm, three digits.
     assert snow_reflectance(np.array([630.0, 544.0, 480.0]), radius_m) == pytest.approx([red, green, blue], abs=6e-4)
@@ -27,8 +33,9 @@ def test_coarse_snow_is_darker_and_bluer():
     assert coarse[0] / coarse[-1] > fine[0] / fine[-1] > 1
 
 
-@pytest.mark.parametrize(("share", "red", "green", "blue"), [
-    (0.05, 0.77, 0.89, 0.95), (0.01, 0.56, 0.76, 0.89), (0.001, 0.15, 0.41, 0.70)])
+@pytest.mark.parametrize(
+    ("share", "red", "green", "blue"), [(0.05, 0.77, 0.89, 0.95), (0.01, 0.56, 0.76, 0.89), (0.001, 0.15, 0.41, 0.70)]
+)
 def test_ice_is_as_blue_as_its_bubbles_are_few(share, red, green, blue):
     # The same formula evaluated by the package snowoptics 0.99.2 at 630, 544 and 480 nm, two digits.
     made = bubbly_ice_reflectance(np.array([630.0, 544.0, 480.0]), 5e-4, share)

@@ -98,8 +98,9 @@ def test_snow_lies_on_the_hills_and_does_not_fill_their_valleys():
 
 def test_the_mesh_reaches_as_far_as_the_highest_hills_are_seen():
     settings = merged(_settings(), {"rig": {"width_px": 128, "height_px": 128}})
-    graded, flat = (grade_ground(make_terrain(s, 1), s) for s in (settings, merged(settings, {"hills": {
-        "rms_slope_deg": 0.0}})))
+    graded, flat = (
+        grade_ground(make_terrain(s, 1), s) for s in (settings, merged(settings, {"hills": {"rms_slope_deg": 0.0}}))
+    )
     radius = settings.terrain.body_radius_m
     highest = graded.mesh()[0][:, 2] + graded.drop_m(*graded.mesh()[0][:, :2].T)
     assert flat.grading.farthest_m < 3 * horizon_m(1.6, radius)
@@ -113,9 +114,19 @@ def test_lengths_that_contradict_each_other_are_refused():
         _hills(smallest_m=0.1, largest_m=1e5)
 
 
-@pytest.mark.parametrize("changes", [{"largest_m": 1.0, "smallest_m": 1.0}, {"largest_m": 1e5, "smallest_m": 4.0},
-                                     {"slope_baseline_m": 1e5}, {"slope_baseline_m": 0.1}, {"hurst": 0.05},
-                                     {"hurst": 1.0}, {"rms_slope_deg": 45.0}, {"rms_slope_deg": 1e-6}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"largest_m": 1.0, "smallest_m": 1.0},
+        {"largest_m": 1e5, "smallest_m": 4.0},
+        {"slope_baseline_m": 1e5},
+        {"slope_baseline_m": 0.1},
+        {"hurst": 0.05},
+        {"hurst": 1.0},
+        {"rms_slope_deg": 45.0},
+        {"rms_slope_deg": 1e-6},
+    ],
+)
 @pytest.mark.parametrize("kind", KINDS)
 def test_extreme_settings_give_finite_hills(kind, changes):
     x = np.linspace(20.0, 3e4, 500)

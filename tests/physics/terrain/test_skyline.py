@@ -43,13 +43,20 @@ def test_the_body_falls_away_and_the_ground_ends():
     radius = 2.5e5
     fallen = 50.0 - 3000.0**2 / (2 * radius)
     assert skyline_deg(_Wall(away_m=3000.0), (0.0, 0.0), 0.0, radius, 1e5) == pytest.approx(
-        math.degrees(math.atan(fallen / 3000)), rel=0.01)
+        math.degrees(math.atan(fallen / 3000)), rel=0.01
+    )
     assert skyline_deg(_Wall(away_m=3000.0), (0.0, 0.0), 0.0, radius, 2000.0) < 0.0
 
 
-@pytest.mark.parametrize(("elevation_deg", "begins"), [
-    (5.0, "Hills hide the Sun from the site: it is 5.0 degrees above the horizon and the skyline there 9.4;"),
-    (9.4, "Hills hide a part of the Sun from the site"), (15.0, None), (-5.0, None)])
+@pytest.mark.parametrize(
+    ("elevation_deg", "begins"),
+    [
+        (5.0, "Hills hide the Sun from the site: it is 5.0 degrees above the horizon and the skyline there 9.4;"),
+        (9.4, "Hills hide a part of the Sun from the site"),
+        (15.0, None),
+        (-5.0, None),
+    ],
+)
 def test_what_is_said_of_a_hidden_sun(monkeypatch, elevation_deg, begins):
     monkeypatch.setattr(skyline, "make_terrain", lambda settings, seed: _Wall())
     settings = merged(defaults(), {"hills": {"rms_slope_deg": 10.0}, "terrain": {"body_radius_m": 1e8}})
@@ -59,8 +66,9 @@ def test_what_is_said_of_a_hidden_sun(monkeypatch, elevation_deg, begins):
     assert not begins or said[0].startswith(begins)
 
 
-@pytest.mark.parametrize("changes", [{"hills": {"rms_slope_deg": 0.0}}, {"mesh": {"kind": "GRID"}},
-                                     {"source": {"kind": "MESH"}}])
+@pytest.mark.parametrize(
+    "changes", [{"hills": {"rms_slope_deg": 0.0}}, {"mesh": {"kind": "GRID"}}, {"source": {"kind": "MESH"}}]
+)
 def test_ground_without_hills_is_not_asked(monkeypatch, changes):
     monkeypatch.setattr(skyline, "make_terrain", lambda settings, seed: pytest.fail("asked"))
     settings = merged(defaults(), {"hills": {"rms_slope_deg": 10.0}}, changes)

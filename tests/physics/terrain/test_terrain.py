@@ -19,13 +19,26 @@ from icymoon.settings.table import TOPICS
 from icymoon.settings.topics.scene import Settings
 
 #: Every landform at once, two layers, snow and a slope.
-EVERYTHING = check({
-    "terrain": {"regional_slope_deg": 5.0, "layers": [{"basis": "VORONOI_F2", "fractal": "HETERO", "amplitude_m": 0.1},
-                                                      {"fractal": "RIDGED", "amplitude_m": 0.1, "warp_m": 0.3}]},
-    "ridges": {"height_m": 0.5}, "cracks": {"depth_m": 0.3, "rim_m": 0.05}, "chaos": {"relief_m": 0.8, "matrix_m": 0.1},
-    "craters": {"coverage": 0.2}, "hollows": {"depth_m": 0.05}, "penitentes": {"height_m": 0.6},
-    "pits": {"depth_m": 0.2},
-    "mantle": {"thickness_m": 0.1}}, "test")
+EVERYTHING = check(
+    {
+        "terrain": {
+            "regional_slope_deg": 5.0,
+            "layers": [
+                {"basis": "VORONOI_F2", "fractal": "HETERO", "amplitude_m": 0.1},
+                {"fractal": "RIDGED", "amplitude_m": 0.1, "warp_m": 0.3},
+            ],
+        },
+        "ridges": {"height_m": 0.5},
+        "cracks": {"depth_m": 0.3, "rim_m": 0.05},
+        "chaos": {"relief_m": 0.8, "matrix_m": 0.1},
+        "craters": {"coverage": 0.2},
+        "hollows": {"depth_m": 0.05},
+        "penitentes": {"height_m": 0.6},
+        "pits": {"depth_m": 0.2},
+        "mantle": {"thickness_m": 0.1},
+    },
+    "test",
+)
 LANDSCAPES = {"default": {}, "everything": EVERYTHING}
 
 
@@ -89,10 +102,18 @@ def test_one_seed_moves_everything(topic):
 @pytest.mark.parametrize("topic", ["terrain", *MAKERS])
 def test_one_variant_moves_everything(topic):
     """Relief and layers with the topic ``terrain``, each landform by itself with its own topic."""
+
     def only(variant: int) -> np.ndarray:
         parts = {key: value for key, value in EVERYTHING.items() if key == topic}
-        return _grid(_ground(merged(parts, {"terrain": {"variant": variant}},
-                                    {} if topic == "terrain" else {"terrain": {"rms_slope_deg": 0.0}})))
+        return _grid(
+            _ground(
+                merged(
+                    parts,
+                    {"terrain": {"variant": variant}},
+                    {} if topic == "terrain" else {"terrain": {"rms_slope_deg": 0.0}},
+                )
+            )
+        )
 
     assert np.array_equal(only(3), only(3))
     assert len({only(variant).tobytes() for variant in (0, 3, 2**31 - 1)}) == 3
@@ -101,8 +122,10 @@ def test_one_variant_moves_everything(topic):
 def test_a_variant_moves_layers_and_fine_relief_too():
     layers = check({"terrain": {"rms_slope_deg": 0.0, "layers": [{"amplitude_m": 0.2}]}}, "test")
     points = np.random.default_rng(0).uniform(-20, 20, (500, 3))
-    for make in (lambda variant: _grid(_ground(layers, {"terrain": {"variant": variant}})),
-                 lambda variant: relief(points, _settings({"terrain": {"variant": variant}}), 1)):
+    for make in (
+        lambda variant: _grid(_ground(layers, {"terrain": {"variant": variant}})),
+        lambda variant: relief(points, _settings({"terrain": {"variant": variant}}), 1),
+    ):
         first, other = make(0), make(1)
         assert abs(np.corrcoef(first.ravel(), other.ravel())[0, 1]) < 0.5
 
@@ -110,15 +133,26 @@ def test_a_variant_moves_layers_and_fine_relief_too():
 def test_variant_0_is_the_ground_of_versions_without_variants():
     """Heights that commit c926394 gave. Data sets of those versions go on with the same ground."""
     x, y = np.array([-9.0, -3.7, 0.0, 2.2, 8.1]), np.array([4.0, -7.3, 0.0, 6.6, -0.5])
-    known = {"default": [0.6392535214305333, 0.29836391504626586, -0.7126776640981908, 1.0837312130997259,
-                         0.5341358415555235],
-             "everything": [1.9875845154196188, 0.46763719985507424, -0.2730179078225282, 1.8166696560932998,
-                            0.6560488184471522]}
+    known = {
+        "default": [
+            0.6392535214305333,
+            0.29836391504626586,
+            -0.7126776640981908,
+            1.0837312130997259,
+            0.5341358415555235,
+        ],
+        "everything": [
+            1.9875845154196188,
+            0.46763719985507424,
+            -0.2730179078225282,
+            1.8166696560932998,
+            0.6560488184471522,
+        ],
+    }
     for landscape, heights in known.items():
         ground = _ground(LANDSCAPES[landscape], {"pits": {"depth_m": 0.0}})
         assert np.allclose(ground.heights(x, y), heights, rtol=0, atol=1e-12)
-    detail = [0.034927785216915724, -0.41137797994166303, -0.1615126772637722, -0.8241138366359264,
-              0.03156309846204845]
+    detail = [0.034927785216915724, -0.41137797994166303, -0.1615126772637722, -0.8241138366359264, 0.03156309846204845]
     assert np.allclose(relief(np.stack([x, y, 0.1 * x], axis=1), _settings(), 1), detail, rtol=0, atol=1e-12)
 
 
@@ -132,8 +166,9 @@ def test_a_landform_more_does_not_move_the_others():
 
 def test_flat_and_sloping_ground():
     assert np.all(_grid(_ground({"terrain": {"rms_slope_deg": 0.0}})) == 0.0)
-    tilted = _ground({"terrain": {"rms_slope_deg": 0.0, "regional_slope_deg": 10.0,
-                                  "regional_slope_azimuth_deg": 90.0}})
+    tilted = _ground(
+        {"terrain": {"rms_slope_deg": 0.0, "regional_slope_deg": 10.0, "regional_slope_azimuth_deg": 90.0}}
+    )
     # Falls toward the east by tan 10 degrees.
     assert float(tilted.heights(5.0, 3.0)) == pytest.approx(-5.0 * math.tan(math.radians(10.0)))
     assert abs(_grid(_ground(), 129).mean()) < 0.02  # the patch lies at height 0
@@ -152,8 +187,16 @@ def test_far_away_ground_is_finite_and_has_no_steps(landscape):
 
 def test_a_patch_may_be_tiny_or_huge():
     for size in (0.01, 1.0e5):
-        ground = _ground({"terrain": {"size_m": size, "outer_scale_m": size / 2, "inner_scale_m": size / 500,
-                                      "slope_baseline_m": size / 20}})
+        ground = _ground(
+            {
+                "terrain": {
+                    "size_m": size,
+                    "outer_scale_m": size / 2,
+                    "inner_scale_m": size / 500,
+                    "slope_baseline_m": size / 20,
+                }
+            }
+        )
         heights = _grid(ground, 129)
         lag = size / 128 * 6
         slope = np.sqrt(np.mean((heights[:, 6:] - heights[:, :-6]) ** 2)) / lag
@@ -164,8 +207,12 @@ def test_a_patch_may_be_tiny_or_huge():
 def _extremes() -> list[tuple[str, str, object]]:
     """Both ends of the range of every setting of the ground."""
     settings = [(topic, setting) for topic in ("terrain", *MAKERS, "mantle") for setting in TOPICS[topic].settings]
-    return [(topic, setting.key, value) for topic, setting in settings if setting.kind in ("float", "int")
-            for value in (setting.minimum, setting.maximum)]
+    return [
+        (topic, setting.key, value)
+        for topic, setting in settings
+        if setting.kind in ("float", "int")
+        for value in (setting.minimum, setting.maximum)
+    ]
 
 
 @pytest.mark.parametrize(("topic", "key", "value"), _extremes())

@@ -34,8 +34,17 @@ def blender(tmp_path):
     """A Blender as Debian builds it: neither denoiser nor OSL. It notes what it is asked, and renders nothing."""
     abilities.ask_abilities.cache_clear()
     program = tmp_path / "blender"
-    said = json.dumps({"type": "probe", "blender": "4.3.2", "python": "3.13", "osl": False, "denoiser": False,
-                       "devices": [], "module": False})
+    said = json.dumps(
+        {
+            "type": "probe",
+            "blender": "4.3.2",
+            "python": "3.13",
+            "osl": False,
+            "denoiser": False,
+            "devices": [],
+            "module": False,
+        }
+    )
     program.write_text(f"#!/bin/sh\nfor last; do :; done\necho \"$last\" >> '{tmp_path}/asked'\necho '{said}'\n")
     program.chmod(0o755)
     yield program
@@ -50,16 +59,26 @@ def asked(blender):
 @pytest.fixture
 def plan(tmp_path):
     file = tmp_path / "plan.toml"
-    file.write_text('[plan]\ntitle = "Two"\n[quality]\ndenoiser = "OIDN"\n[[sweep]]\nkind = "grid"\n'
-                    "light.sun_elevation_deg = [20, 40]\n")
+    file.write_text(
+        '[plan]\ntitle = "Two"\n[quality]\ndenoiser = "OIDN"\n[[sweep]]\nkind = "grid"\n'
+        "light.sun_elevation_deg = [20, 40]\n"
+    )
     return file
 
 
-@pytest.mark.parametrize(("part", "said"), [
-    ({}, ""), (DENOISED, "OpenImageDenoise"), ({"quality": {"denoiser": "OIDN_COLOUR"}}, "OpenImageDenoise"),
-    ({"quality": {"device": "GPU"}}, "graphics card"), (OSL, "Open Shading Language"),
-    ({"surface": {"model": "SNOW"}, "hapke": {"backend": "OSL"}}, "Open Shading Language"),
-    ({"hapke": {"backend": "OSL"}}, ""), ({"surface": {"model": "HAPKE"}}, "")])
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [
+        ({}, ""),
+        (DENOISED, "OpenImageDenoise"),
+        ({"quality": {"denoiser": "OIDN_COLOUR"}}, "OpenImageDenoise"),
+        ({"quality": {"device": "GPU"}}, "graphics card"),
+        (OSL, "Open Shading Language"),
+        ({"surface": {"model": "SNOW"}, "hapke": {"backend": "OSL"}}, "Open Shading Language"),
+        ({"hapke": {"backend": "OSL"}}, ""),
+        ({"surface": {"model": "HAPKE"}}, ""),
+    ],
+)
 def test_only_what_the_settings_ask_for_is_lacking(part, said):
     found = lack_for(scene(part), PLAIN)
     assert said in found
@@ -137,9 +156,15 @@ def test_a_machine_is_measured_without_the_denoiser_that_it_lacks(tmp_path):
     expected = work_of(settings).seconds(count_triangles(settings))
     for folder in folders:
         folder.mkdir()
-        (folder / "pair.json").write_text(json.dumps({
-            "seconds": {"render": 3.0 * expected, "write": 0.0}, "cpu_seconds": {"pair": 1.5 * expected},
-            "versions": {"blender": "4.3.2"}}))
+        (folder / "pair.json").write_text(
+            json.dumps(
+                {
+                    "seconds": {"render": 3.0 * expected, "write": 0.0},
+                    "cpu_seconds": {"pair": 1.5 * expected},
+                    "versions": {"blender": "4.3.2"},
+                }
+            )
+        )
     assert measure_speed.read_speed(folders, "CPU", denoiser=False).factor == pytest.approx(1.5)
 
 

@@ -35,20 +35,35 @@ def finish(dataset, pair, seconds, size=1000):
     for eye in ("left.exr", "right.exr"):
         (folder / eye).write_bytes(bytes(int(size)))
     settings = description.merged(pair.settings, {"quality": {"threads": 1}})
-    (folder / "pair.json").write_text(json.dumps({
-        "format": "icymoon-pair", "version": 1, "id": pair.id, "settings": settings,
-        "camera": StereoCamera.from_settings(settings.rig).to_json(),
-        "seconds": {"render": seconds, "write": 0.0, "build": 0.0},
-        "files": {f"{eye}.exr": {"bytes": int(size), "sha256": "0" * 64} for eye in ("left", "right")}}))
+    (folder / "pair.json").write_text(
+        json.dumps(
+            {
+                "format": "icymoon-pair",
+                "version": 1,
+                "id": pair.id,
+                "settings": settings,
+                "camera": StereoCamera.from_settings(settings.rig).to_json(),
+                "seconds": {"render": seconds, "write": 0.0, "build": 0.0},
+                "files": {f"{eye}.exr": {"bytes": int(size), "sha256": "0" * 64} for eye in ("left", "right")},
+            }
+        )
+    )
 
 
-@pytest.mark.parametrize(("change", "dearer"), [
-    ({"quality": {"samples": 64}}, True), ({"rig": {"width_px": 640}}, True), ({"quality": {"denoiser": "OIDN"}}, True),
-    ({"surface": {"subsurface_weight": 0.5, "subsurface_radius_m": 0.1}}, True),
-    ({"surface": {"model": "LAMBERT"}}, False),
-    ({"rocks": {"coverage": 0.1}}, True), ({"textures": {"set": "FROST"}}, True),
-    ({"surface": {"model": "HAPKE"}}, True), ({"quality": {"truth": "DEPTH"}}, False),
-])
+@pytest.mark.parametrize(
+    ("change", "dearer"),
+    [
+        ({"quality": {"samples": 64}}, True),
+        ({"rig": {"width_px": 640}}, True),
+        ({"quality": {"denoiser": "OIDN"}}, True),
+        ({"surface": {"subsurface_weight": 0.5, "subsurface_radius_m": 0.1}}, True),
+        ({"surface": {"model": "LAMBERT"}}, False),
+        ({"rocks": {"coverage": 0.1}}, True),
+        ({"textures": {"set": "FROST"}}, True),
+        ({"surface": {"model": "HAPKE"}}, True),
+        ({"quality": {"truth": "DEPTH"}}, False),
+    ],
+)
 def test_what_costs_more_is_expected_to(change, dearer):
     base, other = (estimate.work_of(described(*c)).seconds(1e5) for c in ((), (change,)))
     assert (other > base) == dearer
@@ -57,14 +72,25 @@ def test_what_costs_more_is_expected_to(change, dearer):
 SNOW = {"surface": {"subsurface_weight": 0.8, "subsurface_radius_m": 1.0e-3}}
 
 
-@given(st.builds(dict, surface=st.fixed_dictionaries({
-    "model": st.sampled_from(["LAMBERT", "PRINCIPLED", "HAPKE", "LUNAR_LAMBERT"]),
-    "subsurface_weight": st.sampled_from([0.0, 0.3, 1.0]), "subsurface_radius_m": st.sampled_from([1e-5, 1e-2, 1.0]),
-    "relief": st.sampled_from(["BUMP", "DISPLACEMENT"]), "grain_amplitude_m": st.sampled_from([0.0, 0.004])}),
-    rocks=st.fixed_dictionaries({"coverage": st.sampled_from([0.0, 0.1]), "own_surface": st.booleans()}),
-    quality=st.fixed_dictionaries({"samples": st.integers(1, 512), "walk_px": st.sampled_from([0.0, 0.1, 100.0])})))
+@given(
+    st.builds(
+        dict,
+        surface=st.fixed_dictionaries(
+            {
+                "model": st.sampled_from(["LAMBERT", "PRINCIPLED", "HAPKE", "LUNAR_LAMBERT"]),
+                "subsurface_weight": st.sampled_from([0.0, 0.3, 1.0]),
+                "subsurface_radius_m": st.sampled_from([1e-5, 1e-2, 1.0]),
+                "relief": st.sampled_from(["BUMP", "DISPLACEMENT"]),
+                "grain_amplitude_m": st.sampled_from([0.0, 0.004]),
+            }
+        ),
+        rocks=st.fixed_dictionaries({"coverage": st.sampled_from([0.0, 0.1]), "own_surface": st.booleans()}),
+        quality=st.fixed_dictionaries({"samples": st.integers(1, 512), "walk_px": st.sampled_from([0.0, 0.1, 100.0])}),
+    )
+)
 def test_what_is_left_out_never_costs(scene):
     """More left out is never expected to take longer, and what is never seen is expected to cost as if it were off."""
+
     def seconds(*changes):
         return estimate.work_of(described(scene, *changes)).seconds(1e5)
 
@@ -75,14 +101,20 @@ def test_what_is_left_out_never_costs(scene):
     assert seconds({"surface": {"subsurface_weight": 0.0}}) <= full
 
 
-@pytest.mark.parametrize(("off", "never_on"), [
-    # A mean free path far under a pixel is not walked, as if there were none.
-    (SNOW, {"surface": {"subsurface_weight": 0.0}}),
-    # Relief that is not there is left to nobody.
-    ({"surface": {"grain_amplitude_m": 0.0}, "quality": {"fine_relief": "CAMERA"}},
-     {"surface": {"grain_amplitude_m": 0.0}}),
-    # Hapke's law shades relief for all light.
-    ({"surface": {"model": "HAPKE"}, "quality": {"fine_relief": "CAMERA"}}, {"surface": {"model": "HAPKE"}})])
+@pytest.mark.parametrize(
+    ("off", "never_on"),
+    [
+        # A mean free path far under a pixel is not walked, as if there were none.
+        (SNOW, {"surface": {"subsurface_weight": 0.0}}),
+        # Relief that is not there is left to nobody.
+        (
+            {"surface": {"grain_amplitude_m": 0.0}, "quality": {"fine_relief": "CAMERA"}},
+            {"surface": {"grain_amplitude_m": 0.0}},
+        ),
+        # Hapke's law shades relief for all light.
+        ({"surface": {"model": "HAPKE"}, "quality": {"fine_relief": "CAMERA"}}, {"surface": {"model": "HAPKE"}}),
+    ],
+)
 def test_off_costs_what_never_on_does(off, never_on):
     assert estimate.work_of(described(off)) == estimate.work_of(described(never_on))
 
@@ -95,6 +127,7 @@ def test_a_walk_costs_where_it_is_walked():
 
 def test_samples_and_pixels_count_in_proportion():
     """Once what a pair costs anyhow is taken off, twice the samples or pixels cost twice as much."""
+
     def of(samples, width):
         return estimate.work_of(described({"quality": {"samples": samples}, "rig": {"width_px": width}})).seconds(0.0)
 
@@ -155,6 +188,7 @@ def test_the_triangles_are_those_of_the_ground():
     graded = described({"mesh": {"kind": "GRADED", "error_px": 4, "edge_px": 24}})
     from icymoon.physics.mesh.graded_ground import grade_ground as make
     from icymoon.physics.terrain.terrain import make_terrain
+
     faces = make(make_terrain(graded, 1), graded).mesh()[1]
     # Euler: of a disc, as many triangles as twice the vertices but for those on its rim.
     assert count_triangles(graded) == pytest.approx(len(faces), rel=0.05)
@@ -169,6 +203,7 @@ def test_before_anything_is_rendered_another_machine_is_allowed_for():
 
 def test_bytes_are_in_proportion_to_what_is_written():
     """Laws that hold whatever the coefficients are; ``tests/render/test_disk.py`` holds them against pairs."""
+
     def size(*changes):
         return estimate.bytes_of(described({"rig": {"pitch_deg": 85.0}}, *changes))
 
@@ -194,9 +229,17 @@ def test_bytes_are_in_proportion_to_what_is_written():
     assert samples[-1] == samples[-2]  # a value has no more digits than it has
 
 
-@pytest.mark.parametrize(("pitch_deg", "share"), [
-    # The rows above the horizon of a lens of f = 85.33 px at 160 x 120: 60 - 85.33 tan(pitch) of 120.
-    (0.0, 0.5), (10.0, 0.3746), (-20.0, 0.7588), (45.0, 0.0), (-60.0, 1.0)])
+@pytest.mark.parametrize(
+    ("pitch_deg", "share"),
+    [
+        # The rows above the horizon of a lens of f = 85.33 px at 160 x 120: 60 - 85.33 tan(pitch) of 120.
+        (0.0, 0.5),
+        (10.0, 0.3746),
+        (-20.0, 0.7588),
+        (45.0, 0.0),
+        (-60.0, 1.0),
+    ],
+)
 def test_the_share_of_sky_is_that_of_a_level_ground(pitch_deg, share):
     view = {"rig": {"width_px": 160, "height_px": 120, "pitch_deg": pitch_deg}, "mesh": {"kind": "GRADED"}}
     assert estimate.sky_fraction(described(view)) == pytest.approx(share, abs=1e-3)
@@ -229,7 +272,8 @@ def test_what_is_there_is_learnt_from_and_taken_off(tmp_path):
     # Ten pairs of thirty are left: a third, but for the scene and the start, which are paid again.
     assert 0.3 < found.left_s / found.seconds < 0.7
     assert found.left_bytes == pytest.approx(
-        10 * (5 * estimate.bytes_of(pairs[0].settings) + estimate.STATED_BYTES), rel=1e-4)
+        10 * (5 * estimate.bytes_of(pairs[0].settings) + estimate.STATED_BYTES), rel=1e-4
+    )
     assert "20 of them there already" in found.lines()[0]
     assert "corrected by 20" in "".join(found.lines())
 
@@ -263,8 +307,10 @@ def test_a_mesh_that_cannot_be_counted_is_left_to_the_build(tmp_path):
     assert estimate.estimate([PlannedPair("0" * 12, settings, 0.0)]).pairs == 1
 
 
-@pytest.mark.parametrize(("seconds", "text"), [(3.2, "3.2 s"), (99, "99 s"), (120, "2 min"), (5400, "90 min"),
-                                               (20000, "5.6 h"), (259200, "3 days")])
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(3.2, "3.2 s"), (99, "99 s"), (120, "2 min"), (5400, "90 min"), (20000, "5.6 h"), (259200, "3 days")],
+)
 def test_durations_are_legible(seconds, text):
     assert estimate.duration_text(seconds) == text
 
@@ -299,7 +345,8 @@ def test_baked_light_is_counted_once_for_all_pairs_that_share_it():
     assert 4 * 0.1 < (finer.left_bytes - each.left_bytes) / (more.left_bytes - several.left_bytes) < 4 * 0.4
     seen = described(baked, {"quality": {"bake_area": "VIEW"}})
     assert each.seconds - several.seconds == pytest.approx(
-        4 * bake_seconds(seen) - bake_seconds(described(baked)), rel=0.05)
+        4 * bake_seconds(seen) - bake_seconds(described(baked)), rel=0.05
+    )
 
 
 def test_images_cost_less_where_lamberts_law_reads_some_of_them():
@@ -311,5 +358,8 @@ def test_images_cost_less_where_lamberts_law_reads_some_of_them():
 
     assert relative(images) - relative() > 3 * (relative(images, lambert) - relative(lambert)) > 0
     assert relative(lambert) < relative(lambert, own) < relative(lambert, images)
-    assert bake_seconds(described(lambert, images)) > bake_seconds(described(lambert, own)) > (
-        bake_seconds(described(lambert)))
+    assert (
+        bake_seconds(described(lambert, images))
+        > bake_seconds(described(lambert, own))
+        > (bake_seconds(described(lambert)))
+    )

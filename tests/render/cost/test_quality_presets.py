@@ -81,8 +81,11 @@ def test_what_a_blender_lacks_is_shown_with_each_quality_that_asks_for_it():
 
 
 LAMBERT: dict[str, dict[str, Any]] = {
-    "surface": {"model": "LAMBERT"}, "mesh": {"kind": "GRID"}, "terrain": {"resolution": 257},
-    "light": {"planet": False}}
+    "surface": {"model": "LAMBERT"},
+    "mesh": {"kind": "GRID"},
+    "terrain": {"resolution": 257},
+    "light": {"planet": False},
+}
 
 
 @pytest.mark.parametrize("name", ["few_headings", "many_headings", "training"])
@@ -119,6 +122,7 @@ def test_each_quality_states_its_cost_and_its_distance_from_a_converged_render(n
     suns = [found for key, found in measured.items() if key.startswith("sun_")]
     assert len(suns) == 2
     for found in suns:
-        assert found.keys() == {f"{matcher}_{key}" for matcher in ("bm", "sgbm", "jplv")
-                                for key in ("bad_1", "coverage")}
+        assert found.keys() == {
+            f"{matcher}_{key}" for matcher in ("bm", "sgbm", "jplv") for key in ("bad_1", "coverage")
+        }
         assert all(abs(value) < 1 for value in found.values())

@@ -51,8 +51,10 @@ def test_another_number_of_processors_is_another_machine():
 def test_what_was_kept_without_the_processors_at_work_is_measured_again(cache):
     machine.remember_speed(speed())
     file = cache / "speed.json"
-    kept = {key: {name: value for name, value in entry.items() if name != "busy"}
-            for key, entry in json.loads(file.read_text()).items()}
+    kept = {
+        key: {name: value for name, value in entry.items() if name != "busy"}
+        for key, entry in json.loads(file.read_text()).items()
+    }
     file.write_text(json.dumps(kept))
     assert machine.recall_speed("CPU") is None
 
@@ -71,9 +73,15 @@ def rendered(folder, seconds, cpu_s):
     for k, (each, spent) in enumerate(zip(seconds, cpu_s, strict=True)):
         pairs.append(folder / str(k))
         pairs[-1].mkdir()
-        (pairs[-1] / "pair.json").write_text(json.dumps(
-            {"seconds": {"render": each - 0.25, "write": 0.25, "build": 9.0},
-             "cpu_seconds": {"before": 9.0, "pair": spent}, "versions": {"blender": "5.0.1"}}))
+        (pairs[-1] / "pair.json").write_text(
+            json.dumps(
+                {
+                    "seconds": {"render": each - 0.25, "write": 0.25, "build": 9.0},
+                    "cpu_seconds": {"before": 9.0, "pair": spent},
+                    "versions": {"blender": "5.0.1"},
+                }
+            )
+        )
     return pairs
 
 

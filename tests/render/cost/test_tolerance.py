@@ -16,10 +16,23 @@ def test_without_a_wish_it_is_two_hundredths_of_a_pixel():
     assert checked_tolerance(0.5, 0.01) == Tolerance(0.5, 0.01)
 
 
-@pytest.mark.parametrize(("px", "bad_1", "fine"), [
-    (1e-4, None, True), (0.99e-4, None, False), (10.0, None, True), (10.01, None, False),
-    (None, 1e-5, True), (None, 0.99e-5, False), (None, 0.5, True), (None, 0.501, False),
-    (0.02, 0.501, False), (10.01, 0.01, False), (float("nan"), None, False), (None, float("nan"), False)])
+@pytest.mark.parametrize(
+    ("px", "bad_1", "fine"),
+    [
+        (1e-4, None, True),
+        (0.99e-4, None, False),
+        (10.0, None, True),
+        (10.01, None, False),
+        (None, 1e-5, True),
+        (None, 0.99e-5, False),
+        (None, 0.5, True),
+        (None, 0.501, False),
+        (0.02, 0.501, False),
+        (10.01, 0.01, False),
+        (float("nan"), None, False),
+        (None, float("nan"), False),
+    ],
+)
 def test_its_limits_themselves_may_be_asked_for(px, bad_1, fine):
     if fine:
         assert checked_tolerance(px, bad_1) == Tolerance(px, bad_1)
@@ -44,17 +57,30 @@ def test_it_is_shown_and_searched_for_by_what_is_limited_alone():
     assert Tolerance(0.02, 0.005).limits == {"epe_px": 0.02, "wrong_or_missing": 0.005}
 
 
-@pytest.mark.parametrize(("loss", "doubt", "kept"), [
-    (0.5, 0.0, True), (0.25, 0.25, True), (0.25, 0.26, None), (0.75, 0.25, False), (0.75, 0.26, None),
-    (0.51, 0.0, False), (0.25, None, None), (None, None, False), (None, 0.0, False)])
+@pytest.mark.parametrize(
+    ("loss", "doubt", "kept"),
+    [
+        (0.5, 0.0, True),
+        (0.25, 0.25, True),
+        (0.25, 0.26, None),
+        (0.75, 0.25, False),
+        (0.75, 0.26, None),
+        (0.51, 0.0, False),
+        (0.25, None, None),
+        (None, None, False),
+        (None, 0.0, False),
+    ],
+)
 def test_a_loss_is_told_from_its_limit_if_it_is_a_doubt_away(loss, doubt, kept):
     one = Tolerance(0.5, None)
     assert one.allows({**NOTHING, "epe_px": loss}, {**NOTHING, "epe_px": doubt}) is kept
     assert one.allows({**NOTHING, "epe_px": loss, "wrong_or_missing": 9.0}, {**NOTHING, "epe_px": doubt}) is kept
 
 
-@pytest.mark.parametrize(("verdicts", "all_of_them"), [
-    ((), True), ((True, True), True), ((True, None), None), ((None, False), False), ((False, True), False)])
+@pytest.mark.parametrize(
+    ("verdicts", "all_of_them"),
+    [((), True), ((True, True), True), ((True, None), None), ((None, False), False), ((False, True), False)],
+)
 def test_all_hold_unless_one_fails_or_cannot_be_told(verdicts, all_of_them):
     assert all_hold(iter(verdicts)) is all_of_them
 

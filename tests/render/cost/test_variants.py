@@ -11,24 +11,40 @@ from icymoon.support.errors import IcyMoonError
 
 SCENES = ("enceladus_fresh_snow", "europa_rough_ice", "europa_ridged_plain_hapke")
 #: Settings that each group may change.
-OWN = {"scene": set(), "samples": {"quality.samples", "quality.denoiser"}, "bounces": {"quality.diffuse_bounces"},
-       "threshold": {"quality.samples", "quality.noise_threshold"}, "mesh": {"mesh.error_px"},
-       "relief": {"surface.relief"}, "shortcuts": {"quality.fine_relief", "quality.walk_px", "quality.truth"},
-       "subsurface": {"surface.subsurface_weight", "surface.subsurface_method", "surface.model",
-                      *(f"hapke.{key}" for key in description.defaults().hapke)},
-       "indirect": {"quality.indirect", "quality.bake_samples", "quality.bake_noise", "quality.direct_samples"},
-       "glints": {"surface.glint_share"}, "files": {"quality.files", "quality.half_floats"},
-       "hapke": {"surface.model", *(f"hapke.{key}" for key in description.defaults().hapke)}}
+OWN = {
+    "scene": set(),
+    "samples": {"quality.samples", "quality.denoiser"},
+    "bounces": {"quality.diffuse_bounces"},
+    "threshold": {"quality.samples", "quality.noise_threshold"},
+    "mesh": {"mesh.error_px"},
+    "relief": {"surface.relief"},
+    "shortcuts": {"quality.fine_relief", "quality.walk_px", "quality.truth"},
+    "subsurface": {
+        "surface.subsurface_weight",
+        "surface.subsurface_method",
+        "surface.model",
+        *(f"hapke.{key}" for key in description.defaults().hapke),
+    },
+    "indirect": {"quality.indirect", "quality.bake_samples", "quality.bake_noise", "quality.direct_samples"},
+    "glints": {"surface.glint_share"},
+    "files": {"quality.files", "quality.half_floats"},
+    "hapke": {"surface.model", *(f"hapke.{key}" for key in description.defaults().hapke)},
+}
 
 
 def scene(name: str, *overrides: str) -> Settings:
-    return description.merged(description.defaults(), preset_files.load_preset(name),
-                              *map(description.override, overrides))
+    return description.merged(
+        description.defaults(), preset_files.load_preset(name), *map(description.override, overrides)
+    )
 
 
 def changed(settings, base):
-    return {f"{topic}.{key}" for topic, values in settings.items() for key, value in values.items()
-            if value != base[topic][key]}
+    return {
+        f"{topic}.{key}"
+        for topic, values in settings.items()
+        for key, value in values.items()
+        if value != base[topic][key]
+    }
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -48,8 +64,12 @@ def test_all_are_different_and_valid(name):
 
 
 def test_only_what_the_scene_has_is_varied():
-    groups = {variant.group for variant in variants(scene("europa_rough_ice", "surface.subsurface_weight=0",
-                                                          "surface.grain_amplitude_m=0", "mesh.kind=GRID"))}
+    groups = {
+        variant.group
+        for variant in variants(
+            scene("europa_rough_ice", "surface.subsurface_weight=0", "surface.grain_amplitude_m=0", "mesh.kind=GRID")
+        )
+    }
     assert groups == {"scene", "samples", "bounces", "threshold", "shortcuts", "files"}
     assert {variant.group for variant in variants(scene("europa_ridged_plain_hapke"))} >= {"hapke", "mesh"}
 
@@ -63,10 +83,11 @@ def shortcuts(*overrides):
 
 def test_what_may_be_left_out_is_varied_to_what_it_is_not():
     bare = ("surface.subsurface_weight=0",)
-    assert shortcuts(*bare) == {
-        "fine relief for camera rays only", "depth only", "depth and semantic labels"}
+    assert shortcuts(*bare) == {"fine relief for camera rays only", "depth only", "depth and semantic labels"}
     assert shortcuts(*bare, "quality.fine_relief=CAMERA", "quality.truth=DEPTH") == {
-        "fine relief for all light", "normals and labels"}
+        "fine relief for all light",
+        "normals and labels",
+    }
     assert shortcuts(*bare, "surface.grain_amplitude_m=0") == {"depth only", "depth and semantic labels"}
     # With a walk all light meets the relief, so that there is none to leave out.
     assert shortcuts(*WALK) == {"no subsurface scattering", "depth only", "depth and semantic labels"}
@@ -113,9 +134,11 @@ def test_hapkes_ice_is_as_bright_as_the_snow_that_it_stands_for():
 
     from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
     from icymoon.physics.surfaces.photometry import hemispherical_albedo
+
     parameters = from_settings(hapke.settings.hapke)
-    assert float(hemispherical_albedo(lambda i, e, psi: bidirectional_reflectance(i, e, psi, parameters),
-                                      radians(60))) == pytest.approx(0.8, abs=1e-6)
+    assert float(
+        hemispherical_albedo(lambda i, e, psi: bidirectional_reflectance(i, e, psi, parameters), radians(60))
+    ) == pytest.approx(0.8, abs=1e-6)
 
 
 def test_the_search_goes_from_cheap_to_dear():
@@ -136,21 +159,34 @@ def of_group(settings, group):
 def test_the_steps_of_each_group_are_what_their_names_say():
     base = scene("europa_rough_ice", "quality.samples=7", "quality.diffuse_bounces=5", "mesh.error_px=3")
     light = of_group(base, "samples")
-    assert set(light) == {f"{2**k} sample{'s' * (k > 0)}{text}" for text, most in (
-        ("", 8), (", denoised", 6), (", denoised by colour", 6)) for k in range(most + 1)}
+    assert set(light) == {
+        f"{2**k} sample{'s' * (k > 0)}{text}"
+        for text, most in (("", 8), (", denoised", 6), (", denoised by colour", 6))
+        for k in range(most + 1)
+    }
     for name, settings in light.items():
         assert settings["quality"]["samples"] == int(name.split()[0])
         assert settings["quality"]["denoiser"] == (
-            "OIDN_COLOUR" if "colour" in name else "OIDN" if "denoised" in name else "NONE")
+            "OIDN_COLOUR" if "colour" in name else "OIDN" if "denoised" in name else "NONE"
+        )
     bounces = {name: settings["quality"]["diffuse_bounces"] for name, settings in of_group(base, "bounces").items()}
-    assert bounces == {"0 bounces": 0, "1 bounce": 1, "2 bounces": 2, "3 bounces": 3, "4 bounces": 4, "8 bounces": 8,
-                       "16 bounces": 16}
+    assert bounces == {
+        "0 bounces": 0,
+        "1 bounce": 1,
+        "2 bounces": 2,
+        "3 bounces": 3,
+        "4 bounces": 4,
+        "8 bounces": 8,
+        "16 bounces": 16,
+    }
     thresholds = {name: settings["quality"] for name, settings in of_group(base, "threshold").items()}
     assert {name: each["noise_threshold"] for name, each in thresholds.items()} == {
-        f"until {limit:g}": limit for limit in (0.2, 0.1, 0.05, 0.02, 0.01)}
+        f"until {limit:g}": limit for limit in (0.2, 0.1, 0.05, 0.02, 0.01)
+    }
     assert {each["samples"] for each in thresholds.values()} == {4 * 7}
     assert {name: settings["mesh"]["error_px"] for name, settings in of_group(base, "mesh").items()} == {
-        f"{error:g} px": error for error in (0.5, 1, 2, 4, 8, 16)}
+        f"{error:g} px": error for error in (0.5, 1, 2, 4, 8, 16)
+    }
 
 
 def test_groups_are_there_where_the_scene_has_something_of_them():
@@ -166,8 +202,15 @@ def test_groups_are_there_where_the_scene_has_something_of_them():
     with pytest.raises(IcyMoonError, match="nothing to vary in relief"):
         variants(scene("europa_ridged_plain_hapke"), ["relief"])
     law = of_group(scene("europa_ridged_plain_hapke"), "hapke")
-    assert set(law) == {"accurate", "reference", "as nodes", "smooth", "without opposition", "Lommel-Seeliger",
-                        "Lambert"}  # it is fast as it is described
+    assert set(law) == {
+        "accurate",
+        "reference",
+        "as nodes",
+        "smooth",
+        "without opposition",
+        "Lommel-Seeliger",
+        "Lambert",
+    }  # it is fast as it is described
     assert law["smooth"]["hapke"]["theta_bar_deg"] == 0.0
     assert law["without opposition"]["hapke"]["b_s0"] == law["without opposition"]["hapke"]["b_c0"] == 0.0
 
@@ -181,9 +224,11 @@ def test_a_reference_is_two_renders_of_half_its_samples():
     assert (plain.settings.mesh.error_px, plain.settings.surface.relief) == (1, "BUMP")
     assert (fine.settings.mesh.error_px, fine.settings.surface.relief) == (0.25, "REAL")
     assert reference(scene("europa_rough_ice", "mesh.error_px=0.1"), 2, True).settings.mesh.error_px == 0.1
-    assert reference(scene("europa_rough_ice", "quality.diffuse_bounces=99")).settings.quality | {
-        "samples": 512, "diffuse_bounces": 99} == reference(
-            scene("europa_rough_ice", "quality.diffuse_bounces=99"), 1024).settings.quality
+    assert (
+        reference(scene("europa_rough_ice", "quality.diffuse_bounces=99")).settings.quality
+        | {"samples": 512, "diffuse_bounces": 99}
+        == reference(scene("europa_rough_ice", "quality.diffuse_bounces=99"), 1024).settings.quality
+    )
     assert {variant.repeats for variant in variants(base, ["bounces"])} == {2}
     for samples in (2, 131072):
         assert reference(base, samples).settings.quality.samples == samples // 2
@@ -197,15 +242,17 @@ def test_a_walk_is_left_out_up_to_the_longest_that_a_setting_takes():
     assert found["no subsurface scattering"] == {"quality": {"walk_px": 100.0}}
     assert "no subsurface scattering" not in leaner_settings(scene("europa_rough_ice", "surface.subsurface_weight=0"))
     assert "no subsurface scattering" not in leaner_settings(
-        scene("europa_rough_ice", *WALK[:1], "surface.subsurface_radius_m=9"))  # longer than can be left out
+        scene("europa_rough_ice", *WALK[:1], "surface.subsurface_radius_m=9")
+    )  # longer than can be left out
 
 
 def test_a_search_tries_neither_a_denoiser_by_colour_nor_a_threshold():
     found = candidates(scene("europa_rough_ice", "quality.noise_threshold=0.1", "quality.denoiser=OIDN_COLOUR"))
     assert {variant.settings.quality.denoiser for variant in found} == {"NONE", "OIDN"}
     assert {variant.settings.quality.noise_threshold for variant in found} == {0.0}
-    assert {variant.name for variant in found} == {f"{2**k} sample{'s' * (k > 0)}{text}" for text, most in (
-        ("", 8), (", denoised", 6)) for k in range(most + 1)}
+    assert {variant.name for variant in found} == {
+        f"{2**k} sample{'s' * (k > 0)}{text}" for text, most in (("", 8), (", denoised", 6)) for k in range(most + 1)
+    }
     assert {variant.key for variant in found} == {f"auto: {variant.name}" for variant in found}
 
 
@@ -227,15 +274,23 @@ def test_a_reference_has_1024_paths_per_pixel_unless_told_otherwise():
     assert reference(base, 8).settings.quality.samples == 4
 
 
-LAMBERT = ("surface.model=LAMBERT", "rocks.coverage=0", "mesh.kind=GRID", "light.planet=false",
-           "light.stars=false", "light.directions_from=ANGLES", "terrain.resolution=129")
+LAMBERT = (
+    "surface.model=LAMBERT",
+    "rocks.coverage=0",
+    "mesh.kind=GRID",
+    "light.planet=false",
+    "light.stars=false",
+    "light.directions_from=ANGLES",
+    "terrain.resolution=129",
+)
 
 
 def test_light_is_baked_where_it_can_be_for_one_image_where_it_is_seen():
     able = scene("europa_rough_ice", *LAMBERT)
     baked = {name: each["quality"] for name, each in of_group(able, "indirect").items() if name != "traced"}
     assert {(each.bake_samples, each.direct_samples) for each in baked.values()} == {
-        (most, n) for most in (64, 256) for n in (1, 2, 4, 9)}
+        (most, n) for most in (64, 256) for n in (1, 2, 4, 9)
+    }
     assert {each.indirect for each in baked.values()} == {"BAKED"}
     with pytest.raises(IcyMoonError, match="nothing to vary in indirect"):
         variants(scene("europa_rough_ice"), ["indirect"])

@@ -22,14 +22,28 @@ KEY, VERTICES, ROCKS = "0123456789ab", 40, 5
 
 def light() -> BakedLight:
     random = np.random.default_rng(1)
-    return BakedLight(random.random((VERTICES, 3)).astype(np.float32), random.normal(size=VERTICES).astype(np.float32),
-                      random.normal(size=(ROCKS, TERMS, 3)).astype(np.float32), 0.02, 0.2, 64, 1.5)
+    return BakedLight(
+        random.random((VERTICES, 3)).astype(np.float32),
+        random.normal(size=VERTICES).astype(np.float32),
+        random.normal(size=(ROCKS, TERMS, 3)).astype(np.float32),
+        0.02,
+        0.2,
+        64,
+        1.5,
+    )
 
 
 def members(**changes) -> dict[str, np.ndarray]:
     """Members of a file with changes; None takes one away."""
-    whole = {"key": np.array(KEY, "S12"), "values": light().values, "error": light().error, "rocks": light().rocks,
-             "noise": np.float64(0.02), "share": np.float64(0.2), "samples": np.float64(64)}
+    whole = {
+        "key": np.array(KEY, "S12"),
+        "values": light().values,
+        "error": light().error,
+        "rocks": light().rocks,
+        "noise": np.float64(0.02),
+        "share": np.float64(0.2),
+        "samples": np.float64(64),
+    }
     return {name: value for name, value in (whole | changes).items() if value is not None}
 
 
@@ -72,9 +86,23 @@ def test_a_name_of_an_older_version_states_no_content():
     assert baked_file.parse_name(f"{KEY}.npz") == (KEY, "")
 
 
-@pytest.mark.parametrize("name", [
-    "", ".npz", "x.npz", f"{KEY}.npy", f"{KEY}.npz\n", f"{KEY}-.npz", f"{KEY}-{'0' * 11}.npz", f"{KEY}-{'0' * 13}.npz",
-    f"{KEY.upper()}.npz", f"../{KEY}.npz", f"{KEY}.npz.host-1-1.part", "٠" * 12 + ".npz"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        ".npz",
+        "x.npz",
+        f"{KEY}.npy",
+        f"{KEY}.npz\n",
+        f"{KEY}-.npz",
+        f"{KEY}-{'0' * 11}.npz",
+        f"{KEY}-{'0' * 13}.npz",
+        f"{KEY.upper()}.npz",
+        f"../{KEY}.npz",
+        f"{KEY}.npz.host-1-1.part",
+        "٠" * 12 + ".npz",
+    ],
+)
 def test_other_names_are_no_names_of_baked_light(name):
     assert baked_file.parse_name(name) is None
 
@@ -89,18 +117,40 @@ class Runs:
         return open, (str(self.path), "w")
 
 
-@pytest.mark.parametrize("changes", [
-    {"values": None}, {"more": np.zeros(3)}, {"key": np.array("ffffffffffff", "S12")}, {"key": np.array(KEY)},
-    {"values": np.zeros((VERTICES + 1, 3), np.float32)}, {"values": np.zeros((VERTICES, 3), np.float64)},
-    {"values": np.zeros((VERTICES, 2), np.float32)}, {"values": np.full((VERTICES, 3), np.nan, np.float32)},
-    {"values": np.full((VERTICES, 3), -1.0, np.float32)}, {"rocks": None},
-    {"values": np.zeros((VERTICES, 3), ">f4")}, {"values": np.zeros((VERTICES, 3), np.int32)},
-    {"values": np.zeros((0, 3), np.float32)}, {"values": np.zeros((10**6, 3), np.float32)},
-    {"key": np.array([KEY], "S12")}, {"key": np.zeros((), "S13")}, {"key": np.zeros((), "V12")},
-    {"rocks": np.zeros((ROCKS + 1, TERMS, 3), np.float32)}, {"rocks": np.zeros((ROCKS, TERMS, 3), np.float64)},
-    {"rocks": np.full((ROCKS, TERMS, 3), np.inf, np.float32)}, {"noise": np.float64(np.inf)}, {"noise": np.zeros(2)},
-    {"noise": None}, {"samples": np.float64(np.nan)}, {"samples": np.int64(1)}, {"cpu_seconds": np.float64(1.0)},
-    {"error": None}, {"error": np.zeros((VERTICES, 3), np.float32)}, {"error": np.full(VERTICES, np.nan, np.float32)}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"values": None},
+        {"more": np.zeros(3)},
+        {"key": np.array("ffffffffffff", "S12")},
+        {"key": np.array(KEY)},
+        {"values": np.zeros((VERTICES + 1, 3), np.float32)},
+        {"values": np.zeros((VERTICES, 3), np.float64)},
+        {"values": np.zeros((VERTICES, 2), np.float32)},
+        {"values": np.full((VERTICES, 3), np.nan, np.float32)},
+        {"values": np.full((VERTICES, 3), -1.0, np.float32)},
+        {"rocks": None},
+        {"values": np.zeros((VERTICES, 3), ">f4")},
+        {"values": np.zeros((VERTICES, 3), np.int32)},
+        {"values": np.zeros((0, 3), np.float32)},
+        {"values": np.zeros((10**6, 3), np.float32)},
+        {"key": np.array([KEY], "S12")},
+        {"key": np.zeros((), "S13")},
+        {"key": np.zeros((), "V12")},
+        {"rocks": np.zeros((ROCKS + 1, TERMS, 3), np.float32)},
+        {"rocks": np.zeros((ROCKS, TERMS, 3), np.float64)},
+        {"rocks": np.full((ROCKS, TERMS, 3), np.inf, np.float32)},
+        {"noise": np.float64(np.inf)},
+        {"noise": np.zeros(2)},
+        {"noise": None},
+        {"samples": np.float64(np.nan)},
+        {"samples": np.int64(1)},
+        {"cpu_seconds": np.float64(1.0)},
+        {"error": None},
+        {"error": np.zeros((VERTICES, 3), np.float32)},
+        {"error": np.full(VERTICES, np.nan, np.float32)},
+    ],
+)
 def test_another_content_counts_as_absent(tmp_path, changes):
     path = tmp_path / "light.npz"
     assert read_data(path, saved()) is not None
@@ -128,23 +178,39 @@ def patched(at: int, value: bytes, mark: bytes = b"PK\x01\x02") -> bytes:
     """A file with other bytes in the entry of its first member."""
     data = bytearray(saved())
     place = data.index(mark) + at
-    data[place:place + len(value)] = value
+    data[place : place + len(value)] = value
     return bytes(data)
 
 
 DAMAGED = {
-    "empty": b"", "no archive": b"no archive", "half": saved()[:2000], "an array": b"\x93NUMPY",
+    "empty": b"",
+    "no archive": b"no archive",
+    "half": saved()[:2000],
+    "an array": b"\x93NUMPY",
     "marks": b"PK\3\4" * 99,
-    "stated huge": archive(header("1000000000000, 3")), "300 digits": archive(header("9" * 300 + ", 3")),
-    "5000 digits": archive(header("9" * 5000 + ", 3")), "negative": archive(header("-40, -3")),
-    "wraps": archive(header("4611686018427387904, 4")), "nested": archive(header("(" * 3000)),
-    "one byte": archive(b"\0"), "zeros": archive(bytes(600)),
-    "short header": archive(b"\x93NUMPY\1\0\xff\xff"), "version 9": archive(b"\x93NUMPY\x09\0" + bytes(600)),
-    "bzip2": archive(method=zipfile.ZIP_BZIP2), "lzma": archive(method=zipfile.ZIP_LZMA), "twice": archive(twice=True),
-    "odd compression": patched(10, b"\x63\0"), "encrypted": patched(8, b"\1\0"), "other size": patched(24, b"\5\0\0\0"),
-    "huge size": patched(24, b"\xfe\xff\xff\xff"), "wrong sum": patched(16, b"\0\0\0\0"),
-    "place beyond": patched(42, b"\xfe\xff\xff\x7f"), "other name": patched(46, b"\xff\xfe\0"),
-    "many entries": patched(10, b"\xff\xff", b"PK\x05\x06"), "bomb": archive(bytes(10**7))}
+    "stated huge": archive(header("1000000000000, 3")),
+    "300 digits": archive(header("9" * 300 + ", 3")),
+    "5000 digits": archive(header("9" * 5000 + ", 3")),
+    "negative": archive(header("-40, -3")),
+    "wraps": archive(header("4611686018427387904, 4")),
+    "nested": archive(header("(" * 3000)),
+    "one byte": archive(b"\0"),
+    "zeros": archive(bytes(600)),
+    "short header": archive(b"\x93NUMPY\1\0\xff\xff"),
+    "version 9": archive(b"\x93NUMPY\x09\0" + bytes(600)),
+    "bzip2": archive(method=zipfile.ZIP_BZIP2),
+    "lzma": archive(method=zipfile.ZIP_LZMA),
+    "twice": archive(twice=True),
+    "odd compression": patched(10, b"\x63\0"),
+    "encrypted": patched(8, b"\1\0"),
+    "other size": patched(24, b"\5\0\0\0"),
+    "huge size": patched(24, b"\xfe\xff\xff\xff"),
+    "wrong sum": patched(16, b"\0\0\0\0"),
+    "place beyond": patched(42, b"\xfe\xff\xff\x7f"),
+    "other name": patched(46, b"\xff\xfe\0"),
+    "many entries": patched(10, b"\xff\xff", b"PK\x05\x06"),
+    "bomb": archive(bytes(10**7)),
+}
 
 
 @pytest.mark.parametrize("kind", DAMAGED)
@@ -199,8 +265,16 @@ def test_what_changed_since_or_is_no_regular_file_counts_as_absent(tmp_path):
     assert baked_file.read(path, KEY, checksum, VERTICES, ROCKS) is None
     (tmp_path / "linked").mkdir()
     (tmp_path / "linked" / "light").symlink_to(tmp_path / "light")
-    assert baked_file.read(tmp_path / "linked" / "light" / brighter.name, KEY,
-                           hashlib.sha256(brighter.read_bytes()).hexdigest(), VERTICES, ROCKS) is None
+    assert (
+        baked_file.read(
+            tmp_path / "linked" / "light" / brighter.name,
+            KEY,
+            hashlib.sha256(brighter.read_bytes()).hexdigest(),
+            VERTICES,
+            ROCKS,
+        )
+        is None
+    )
 
 
 def test_nothing_is_written_through_links(tmp_path):

@@ -25,8 +25,23 @@ from plans import grid
 
 PAIRS = grid(1)
 ID = PAIRS[0].id
-BAD_IDS = ("../../victim", "..", ".", "", "*", "/etc", "ABCDEF012345", "0123456789ab\n", "0123456789abc", "0123456789a",
-           "٠" * 12, "0123456789ab/..", None, 5, ["0"] * 12)
+BAD_IDS = (
+    "../../victim",
+    "..",
+    ".",
+    "",
+    "*",
+    "/etc",
+    "ABCDEF012345",
+    "0123456789ab\n",
+    "0123456789abc",
+    "0123456789a",
+    "٠" * 12,
+    "0123456789ab/..",
+    None,
+    5,
+    ["0"] * 12,
+)
 
 
 def everything(folder: Path) -> set[str]:
@@ -88,8 +103,9 @@ def test_what_is_no_id_is_refused_wherever_it_is_read(tmp_path, dataset, victim,
         read_pair(pair)
 
 
-@pytest.mark.parametrize("place", ["pairs", "claims", f"pairs/{ID}", f"pairs/{ID}.host-1-1.part",
-                                   "plan.jsonl.host-1-1.part"])
+@pytest.mark.parametrize(
+    "place", ["pairs", "claims", f"pairs/{ID}", f"pairs/{ID}.host-1-1.part", "plan.jsonl.host-1-1.part"]
+)
 def test_links_to_elsewhere_stay_and_so_does_what_they_lead_to(dataset, victim, place):
     link(dataset / place, victim)
     sweep(dataset)
@@ -107,9 +123,17 @@ def test_a_link_in_a_pair_of_ours_keeps_it(dataset, victim):
     assert (folder / "right.exr").is_symlink()
 
 
-@pytest.mark.parametrize("others", [
-    ("notes.txt",), ("left.exr", "right.exr", "pair.json", "notes.txt"), ("deep/left.exr",), ("pair.json/x",),
-    ("left_copy.exr",), ("pair.json.bak",)])
+@pytest.mark.parametrize(
+    "others",
+    [
+        ("notes.txt",),
+        ("left.exr", "right.exr", "pair.json", "notes.txt"),
+        ("deep/left.exr",),
+        ("pair.json/x",),
+        ("left_copy.exr",),
+        ("pair.json.bak",),
+    ],
+)
 def test_a_folder_called_as_a_pair_with_other_files_stays_and_is_named(dataset, others):
     folder = dataset / "pairs" / ID
     for name in others:
@@ -117,7 +141,7 @@ def test_a_folder_called_as_a_pair_with_other_files_stays_and_is_named(dataset, 
         (folder / name).write_text("mine")
     before = everything(folder)
     found = verify(dataset, remove_broken=True)
-    kept, = (p for p in found.problems if p.kind in ("kept", "foreign"))
+    (kept,) = (p for p in found.problems if p.kind in ("kept", "foreign"))
     assert str(folder) in kept.text
     assert any(Path(name).parts[0] in kept.text for name in others)
     sweep(dataset)
@@ -132,8 +156,12 @@ def test_a_finished_render_does_not_push_a_persons_folder_aside(dataset, again):
     part = write_pair(part_of(folder), Scene(), camera(32, 24))
     with pytest.raises(IcyMoonError, match=r"stays as it is: notes\.txt"):
         publish(part, folder, lambda: False, again)
-    assert everything(dataset / "pairs") == {str(folder), str(folder / "notes.txt"), str(part), *(
-        str(part / name) for name in ("left.exr", "right.exr", "pair.json"))}
+    assert everything(dataset / "pairs") == {
+        str(folder),
+        str(folder / "notes.txt"),
+        str(part),
+        *(str(part / name) for name in ("left.exr", "right.exr", "pair.json")),
+    }
     (folder / "notes.txt").unlink()
     publish(part, folder, lambda: False, again)
     assert sorted(path.name for path in folder.iterdir()) == ["left.exr", "pair.json", "right.exr"]
@@ -142,15 +170,23 @@ def test_a_finished_render_does_not_push_a_persons_folder_aside(dataset, again):
 def test_a_file_in_the_place_of_a_pair_stays(dataset):
     (dataset / "pairs").mkdir()
     (dataset / "pairs" / ID).write_text("mine")
-    problem, = (p for p in verify(dataset, remove_broken=True).problems if p.what == ID)
+    (problem,) = (p for p in verify(dataset, remove_broken=True).problems if p.what == ID)
     assert problem.kind == "foreign"
     assert (dataset / "pairs" / ID).read_text() == "mine"
 
 
 def test_names_that_only_look_like_ours_stay(dataset):
     host = socket.gethostname()
-    names = ("pairs/mine.part", f"pairs/mine.{host}-{os.getpid()}-1.part", "claims/notes.1", f"claims/{ID}.txt",
-             f"claims/{ID}.1.bak", f"thesis.{host}-1-1.part", "pairs/.part", "my.part")
+    names = (
+        "pairs/mine.part",
+        f"pairs/mine.{host}-{os.getpid()}-1.part",
+        "claims/notes.1",
+        f"claims/{ID}.txt",
+        f"claims/{ID}.1.bak",
+        f"thesis.{host}-1-1.part",
+        "pairs/.part",
+        "my.part",
+    )
     for name in names:
         (dataset / name).parent.mkdir(exist_ok=True)
         (dataset / name).write_text("mine")
@@ -160,10 +196,22 @@ def test_names_that_only_look_like_ours_stay(dataset):
 
 def test_what_is_ours_goes(dataset):
     (dataset / "pairs" / ID).mkdir(parents=True)
-    ours = [write_pair(part_of(dataset / "pairs" / ID), Scene(), camera(32, 24)), dataset / "pairs" / ID,
-            dataset / "claims" / f"{ID}.3", part_of(dataset / "plan.jsonl"), part_of(dataset / "pairs" / ".clock")]
-    for name in ("left.exr", "right_toed_truth.exr", "pair.json", ".DS_Store", "._left.exr", "Thumbs.db",
-                 part_of(Path("pair.json")).name):
+    ours = [
+        write_pair(part_of(dataset / "pairs" / ID), Scene(), camera(32, 24)),
+        dataset / "pairs" / ID,
+        dataset / "claims" / f"{ID}.3",
+        part_of(dataset / "plan.jsonl"),
+        part_of(dataset / "pairs" / ".clock"),
+    ]
+    for name in (
+        "left.exr",
+        "right_toed_truth.exr",
+        "pair.json",
+        ".DS_Store",
+        "._left.exr",
+        "Thumbs.db",
+        part_of(Path("pair.json")).name,
+    ):
         (dataset / "pairs" / ID / name).write_text("")
     for path in ours[2:]:
         path.parent.mkdir(exist_ok=True)
@@ -218,8 +266,12 @@ def test_no_checksum_is_made_of_what_lies_elsewhere(dataset, victim, name, monke
 
 def test_rows_of_an_evaluation_name_no_folder(tmp_path):
     path = tmp_path / "results.jsonl"
-    path.write_text("".join(json.dumps({"pair": pair, "method": "bm", "key": "k"}) + "\n"
-                            for pair in ("../../victim", "..", "a/b", "good")))
+    path.write_text(
+        "".join(
+            json.dumps({"pair": pair, "method": "bm", "key": "k"}) + "\n"
+            for pair in ("../../victim", "..", "a/b", "good")
+        )
+    )
     log = RowLog(path)
     assert log.find("good", "bm", "k")
     assert log.find("../../victim", "bm", "k") is None
@@ -228,27 +280,31 @@ def test_rows_of_an_evaluation_name_no_folder(tmp_path):
 
 #: Who else removes something, and why it may: what the same process has made a moment before under a name of its own,
 #: and files that a user asks to replace or delete by name.
-REMOVES = {"render/pairs/our_files.py": "the one way", "support/system.py": "how it is done",
-           "support/files.py": "its own part",
-           "render/workers/job.py": "its own temporary folder",
-           "library/renderers.py": "its own temporary folder",
-           "render/ground_maps.py": "the image that it has read, in its own temporary folder",
-           "paper_stand_ins/cached_files.py": "its own parts and record, in a folder of the cache",
-           "render/render_pair.py": "what it wrote into its own part",
-           "render/workers/claims.py": "its own claim and probe",
-           "stereo/environment/install.py": "the folder that it has made", "stereo/reexpose.py": "what it writes again",
-           "formats/asset_library.py": "the files that its record lists, when a user asks for it",
-           "operators/trade.py": "its own temporary folder",
-           "support/scratch.py": "its own temporary folder, and those marked by processes of this user that are gone",
-           "operators/presets.py": "the preset that a user removes, with its picture",
-           "operators/install_evaluator.py": "the environment that it has made, when a user asks for it",
-           "operators/show_pair.py": "its own temporary folder",
-           "operators/variation_pictures.py": "its own temporary folder",
-           "stereo/matchers/resident_process.py": "its own temporary folder",
-           "stereo/export/ros_bag.py": "its own part of a bag that was not finished",
-           "stereo/export/training.py": "its own part of a shard that was not finished",
-           "stereo/export/whole_folders.py": "its own part of a pair that was not finished",
-           "stereo/trade/cheapest_quality.py": "what it writes again"}
+REMOVES = {
+    "render/pairs/our_files.py": "the one way",
+    "support/system.py": "how it is done",
+    "support/files.py": "its own part",
+    "render/workers/job.py": "its own temporary folder",
+    "library/renderers.py": "its own temporary folder",
+    "render/ground_maps.py": "the image that it has read, in its own temporary folder",
+    "paper_stand_ins/cached_files.py": "its own parts and record, in a folder of the cache",
+    "render/render_pair.py": "what it wrote into its own part",
+    "render/workers/claims.py": "its own claim and probe",
+    "stereo/environment/install.py": "the folder that it has made",
+    "stereo/reexpose.py": "what it writes again",
+    "formats/asset_library.py": "the files that its record lists, when a user asks for it",
+    "operators/trade.py": "its own temporary folder",
+    "support/scratch.py": "its own temporary folder, and those marked by processes of this user that are gone",
+    "operators/presets.py": "the preset that a user removes, with its picture",
+    "operators/install_evaluator.py": "the environment that it has made, when a user asks for it",
+    "operators/show_pair.py": "its own temporary folder",
+    "operators/variation_pictures.py": "its own temporary folder",
+    "stereo/matchers/resident_process.py": "its own temporary folder",
+    "stereo/export/ros_bag.py": "its own part of a bag that was not finished",
+    "stereo/export/training.py": "its own part of a shard that was not finished",
+    "stereo/export/whole_folders.py": "its own part of a pair that was not finished",
+    "stereo/trade/cheapest_quality.py": "what it writes again",
+}
 
 
 def test_nothing_else_in_the_project_removes_anything():
@@ -256,7 +312,9 @@ def test_nothing_else_in_the_project_removes_anything():
     apart = ("tests", "benchmarks", "docs", "build", "dist", "out", ".")
     sources = [path for path in root.rglob("*.py") if not path.relative_to(root).parts[0].startswith(apart)]
     # Blender's collections unlink objects, which is no file.
-    signs = re.compile(r"rmtree|(?<!objects)\.unlink\(|\bos\.(remove|unlink|rmdir)|system\.remove|"
-                       r"system import .*remove")
+    signs = re.compile(
+        r"rmtree|(?<!objects)\.unlink\(|\bos\.(remove|unlink|rmdir)|system\.remove|"
+        r"system import .*remove"
+    )
     removing = {path.relative_to(root).as_posix() for path in sources if signs.search(path.read_text("utf-8"))}
     assert removing == set(REMOVES)

@@ -37,9 +37,19 @@ def test_the_papers_camera():
     assert math.isnan(camera.disparity(depth)[2])
 
 
-@pytest.mark.parametrize(("key", "value"), [
-    ("focal_px", 1e300), ("focal_px", 1.01), ("baseline_m", 1e-300), ("baseline_m", 0.99), ("toe_in_deg", 90.0),
-    ("margin_x_px", 40), ("width_px", 95), ("cx_px", 1.01)])
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("focal_px", 1e300),
+        ("focal_px", 1.01),
+        ("baseline_m", 1e-300),
+        ("baseline_m", 0.99),
+        ("toe_in_deg", 90.0),
+        ("margin_x_px", 40),
+        ("width_px", 95),
+        ("cx_px", 1.01),
+    ],
+)
 def test_a_calibration_that_the_settings_do_not_give_is_no_pair(tmp_path, key, value):
     """One number of it would be in every average, and change it without a word. Numbers near 1 are factors."""
     path = write_pair(tmp_path / "a", rig=camera(96, 48)) / "pair.json"
@@ -69,9 +79,13 @@ def test_incomplete_and_foreign_folders_are_named(tmp_path):
         find_pairs(tmp_path)
     pair = tmp_path / "pairs" / "abc"
     pair.mkdir(parents=True)
-    for content, word in (("{", "cannot be read"), ("[]", "not an Icy Moon pair"), ("{}", "not an Icy Moon pair"),
-                          ('{"format": "icymoon-pair", "version": 99}', "version 99"),
-                          ('{"format": "icymoon-pair", "version": 1}', "is missing")):
+    for content, word in (
+        ("{", "cannot be read"),
+        ("[]", "not an Icy Moon pair"),
+        ("{}", "not an Icy Moon pair"),
+        ('{"format": "icymoon-pair", "version": 99}', "version 99"),
+        ('{"format": "icymoon-pair", "version": 1}', "is missing"),
+    ):
         (pair / "pair.json").write_text(content)
         with pytest.raises(IcyMoonError, match="abc") as caught:
             read_pair(pair)
@@ -104,16 +118,20 @@ def _python(code: str) -> Process:
 
 
 def test_a_process_is_heard_in_order_and_its_noise_is_kept():
-    process = _python("import json\nfor k in range(3): print(json.dumps({'type': 'progress', 'k': k}), flush=True)\n"
-                      "print('{not json'); print('Cycles says hello')")
+    process = _python(
+        "import json\nfor k in range(3): print(json.dumps({'type': 'progress', 'k': k}), flush=True)\n"
+        "print('{not json'); print('Cycles says hello')"
+    )
     assert [m["k"] for m in process.wait_for_messages()] == [0, 1, 2]
     assert process.returncode == 0
     assert process.cause == "Cycles says hello"
 
 
 def test_a_process_that_ignores_the_request_is_made_to_stop():
-    process = _python("import signal, time\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-                      "print('{\"type\": \"ready\"}', flush=True)\ntime.sleep(3600)")
+    process = _python(
+        "import signal, time\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+        'print(\'{"type": "ready"}\', flush=True)\ntime.sleep(3600)'
+    )
     next(process.wait_for_messages())
     process.cancel()
     list(process.wait_for_messages())  # which end when the process does
@@ -127,8 +145,11 @@ def test_a_command_that_is_not_there_is_an_error_with_a_mend():
 
 
 def test_commands_are_lists_for_blender_and_python():
-    assert blender_command("/opt/blender/blender", "worker", "j")[:3] == ["/opt/blender/blender", "-b",
-                                                                         "--factory-startup"]
+    assert blender_command("/opt/blender/blender", "worker", "j")[:3] == [
+        "/opt/blender/blender",
+        "-b",
+        "--factory-startup",
+    ]
     assert "--python-exit-code" in blender_command("/opt/blender/blender", "worker", "j")
     assert blender_command("/usr/bin/python3.11", "worker", "j")[-2:] == ["worker", "j"]
 
@@ -162,9 +183,12 @@ def test_a_pipe_is_no_pair_and_nobody_waits_for_it(tmp_path):
 @pytest.mark.parametrize("make", ["pipe", "folder", "socket"])
 def test_what_stands_in_place_of_a_file_is_named(tmp_path, make, monkeypatch):
     monkeypatch.chdir(tmp_path)  # the path of a socket is short
-    for name, read in (("pair.json", lambda: find_pairs(tmp_path)), ("plan.jsonl", lambda: read_frozen_plan(tmp_path)),
-                       ("plan.toml", lambda: read_plan(find_plan(str(tmp_path / "plan.toml")))),
-                       ("plan", lambda: read_plan(find_plan(str(tmp_path / "plan"))))):
+    for name, read in (
+        ("pair.json", lambda: find_pairs(tmp_path)),
+        ("plan.jsonl", lambda: read_frozen_plan(tmp_path)),
+        ("plan.toml", lambda: read_plan(find_plan(str(tmp_path / "plan.toml")))),
+        ("plan", lambda: read_plan(find_plan(str(tmp_path / "plan")))),
+    ):
         with socket.socket(socket.AF_UNIX) as server:
             if make == "socket":
                 server.bind(name)

@@ -21,8 +21,20 @@ from marks import heavy_but
 
 PAIR = "0123456789ab"
 #: All that the publication asks of the system; what pathlib, shutil and open() do goes through these.
-CALLS = ("rename", "replace", "open", "stat", "lstat", "unlink", "mkdir", "rmdir", "scandir", "listdir", "fsync",
-         "utime")
+CALLS = (
+    "rename",
+    "replace",
+    "open",
+    "stat",
+    "lstat",
+    "unlink",
+    "mkdir",
+    "rmdir",
+    "scandir",
+    "listdir",
+    "fsync",
+    "utime",
+)
 
 
 class Killed(BaseException):
@@ -61,6 +73,7 @@ class Watched:
             if life := self._lives.get(threading.get_ident()):
                 life.call()
             return call(*arguments, **options)
+
         return watched
 
     def under(self, work: Callable[[], object], at: int, happens: Callable[[], object] | None) -> None:
@@ -103,8 +116,16 @@ def write(folder: Path, name: str) -> None:
     folder.mkdir(parents=True)
     for eye in ("left", "right"):
         (folder / f"{eye}.exr").write_text(name)
-    (folder / "pair.json").write_text(json.dumps({"id": PAIR, "of": name, "settings": defaults(), "files": {
-        f"{eye}.exr": {"bytes": len(name), "sha256": "0" * 64} for eye in ("left", "right")}}))
+    (folder / "pair.json").write_text(
+        json.dumps(
+            {
+                "id": PAIR,
+                "of": name,
+                "settings": defaults(),
+                "files": {f"{eye}.exr": {"bytes": len(name), "sha256": "0" * 64} for eye in ("left", "right")},
+            }
+        )
+    )
 
 
 def content(folder: Path) -> str:

@@ -19,21 +19,31 @@ def pair(**changes) -> Pair:
     return Pair(Path(), "0" * 12, settings, StereoCamera.from_settings(settings.rig), {})
 
 
-@pytest.mark.parametrize(("changes", "same"), [
-    ({"light": {"sun_elevation_deg": 3.0}}, True), ({"rig": {"heading_deg": 90.0}}, True),
-    ({"surface": {"albedo": 0.2}}, True), ({"quality": {"samples": 7}}, True), ({"dataset": {"seed": 99}}, False),
-    ({"terrain": {"hurst": 0.31}}, False), ({"rocks": {"coverage": 0.02}}, False),
-    ({"terrain": {"variant": 3}}, False)])
+@pytest.mark.parametrize(
+    ("changes", "same"),
+    [
+        ({"light": {"sun_elevation_deg": 3.0}}, True),
+        ({"rig": {"heading_deg": 90.0}}, True),
+        ({"surface": {"albedo": 0.2}}, True),
+        ({"quality": {"samples": 7}}, True),
+        ({"dataset": {"seed": 99}}, False),
+        ({"terrain": {"hurst": 0.31}}, False),
+        ({"rocks": {"coverage": 0.02}}, False),
+        ({"terrain": {"variant": 3}}, False),
+    ],
+)
 def test_only_the_shape_of_ground_and_rocks_makes_another_scene(changes, same):
     assert (scene_of(pair(**changes)) == scene_of(pair())) == same
-
 
 
 def test_a_setting_of_a_later_version_moves_no_scene(monkeypatch):
     """A setting counts in no scene where it has the value that stands for versions without it."""
     old = scene_of(pair())
     terrain = TOPICS["terrain"]
-    monkeypatch.setitem(TOPICS, "terrain", replace(terrain, settings=tuple(
-        replace(s, before=5) if s.key == "variant" else s for s in terrain.settings)))
+    monkeypatch.setitem(
+        TOPICS,
+        "terrain",
+        replace(terrain, settings=tuple(replace(s, before=5) if s.key == "variant" else s for s in terrain.settings)),
+    )
     assert scene_of(pair(terrain={"variant": 5})) == old
     assert scene_of(pair(terrain={"variant": 0})) != old

@@ -35,24 +35,41 @@ def edit(folder: Path, key: str, value: Any) -> None:
     path.write_text(json.dumps(data))
 
 
-FALSE = [("camera.K.0.0", 60.0), ("camera.focal_baseline_px_m", 1.0), ("camera.pixel_centre", "(u, v)"),
-         ("poses_rectified_to_world.right.0.3", 0.3), ("poses_rectified_to_world.left.0.3", 0.3),
-         ("poses_rectified_to_world.left.1.1", lambda x: x + 1e-4), ("poses_camera_to_world.left.2.3", 1.0),
-         ("poses_camera_to_world.right.3.3", 2.0), ("light.sun.elevation_deg", lambda x: x + 0.01),
-         ("light.sun.azimuth_deg", lambda x: x + 0.01), ("light.sun.elevation_deg", "high"),
-         ("light.sun.direction_to_world", [0.0, 0.0, 1.0]), ("light.sun.irradiance_wm2", 1.0),
-         ("light.sun.ground_irradiance_wm2", 1.0), ("light.sun.distance_m", 3.0), ("light.planet", {}),
-         ("light.j2000_to_world.0.0", 0.5), ("light.sun.source", "HAND"), ("denoiser", "OPTIX"), ("device", "GPU"),
-         ("workspace", {"file": "left.exr", "cell_m": 0.1, "origin_m": [0, 0], "shape": [2, 2]}),
-         ("blur", {"focus_distance_m": 1.0})]
+FALSE = [
+    ("camera.K.0.0", 60.0),
+    ("camera.focal_baseline_px_m", 1.0),
+    ("camera.pixel_centre", "(u, v)"),
+    ("poses_rectified_to_world.right.0.3", 0.3),
+    ("poses_rectified_to_world.left.0.3", 0.3),
+    ("poses_rectified_to_world.left.1.1", lambda x: x + 1e-4),
+    ("poses_camera_to_world.left.2.3", 1.0),
+    ("poses_camera_to_world.right.3.3", 2.0),
+    ("light.sun.elevation_deg", lambda x: x + 0.01),
+    ("light.sun.azimuth_deg", lambda x: x + 0.01),
+    ("light.sun.elevation_deg", "high"),
+    ("light.sun.direction_to_world", [0.0, 0.0, 1.0]),
+    ("light.sun.irradiance_wm2", 1.0),
+    ("light.sun.ground_irradiance_wm2", 1.0),
+    ("light.sun.distance_m", 3.0),
+    ("light.planet", {}),
+    ("light.j2000_to_world.0.0", 0.5),
+    ("light.sun.source", "HAND"),
+    ("denoiser", "OPTIX"),
+    ("device", "GPU"),
+    ("workspace", {"file": "left.exr", "cell_m": 0.1, "origin_m": [0, 0], "shape": [2, 2]}),
+    ("blur", {"focus_distance_m": 1.0}),
+]
 
 
 @pytest.mark.parametrize(("key", "value"), FALSE, ids=[f"{key}-{k}" for k, (key, _) in enumerate(FALSE)])
 def test_what_settings_contradict_is_named_with_both_values(folder, key, value):
     edit(folder, key, value)
     name = key.split(".")[0]
-    with pytest.raises(IcyMoonError, match=rf"pair\.json: {name}\S* is .*, and its settings give .*; move the folder "
-                                           r"away and render the pair again\.$"):
+    with pytest.raises(
+        IcyMoonError,
+        match=rf"pair\.json: {name}\S* is .*, and its settings give .*; move the folder "
+        r"away and render the pair again\.$",
+    ):
         read_pair(folder)
 
 
@@ -60,16 +77,27 @@ def baked(**changes: Any) -> dict[str, Any]:
     return {"method": "BAKED", "share": 0.1, "noise": 0.01, "lights": {"Sun": {"noise": 0.01}}, **changes}
 
 
-@pytest.mark.parametrize(("asked", "noise", "stated", "words"), [
-    ("TRACED", 0.02, baked(), "indirect is a table, and its settings give nothing"),
-    ("BAKED", 0.02, None, "indirect is nothing, and its settings give a table"),
-    ("BAKED", 0.02, "BAKED", "indirect is 'BAKED', and its settings give a table"),
-    ("BAKED", 0.02, baked(noise=0.03), "indirect.noise is 0.03, and its settings give at most 0.02"),
-    ("BAKED", 0.02, baked(noise="none"), "indirect.noise is 'none', and its settings give at most 0.02"),
-    ("BAKED", 0.02, baked(lights={"Planet": {}}), r"indirect.lights is \['Planet'\], and its settings give \['Sun'\]"),
-    ("BAKED", 0.02, baked(lights={}), r"indirect.lights is \[\], and its settings give \['Sun'\]"),
-    ("TRACED", 0.02, None, ""), ("BAKED", 0.02, baked(), ""), ("BAKED", 0.0, baked(noise=0.03), ""),
-    ("BAKED", 0.02, {"method": "TRACED", "why": "it is snow"}, "")])
+@pytest.mark.parametrize(
+    ("asked", "noise", "stated", "words"),
+    [
+        ("TRACED", 0.02, baked(), "indirect is a table, and its settings give nothing"),
+        ("BAKED", 0.02, None, "indirect is nothing, and its settings give a table"),
+        ("BAKED", 0.02, "BAKED", "indirect is 'BAKED', and its settings give a table"),
+        ("BAKED", 0.02, baked(noise=0.03), "indirect.noise is 0.03, and its settings give at most 0.02"),
+        ("BAKED", 0.02, baked(noise="none"), "indirect.noise is 'none', and its settings give at most 0.02"),
+        (
+            "BAKED",
+            0.02,
+            baked(lights={"Planet": {}}),
+            r"indirect.lights is \['Planet'\], and its settings give \['Sun'\]",
+        ),
+        ("BAKED", 0.02, baked(lights={}), r"indirect.lights is \[\], and its settings give \['Sun'\]"),
+        ("TRACED", 0.02, None, ""),
+        ("BAKED", 0.02, baked(), ""),
+        ("BAKED", 0.0, baked(noise=0.03), ""),
+        ("BAKED", 0.02, {"method": "TRACED", "why": "it is snow"}, ""),
+    ],
+)
 def test_how_indirect_light_was_made_is_what_the_settings_ask_for(folder, asked, noise, stated, words):
     """A bake_noise of 0 sets no limit, and what was to be baked may be traced."""
     edit(folder, "settings.quality.indirect", asked)
@@ -99,8 +127,15 @@ def test_what_single_precision_and_six_digits_of_a_heading_do_is_accepted(folder
 
 def test_a_scene_that_was_edited_by_hand_has_its_own_pose_and_sun(folder):
     edit(folder, "edited_by_hand", True)
-    sun = {"source": "HAND", "direction_to_world": [0.0, 0.6, 0.8], "elevation_deg": 53.130102, "azimuth_deg": 0.0,
-           "irradiance_wm2": 10.0, "angular_diameter_deg": 1.0, "ground_irradiance_wm2": 8.0}
+    sun = {
+        "source": "HAND",
+        "direction_to_world": [0.0, 0.6, 0.8],
+        "elevation_deg": 53.130102,
+        "azimuth_deg": 0.0,
+        "irradiance_wm2": 10.0,
+        "angular_diameter_deg": 1.0,
+        "ground_irradiance_wm2": 8.0,
+    }
     edit(folder, "light.sun", sun)
     for eye, x_m in (("left", 5.0), ("right", 5.25)):
         pose = [[1.0, 0.0, 0.0, x_m], [0.0, 0.0, 1.0, 2.0], [0.0, -1.0, 0.0, 3.0], [0.0, 0.0, 0.0, 1.0]]
@@ -129,7 +164,7 @@ def test_nothing_is_measured_or_exported_of_a_pair_that_contradicts_itself(old, 
     edit(folder, "poses_rectified_to_world.right.0.3", lambda x: x + 0.05)
     assert main(["verify", str(dataset)]) == 1
     said = capsys.readouterr()
-    line, = said.out.splitlines()
+    (line,) = said.out.splitlines()
     assert "poses_rectified_to_world.right[0][3] is " in line
     assert line.endswith("Its files are as they were rendered, so --remove leaves it.")
     assert "--remove takes away" not in said.err

@@ -26,8 +26,12 @@ def test_there_are_eight_states_in_order_of_one_seed(pairs):
 def test_only_state_and_clock_differ(pairs):
     first = pairs[0].settings
     for pair in pairs:
-        differ = {f"{topic}.{key}" for topic, values in pair.settings.items() for key, value in values.items()
-                  if first[topic][key] != value}
+        differ = {
+            f"{topic}.{key}"
+            for topic, values in pair.settings.items()
+            for key, value in values.items()
+            if first[topic][key] != value
+        }
         assert differ <= {"excavation.state", "light.date_utc"}
 
 
@@ -38,8 +42,16 @@ def test_all_states_are_dug_from_one_ground(pairs):
 
 def test_the_camera_jitters_as_much_as_is_stated(pairs):
     rigs = [jittered_rig(pair.settings) for pair in pairs]
-    off = np.array([[rig.x_m - pairs[0].settings.rig.x_m, rig.y_m - pairs[0].settings.rig.y_m,
-                     rig.height_m - pairs[0].settings.rig.height_m] for rig in rigs])
+    off = np.array(
+        [
+            [
+                rig.x_m - pairs[0].settings.rig.x_m,
+                rig.y_m - pairs[0].settings.rig.y_m,
+                rig.height_m - pairs[0].settings.rig.height_m,
+            ]
+            for rig in rigs
+        ]
+    )
     assert len({tuple(each) for each in off}) == 8
     # 24 normal numbers of 1 mm: their RMS is within 0.5 to 1.6 mm but for one in a thousand times.
     assert 0.5e-3 < np.sqrt((off**2).mean()) < 1.6e-3

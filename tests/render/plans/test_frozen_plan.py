@@ -26,9 +26,14 @@ def complete(folder, frozen) -> None:
         made = write_pair(pair.folder(folder), Scene(), camera(32, 24), settings=pair.settings)
         path = made / "pair.json"
         data = json.loads(path.read_text())
-        data |= {"seeds": {"dataset": pair.settings.dataset.seed, "render": pair.render_seed},
-                 "versions": {"blender": "5.0.1"}, "device": "CPU", "platform": "here",
-                 "seconds": {"render": 1.5, "build": 0.5}, "peak_memory_mib": 300.0}
+        data |= {
+            "seeds": {"dataset": pair.settings.dataset.seed, "render": pair.render_seed},
+            "versions": {"blender": "5.0.1"},
+            "device": "CPU",
+            "platform": "here",
+            "seconds": {"render": 1.5, "build": 0.5},
+            "peak_memory_mib": 300.0,
+        }
         path.write_text(json.dumps(data))
 
 
@@ -63,19 +68,37 @@ def test_a_data_set_may_grow_but_not_become_another(tmp_path):
 
 def square(*suns: float, size_m: float = 20.0) -> list[PlannedPair]:
     """Pairs in two headings under each Sun."""
-    return [planned({"rig": {"heading_deg": heading}, "light": {"sun_elevation_deg": sun}, "terrain": {
-        "size_m": size_m}}) for heading in (0.0, 90.0) for sun in suns]
+    return [
+        planned({"rig": {"heading_deg": heading}, "light": {"sun_elevation_deg": sun}, "terrain": {"size_m": size_m}})
+        for heading in (0.0, 90.0)
+        for sun in suns
+    ]
 
 
-@pytest.mark.parametrize(("now", "words"), [
-    (square(20.0, 40.0, size_m=6.0), "4 of its 4 pairs are not in this plan, since terrain.size_m was 20.0 and is 6.0"),
-    (square(20.0), "2 of its 4 pairs are not in this plan, since light.sun_elevation_deg no longer takes 40.0"),
-    (square(20.0, 50.0), "light.sun_elevation_deg no longer takes 40.0, but 50.0"),
-    (square(50.0, 60.0), "light.sun_elevation_deg no longer takes 20.0 and 1 more value, but 50.0 and 1 more value"),
-    (square(20.0, 40.0)[1:], "1 of its 4 pairs is not in this plan, since no pair has together "
-                                "light.sun_elevation_deg 20.0, rig.heading_deg 0.0"),
-    ([replace(pair, id=f"{k:012x}") for k, pair in enumerate(square(20.0, 40.0))],
-     "since a file of yours has another content")])
+@pytest.mark.parametrize(
+    ("now", "words"),
+    [
+        (
+            square(20.0, 40.0, size_m=6.0),
+            "4 of its 4 pairs are not in this plan, since terrain.size_m was 20.0 and is 6.0",
+        ),
+        (square(20.0), "2 of its 4 pairs are not in this plan, since light.sun_elevation_deg no longer takes 40.0"),
+        (square(20.0, 50.0), "light.sun_elevation_deg no longer takes 40.0, but 50.0"),
+        (
+            square(50.0, 60.0),
+            "light.sun_elevation_deg no longer takes 20.0 and 1 more value, but 50.0 and 1 more value",
+        ),
+        (
+            square(20.0, 40.0)[1:],
+            "1 of its 4 pairs is not in this plan, since no pair has together "
+            "light.sun_elevation_deg 20.0, rig.heading_deg 0.0",
+        ),
+        (
+            [replace(pair, id=f"{k:012x}") for k, pair in enumerate(square(20.0, 40.0))],
+            "since a file of yours has another content",
+        ),
+    ],
+)
 def test_the_settings_that_changed_are_named_and_no_others(tmp_path, now, words):
     """Also where other settings vary, whose values are as they were."""
     datasets.freeze_plan(tmp_path, square(20.0, 40.0), "")
@@ -163,7 +186,10 @@ def test_leftovers_go_and_what_is_not_ours_is_named_and_stays(tmp_path):
     (tmp_path / "thesis.txt").write_text("")
     found = verify(tmp_path, remove_broken=True)
     assert sorted((p.kind, p.what) for p in found.problems) == [
-        ("foreign", "notes"), ("foreign", "thesis.txt"), ("leftover", "0123456789ab.host-1-1.part"),
-        ("leftover", "plan.jsonl.host-1-1.part")]
+        ("foreign", "notes"),
+        ("foreign", "thesis.txt"),
+        ("leftover", "0123456789ab.host-1-1.part"),
+        ("leftover", "plan.jsonl.host-1-1.part"),
+    ]
     assert [p.what for p in verify(tmp_path).problems] == ["notes", "thesis.txt"]
     assert (tmp_path / "thesis.txt").exists()

@@ -10,8 +10,12 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
 
-LAMBERT = {"surface": {"model": "LAMBERT"}, "mesh": {"kind": "GRID"}, "terrain": {"resolution": 258},
-           "quality": {"indirect": "AUTO", "samples": 9, "denoiser": "OIDN", "diffuse_bounces": 3}}
+LAMBERT = {
+    "surface": {"model": "LAMBERT"},
+    "mesh": {"kind": "GRID"},
+    "terrain": {"resolution": 258},
+    "quality": {"indirect": "AUTO", "samples": 9, "denoiser": "OIDN", "diffuse_bounces": 3},
+}
 
 
 def described(*parts: dict) -> Settings:
@@ -79,10 +83,15 @@ def test_rocks_are_baked_too_and_take_longer_the_more_there_are():
     assert is_baked(described({"rocks": {"coverage": 0.1}, "quality": {"indirect": "BAKED"}}))
 
 
-@pytest.mark.parametrize("part", [
-    {"surface": {"model": "PRINCIPLED"}}, {"surface": {"model": "HAPKE"}},
-    {"rocks": {"coverage": 0.1, "own_surface": True}, "rock_surface": {"model": "PRINCIPLED"}},
-    {"lander": {"kind": "PARAMETRIC"}}])
+@pytest.mark.parametrize(
+    "part",
+    [
+        {"surface": {"model": "PRINCIPLED"}},
+        {"surface": {"model": "HAPKE"}},
+        {"rocks": {"coverage": 0.1, "own_surface": True}, "rock_surface": {"model": "PRINCIPLED"}},
+        {"lander": {"kind": "PARAMETRIC"}},
+    ],
+)
 def test_what_cannot_be_baked_is_traced_and_told(part):
     settings = described(part, {"quality": {"indirect": "BAKED"}})
     assert why_not_baked(settings)
@@ -92,10 +101,11 @@ def test_what_cannot_be_baked_is_traced_and_told(part):
 
 def test_a_mesh_is_baked_in_proportion_to_its_triangles_whatever_the_grid_of_made_up_ground():
     def seconds(key: str, resolution: int = 258) -> float:
-        return bake_seconds(described({"source": {"kind": "STAND_IN", "stand_in": key},
-                                       "terrain": {"resolution": resolution}}))
+        return bake_seconds(
+            described({"source": {"kind": "STAND_IN", "stand_in": key}, "terrain": {"resolution": resolution}})
+        )
 
-    start = bake_seconds(described({"quality": {"bake_samples": 4}})) - seconds_of_corners(4 * 258 ** 2, 4)
+    start = bake_seconds(described({"quality": {"bake_samples": 4}})) - seconds_of_corners(4 * 258**2, 4)
     few, many = seconds("ATHABASCA"), seconds("GLACIER_42M")  # 30000 and 60000 triangles
     assert many - start == pytest.approx(2 * (few - start))
     assert few - start == pytest.approx(seconds_of_corners(3 * 30000, 256))
@@ -105,7 +115,7 @@ def test_a_mesh_is_baked_in_proportion_to_its_triangles_whatever_the_grid_of_mad
 def seconds_of_corners(corners: float, samples: int) -> float:
     """Of the time that more samples of a grid take."""
     most, least = (bake_seconds(described({"quality": {"bake_samples": n}})) for n in (1000, 500))
-    return (most - least) / 500 / (4 * 258 ** 2) * corners * samples
+    return (most - least) / 500 / (4 * 258**2) * corners * samples
 
 
 def test_automatic_light_is_settled_by_the_images_that_share_it():

@@ -47,9 +47,23 @@ def test_its_plan_gives_the_same_pairs(old, dataset):
 
 def test_batch_has_nothing_to_render(old, dataset):
     before = files(dataset)
-    done = subprocess.run([sys.executable, "-m", "icymoon", "batch", str(DATA / old / "plan.toml"), "--out",
-                           str(dataset), "--blender", "/nowhere/blender"], capture_output=True, text=True, timeout=60,
-                          check=False)
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "icymoon",
+            "batch",
+            str(DATA / old / "plan.toml"),
+            "--out",
+            str(dataset),
+            "--blender",
+            "/nowhere/blender",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     after = files(dataset)
     assert before.keys() == after.keys()
@@ -87,15 +101,24 @@ def test_its_plan_goes_on_as_it_was_planned_after_defaults_have_changed(old, dat
     upgrade_all(monkeypatch)
     monkeypatch.setattr(datasets, "version", lambda: "9.0.0")
     light = TOPICS["light"]
-    monkeypatch.setitem(TOPICS, "light", replace(light, settings=tuple(
-        replace(s, default=25.0) if s.key == "sun_elevation_deg" else s for s in light.settings)))
+    monkeypatch.setitem(
+        TOPICS,
+        "light",
+        replace(
+            light,
+            settings=tuple(replace(s, default=25.0) if s.key == "sun_elevation_deg" else s for s in light.settings),
+        ),
+    )
     plan, before = read_plan(DATA / old / "plan.toml"), (dataset / datasets.PLAN).read_bytes()
     assert not {pair.id for pair in plan.pairs()} & {pair.id for pair in datasets.read_frozen_plan(dataset).pairs}
     frozen = datasets.freeze_plan(dataset, plan.pairs(), plan.text)
     assert frozen.find_missing(dataset) == []
     assert (dataset / datasets.PLAN).read_bytes() == before
-    for words in ("light.sun_elevation_deg was 20.0 and is 25.0", "quality.extra_pass was false and is true",
-                  "as Icy Moon 0.1.0 planned it"):
+    for words in (
+        "light.sun_elevation_deg was 20.0 and is 25.0",
+        "quality.extra_pass was false and is true",
+        "as Icy Moon 0.1.0 planned it",
+    ):
         assert words in frozen.note
     with pytest.raises(IcyMoonError, match=r"another data set.*sun_elevation_deg was 20\.0 and is 25\.0.*icymoon work"):
         datasets.freeze_plan(dataset, plan.pairs(), plan.text + "# mine")
@@ -104,8 +127,9 @@ def test_its_plan_goes_on_as_it_was_planned_after_defaults_have_changed(old, dat
 def test_a_pair_that_is_whole_is_not_removed_whatever_is_said_of_it(old, dataset):
     """Its name, its seed, its settings, settings that nobody knows, a plan of something else."""
     pairs = datasets.read_frozen_plan(dataset).pairs
-    for pair, change in zip(pairs, ({"id": "f" * 12}, {"seeds": {"render": 1}}, {"settings": {"quality": {"new": 1}}}),
-                            strict=True):
+    for pair, change in zip(
+        pairs, ({"id": "f" * 12}, {"seeds": {"render": 1}}, {"settings": {"quality": {"new": 1}}}), strict=True
+    ):
         path = pair.folder(dataset) / "pair.json"
         path.write_text(json.dumps(json.loads(path.read_text()) | change))
     before = files(dataset)

@@ -37,8 +37,14 @@ def test_a_pair_that_is_planned_twice_is_there_once():
 
 
 def test_a_surface_is_dearer_than_a_light_and_a_light_dearer_than_a_camera():
-    found = ordered([planned({"surface": {"albedo": a}, "light": {"sun_azimuth_deg": s}, "rig": {"pitch_deg": p}})
-                     for p in (10.0, 20.0) for s in (0.0, 50.0) for a in (0.5, 0.8)])
+    found = ordered(
+        [
+            planned({"surface": {"albedo": a}, "light": {"sun_azimuth_deg": s}, "rig": {"pitch_deg": p}})
+            for p in (10.0, 20.0)
+            for s in (0.0, 50.0)
+            for a in (0.5, 0.8)
+        ]
+    )
     counts = [changed(found, part) for part in (changes.scene, changes.look, changes.light, changes.camera)]
     assert counts == [0, 1, 3, 7]
 
@@ -51,9 +57,12 @@ def test_a_graded_mesh_belongs_to_its_rig_and_a_grid_does_not():
     assert len(runs_of_scenes(ordered(turned))) == 1
 
 
-PLANS = {"few large scenes": PAIRS, "many scenes of one pair": grid(seeds=30, elevations=(20.0,), headings=(0.0,)),
-         "many scenes of three": grid(seeds=10, elevations=(20.0,), headings=(0.0, 90.0, 180.0)),
-         "of both kinds": [*PAIRS, *grid(seeds=16, elevations=(20.0,), headings=(0.0,))]}
+PLANS = {
+    "few large scenes": PAIRS,
+    "many scenes of one pair": grid(seeds=30, elevations=(20.0,), headings=(0.0,)),
+    "many scenes of three": grid(seeds=10, elevations=(20.0,), headings=(0.0, 90.0, 180.0)),
+    "of both kinds": [*PAIRS, *grid(seeds=16, elevations=(20.0,), headings=(0.0,))],
+}
 
 
 @pytest.mark.parametrize("plan", PLANS)
@@ -116,8 +125,12 @@ def test_shares_of_scenes_of_a_pair_are_equal(count):
 @pytest.mark.parametrize("count", [2, 5, 8, 9])
 def test_shares_are_whole_scenes_if_there_are_as_many(count):
     """A scene of 12 pairs and eight of one; more shares than scenes have pairs of their own."""
-    pairs = ordered([*grid(seeds=1, elevations=(10.0,), headings=tuple(30.0 * k for k in range(12))),
-                     *grid(seeds=9, elevations=(20.0,), headings=(0.0,))[1:]])
+    pairs = ordered(
+        [
+            *grid(seeds=1, elevations=(10.0,), headings=tuple(30.0 * k for k in range(12))),
+            *grid(seeds=9, elevations=(20.0,), headings=(0.0,))[1:],
+        ]
+    )
     found = [{p.id for p in shard(pairs, number, count)} for number in range(1, count + 1)]
     assert sum(1 for part in found if part & {p.id for p in pairs[:12]}) == 1
     assert max(len(part) for part in (shard(pairs, number, 20) for number in range(1, 21))) == 1
@@ -126,8 +139,8 @@ def test_shares_are_whole_scenes_if_there_are_as_many(count):
 def test_what_decides_the_order_is_every_setting_but_response_and_run():
     settings = PAIRS[0].settings
     parts = changes.scene, changes.look, changes.light, changes.lander, changes.camera, changes.sampling
-    listed = {(topic, name) for part in parts
-              for topic, values in part(settings).items() for name in values}
+    listed = {(topic, name) for part in parts for topic, values in part(settings).items() for name in values}
     from icymoon.settings.table import all_settings
+
     needed = {(topic, s.key) for topic, s in all_settings() if s.effect not in ("response", "run")}
     assert needed <= listed

@@ -38,6 +38,7 @@ def plan(tmp_path):
             (tmp_path / "own" / name).write_bytes(content)
         (tmp_path / "plan.toml").write_text(CASES.format(header=header))
         return read_plan(tmp_path / "plan.toml")
+
     return read
 
 
@@ -45,9 +46,11 @@ def test_without_own_files_all_are_stand_ins_and_named(plan):
     made = plan(header="")
     texture, _, mesh = made.pairs()
     assert (texture.settings.textures.set, mesh.settings.source.kind) == ("STAND_IN", "STAND_IN")
-    sentence, = made.describe_stand_ins()
-    assert sentence.startswith("3 of the pairs show stand-ins, made by code in place of files of the GUISS paper: "
-                               "2 textures (firn, ground_snow) and 1 meshes (seaice1)")
+    (sentence,) = made.describe_stand_ins()
+    assert sentence.startswith(
+        "3 of the pairs show stand-ins, made by code in place of files of the GUISS paper: "
+        "2 textures (firn, ground_snow) and 1 meshes (seaice1)"
+    )
     assert len({pair.id for pair in made.pairs()}) == 3
 
 
@@ -65,8 +68,7 @@ def test_an_image_replaces_a_texture_with_the_maps_that_are_there(plan, tmp_path
     assert texture.id != before[0]
     stand_ins, own_files = made.describe_stand_ins()
     assert stand_ins.startswith("2 of the pairs show stand-ins")
-    assert own_files == (f"2 of your own files in {tmp_path / 'own'} replace stand-ins: "
-                         f"{name}.jpg, {name}_normal.png.")
+    assert own_files == (f"2 of your own files in {tmp_path / 'own'} replace stand-ins: {name}.jpg, {name}_normal.png.")
 
 
 def test_a_mesh_without_images_shows_plain_ice(plan, tmp_path):

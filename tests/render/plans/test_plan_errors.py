@@ -36,28 +36,40 @@ WRONG = {
     "a home folder": (HEAD + 'extends = "~nouser/x.toml"  # !', ("~nouser/x.toml", "no such home folder")),
     "a home folder of files": (HEAD + 'files = "~nouser/x"  # !', ("~nouser/x", "no such home folder")),
     "a home folder of a preset": (
-        HEAD + '[[sweep]]\nkind = "grid"\npreset = ["~nouser/x.toml"]  # !', ("home folder",)),
+        HEAD + '[[sweep]]\nkind = "grid"\npreset = ["~nouser/x.toml"]  # !',
+        ("home folder",),
+    ),
     "a home folder of a ground": (HEAD + '[source]\nkind = "MESH"\nfile = "~nouser/x.ply"  # !', ("home folder",)),
     "a path with a zero": (HEAD + 'extends = "a\\u0000b.toml"  # !', ("a\\x00b.toml", "no path can have")),
     "a ground with a zero": (HEAD + '[source]\nkind = "MESH"\nfile = "a\\u0000b.ply"  # !', ("no path can have",)),
     "a long name": (HEAD + f'extends = "{"n" * 3000}.toml"  # !', ("n…", "255 bytes")),
     "a long name of a ground": (HEAD + f'[source]\nkind = "MESH"\nfile = "{"n" * 3000}.ply"  # !', ("255 bytes",)),
     "a long way": (HEAD + f'files = "{"n/" * 3000}"  # !', ("4095",)),
-    "a year of many digits": (HEAD + '[light]\ndirections_from = "DATE"\ndate_utc = "99999999999999999999-01-01"  # !',
-                              ("2035-03-01",)),
+    "a year of many digits": (
+        HEAD + '[light]\ndirections_from = "DATE"\ndate_utc = "99999999999999999999-01-01"  # !',
+        ("2035-03-01",),
+    ),
     "headings of many seeds": (HEAD + "seeds = 1000\n[dataset]\nheadings = 360  # !", ("360000 pairs", "100000")),
     "more views than pairs": (
         HEAD + f'[[sweep]]  # !\nkind = "view_sphere"\ndistances_m = 2\nelevations_deg = {[30] * 400}\n'
-        f"azimuths_deg = {[1] * 400}", ("160000 pairs", "100000")),
-    "sweeps without end": (HEAD + '[[sweep]]\nkind = "panorama"\n' * 100 + '[[sweep]]  # !\nkind = "panorama"',
-                           ("one sweep more than the 100",)),
-    "a plan extended without end": (HEAD + f"extends = {['datasets/guiss_smoke'] * 101}  # !",
-                                    ("more than 100 plans",)),
+        f"azimuths_deg = {[1] * 400}",
+        ("160000 pairs", "100000"),
+    ),
+    "sweeps without end": (
+        HEAD + '[[sweep]]\nkind = "panorama"\n' * 100 + '[[sweep]]  # !\nkind = "panorama"',
+        ("one sweep more than the 100",),
+    ),
+    "a plan extended without end": (
+        HEAD + f"extends = {['datasets/guiss_smoke'] * 101}  # !",
+        ("more than 100 plans",),
+    ),
     "without": (HEAD + 'without = ["suns"]  # !', ("suns",)),
     "no kind": (HEAD + "[[sweep]]  # !\nsurface.albedo = [0.1]", ("kind", "grid")),
     "a kind": (HEAD + '[[sweep]]\nkind = "gird"  # !', ("gird", "'grid'")),
-    "a second name": (HEAD + '[[sweep]]\nname = "a"\nkind = "panorama"\n[[sweep]]\nkind = "panorama"\nname = "a"  # !',
-                      ("already", "replaces")),
+    "a second name": (
+        HEAD + '[[sweep]]\nname = "a"\nkind = "panorama"\n[[sweep]]\nkind = "panorama"\nname = "a"  # !',
+        ("already", "replaces"),
+    ),
     "nothing to replace": (HEAD + '[[sweep]]\nkind = "panorama"\nreplaces = "b"  # !', ("no sweep 'b'",)),
     "an empty block": (HEAD + '[[sweep]]  # !\nkind = "grid"', ("varies nothing",)),
     "an empty list": (HEAD + '[[sweep]]\nkind = "grid"\nsurface.albedo = []  # !', ("surface.albedo", "must list")),
@@ -65,9 +77,13 @@ WRONG = {
     "a swept setting": (HEAD + '[[sweep]]\nkind = "grid"\nsurface.albdo = [0.1]  # !', ("albdo", "albedo")),
     "a swept topic": (HEAD + '[[sweep]]\nkind = "grid"\nsurfaces.albedo = [0.1]  # !', ("surfaces", "surface")),
     "a swept setting in quotes": (
-        HEAD + '[[sweep]]\nkind = "grid"\n"surface.albedo" = [0.1]  # !', ("quotes", "surface.albedo", "without")),
-    "a case in quotes": (HEAD + '[[sweep]]\nkind = "cases"\ncase = [\n{ "surface.albedo" = 0.5 },  # !\n]',
-                         ("quotes", "surface.albedo", "without")),
+        HEAD + '[[sweep]]\nkind = "grid"\n"surface.albedo" = [0.1]  # !',
+        ("quotes", "surface.albedo", "without"),
+    ),
+    "a case in quotes": (
+        HEAD + '[[sweep]]\nkind = "cases"\ncase = [\n{ "surface.albedo" = 0.5 },  # !\n]',
+        ("quotes", "surface.albedo", "without"),
+    ),
     "a topic as factor": (HEAD + '[[sweep]]\nkind = "grid"\nsurface = [0.1]  # !', ("is a topic", "surface.")),
     "a value out of range": (HEAD + '[[sweep]]\nkind = "grid"\nsurface.albedo = [0.1, 1.5]  # !', ("1.5", "0 to 1")),
     "a value of another type": (HEAD + '[[sweep]]\nkind = "grid"\nsurface.albedo = [0.1, "a"]  # !', ("a number",)),
@@ -82,60 +98,103 @@ WRONG = {
     "no count": (HEAD + '[[sweep]]  # !\nkind = "random"\nsurface.albedo = { uniform = [0, 1] }', ("count",)),
     "a count": (HEAD + '[[sweep]]\nkind = "random"\ncount = -3  # !\nsurface.albedo = { uniform = [0, 1] }', ("-3",)),
     "a list to draw from": (HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nsurface.albedo = [0, 1]  # !', ("choice",)),
-    "a distribution": (HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nsurface.albedo = { unifrm = [0, 1] }  # !',
-                       ("unifrm", "uniform")),
-    "its order": (HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nsurface.albedo = { uniform = [0.5, 0.5] }  # !',
-                  ("below",)),
-    "its range": (HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nterrain.size_m = { uniform = [0, 3] }  # !',
-                  ("outside", "0.01", " m")),
-    "its numbers": (HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nsurface.albedo = { uniform = [0.5] }  # !',
-                    ("two numbers",)),
-    "a logarithm": (HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nsurface.albedo = { log_uniform = [0, 1] }  # !',
-                    ("above 0",)),
+    "a distribution": (
+        HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nsurface.albedo = { unifrm = [0, 1] }  # !',
+        ("unifrm", "uniform"),
+    ),
+    "its order": (
+        HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nsurface.albedo = { uniform = [0.5, 0.5] }  # !',
+        ("below",),
+    ),
+    "its range": (
+        HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nterrain.size_m = { uniform = [0, 3] }  # !',
+        ("outside", "0.01", " m"),
+    ),
+    "its numbers": (
+        HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nsurface.albedo = { uniform = [0.5] }  # !',
+        ("two numbers",),
+    ),
+    "a logarithm": (
+        HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nsurface.albedo = { log_uniform = [0, 1] }  # !',
+        ("above 0",),
+    ),
     "a deviation": (HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nhapke.w = { normal = [0.5, 0] }  # !', ("above 0",)),
     "a far mean": (HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nhapke.w = { normal = [9, 0.1] }  # !', ("widen",)),
     "an empty choice": (HEAD + '[[sweep]]\nkind = "sobol"\ncount = 3\nsurface.model = { choice = [] }  # !', ("list",)),
-    "a choice": (HEAD + '[[sweep]]\nkind = "sobol"\ncount = 9\nsurface.model = { choice = ["LAMBRT"] }  # !',
-                 ("LAMBERT",)),
-    "a text as a number": (HEAD + '[[sweep]]\nkind = "sobol"\ncount = 9\nsurface.model = { uniform = [0, 1] }  # !',
-                           ("is no number",)),
-    "too many dimensions": (HEAD + '[[sweep]]  # !\nkind = "sobol"\ncount = 2\n' + "".join(
-        f"{t}.{s.key} = {{ choice = [{s.default}] }}\n" for t, s in all_settings()
-        if s.kind == "float" and t in ("surface", "hapke", "rocks")), ("latin_hypercube",)),
+    "a choice": (
+        HEAD + '[[sweep]]\nkind = "sobol"\ncount = 9\nsurface.model = { choice = ["LAMBRT"] }  # !',
+        ("LAMBERT",),
+    ),
+    "a text as a number": (
+        HEAD + '[[sweep]]\nkind = "sobol"\ncount = 9\nsurface.model = { uniform = [0, 1] }  # !',
+        ("is no number",),
+    ),
+    "too many dimensions": (
+        HEAD
+        + '[[sweep]]  # !\nkind = "sobol"\ncount = 2\n'
+        + "".join(
+            f"{t}.{s.key} = {{ choice = [{s.default}] }}\n"
+            for t, s in all_settings()
+            if s.kind == "float" and t in ("surface", "hapke", "rocks")
+        ),
+        ("latin_hypercube",),
+    ),
     "headings": (HEAD + '[[sweep]]\nkind = "panorama"\nheadings = 0  # !', ("headings",)),
     "no headings": (HEAD + '[[sweep]]\nkind = "panorama"\nheadings = []  # !', ("headings",)),
     "a heading out of range": (HEAD + '[[sweep]]  # !\nkind = "panorama"\nheadings = [1000]', ("rig.heading_deg",)),
     "a key of a panorama": (HEAD + '[[sweep]]\nkind = "panorama"\nheading = 4  # !', ("headings",)),
-    "a view sphere without distances": (HEAD + '[[sweep]]  # !\nkind = "view_sphere"\nelevations_deg = 3\n'
-                                        "azimuths_deg = 0", ("distances_m",)),
-    "a view from underground": (HEAD + '[[sweep]]  # !\nkind = "view_sphere"\nelevations_deg = -30\nazimuths_deg = 0\n'
-                                "distances_m = 3", ("under the ground", "target_height_m")),
-    "a view from beyond the ground": (HEAD + '[mesh]\nkind = "GRID"\n[[sweep]]  # !\nkind = "view_sphere"\n'
-                                      "elevations_deg = 30\nazimuths_deg = 0\ndistances_m = 30",
-                                      ("beyond the ground",)),
-    "no room for sites": (HEAD + '[[sweep]]  # !\nkind = "sites"\ncount = 9\napart_m = 12',
-                          ("has room for", "apart_m")),
+    "a view sphere without distances": (
+        HEAD + '[[sweep]]  # !\nkind = "view_sphere"\nelevations_deg = 3\nazimuths_deg = 0',
+        ("distances_m",),
+    ),
+    "a view from underground": (
+        HEAD + '[[sweep]]  # !\nkind = "view_sphere"\nelevations_deg = -30\nazimuths_deg = 0\ndistances_m = 3',
+        ("under the ground", "target_height_m"),
+    ),
+    "a view from beyond the ground": (
+        HEAD + '[mesh]\nkind = "GRID"\n[[sweep]]  # !\nkind = "view_sphere"\n'
+        "elevations_deg = 30\nazimuths_deg = 0\ndistances_m = 30",
+        ("beyond the ground",),
+    ),
+    "no room for sites": (
+        HEAD + '[[sweep]]  # !\nkind = "sites"\ncount = 9\napart_m = 12',
+        ("has room for", "apart_m"),
+    ),
     "sites on a patch too small": (HEAD + '[[sweep]]  # !\nkind = "sites"\ncount = 1\nmargin_m = 10', ("room for 0",)),
     "a site outside": (HEAD + '[mesh]\nkind = "GRID"\n[rig]\nx_m = 12  # !', ("outside the ground",)),
-    "a swept site outside": (HEAD + '[mesh]\nkind = "GRID"\n[[sweep]]\nkind = "grid"\nrig.x_m = [1, 12]  # !',
-                             ("east 12 m", "outside the ground")),
-    "an eye in the ground": (HEAD + "[terrain]\nrms_slope_deg = 40\n[rig]\nheight_m = 0.001  # !\nbaseline_m = 5",
-                             ("right eye", "under the ground")),
-    "an eye in a rock": (HEAD + '[terrain]\nrms_slope_deg = 0\n'
-                          '[rocks]\ncoverage = 0.5\nsmallest_m = 1\nlargest_m = 1\n'
-                          'height_ratio = 3\nburial = 0\n[rig]\nbaseline_m = 3\nheight_m = 0.5\n[[sweep]]  # !\n'
-                          'kind = "panorama"\nheadings = [10]', ("in a rock",)),
+    "a swept site outside": (
+        HEAD + '[mesh]\nkind = "GRID"\n[[sweep]]\nkind = "grid"\nrig.x_m = [1, 12]  # !',
+        ("east 12 m", "outside the ground"),
+    ),
+    "an eye in the ground": (
+        HEAD + "[terrain]\nrms_slope_deg = 40\n[rig]\nheight_m = 0.001  # !\nbaseline_m = 5",
+        ("right eye", "under the ground"),
+    ),
+    "an eye in a rock": (
+        HEAD + "[terrain]\nrms_slope_deg = 0\n"
+        "[rocks]\ncoverage = 0.5\nsmallest_m = 1\nlargest_m = 1\n"
+        "height_ratio = 3\nburial = 0\n[rig]\nbaseline_m = 3\nheight_m = 0.5\n[[sweep]]  # !\n"
+        'kind = "panorama"\nheadings = [10]',
+        ("in a rock",),
+    ),
     "contradictory sizes": (HEAD + "[rocks]\ncoverage = 0.1\nlargest_m = 0.05  # !\nsmallest_m = 0.1", ("below",)),
-    "a texture that is not there": (HEAD + '[textures]\nset = "OWN"\nalbedo_file = "ice.png"  # !',
-                                    ("ice.png", "is missing", "plan.files")),
-    "a mesh that is not there": (HEAD + '[[sweep]]\nkind = "cases"\ncase = [\n'
-                                 '{ source.kind = "PROCEDURAL" },\n'
-                                 '{ source.kind = "MESH", source.file = "a.ply" },  # !\n]', ("a.ply", "is missing")),
+    "a texture that is not there": (
+        HEAD + '[textures]\nset = "OWN"\nalbedo_file = "ice.png"  # !',
+        ("ice.png", "is missing", "plan.files"),
+    ),
+    "a mesh that is not there": (
+        HEAD + '[[sweep]]\nkind = "cases"\ncase = [\n'
+        '{ source.kind = "PROCEDURAL" },\n'
+        '{ source.kind = "MESH", source.file = "a.ply" },  # !\n]',
+        ("a.ply", "is missing"),
+    ),
     "a mesh without a name": (HEAD + '[source]\nkind = "MESH"  # !', ("source.file", "empty")),
     "sites on a mesh": (HEAD + '[source]\nkind = "MESH"\n[[sweep]]  # !\nkind = "sites"\ncount = 2', ("of your own",)),
     "a date": (HEAD + '[light]\ndirections_from = "DATE"\ndate_utc = "soon"  # !', ("date_utc",)),
-    "too many pairs": (HEAD + '[[sweep]]\nkind = "random"\ncount = 1000000  # !\nsurface.albedo = { uniform = [0, 1] }',
-                       ("1000000", "100000")),
+    "too many pairs": (
+        HEAD + '[[sweep]]\nkind = "random"\ncount = 1000000  # !\nsurface.albedo = { uniform = [0, 1] }',
+        ("1000000", "100000"),
+    ),
     "sweep as a table": (HEAD + '[sweep]  # !\nkind = "grid"', ("[[sweep]]",)),
 }
 
@@ -156,8 +215,10 @@ def test_an_error_names_the_file_the_line_and_the_mend(tmp_path, text, words):
         assert word in message, message
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("[plan\n", ("not valid TOML", "line 1")), ("[rig]\nx_m = 1\n", ("no [plan]",)), ("plan = 3", ("no [plan]",))])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("[plan\n", ("not valid TOML", "line 1")), ("[rig]\nx_m = 1\n", ("no [plan]",)), ("plan = 3", ("no [plan]",))],
+)
 def test_a_file_that_is_no_plan(tmp_path, text, words):
     file = tmp_path / "plan.toml"
     file.write_text(text)
@@ -185,13 +246,41 @@ def test_an_unknown_plan():
         find_plan("../../pyproject")
 
 
-_KEYS = st.sampled_from(["title", "extends", "include", "seeds", "grounds", "at_most", "files", "without", "kind",
-                         "count", "case", "headings", "rig", "surface", "preset", "name", "replaces", "x_m", "albedo",
-                         "uniform"])
-_VALUES = st.recursive(st.one_of(st.integers(-3, 9), st.booleans(), st.floats(-1, 3), st.just([]),
-                                 st.sampled_from(["grid", "random", "sites", "panorama", "cases", "low_1", ""])),
-                       lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(_KEYS, inner, max_size=3)),
-                       max_leaves=6)
+_KEYS = st.sampled_from(
+    [
+        "title",
+        "extends",
+        "include",
+        "seeds",
+        "grounds",
+        "at_most",
+        "files",
+        "without",
+        "kind",
+        "count",
+        "case",
+        "headings",
+        "rig",
+        "surface",
+        "preset",
+        "name",
+        "replaces",
+        "x_m",
+        "albedo",
+        "uniform",
+    ]
+)
+_VALUES = st.recursive(
+    st.one_of(
+        st.integers(-3, 9),
+        st.booleans(),
+        st.floats(-1, 3),
+        st.just([]),
+        st.sampled_from(["grid", "random", "sites", "panorama", "cases", "low_1", ""]),
+    ),
+    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(_KEYS, inner, max_size=3)),
+    max_leaves=6,
+)
 
 
 def _toml(value):
@@ -203,9 +292,24 @@ def _toml(value):
 
 
 @trials(deadline=None)  # each reads files
-@given(st.dictionaries(_KEYS, _VALUES, max_size=3), st.lists(st.dictionaries(_KEYS, _VALUES, max_size=4), max_size=2),
-       st.sampled_from([None, "grid", "one_at_a_time", "cases", "random", "sobol", "latin_hypercube", "panorama",
-                        "view_sphere", "sites"]))
+@given(
+    st.dictionaries(_KEYS, _VALUES, max_size=3),
+    st.lists(st.dictionaries(_KEYS, _VALUES, max_size=4), max_size=2),
+    st.sampled_from(
+        [
+            None,
+            "grid",
+            "one_at_a_time",
+            "cases",
+            "random",
+            "sobol",
+            "latin_hypercube",
+            "panorama",
+            "view_sphere",
+            "sites",
+        ]
+    ),
+)
 def test_nothing_but_pairs_or_a_sentence_comes_of_any_plan(tmp_path_factory, header, sweeps, kind):
     lines = ["[plan]", *(f"{k} = {_toml(v)}" for k, v in header.items())]
     for table in sweeps:
@@ -222,11 +326,22 @@ def test_nothing_but_pairs_or_a_sentence_comes_of_any_plan(tmp_path_factory, hea
 
 
 def test_a_line_is_found_in_every_spelling():
-    text = ('# a comment\n\n[a]\n"b c" = """\n[a.d]\n"""\n\nd.e = [\n  # first\n  1,\n  { f = 2 },\n]\n'
-            "[[g]]\nh = 1\n[[g]]\n# more\n[g.i]\nh = [[1,\n2]]\n")
-    for key, line in ((("a",), 3), (("a", "b c"), 4), (("a", "d", "e"), 8), (("a", "d", "e", 0), 10),
-                      (("a", "d", "e", 1, "f"), 11), (("g", 0, "h"), 14), (("g", 1), 15), (("g", 1, "i", "h"), 18),
-                      (("g", 2), None), (("x",), None)):
+    text = (
+        '# a comment\n\n[a]\n"b c" = """\n[a.d]\n"""\n\nd.e = [\n  # first\n  1,\n  { f = 2 },\n]\n'
+        "[[g]]\nh = 1\n[[g]]\n# more\n[g.i]\nh = [[1,\n2]]\n"
+    )
+    for key, line in (
+        (("a",), 3),
+        (("a", "b c"), 4),
+        (("a", "d", "e"), 8),
+        (("a", "d", "e", 0), 10),
+        (("a", "d", "e", 1, "f"), 11),
+        (("g", 0, "h"), 14),
+        (("g", 1), 15),
+        (("g", 1, "i", "h"), 18),
+        (("g", 2), None),
+        (("x",), None),
+    ):
         assert find_line(text, key) == line, key
     assert str(Place(Path("f"), text, ("g", 1, "absent", 3))) == "f, line 15"
 

@@ -23,10 +23,12 @@ HEAD = '[plan]\ntitle = "Test"\n'
 @pytest.fixture
 def plan(tmp_path):
     """Writes a plan and reads it."""
+
     def made(text, name="plan.toml"):
         file = tmp_path / name
         file.write_text(text if "[plan]" in text else HEAD + dedent(text))
         return read_plan(file)
+
     return made
 
 
@@ -37,15 +39,17 @@ def taken(pairs, name):
 
 def test_a_plan_without_sweeps_is_the_pair_that_its_settings_make(plan):
     (pair,) = plan(HEAD + 'include = ["rigs/mer_navcam"]\n[terrain]\nrms_slope_deg = 5').pairs()
-    described = description.merged(description.defaults(), preset_files.load_preset("rigs/mer_navcam"),
-                                {"terrain": {"rms_slope_deg": 5.0}})
+    described = description.merged(
+        description.defaults(), preset_files.load_preset("rigs/mer_navcam"), {"terrain": {"rms_slope_deg": 5.0}}
+    )
     assert pair == expand_headings(described)[0]
 
 
 def test_headings_of_the_data_set_are_pairs_of_their_own(plan):
     pairs = plan("[dataset]\nheadings = 4\n[rig]\nheading_deg = 123.456").pairs()
-    described = description.merged(description.defaults(), {
-        "dataset": {"headings": 4}, "rig": {"heading_deg": 123.456}})
+    described = description.merged(
+        description.defaults(), {"dataset": {"headings": 4}, "rig": {"heading_deg": 123.456}}
+    )
     assert [p.id for p in pairs] == [p.id for p in expand_headings(described)]
     assert [p.turn_deg for p in pairs] == [0.0] * 4
     # What a pair says of itself makes that pair, and no other.
@@ -70,11 +74,11 @@ def test_a_grid_is_as_large_as_the_product_of_its_values(tmp_path_factory, sizes
     pairs = read_plan(file).pairs()
     assert len({p.id for p in pairs}) == len(pairs) == math.prod(sizes)
     wanted = set(product(*([(k + 1) / 8 for k in range(size)] for size in sizes)))
-    assert {tuple(row) for row in zip(*(taken(pairs, n) for n in names[:len(sizes)]), strict=True)} == wanted
+    assert {tuple(row) for row in zip(*(taken(pairs, n) for n in names[: len(sizes)]), strict=True)} == wanted
 
 
 def test_blocks_combine_and_the_last_one_changes_fastest(plan):
-    pairs = plan('''
+    pairs = plan("""
         [[sweep]]
         kind = "grid"
         surface.albedo = [0.2, 0.4]
@@ -82,21 +86,21 @@ def test_blocks_combine_and_the_last_one_changes_fastest(plan):
         kind = "one_at_a_time"
         rig.pitch_deg = [45.84, 20]
         rig.baseline_m = [0.1]
-    ''').pairs()
+    """).pairs()
     rows = list(zip(*(taken(pairs, n) for n in ("surface.albedo", "rig.pitch_deg", "rig.baseline_m")), strict=True))
     # The base, then each other value alone; 45.84 is the base's own.
     assert rows == [(a, p, b) for a in (0.2, 0.4) for p, b in ((45.84, 0.25), (20.0, 0.25), (45.84, 0.1))]
 
 
 def test_cases_go_together_and_take_presets(plan):
-    pairs = plan('''
+    pairs = plan("""
         [[sweep]]
         kind = "cases"
         case = [
           { light.sun_elevation_deg = 30, light.sun_azimuth_deg = 90 },
           { preset = ["terrains/low_1", "lights/guiss_europa"], light.sun_irradiance_wm2 = 3 },
         ]
-    ''').pairs()
+    """).pairs()
     assert taken(pairs, "light.sun_elevation_deg") == [30.0, 20.0]
     assert taken(pairs, "light.sun_azimuth_deg") == [90.0, 60.0]
     assert taken(pairs, "light.sun_irradiance_wm2") == [14.82, 3.0]
@@ -104,17 +108,20 @@ def test_cases_go_together_and_take_presets(plan):
 
 
 def test_what_comes_twice_is_there_once(plan):
-    pairs = plan('''
+    pairs = plan("""
         [[sweep]]
         kind = "grid"
         surface.albedo = [0.2, 0.3, 0.2]
-    ''').pairs()
+    """).pairs()
     assert taken(pairs, "surface.albedo") == [0.2, 0.3]
 
 
-BLOCKS = ('[[sweep]]\nkind = "grid"\nsurface.albedo = [0.2, 0.4]\n',
-          '[[sweep]]\nkind = "latin_hypercube"\ncount = 3\nlight.sun_elevation_deg = { uniform = [10, 60] }\n',
-          '[[sweep]]\nkind = "sites"\ncount = 2\n', '[[sweep]]\nkind = "panorama"\nheadings = 2\n')
+BLOCKS = (
+    '[[sweep]]\nkind = "grid"\nsurface.albedo = [0.2, 0.4]\n',
+    '[[sweep]]\nkind = "latin_hypercube"\ncount = 3\nlight.sun_elevation_deg = { uniform = [10, 60] }\n',
+    '[[sweep]]\nkind = "sites"\ncount = 2\n',
+    '[[sweep]]\nkind = "panorama"\nheadings = 2\n',
+)
 
 
 @trials(deadline=None)  # each reads files
@@ -143,7 +150,7 @@ def test_draws_hang_on_the_seed_and_on_names_alone(plan, kind):
 
 
 def test_every_distribution_keeps_to_its_limits_and_type(plan):
-    pairs = plan('''
+    pairs = plan("""
         [[sweep]]
         kind = "latin_hypercube"
         count = 40
@@ -152,12 +159,15 @@ def test_every_distribution_keeps_to_its_limits_and_type(plan):
         surface.model = { choice = ["LAMBERT", "HAPKE"] }
         terrain.resolution = { uniform = [65, 68] }
         preset = { choice = ["terrains/low_1", "terrains/high_1"] }
-    ''').pairs()
+    """).pairs()
     grain = np.log(taken(pairs, "surface.grain_size_m"))
     assert np.histogram(grain, 40, (math.log(0.001), math.log(0.1)))[0].max() <= 2  # one a part but for six digits
     assert all(0.8 <= w <= 1.0 for w in taken(pairs, "hapke.w"))
-    for name, values in (("surface.model", {"LAMBERT", "HAPKE"}), ("terrain.resolution", {65, 66, 67, 68}),
-                         ("terrain.rms_slope_deg", {4.0, 20.0})):
+    for name, values in (
+        ("surface.model", {"LAMBERT", "HAPKE"}),
+        ("terrain.resolution", {65, 66, 67, 68}),
+        ("terrain.rms_slope_deg", {4.0, 20.0}),
+    ):
         counts = [taken(pairs, name).count(v) for v in values]
         assert sum(counts) == 40
         assert max(counts) == 40 / len(values)
@@ -198,8 +208,10 @@ def test_grounds_are_dealt_to_the_scenes_of_a_plan(plan, count):
 
 def test_grounds_do_not_follow_a_setting_that_varies(plan):
     pairs = plan(f"{HEAD}grounds = 2\n{TEN}").pairs()
-    on = {seed: {p.settings.surface.albedo for p in pairs if p.settings.dataset.seed == seed}
-          for seed in taken(pairs, "dataset.seed")}
+    on = {
+        seed: {p.settings.surface.albedo for p in pairs if p.settings.dataset.seed == seed}
+        for seed in taken(pairs, "dataset.seed")
+    }
     assert all(len(albedos) > 2 for albedos in on.values())
 
 
@@ -220,7 +232,7 @@ def test_a_ground_from_a_file_keeps_its_seed(plan, tmp_path):
 
 
 def test_a_view_sphere_looks_at_its_target_from_its_distance(plan):
-    pairs = plan('''
+    pairs = plan("""
         [rig]
         x_m = 1.0
         y_m = -2.0
@@ -230,7 +242,7 @@ def test_a_view_sphere_looks_at_its_target_from_its_distance(plan):
         azimuths_deg = [0, 30, 200]
         distances_m = 3
         target_height_m = 0.2
-    ''').pairs()
+    """).pairs()
     assert len(pairs) == 9
     ground = make_rocky_ground(pairs[0].settings)
     target = np.array([1.0, -2.0, float(ground.heights(1.0, -2.0)) + 0.2])
@@ -248,7 +260,7 @@ def test_a_view_sphere_looks_at_its_target_from_its_distance(plan):
 
 
 def test_sites_are_clear_of_rocks_and_apart_and_on_the_patch(plan):
-    pairs = plan('''
+    pairs = plan("""
         [rocks]
         coverage = 0.1
         smallest_m = 0.2
@@ -259,7 +271,7 @@ def test_sites_are_clear_of_rocks_and_apart_and_on_the_patch(plan):
         margin_m = 2.0
         apart_m = 1.5
         random_headings = true
-    ''').pairs()
+    """).pairs()
     ground = make_rocky_ground(pairs[0].settings)
     places = np.column_stack([taken(pairs, "rig.x_m"), taken(pairs, "rig.y_m")])
     rocks = ground.rocks
@@ -273,14 +285,14 @@ def test_sites_are_clear_of_rocks_and_apart_and_on_the_patch(plan):
 
 
 def test_sites_are_the_same_for_all_that_does_not_change_the_ground(plan):
-    pairs = plan('''
+    pairs = plan("""
         [[sweep]]
         kind = "grid"
         surface.albedo = [0.3, 0.6]
         [[sweep]]
         kind = "sites"
         count = 3
-    ''').pairs()
+    """).pairs()
     assert taken(pairs[:3], "rig.x_m") == taken(pairs[3:], "rig.x_m")
 
 
@@ -291,7 +303,8 @@ def test_at_most_takes_pairs_evenly_from_the_whole(plan):
 
 
 def test_a_plan_extends_another(plan, tmp_path):
-    plan('''
+    plan(
+        """
         [light]
         sun_elevation_deg = 33
         [[sweep]]
@@ -301,8 +314,12 @@ def test_a_plan_extends_another(plan, tmp_path):
         [[sweep]]
         name = "views"
         kind = "panorama"
-    ''', "parent.toml")
-    child = plan(HEAD + '''extends = "parent.toml"
+    """,
+        "parent.toml",
+    )
+    child = plan(
+        HEAD
+        + """extends = "parent.toml"
         include = ["lights/guiss_europa"]
         [[sweep]]
         replaces = "bright"
@@ -311,7 +328,8 @@ def test_a_plan_extends_another(plan, tmp_path):
         [[sweep]]
         kind = "grid"
         rig.baseline_m = [0.1, 0.2]
-    ''')
+    """
+    )
     pairs = child.pairs()
     assert taken(pairs, "surface.albedo") == [0.9] * 8
     assert taken(pairs, "light.sun_elevation_deg") == [33.0] * 8

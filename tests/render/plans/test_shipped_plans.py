@@ -20,14 +20,33 @@ from marks import heavy_but
 TYPES = {
     "reconstructions": (3060, {"surface.specular": 3, "surface.transmission": 3, "rig.heading_deg": 4}),
     "textures": (168, {"terrain.rms_slope_deg": 3, "textures.stand_in": 14, "rig.heading_deg": 4}),
-    "landforms": (336, {"terrain.rms_slope_deg": 3, "textures.stand_in": 14, "light.sun_irradiance_wm2": 2,
-                        "rig.heading_deg": 4}),
-    "generative": (720, {"surface.albedo_variation": 4, "surface.specular": 3, "surface.albedo": 5,
-                         "light.sun_irradiance_wm2": 3, "rig.heading_deg": 4}),
+    "landforms": (
+        336,
+        {"terrain.rms_slope_deg": 3, "textures.stand_in": 14, "light.sun_irradiance_wm2": 2, "rig.heading_deg": 4},
+    ),
+    "generative": (
+        720,
+        {
+            "surface.albedo_variation": 4,
+            "surface.specular": 3,
+            "surface.albedo": 5,
+            "light.sun_irradiance_wm2": 3,
+            "rig.heading_deg": 4,
+        },
+    ),
     "terrains": (128, {"textures.stand_in": 4, "rig.heading_deg": 4}),
     "rocks": (320, {"textures.stand_in": 4, "rocks.coverage": 2, "rocks.largest_m": 2, "rig.heading_deg": 4}),
-    "snow": (288, {"surface.grain_size_m": 3, "surface.grain_amplitude_m": 3, "surface.subsurface_weight": 2,
-                   "surface.transmission": 2, "surface.albedo": 2, "rig.heading_deg": 4}),
+    "snow": (
+        288,
+        {
+            "surface.grain_size_m": 3,
+            "surface.grain_amplitude_m": 3,
+            "surface.subsurface_weight": 2,
+            "surface.transmission": 2,
+            "surface.albedo": 2,
+            "rig.heading_deg": 4,
+        },
+    ),
 }
 
 
@@ -41,6 +60,7 @@ def mine(tmp_path_factory):
         own = folder / "plan.toml"
         own.write_text(f'[plan]\ntitle = "Mine"\nextends = "datasets/{name}"\n{header}\n')
         return read_plan(own)
+
     return read
 
 
@@ -67,30 +87,55 @@ def test_each_type_has_the_papers_factors_and_number_of_pairs(mine, name, form):
     # Hours, not days: docs/datasets.md.
     assert values(pairs, "quality.indirect") == {"BAKED": count}
     if name in ("reconstructions", "rocks"):
-        assert len({(p.settings["light"]["sun_elevation_deg"], p.settings["light"]["sun_azimuth_deg"])
-                    for p in pairs}) == 5
+        assert (
+            len({(p.settings["light"]["sun_elevation_deg"], p.settings["light"]["sun_azimuth_deg"]) for p in pairs})
+            == 5
+        )
     if name == "reconstructions":
-        sites = Counter((p.settings["source"]["stand_in"], p.settings["rig"]["x_m"], p.settings["rig"]["y_m"])
-                        for p in pairs)
+        sites = Counter(
+            (p.settings["source"]["stand_in"], p.settings["rig"]["x_m"], p.settings["rig"]["y_m"]) for p in pairs
+        )
         assert set(sites) == {(item.key, *site) for item in MESHES[:7] for site in item.sites}
         assert Counter(key for key, _, _ in sites) == {
-            "ATHABASCA": 1, "GLACIER_42M": 4, "BLOODFALLS": 1, "SEAICE1": 6, "MATANUSKA_A1": 1, "MATANUSKA_C1": 2,
-            "SVALBARD1": 2}
+            "ATHABASCA": 1,
+            "GLACIER_42M": 4,
+            "BLOODFALLS": 1,
+            "SEAICE1": 6,
+            "MATANUSKA_A1": 1,
+            "MATANUSKA_C1": 2,
+            "SVALBARD1": 2,
+        }
         assert set(sites.values()) == {180}
 
 
 def test_the_suns_are_the_papers_or_the_true_ones(mine):
-    lamps = {name: {(p.settings["light"]["sun_irradiance_wm2"], p.settings["light"]["sun_angular_diameter_deg"],
-                     p.settings["light"]["planet"]) for p in mine(name).pairs()}
-             for name in ("guiss_textures", "guiss_textures_true_sun", "guiss_landforms", "guiss_landforms_true_sun",
-                          "guiss_snow", "guiss_generative_true_sun")}
+    lamps = {
+        name: {
+            (
+                p.settings["light"]["sun_irradiance_wm2"],
+                p.settings["light"]["sun_angular_diameter_deg"],
+                p.settings["light"]["planet"],
+            )
+            for p in mine(name).pairs()
+        }
+        for name in (
+            "guiss_textures",
+            "guiss_textures_true_sun",
+            "guiss_landforms",
+            "guiss_landforms_true_sun",
+            "guiss_snow",
+            "guiss_generative_true_sun",
+        )
+    }
     degrees = 0.57296  # 0.01 rad
     assert lamps == {
-        "guiss_textures": {(4.14, degrees, False)}, "guiss_textures_true_sun": {(14.82, 0.0556, False)},
+        "guiss_textures": {(4.14, degrees, False)},
+        "guiss_textures_true_sun": {(14.82, 0.0556, False)},
         "guiss_landforms": {(4.14, degrees, False), (50.26, degrees, False)},
         "guiss_landforms_true_sun": {(14.82, 0.0556, False), (50.26, 0.1024, False)},
         "guiss_snow": {(10.0, degrees, False)},
-        "guiss_generative_true_sun": {(e, 0.0556, False) for e in (13.28, 14.82, 16.65)}}
+        "guiss_generative_true_sun": {(e, 0.0556, False) for e in (13.28, 14.82, 16.65)},
+    }
 
 
 @pytest.mark.parametrize("name", ["guiss_all_true_sun", pytest.param("guiss_all", marks=pytest.mark.long)])
@@ -103,13 +148,19 @@ def test_all_types_together_are_the_papers_5020(mine, name):
 
 def grounds_of(pairs):
     """How many scenes of terrain there are on each ground: pairs that differ in more than their heading."""
-    scenes = {(pair.settings.dataset.seed, *(json.dumps(values) for topic, values in pair.settings.items()
-                                             if topic not in ("rig", "dataset"))) for pair in pairs}
+    scenes = {
+        (
+            pair.settings.dataset.seed,
+            *(json.dumps(values) for topic, values in pair.settings.items() if topic not in ("rig", "dataset")),
+        )
+        for pair in pairs
+    }
     return Counter((seed, terrain) for seed, _, terrain, *_ in scenes)
 
 
-@pytest.mark.parametrize("name", heavy_but(["guiss_terrains"], [f"guiss_{name}" for name in TYPES
-                                                                if name != "reconstructions"]))
+@pytest.mark.parametrize(
+    "name", heavy_but(["guiss_terrains"], [f"guiss_{name}" for name in TYPES if name != "reconstructions"])
+)
 def test_each_scene_of_the_papers_sets_has_its_own_ground(mine, name):
     plan = mine(name, "")
     pairs = plan.pairs()
@@ -139,12 +190,14 @@ def test_a_plan_shows_every_stand_in_once():
     assert not plan.refused()
 
 
-@pytest.mark.parametrize(("name", "numbers"), [("textures", range(1, 15)), ("terrains", (4, 6, 7, 11)),
-                                               ("rocks", (4, 6, 9, 14))])
+@pytest.mark.parametrize(
+    ("name", "numbers"), [("textures", range(1, 15)), ("terrains", (4, 6, 7, 11)), ("rocks", (4, 6, 9, 14))]
+)
 def test_textures_are_those_of_the_public_code_as_wide_as_stated(mine, name, numbers):
     pairs = mine(f"guiss_{name}", "grounds = 1\nat_most = 5000").pairs()
     assert {(p.settings.textures.stand_in, p.settings.textures.width_m) for p in pairs} == {
-        (item.key, item.width_m) for item in TEXTURES if item.number in numbers}
+        (item.key, item.width_m) for item in TEXTURES if item.number in numbers
+    }
     assert values(pairs, "textures.set") == {"STAND_IN": len(pairs)}
 
 

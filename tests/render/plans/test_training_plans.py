@@ -49,8 +49,9 @@ def test_without_it_every_seed_has_the_same_draws_and_the_plan_says_so(tmp_path)
     assert "draw_again = true" in read.describe_draws()
     assert not plan(tmp_path, HEAD + SUN).describe_draws(), "one seed repeats nothing"
     # What version 0.1 gave, whose ids may not change.
-    assert [pair.id for pair in read.pairs()] == [pair.id for pair in plan(
-        tmp_path, f"{HEAD}seeds = 3\ndraw_again = false\n{SUN}").pairs()]
+    assert [pair.id for pair in read.pairs()] == [
+        pair.id for pair in plan(tmp_path, f"{HEAD}seeds = 3\ndraw_again = false\n{SUN}").pairs()
+    ]
 
 
 def test_draws_of_one_setting_are_those_of_its_own_seed(tmp_path):
@@ -60,21 +61,30 @@ def test_draws_of_one_setting_are_those_of_its_own_seed(tmp_path):
 
 
 def test_presets_are_drawn_from_several_lists(tmp_path):
-    read = plan(tmp_path, HEAD + """
+    read = plan(
+        tmp_path,
+        HEAD
+        + """
 [[sweep]]
 kind = "random"
 count = 40
 presets.place = { choice = ["scenes/europa_rough_ice", "scenes/enceladus_fresh_snow"] }
 presets.quality = { choice = ["qualities/draft", "qualities/standard"] }
 rig.pitch_deg = { uniform = [10, 30] }
-""")
+""",
+    )
     found = {(pair.settings.light.body, pair.settings.quality.samples) for pair in read.pairs()}
     assert len(found) == 4, "each of the one list with each of the other"
 
 
-@pytest.mark.parametrize(("text", "error"), [
-    ('presets = ["scenes/europa_rough_ice"]', "a single list is called preset"),
-    ('presets.place = { choice = ["scenes/europa_rogh_ice"] }', "europa_rough_ice")], ids=["list", "misspelt"])
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ('presets = ["scenes/europa_rough_ice"]', "a single list is called preset"),
+        ('presets.place = { choice = ["scenes/europa_rogh_ice"] }', "europa_rough_ice"),
+    ],
+    ids=["list", "misspelt"],
+)
 def test_lists_of_presets_that_are_none_are_refused(tmp_path, text, error):
     with pytest.raises(IcyMoonError, match=error):
         plan(tmp_path, f'{HEAD}[[sweep]]\nkind = "random"\ncount = 2\n{text}\n').pairs()
@@ -89,8 +99,9 @@ def test_splits_of_the_plan_are_those_of_the_data_set(tmp_path):
     assert splits_of(tmp_path / "elsewhere") == SPLITS
 
 
-@pytest.mark.parametrize("wrong", ['"half"', "{ train = 0.5, test = 0.6 }", '{ train = "most" }', '{ "../a" = 1.0 }',
-                                   "{ train = true }"])
+@pytest.mark.parametrize(
+    "wrong", ['"half"', "{ train = 0.5, test = 0.6 }", '{ train = "most" }', '{ "../a" = 1.0 }', "{ train = true }"]
+)
 def test_splits_that_are_none_are_refused_with_their_line(tmp_path, wrong):
     with pytest.raises(IcyMoonError, match=r"plan\.toml.* line 3.*split"):
         plan(tmp_path, f"{HEAD}splits = {wrong}\n{SUN}")

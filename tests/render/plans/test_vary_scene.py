@@ -36,14 +36,20 @@ ALBEDO = VariedSetting("surface.albedo", 0.2, 0.8, 3)
 SAMPLES = VariedSetting("quality.samples", 4, 16, 4)
 MODEL = VariedSetting("surface.model", values=("LAMBERT", "HAPKE"))
 PLANET = VariedSetting("light.planet")
-NUMBERS = [name for name in names_that_vary()
-           if TOPICS[name.partition(".")[0]][name.partition(".")[2]].kind in ("int", "float")]
+NUMBERS = [
+    name
+    for name in names_that_vary()
+    if TOPICS[name.partition(".")[0]][name.partition(".")[2]].kind in ("int", "float")
+]
 
 
 def scene(*parts: dict) -> description.Settings:
     """A whole scene of a preset, with changes."""
-    return description.merged(description.defaults(), preset_files.load_preset("scenes/europa_rough_ice"),
-                              *(description.check(part, "test") for part in parts))
+    return description.merged(
+        description.defaults(),
+        preset_files.load_preset("scenes/europa_rough_ice"),
+        *(description.check(part, "test") for part in parts),
+    )
 
 
 def pairs_of(settings, variations):
@@ -56,8 +62,11 @@ def value(settings, name):
 
 
 def differing(settings, other):
-    return {f"{topic}.{s.key}" for topic, s in all_settings()
-            if s.effect != "run" and settings[topic][s.key] != other[topic][s.key]}
+    return {
+        f"{topic}.{s.key}"
+        for topic, s in all_settings()
+        if s.effect != "run" and settings[topic][s.key] != other[topic][s.key]
+    }
 
 
 def test_nothing_varied_is_the_pair_that_the_scene_makes():
@@ -92,20 +101,26 @@ def test_a_file_of_ones_own_is_found_from_anywhere(tmp_path):
 
 
 def test_a_plan_states_no_folder_and_no_matchers():
-    stated = tomllib.loads(plan_text(scene({"dataset": {"folder": "/secret", "methods": "own:mine"}}),
-                                     SceneVariations((ELEVATION,))))
+    stated = tomllib.loads(
+        plan_text(scene({"dataset": {"folder": "/secret", "methods": "own:mine"}}), SceneVariations((ELEVATION,)))
+    )
     assert set(stated["dataset"]) == {"seed", "headings"}
 
 
 @trials(max_examples=12)  # each checks grounds
-@given(st.lists(st.sampled_from([ELEVATION, ALBEDO, SAMPLES, MODEL, PLANET]), unique=True, max_size=3),
-       st.integers(1, 3), st.integers(1, 3))
+@given(
+    st.lists(st.sampled_from([ELEVATION, ALBEDO, SAMPLES, MODEL, PLANET]), unique=True, max_size=3),
+    st.integers(1, 3),
+    st.integers(1, 3),
+)
 def test_a_grid_is_the_product_of_its_values(varied, seeds, headings):
     described, variations = scene({"dataset": {"headings": headings}}), SceneVariations(tuple(varied), seeds=seeds)
     pairs = pairs_of(described, variations)
     assert len({p.id for p in pairs}) == len(pairs) == count_pairs(described, variations)
-    found = {(p.settings.dataset.seed, p.settings.rig.heading_deg, *(value(p.settings, v.name) for v in varied))
-             for p in pairs}
+    found = {
+        (p.settings.dataset.seed, p.settings.rig.heading_deg, *(value(p.settings, v.name) for v in varied))
+        for p in pairs
+    }
     seeds_there, turns = ({each[k] for each in found} for k in (0, 1))
     assert (len(seeds_there), len(turns)) == (seeds, headings)
     assert found == set(itertools.product(seeds_there, turns, *(list_values(v) for v in varied)))
@@ -148,7 +163,7 @@ def test_sobol_draws_are_those_of_a_plan_written_by_hand(tmp_path):
     described = scene({"dataset": {"seed": 5}})
     varied = (ELEVATION, VariedSetting("surface.grain_size_m", 0.001, 0.1, spacing="RATIO"), SAMPLES, MODEL, PLANET)
     pairs = pairs_of(described, SceneVariations(varied, "SOBOL", draws=8))
-    (tmp_path / "hand.toml").write_text('''
+    (tmp_path / "hand.toml").write_text("""
 [plan]
 title = "By hand"
 include = ["scenes/europa_rough_ice"]
@@ -163,7 +178,7 @@ surface.grain_size_m = { log_uniform = [0.001, 0.1] }
 quality.samples = { uniform = [4, 16] }
 surface.model = { choice = ["LAMBERT", "HAPKE"] }
 light.planet = { choice = [false, true] }
-''')
+""")
     assert [p.id for p in pairs] == [p.id for p in read_plan(tmp_path / "hand.toml").pairs()]
     assert all(5 <= p.settings.light.sun_elevation_deg <= 60 for p in pairs)
     assert sum(p.settings.light.planet for p in pairs) == 4
@@ -176,7 +191,8 @@ def test_random_values_are_combined_with_all_others():
     assert len(azimuths) == 4
     assert all(-90 <= azimuth <= 90 for azimuth in azimuths)
     assert {(p.settings.light.sun_azimuth_deg, p.settings.surface.albedo) for p in pairs} == set(
-        itertools.product(azimuths, [0.2, 0.5, 0.8]))
+        itertools.product(azimuths, [0.2, 0.5, 0.8])
+    )
 
 
 def test_one_at_a_time_is_the_scene_and_each_value_alone():
@@ -189,38 +205,50 @@ def test_one_at_a_time_is_the_scene_and_each_value_alone():
     assert len(pairs) == count_pairs(described, variations)
 
 
-@pytest.mark.parametrize(("variations", "text"), [
-    (SceneVariations(()), "1 pair"),
-    (SceneVariations((ELEVATION,), seeds=3), "5 values of Sun Elevation x 3 seeds = 15 pairs"),
-    (SceneVariations((VariedSetting("surface.albedo", 0.2, 0.8, 3, "RANDOM"), PLANET)),
-     "3 random values of Albedo x 2 values of Planet = 6 pairs"),
-    (SceneVariations((ELEVATION, ALBEDO), "SOBOL", 16), "16 draws of 2 settings = 16 pairs"),
-    (SceneVariations((ELEVATION,), "SOBOL", 8), "8 draws of Sun Elevation = 8 pairs"),
-    (SceneVariations((ELEVATION, SAMPLES), "ONE_AT_A_TIME"), "10 scenes, one setting at a time = 10 pairs")])
+@pytest.mark.parametrize(
+    ("variations", "text"),
+    [
+        (SceneVariations(()), "1 pair"),
+        (SceneVariations((ELEVATION,), seeds=3), "5 values of Sun Elevation x 3 seeds = 15 pairs"),
+        (
+            SceneVariations((VariedSetting("surface.albedo", 0.2, 0.8, 3, "RANDOM"), PLANET)),
+            "3 random values of Albedo x 2 values of Planet = 6 pairs",
+        ),
+        (SceneVariations((ELEVATION, ALBEDO), "SOBOL", 16), "16 draws of 2 settings = 16 pairs"),
+        (SceneVariations((ELEVATION,), "SOBOL", 8), "8 draws of Sun Elevation = 8 pairs"),
+        (SceneVariations((ELEVATION, SAMPLES), "ONE_AT_A_TIME"), "10 scenes, one setting at a time = 10 pairs"),
+    ],
+)
 def test_the_pairs_are_described_in_words(variations, text):
     assert describe(scene(), variations) == text
 
 
 def test_headings_are_described_too():
     assert describe(scene({"dataset": {"headings": 4}}), SceneVariations((ELEVATION,))) == (
-        "5 values of Sun Elevation x 4 headings = 20 pairs")
+        "5 values of Sun Elevation x 4 headings = 20 pairs"
+    )
 
 
-@pytest.mark.parametrize(("varied", "problem"), [
-    (VariedSetting("light.sun_elevation_deg", 5, 95), "light.sun_elevation_deg is 95 deg, outside -90 to 90 deg"),
-    (VariedSetting("light.sun_elevation_deg", 5, 5), "goes from 5 to 5; give two different ends"),
-    (VariedSetting("surface.albedo", 0.0, 0.8, spacing="RATIO"), "even ratios need two ends above 0"),
-    (VariedSetting("quality.samples", 2.5, 16), "must be a whole number"),
-    (VariedSetting("surface.model", values=("LAMBERT",)), "has 1 of its values; tick two or more"),
-    (VariedSetting("surface.model", values=("LAMBERT", "LAMBRT")), "LAMBERT"),
-    (VariedSetting("light.sun_elevation", 5, 9), "sun_elevation_deg"),
-    (VariedSetting("x" * 10000), "…"), (VariedSetting("sensor.bits", 8, 12), "needs no other render"),
-    (VariedSetting("dataset.workers", 1, 2), "changes no pair"),
-    (VariedSetting("dataset.seed", 1, 2), "raise Variations by Seed"),
-    (VariedSetting("light.body"), "is no number, choice or tick"),
-    (VariedSetting("terrain.layers"), "is no number, choice or tick"),
-    (VariedSetting("light.sun_elevation_deg", 5, 9, 1), "has 1 value;"),
-    (VariedSetting("light.sun_elevation_deg", 5, 9, 100000), "more than 100000")])
+@pytest.mark.parametrize(
+    ("varied", "problem"),
+    [
+        (VariedSetting("light.sun_elevation_deg", 5, 95), "light.sun_elevation_deg is 95 deg, outside -90 to 90 deg"),
+        (VariedSetting("light.sun_elevation_deg", 5, 5), "goes from 5 to 5; give two different ends"),
+        (VariedSetting("surface.albedo", 0.0, 0.8, spacing="RATIO"), "even ratios need two ends above 0"),
+        (VariedSetting("quality.samples", 2.5, 16), "must be a whole number"),
+        (VariedSetting("surface.model", values=("LAMBERT",)), "has 1 of its values; tick two or more"),
+        (VariedSetting("surface.model", values=("LAMBERT", "LAMBRT")), "LAMBERT"),
+        (VariedSetting("light.sun_elevation", 5, 9), "sun_elevation_deg"),
+        (VariedSetting("x" * 10000), "…"),
+        (VariedSetting("sensor.bits", 8, 12), "needs no other render"),
+        (VariedSetting("dataset.workers", 1, 2), "changes no pair"),
+        (VariedSetting("dataset.seed", 1, 2), "raise Variations by Seed"),
+        (VariedSetting("light.body"), "is no number, choice or tick"),
+        (VariedSetting("terrain.layers"), "is no number, choice or tick"),
+        (VariedSetting("light.sun_elevation_deg", 5, 9, 1), "has 1 value;"),
+        (VariedSetting("light.sun_elevation_deg", 5, 9, 100000), "more than 100000"),
+    ],
+)
 def test_what_cannot_vary_is_refused_in_a_sentence(varied, problem):
     with pytest.raises(IcyMoonError) as caught:
         plan_text(scene(), SceneVariations((varied,), seeds=2))
@@ -228,10 +256,15 @@ def test_what_cannot_vary_is_refused_in_a_sentence(varied, problem):
     assert str(caught.value).startswith("Vary This Scene: ")
 
 
-@pytest.mark.parametrize(("variations", "problem"), [
-    (SceneVariations((ELEVATION, ELEVATION)), "listed 2 times"),
-    (SceneVariations((ELEVATION,), seeds=0), "0 seeds"), (SceneVariations((ELEVATION,), draws=0), "0 draws"),
-    (SceneVariations((VariedSetting("surface.albedo", 0.2, 0.8, 3, "RANDOM"),), "ONE_AT_A_TIME"), "is random")])
+@pytest.mark.parametrize(
+    ("variations", "problem"),
+    [
+        (SceneVariations((ELEVATION, ELEVATION)), "listed 2 times"),
+        (SceneVariations((ELEVATION,), seeds=0), "0 seeds"),
+        (SceneVariations((ELEVATION,), draws=0), "0 draws"),
+        (SceneVariations((VariedSetting("surface.albedo", 0.2, 0.8, 3, "RANDOM"),), "ONE_AT_A_TIME"), "is random"),
+    ],
+)
 def test_what_cannot_be_combined_is_refused_in_a_sentence(variations, problem):
     with pytest.raises(IcyMoonError, match=problem):
         plan_text(scene(), variations)
@@ -266,8 +299,13 @@ def test_a_value_beyond_the_slider_keeps_its_place():
 
 
 def test_what_changes_the_picture_can_vary_but_for_texts_and_lists():
-    fixed = {name for topic, s in all_settings() if (name := f"{topic}.{s.key}") not in names_that_vary()
-             and s.effect not in ("response", "run") and s.kind not in ("text", "list")}
+    fixed = {
+        name
+        for topic, s in all_settings()
+        if (name := f"{topic}.{s.key}") not in names_that_vary()
+        and s.effect not in ("response", "run")
+        and s.kind not in ("text", "list")
+    }
     assert fixed == {"dataset.seed"}
 
 
@@ -305,11 +343,17 @@ def test_labels_are_without_units():
     assert vary_scene.label_of("no such.thing") == "no such.thing"
 
 
-@pytest.mark.parametrize("variations", [
-    SceneVariations((ELEVATION, ALBEDO)), SceneVariations((ALBEDO, ELEVATION), seeds=3),
-    SceneVariations((ELEVATION, ALBEDO, PLANET), "ONE_AT_A_TIME"),
-    SceneVariations((ELEVATION, MODEL), "SOBOL", draws=7),
-    SceneVariations((VariedSetting("surface.albedo", 0.2, 0.8, 6, "RANDOM"), PLANET)), SceneVariations((), seeds=2)])
+@pytest.mark.parametrize(
+    "variations",
+    [
+        SceneVariations((ELEVATION, ALBEDO)),
+        SceneVariations((ALBEDO, ELEVATION), seeds=3),
+        SceneVariations((ELEVATION, ALBEDO, PLANET), "ONE_AT_A_TIME"),
+        SceneVariations((ELEVATION, MODEL), "SOBOL", draws=7),
+        SceneVariations((VariedSetting("surface.albedo", 0.2, 0.8, 6, "RANDOM"), PLANET)),
+        SceneVariations((), seeds=2),
+    ],
+)
 @pytest.mark.parametrize("headings", [1, 3])
 def test_the_ends_are_the_first_and_the_last_pair_of_the_plan(variations, headings):
     described = scene({"dataset": {"headings": headings}})

@@ -18,9 +18,18 @@ from icymoon.support.errors import IcyMoonError
 FOUND = ["Card A", "Card B", "Card C"]
 
 
-@pytest.mark.parametrize(("text", "cards"), [
-    ("", Cards()), ("  ", Cards()), ("0", Cards("", (0,))), ("2, 0", Cards("", (2, 0))), ("1,1,0", Cards("", (1, 0))),
-    ("cuda:1", Cards("CUDA", (1,))), ("OPTIX:0,1", Cards("OPTIX", (0, 1)))])
+@pytest.mark.parametrize(
+    ("text", "cards"),
+    [
+        ("", Cards()),
+        ("  ", Cards()),
+        ("0", Cards("", (0,))),
+        ("2, 0", Cards("", (2, 0))),
+        ("1,1,0", Cards("", (1, 0))),
+        ("cuda:1", Cards("CUDA", (1,))),
+        ("OPTIX:0,1", Cards("OPTIX", (0, 1))),
+    ],
+)
 def test_cards_are_read_as_they_are_written(text, cards):
     assert parse_cards(text) == cards
     assert parse_cards(str(cards)) == cards

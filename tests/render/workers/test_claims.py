@@ -52,7 +52,7 @@ def test_a_claim_is_a_file_like_others_of_its_name_even_in_a_new_data_set(tmp_pa
     dataset = tmp_path / "new" / "dataset"
     Claims(dataset).take(PAIR)
     (tmp_path / "other").touch()
-    claim, = (dataset / claims.CLAIMS_FOLDER).iterdir()
+    (claim,) = (dataset / claims.CLAIMS_FOLDER).iterdir()
     assert claim.name == f"{PAIR}.1"
     assert claim.stat().st_mode == (tmp_path / "other").stat().st_mode  # so others may touch and remove it
 
@@ -137,7 +137,7 @@ def test_a_holder_touches_its_claims(tmp_path, monkeypatch):
     monkeypatch.setattr(claims, "BEAT_S", 0.05)
     mine = Claims(tmp_path)
     mine.take(PAIR)
-    path, = (tmp_path / claims.CLAIMS_FOLDER).iterdir()
+    (path,) = (tmp_path / claims.CLAIMS_FOLDER).iterdir()
     os.utime(path, (0, 0))
     deadline = time.monotonic() + 10
     while path.stat().st_mtime < time.time() - 60:
@@ -170,7 +170,7 @@ def test_a_holder_that_gets_nowhere_touches_its_claims_no_more(tmp_path, monkeyp
 def test_who_was_wrongly_held_for_dead_knows_it_and_does_no_harm(tmp_path, monkeypatch):
     sleeper, other = Claims(tmp_path), Claims(tmp_path)
     sleeper.take(PAIR)
-    path, = (tmp_path / claims.CLAIMS_FOLDER).iterdir()
+    (path,) = (tmp_path / claims.CLAIMS_FOLDER).iterdir()
     os.utime(path, (0, 0))  # as if this machine had been asleep
     assert not sleeper.is_lost(PAIR)
     assert other.take(PAIR)
@@ -183,7 +183,7 @@ def test_who_was_wrongly_held_for_dead_knows_it_and_does_no_harm(tmp_path, monke
 def test_a_claim_that_another_made_under_the_same_name_is_not_ones_own(tmp_path):
     sleeper, other = Claims(tmp_path), Claims(tmp_path)
     sleeper.take(PAIR)
-    path, = (tmp_path / claims.CLAIMS_FOLDER).iterdir()
+    (path,) = (tmp_path / claims.CLAIMS_FOLDER).iterdir()
     os.utime(path, (0, 0))
     Claims(tmp_path).clean_up()  # which forgets how many claims there have been
     assert other.take(PAIR)
@@ -204,8 +204,9 @@ def test_sweeping_puts_a_whole_pair_into_its_place_if_that_is_free(tmp_path):
         folder.mkdir(parents=True)
         for eye in ("left", "right"):
             (folder / f"{eye}.exr").write_text("x")
-        (folder / "pair.json").write_text(json.dumps({"files": {
-            f"{eye}.exr": {"bytes": 1, "sha256": "0" * 64} for eye in ("left", "right")}}))
+        (folder / "pair.json").write_text(
+            json.dumps({"files": {f"{eye}.exr": {"bytes": 1, "sha256": "0" * 64} for eye in ("left", "right")}})
+        )
     Claims(tmp_path).clean_up()
     assert [path.name for path in pairs.iterdir()] == [PAIR]
     assert sorted(path.name for path in (pairs / PAIR).iterdir()) == ["left.exr", "pair.json", "right.exr"]
@@ -256,11 +257,24 @@ def test_sweeping_leaves_the_living_alone(tmp_path):
 def test_sweeping_removes_what_a_killed_process_left_of_the_manifest_and_nothing_else(tmp_path):
     host, dead = socket.gethostname(), dead_process()
     left = tmp_path / f"manifest.json.{host}-{dead}-1.part"
-    kept = [tmp_path / name for name in (f"manifest.json.{host}-{os.getpid()}-1.part", "manifest.json",
-                                         f"manifest.json.elsewhere-{dead}-1.part", f"mine.{host}-a-b.part",
-                                         f"pairs/.clock.{host}-{os.getpid()}-1.part")]
-    also = [tmp_path / name for name in (f"pairs/.clock.{host}-{dead}-1.part", f"light/{PAIR}.npz.{host}-{dead}-1.part",
-                                         f"pairs/{PAIR}/pair.json.{host}-{dead}-1.part")]
+    kept = [
+        tmp_path / name
+        for name in (
+            f"manifest.json.{host}-{os.getpid()}-1.part",
+            "manifest.json",
+            f"manifest.json.elsewhere-{dead}-1.part",
+            f"mine.{host}-a-b.part",
+            f"pairs/.clock.{host}-{os.getpid()}-1.part",
+        )
+    ]
+    also = [
+        tmp_path / name
+        for name in (
+            f"pairs/.clock.{host}-{dead}-1.part",
+            f"light/{PAIR}.npz.{host}-{dead}-1.part",
+            f"pairs/{PAIR}/pair.json.{host}-{dead}-1.part",
+        )
+    ]
     for file in (left, *kept, *also):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("{}")

@@ -29,8 +29,13 @@ def stand(tmp_path):
 
 
 def run(stand: Stand, address: str = "local:2") -> dict[str, str]:
-    return dask_cluster.render_on_cluster(address, stand.dataset, PAIRS, WorkerOptions(1, 1, str(stand.blender)),
-                       lambda kind, **facts: stand.said.append({"type": kind, **facts}))
+    return dask_cluster.render_on_cluster(
+        address,
+        stand.dataset,
+        PAIRS,
+        WorkerOptions(1, 1, str(stand.blender)),
+        lambda kind, **facts: stand.said.append({"type": kind, **facts}),
+    )
 
 
 def test_an_address_that_is_none_is_a_sentence(stand):

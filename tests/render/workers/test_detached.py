@@ -10,11 +10,13 @@ import pytest
 from icymoon.render.workers.detached import Detached, find_left_running
 from icymoon.support.errors import IcyMoonError
 
-TALKS = ("import json, sys, time\n"
-         "for k in range(int(sys.argv[1])):\n"
-         "    print(json.dumps({'type': 'progress', 'fraction': k, 'message': 'working'}), flush=True)\n"
-         "    time.sleep(0.05)\n"
-         "print('last words', flush=True)\n")
+TALKS = (
+    "import json, sys, time\n"
+    "for k in range(int(sys.argv[1])):\n"
+    "    print(json.dumps({'type': 'progress', 'fraction': k, 'message': 'working'}), flush=True)\n"
+    "    time.sleep(0.05)\n"
+    "print('last words', flush=True)\n"
+)
 FACTS = {"title": "Render Data Set", "dataset": "here"}
 
 
@@ -57,11 +59,13 @@ def test_it_goes_on_without_its_watcher_and_is_heard_again(tmp_path):
 
 
 def test_it_outlives_the_python_that_started_it(tmp_path):
-    starter = (f"import sys; sys.path[:0] = {sys.path!r}\n"
-               "from pathlib import Path\n"
-               "from icymoon.render.workers.detached import Detached\n"
-               f"Detached.start([sys.executable, '-c', {TALKS!r}, '40'], Path({str(tmp_path / 'one')!r}), {FACTS!r})\n"
-               "import os; os._exit(1)")
+    starter = (
+        f"import sys; sys.path[:0] = {sys.path!r}\n"
+        "from pathlib import Path\n"
+        "from icymoon.render.workers.detached import Detached\n"
+        f"Detached.start([sys.executable, '-c', {TALKS!r}, '40'], Path({str(tmp_path / 'one')!r}), {FACTS!r})\n"
+        "import os; os._exit(1)"
+    )
     subprocess.run([sys.executable, "-c", starter], check=False, timeout=60)
     process = find_left_running(tmp_path)
     assert len(heard(process)) == 40
@@ -71,8 +75,10 @@ def test_it_outlives_the_python_that_started_it(tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="there a process is ended alone")
 @pytest.mark.parametrize("end", [Detached.cancel, Detached.stop])
 def test_what_it_has_started_ends_with_it(tmp_path, end):
-    parent = ("import subprocess, sys\n"
-              f"subprocess.call([sys.executable, '-c', {TALKS!r}, '2000'], stdin=subprocess.DEVNULL)\n")
+    parent = (
+        "import subprocess, sys\n"
+        f"subprocess.call([sys.executable, '-c', {TALKS!r}, '2000'], stdin=subprocess.DEVNULL)\n"
+    )
     process = start(tmp_path, parent)
     while not process.poll():
         time.sleep(0.02)
@@ -101,8 +107,11 @@ def test_cancel_and_stop_end_it(tmp_path, attached):
 
 
 def test_one_that_does_not_obey_is_made_to(tmp_path):
-    process = start(tmp_path, "import signal, time\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-                              "print('{\"type\": \"deaf\"}', flush=True)\ntime.sleep(600)")
+    process = start(
+        tmp_path,
+        "import signal, time\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+        'print(\'{"type": "deaf"}\', flush=True)\ntime.sleep(600)',
+    )
     while not process.poll():
         time.sleep(0.02)
     process.cancel()

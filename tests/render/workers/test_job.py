@@ -26,7 +26,10 @@ def test_pairs_state_only_what_they_do_not_share(tmp_path):
     content, read = written(tmp_path, pairs)
     assert read == pairs
     assert {topic: set(table) for pair in content["pairs"] for topic, table in pair["settings"].items()} == {
-        "dataset": {"seed"}, "light": {"sun_elevation_deg"}, "rig": {"heading_deg"}}
+        "dataset": {"seed"},
+        "light": {"sun_elevation_deg"},
+        "rig": {"heading_deg"},
+    }
     assert len(json.dumps(content["pairs"])) < len(json.dumps(pairs[0].settings))
 
 
@@ -55,8 +58,11 @@ def test_what_only_one_pair_has_stays_its_own(tmp_path, first):
 def test_each_table_of_a_job_is_checked_once(tmp_path, monkeypatch):
     checked: list[str] = []
     check_table = description._check_table
-    monkeypatch.setattr(description, "_check_table",
-                        lambda topic, *rest, **named: checked.append(topic) or check_table(topic, *rest, **named))
+    monkeypatch.setattr(
+        description,
+        "_check_table",
+        lambda topic, *rest, **named: checked.append(topic) or check_table(topic, *rest, **named),
+    )
     pairs = grid(headings=tuple(map(float, range(8))))
     checked.clear()
     written(tmp_path, pairs)

@@ -46,8 +46,10 @@ def test_every_pair_is_rendered_once_and_said_once(stand, workers):
     assert len(stand.rendered) == len(PAIRS)  # nothing again
 
 
-@pytest.mark.parametrize(("workers", "cards", "given"), [(2, Cards("CUDA", (0, 2)), {"CUDA:0", "CUDA:2"}),
-                                                         (1, Cards("", (0, 2)), {"0,2"}), (2, Cards(), {"all"})])
+@pytest.mark.parametrize(
+    ("workers", "cards", "given"),
+    [(2, Cards("CUDA", (0, 2)), {"CUDA:0", "CUDA:2"}), (1, Cards("", (0, 2)), {"0,2"}), (2, Cards(), {"all"})],
+)
 def test_each_worker_has_a_graphics_card_of_its_own(stand, workers, cards, given):
     stand.behave(all="sleep")  # so that they run at the same time
     stand.run(workers=workers, cards=cards)

@@ -30,8 +30,15 @@ PAIRS = ("aaaaaaaaaaaa", "bbbbbbbbbbbb", "cccccccccccc")
 
 
 def light(level: float = 1.0, seconds: float = 2.0) -> BakedLight:
-    return BakedLight(np.full((VERTICES, 3), level, np.float32), np.zeros(VERTICES, np.float32),
-                      np.zeros((0, TERMS, 3), np.float32), 0.02, 0.2, 64, seconds)
+    return BakedLight(
+        np.full((VERTICES, 3), level, np.float32),
+        np.zeros(VERTICES, np.float32),
+        np.zeros((0, TERMS, 3), np.float32),
+        0.02,
+        0.2,
+        64,
+        seconds,
+    )
 
 
 class Baker:
@@ -140,18 +147,30 @@ def test_of_two_lights_that_pairs_state_the_one_of_most_counts(dataset):
 
 def test_a_pair_that_found_it_too_noisy_vouches_for_it_too(dataset):
     kept, _ = get(opened(dataset), Baker())
-    publish(dataset, PAIRS[0], None, indirect={"method": "TRACED", "why": "noise", "tried": {
-        "Sun": {"file": kept.file, "sha256": kept.sha256}}})
+    publish(
+        dataset,
+        PAIRS[0],
+        None,
+        indirect={"method": "TRACED", "why": "noise", "tried": {"Sun": {"file": kept.file, "sha256": kept.sha256}}},
+    )
     shutil.rmtree(dataset / CLAIMS_FOLDER)
     bake = Baker()
     assert get(opened(dataset), bake)[0].sha256 == kept.sha256
     assert not bake.times
 
 
-@pytest.mark.parametrize("make", [
-    lambda folder: (folder / "pair.json").unlink(), lambda folder: (folder / "left.exr").write_bytes(b""),
-    lambda folder: folder.rename(folder.with_name("mine")), lambda folder: (folder / "pair.json").write_text("{"),
-    lambda folder: folder.rename(folder.with_name(f"{folder.name}.host-1-1.part")), "link", "link of a file"])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda folder: (folder / "pair.json").unlink(),
+        lambda folder: (folder / "left.exr").write_bytes(b""),
+        lambda folder: folder.rename(folder.with_name("mine")),
+        lambda folder: (folder / "pair.json").write_text("{"),
+        lambda folder: folder.rename(folder.with_name(f"{folder.name}.host-1-1.part")),
+        "link",
+        "link of a file",
+    ],
+)
 def test_what_is_no_complete_pair_vouches_for_nothing(dataset, tmp_path, make):
     path, checksum = baked_file.write(dataset, KEY, light(8.0))
     folder = publish(dataset, PAIRS[0], KeptLight(light(), f"light/{path.name}", checksum))
@@ -164,14 +183,23 @@ def test_what_is_no_complete_pair_vouches_for_nothing(dataset, tmp_path, make):
     assert get(opened(dataset), Baker())[0].light.values.max() == 1.0
 
 
-@pytest.mark.parametrize("indirect", [
-    None, 5, {}, {"lights": 5}, {"lights": {"Sun": {}}}, {"lights": {"Sun": {"file": "light/x", "sha256": "0" * 64}}},
-    {"lights": {"Sun": {"file": f"../light/{KEY}.npz", "sha256": "0" * 64}}},
-    {"lights": {"Sun": {"file": f"light/../{KEY}.npz", "sha256": "0" * 64}}},
-    {"lights": {"Sun": {"file": f"/light/{KEY}.npz", "sha256": "0" * 64}}},
-    {"lights": {"Sun": {"file": f"light/{KEY}-{'1' * 12}.npz", "sha256": "0" * 64}}},
-    {"lights": {"Sun": {"file": f"light/{KEY}.npz", "sha256": "0"}}},
-    {"lights": {"Sun": {"file": f"light/{KEY}.npz", "sha256": "0" * 64, "cpu_seconds_of_bake": "x"}}}])
+@pytest.mark.parametrize(
+    "indirect",
+    [
+        None,
+        5,
+        {},
+        {"lights": 5},
+        {"lights": {"Sun": {}}},
+        {"lights": {"Sun": {"file": "light/x", "sha256": "0" * 64}}},
+        {"lights": {"Sun": {"file": f"../light/{KEY}.npz", "sha256": "0" * 64}}},
+        {"lights": {"Sun": {"file": f"light/../{KEY}.npz", "sha256": "0" * 64}}},
+        {"lights": {"Sun": {"file": f"/light/{KEY}.npz", "sha256": "0" * 64}}},
+        {"lights": {"Sun": {"file": f"light/{KEY}-{'1' * 12}.npz", "sha256": "0" * 64}}},
+        {"lights": {"Sun": {"file": f"light/{KEY}.npz", "sha256": "0"}}},
+        {"lights": {"Sun": {"file": f"light/{KEY}.npz", "sha256": "0" * 64, "cpu_seconds_of_bake": "x"}}},
+    ],
+)
 def test_statements_of_other_kinds_are_none(indirect):
     assert find_stated({"indirect": indirect}) == []
     assert find_stated({}) == []
@@ -259,9 +287,17 @@ def test_light_that_is_damaged_while_it_is_in_use_is_baked_again(dataset):
     assert bake.times == 2
 
 
-@pytest.mark.parametrize("stated", [
-    "x", {}, {"sha256": "0"}, {"sha256": "0" * 64, "cpu_seconds": "x"}, {"sha256": "../../x", "cpu_seconds": 1},
-    {"sha256": "0" * 64, "cpu_seconds": 1}])
+@pytest.mark.parametrize(
+    "stated",
+    [
+        "x",
+        {},
+        {"sha256": "0"},
+        {"sha256": "0" * 64, "cpu_seconds": "x"},
+        {"sha256": "../../x", "cpu_seconds": 1},
+        {"sha256": "0" * 64, "cpu_seconds": 1},
+    ],
+)
 def test_a_claim_that_states_anything_else_is_no_statement(dataset, stated):
     folder = dataset / CLAIMS_FOLDER
     folder.mkdir(parents=True)

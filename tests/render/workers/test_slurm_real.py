@@ -43,8 +43,9 @@ def test_an_array_of_shares_makes_the_data_set_though_one_is_killed(tmp_path):
     stand = Stand(folder)
     stand.behave(**{pair.id: "sleep" for pair in PAIRS} | {PAIRS[5].id: "crash once"})
     frozen = datasets.freeze_plan(stand.dataset, PAIRS, "")
-    script = write_script(stand.dataset, frozen, SlurmRequest(3, 2, 1, "100M", "00:10:00", ()), sys.executable,
-                          str(stand.blender))
+    script = write_script(
+        stand.dataset, frozen, SlurmRequest(3, 2, 1, "100M", "00:10:00", ()), sys.executable, str(stand.blender)
+    )
     with slurm.cluster() as environment:
         subprocess.run(["sbatch", str(script)], env=environment, check=True, capture_output=True)
         deadline = time.monotonic() + 500

@@ -78,8 +78,9 @@ def test_the_log_is_named_rightly_wherever_the_data_set_is(name, tmp_path):
     assert log.replace("%%", "%").replace("%A_%a", "7_1") == str(dataset / "slurm" / "7_1.log")
 
 
-@pytest.mark.parametrize("change", [
-    {"options": ("--comment=a\ntouch ran",)}, {"memory": "1G\ntouch ran"}, {"time": "1\rtouch ran"}])
+@pytest.mark.parametrize(
+    "change", [{"options": ("--comment=a\ntouch ran",)}, {"memory": "1G\ntouch ran"}, {"time": "1\rtouch ran"}]
+)
 def test_an_option_that_would_be_a_line_of_its_own_is_refused(change, tmp_path):
     with pytest.raises(IcyMoonError, match="line break"):
         write_script(tmp_path, frozen_in(tmp_path), replace(ASKED, **change), sys.executable, "blender")
@@ -102,21 +103,33 @@ def cluster(tmp_path):
     folder = tmp_path / "my $HOME folder"
     folder.mkdir()
     stand = Stand(folder)
-    script = write_script(stand.dataset, frozen_in(stand.dataset), SlurmRequest(1, 0, 1, "1G", "1", ()), sys.executable,
-                          str(stand.blender))
+    script = write_script(
+        stand.dataset,
+        frozen_in(stand.dataset),
+        SlurmRequest(1, 0, 1, "1G", "1", ()),
+        sys.executable,
+        str(stand.blender),
+    )
     tool = tmp_path / "bin" / "scontrol"
     tool.parent.mkdir()
     tool.write_text(f'#!/bin/sh\necho "$@" >> "{tmp_path}/requeued"\n')
     tool.chmod(0o755)
-    environment = {**os.environ, "PATH": f"{tool.parent}:{os.environ['PATH']}", "SLURM_ARRAY_JOB_ID": "7",
-                   "SLURM_ARRAY_TASK_ID": "1", "SLURM_CPUS_PER_TASK": "1", "SLURM_RESTART_COUNT": "0"}
+    environment = {
+        **os.environ,
+        "PATH": f"{tool.parent}:{os.environ['PATH']}",
+        "SLURM_ARRAY_JOB_ID": "7",
+        "SLURM_ARRAY_TASK_ID": "1",
+        "SLURM_CPUS_PER_TASK": "1",
+        "SLURM_RESTART_COUNT": "0",
+    }
     return stand, script, environment, tmp_path / "requeued"
 
 
 def test_the_script_renders_its_share(cluster):
     stand, script, environment, requeued = cluster
-    done = subprocess.run(["bash", str(script)], env=environment, capture_output=True, text=True, timeout=120,
-                          check=False)
+    done = subprocess.run(
+        ["bash", str(script)], env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
     assert done.returncode == 0, done.stderr
     stand.assert_done()
     assert not requeued.exists()
@@ -128,8 +141,13 @@ def test_a_share_that_fails_is_requeued_but_not_for_ever(cluster):
     stand.behave(**{bad: "refuse"})
     subprocess.run(["bash", str(script)], env=environment, capture_output=True, timeout=120, check=False)
     assert requeued.read_text() == "requeue 7_1\n"
-    last = subprocess.run(["bash", str(script)], env={**environment, "SLURM_RESTART_COUNT": "3"}, capture_output=True,
-                          timeout=120, check=False)
+    last = subprocess.run(
+        ["bash", str(script)],
+        env={**environment, "SLURM_RESTART_COUNT": "3"},
+        capture_output=True,
+        timeout=120,
+        check=False,
+    )
     assert last.returncode == 1
     assert requeued.read_text() == "requeue 7_1\n"
     stand.assert_done(bad)
@@ -139,8 +157,12 @@ def test_when_the_time_is_nearly_up_the_share_stops_and_is_requeued(cluster):
     stand, script, environment, requeued = cluster
     slow = grid(seeds=3)[1].id
     stand.behave(**{slow: "hang"})
-    process = subprocess.Popen(["bash", str(script)], env={**environment, "SLURM_RESTART_COUNT": "9"},
-                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        ["bash", str(script)],
+        env={**environment, "SLURM_RESTART_COUNT": "9"},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     deadline = time.monotonic() + 60
     while not (stand.folder / "log").exists() or slow not in stand.rendered:
         assert time.monotonic() < deadline

@@ -31,8 +31,15 @@ KEYS = ("000000000000", "111111111111")
 
 
 def light(level: float = 1.0) -> BakedLight:
-    return BakedLight(np.full((9, 3), level, np.float32), np.zeros(9, np.float32), np.zeros((0, TERMS, 3), np.float32),
-                      0.02, 0.2, 64, 2.0)
+    return BakedLight(
+        np.full((9, 3), level, np.float32),
+        np.zeros(9, np.float32),
+        np.zeros((0, TERMS, 3), np.float32),
+        0.02,
+        0.2,
+        64,
+        2.0,
+    )
 
 
 def rewrite(folder: Path, **changes: Any) -> None:
@@ -65,12 +72,16 @@ def dataset(tmp_path) -> Path:
 
 def everything(folder: Path) -> dict[str, bytes]:
     """All files below a folder, links not followed."""
-    return {str(Path(place, name)): Path(place, name).read_bytes() for place, _, names in os.walk(folder)
-            for name in names if not Path(place, name).is_symlink()}
+    return {
+        str(Path(place, name)): Path(place, name).read_bytes()
+        for place, _, names in os.walk(folder)
+        for name in names
+        if not Path(place, name).is_symlink()
+    }
 
 
 def the_problem(dataset: Path, remove: bool = False) -> Problem:
-    problem, = verify(dataset, remove).problems
+    (problem,) = verify(dataset, remove).problems
     assert problem.text.endswith(".")
     assert "\n" not in problem.text
     return problem
@@ -84,10 +95,19 @@ def change_setting(folder: Path, topic: str, key: str, value: Any) -> None:
 
 # The plan decides
 
+
 @pytest.mark.parametrize("edited", [False, True])
-@pytest.mark.parametrize(("topic", "key", "value"), [
-    ("light", "sun_elevation_deg", 77.0), ("surface", "albedo", 0.123), ("terrain", "hurst", 0.7),
-    ("rig", "heading_deg", 45.0), ("dataset", "seed", 99), ("quality", "samples", 4000)])
+@pytest.mark.parametrize(
+    ("topic", "key", "value"),
+    [
+        ("light", "sun_elevation_deg", 77.0),
+        ("surface", "albedo", 0.123),
+        ("terrain", "hurst", 0.7),
+        ("rig", "heading_deg", 45.0),
+        ("dataset", "seed", 99),
+        ("quality", "samples", 4000),
+    ],
+)
 def test_settings_that_are_not_the_plans_are_reported_whatever_the_pair_states(dataset, topic, key, value, edited):
     folder = PAIRS[1].folder(dataset)
     change_setting(folder, topic, key, value)
@@ -145,7 +165,7 @@ def test_an_edited_pair_that_no_plan_has_is_a_state(dataset):
 def test_what_lies_in_a_pairs_folder_and_is_not_ours_is_reported_and_stays(dataset):
     inner = PAIRS[1].folder(dataset) / "inner"
     inner.mkdir()
-    problem, = verify(dataset, remove_broken=True).problems
+    (problem,) = verify(dataset, remove_broken=True).problems
     assert (problem.kind, problem.what) == ("foreign", PAIRS[1].id)
     assert str(inner) in problem.text
     assert inner.is_dir()
@@ -178,7 +198,7 @@ def test_a_broken_pair_with_a_file_that_is_not_ours_states_once_why_it_stays(dat
 def test_a_name_forges_no_line(dataset, capsys):
     (dataset / "pairs" / "x\n4 pairs, all whole and as planned.").mkdir()
     assert main(["verify", str(dataset)]) == 1
-    line, = capsys.readouterr().out.splitlines()
+    (line,) = capsys.readouterr().out.splitlines()
     assert "x\\n4 pairs" in line
 
 
@@ -193,6 +213,7 @@ def test_an_image_that_is_replaced_with_its_checksum_is_not_found(dataset):
 
 
 # Pairs decide
+
 
 def test_an_image_of_another_size_is_found_whatever_its_checksum(dataset, tmp_path):
     folder = PAIRS[1].folder(dataset)
@@ -214,19 +235,28 @@ def replace_by_brighter(dataset: Path) -> None:
 
 
 LIGHT_FAULTS: dict[str, tuple[Callable[[Path], object], set[tuple[str, str]], bool]] = {
-    "brighter": (replace_by_brighter, {("broken", "states another content"), ("light", "has another content now")},
-                 True),
-    "empty": (lambda d: first_light(d).write_bytes(b""), {("broken", "another content"), ("light", "another content")},
-              True),
+    "brighter": (
+        replace_by_brighter,
+        {("broken", "states another content"), ("light", "has another content now")},
+        True,
+    ),
+    "empty": (
+        lambda d: first_light(d).write_bytes(b""),
+        {("broken", "another content"), ("light", "another content")},
+        True,
+    ),
     "not used": (lambda d: bake(d, "2" * 12), {("light", "No pair states the light")}, False),
     "not used, of a key": (lambda d: bake(d, KEYS[0], 8.0), {("light", "No pair states the light")}, False),
     "not ours": (lambda d: (d / "light" / "thesis.txt").write_text("x"), {("foreign", "is no baked light")}, False),
-    "old name": (lambda d: first_light(d).rename(d / "light" / f"{KEYS[0]}.npz"),
-                 {("light", "No pair states")}, False),
-    "unfinished": (lambda d: (d / "light" / f"{KEYS[0]}.npz.host-1-1.part").write_text(""),
-                   {("leftover", "left unfinished")}, True),
+    "old name": (lambda d: first_light(d).rename(d / "light" / f"{KEYS[0]}.npz"), {("light", "No pair states")}, False),
+    "unfinished": (
+        lambda d: (d / "light" / f"{KEYS[0]}.npz.host-1-1.part").write_text(""),
+        {("leftover", "left unfinished")},
+        True,
+    ),
     "a folder": (lambda d: (d / "light" / f"{KEYS[0]}.npz").mkdir(), {("foreign", "no regular file")}, False),
-    "a pipe": (lambda d: os.mkfifo(d / "light" / f"{KEYS[0]}.npz"), {("foreign", "no regular file")}, False)}
+    "a pipe": (lambda d: os.mkfifo(d / "light" / f"{KEYS[0]}.npz"), {("foreign", "no regular file")}, False),
+}
 
 
 @pytest.mark.parametrize("fault", LIGHT_FAULTS)
@@ -254,11 +284,18 @@ def test_light_that_is_missing_is_a_note_and_no_problem(dataset, capsys):
     """Whoever needs the space may delete it: the images are what they were."""
     lost = first_light(dataset)
     lost.unlink()
-    assert verify(dataset) == Findings(4, 4, (), (
-        f"{lost} is missing, the baked light of 2 pairs; their images do not need it any more, and later pairs of the "
-        "same ground bake it again.",))
+    assert verify(dataset) == Findings(
+        4,
+        4,
+        (),
+        (
+            f"{lost} is missing, the baked light of 2 pairs; their images do not need it any more, and later "
+            "pairs of the "
+            "same ground bake it again.",
+        ),
+    )
     shutil.rmtree(dataset / "light")
-    note, = verify(dataset, remove_broken=True).notes
+    (note,) = verify(dataset, remove_broken=True).notes
     assert f"{lost} and 1 more are missing, the baked light of 4 pairs" in note
     assert main(["verify", str(dataset)]) == 0
     assert capsys.readouterr().out.splitlines() == [note, "4 pairs, all whole and as planned."]
@@ -308,8 +345,14 @@ def test_a_claim_that_was_to_state_light_is_a_leftover(dataset):
 
 # Links lead to what is anyone's
 
-PLACES = ["pairs", "light", f"pairs/{PAIRS[0].id}", f"pairs/{PAIRS[0].id}/pair.json", f"pairs/{PAIRS[0].id}/left.exr",
-          "a light"]
+PLACES = [
+    "pairs",
+    "light",
+    f"pairs/{PAIRS[0].id}",
+    f"pairs/{PAIRS[0].id}/pair.json",
+    f"pairs/{PAIRS[0].id}/left.exr",
+    "a light",
+]
 
 
 @pytest.mark.parametrize("whole", [True, False])
@@ -330,8 +373,9 @@ def test_a_link_is_reported_and_nothing_behind_it_changes(dataset, tmp_path, pla
     if place.startswith("pairs"):
         assert found.complete < 4
     monkeypatch.setenv("ICYMOON_CACHE", str(tmp_path / "cache"))
-    assert main(["work", str(dataset), "--blender", "/nowhere/blender"]) == (0 if "light" in place and place != "light"
-                                                                             else 1)
+    assert main(["work", str(dataset), "--blender", "/nowhere/blender"]) == (
+        0 if "light" in place and place != "light" else 1
+    )
     after = everything(tmp_path)
     assert before.items() <= after.items()
     assert {name for name in after.keys() - before.keys() if "elsewhere" in name} == set()
@@ -343,6 +387,7 @@ def test_the_data_set_itself_may_be_reached_by_a_link(dataset, tmp_path):
 
 
 # A data set without a plan
+
 
 def without_plan(dataset: Path) -> Path:
     (dataset / datasets.PLAN).unlink()
@@ -356,11 +401,15 @@ def test_a_data_set_without_a_plan_is_checked_against_what_its_pairs_state(datas
     assert result == "4 pairs, all whole and as stated."
 
 
-@pytest.mark.parametrize(("damage", "words"), [
-    (lambda folder: (folder / "left.exr").write_bytes(b""), "left.exr has 0 bytes"),
-    (lambda folder: change_setting(folder, "surface", "albedo", 0.123), "do not give the id"),
-    (lambda folder: rewrite(folder, seeds={"dataset": 0, "render": 1}), "was rendered with the seed 1"),
-    (lambda folder: folder.rename(folder.with_name("f" * 12)), f"is of pair {PAIRS[1].id}, not {'f' * 12}")])
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda folder: (folder / "left.exr").write_bytes(b""), "left.exr has 0 bytes"),
+        (lambda folder: change_setting(folder, "surface", "albedo", 0.123), "do not give the id"),
+        (lambda folder: rewrite(folder, seeds={"dataset": 0, "render": 1}), "was rendered with the seed 1"),
+        (lambda folder: folder.rename(folder.with_name("f" * 12)), f"is of pair {PAIRS[1].id}, not {'f' * 12}"),
+    ],
+)
 def test_a_broken_pair_without_a_plan_is_named(dataset, capsys, damage, words):
     damage(PAIRS[1].folder(without_plan(dataset)))
     assert main(["verify", str(dataset)]) == 1
@@ -389,6 +438,7 @@ def test_a_folder_without_plan_and_pairs_is_no_data_set(tmp_path):
 
 # What a line asks for can be done
 
+
 @pytest.mark.parametrize("remove", [False, True])
 def test_a_folder_without_pair_json_and_with_foreign_files_is_one_line(dataset, remove):
     folder = PAIRS[1].folder(dataset)
@@ -411,6 +461,7 @@ def test_what_is_of_no_plan_and_other_seeds_are_told_with_what_to_do(dataset):
 
 # What it costs
 
+
 def test_each_pair_is_read_once_and_what_all_share_is_made_once(dataset, monkeypatch):
     read: list[str] = []
     counters: list[int] = []
@@ -419,8 +470,11 @@ def test_each_pair_is_read_once_and_what_all_share_is_made_once(dataset, monkeyp
     for module in (verify_module, pair_folder):
         monkeypatch.setattr(module, "read_text", lambda path: read.append(path.parent.name) or read_text(path))
     monkeypatch.setattr(verify_module, "make_counter", lambda: counters.append(1) or make_counter())
-    monkeypatch.setattr(description, "_check_table",
-                        lambda topic, *rest, **named: checked.append(topic) or check_table(topic, *rest, **named))
+    monkeypatch.setattr(
+        description,
+        "_check_table",
+        lambda topic, *rest, **named: checked.append(topic) or check_table(topic, *rest, **named),
+    )
     assert verify(dataset).problems == ()
     assert sorted(read) == sorted(pair.id for pair in PAIRS)
     assert len(counters) == 1
@@ -453,8 +507,10 @@ def test_a_pair_under_another_name_is_told_its_own(dataset, planned, capsys):
     shutil.rmtree(copy)
     renamed = second.rename(second.with_name("best one"))
     texts = [problem.text for problem in verify(dataset).problems]
-    assert f"{renamed} is pair {second.name} under another name; call it {second.name}, or move it out of the data " \
-           "set." in texts
+    assert (
+        f"{renamed} is pair {second.name} under another name; call it {second.name}, or move it out of the data "
+        "set." in texts
+    )
     renamed.rename(second)  # the fix works
     assert verify(dataset).problems == ()
 

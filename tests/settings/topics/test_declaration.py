@@ -53,8 +53,9 @@ class PlainThingSettings(Table, label="Thing", parent="Parent"):
     name: str = text("Name", "x", "", "run", "name")
 
 
-class OtherThingSettings(PlainThingSettings, label="Other", turned_on_by="count",
-                         shown=chosen("plain_thing.kind", "A")):
+class OtherThingSettings(
+    PlainThingSettings, label="Other", turned_on_by="count", shown=chosen("plain_thing.kind", "A")
+):
     """Another."""
 
 
@@ -64,9 +65,19 @@ THING, OTHER = PlainThingSettings.topic, OtherThingSettings.topic
 def state(**values: Any) -> SimpleNamespace:
     """Settings of both topics, the defaults but for ``values`` of the thing and ``other_`` ones of the other."""
     defaults = {setting.key: setting.default for setting in THING.settings}
-    return SimpleNamespace(**{name: SimpleNamespace(**defaults | {
-        key.removeprefix(prefix): value for key, value in values.items() if key.startswith("other_") == bool(prefix)})
-        for name, prefix in (("plain_thing", ""), ("other_thing", "other_"))})
+    return SimpleNamespace(
+        **{
+            name: SimpleNamespace(
+                **defaults
+                | {
+                    key.removeprefix(prefix): value
+                    for key, value in values.items()
+                    if key.startswith("other_") == bool(prefix)
+                }
+            )
+            for name, prefix in (("plain_thing", ""), ("other_thing", "other_"))
+        }
+    )
 
 
 def test_a_class_declares_a_topic_in_the_order_of_its_fields():
@@ -87,9 +98,19 @@ def test_the_key_of_a_topic_is_its_class_in_small_letters(name, key):
 
 def test_a_value_has_the_kind_of_its_default():
     kinds = {setting.key: setting.kind for setting in THING.settings}
-    assert kinds == {"count": "int", "kind": "choice", "rare": "float", "late": "bool", "on": "bool",
-                     "slope_deg": "float", "main": "float", "hidden": "float", "parts": "list", "file": "text",
-                     "name": "text"}
+    assert kinds == {
+        "count": "int",
+        "kind": "choice",
+        "rare": "float",
+        "late": "bool",
+        "on": "bool",
+        "slope_deg": "float",
+        "main": "float",
+        "hidden": "float",
+        "parts": "list",
+        "file": "text",
+        "name": "text",
+    }
 
 
 def test_a_setting_is_found_by_its_key_and_a_wrong_key_is_named():
@@ -105,10 +126,17 @@ def test_the_old_value_is_the_default_unless_it_is_stated():
     assert (THING["on"].default, THING["on"].old_value) == (False, False)
 
 
-@pytest.mark.parametrize(("key", "range_", "unit", "subtype"), [
-    ("count", (0, 9), "1", "NONE"), ("rare", (0.0, 1.0), "1", "FACTOR"), ("slope_deg", (-9.0, 9.0), "deg", "NONE"),
-    ("main", (-1.0, 1.0), "1", "NONE"), ("on", (-math.inf, math.inf), "", "NONE"),
-    ("file", (-math.inf, math.inf), "", "FILE_PATH")])
+@pytest.mark.parametrize(
+    ("key", "range_", "unit", "subtype"),
+    [
+        ("count", (0, 9), "1", "NONE"),
+        ("rare", (0.0, 1.0), "1", "FACTOR"),
+        ("slope_deg", (-9.0, 9.0), "deg", "NONE"),
+        ("main", (-1.0, 1.0), "1", "NONE"),
+        ("on", (-math.inf, math.inf), "", "NONE"),
+        ("file", (-math.inf, math.inf), "", "FILE_PATH"),
+    ],
+)
 def test_each_kind_of_declaration_has_its_range_and_unit(key, range_, unit, subtype):
     setting = THING[key]
     assert ((setting.minimum, setting.maximum), setting.unit, setting.subtype) == (range_, unit, subtype)
@@ -133,8 +161,10 @@ def test_sub_panels_stand_in_the_order_of_their_making_with_that_for_few_scenes_
     assert THING.main_keys == ("main", "count", "kind", "parts", "file", "name")
 
 
-@pytest.mark.parametrize(("kind", "other_kind", "thing", "other"), [
-    ("A", "A", False, False), ("B", "A", True, False), ("A", "B", False, True), ("B", "B", True, False)])
+@pytest.mark.parametrize(
+    ("kind", "other_kind", "thing", "other"),
+    [("A", "A", False, False), ("B", "A", True, False), ("A", "B", False, True), ("B", "B", True, False)],
+)
 def test_a_setting_is_shown_if_it_and_its_topic_are(kind, other_kind, thing, other):
     of_scene = state(kind=kind, other_kind=other_kind)
     assert THING.is_shown("main", of_scene) == thing
@@ -152,12 +182,20 @@ def test_a_setting_has_an_effect_if_its_condition_holds_and_its_topic_is_turned_
     assert OTHER.has_effect("count", of_scene)  # or nobody could turn it on
 
 
-@pytest.mark.parametrize(("condition", "holds", "fails"), [
-    (chosen("kind", "A"), {}, {"kind": "B"}), (chosen("kind", "B", "A"), {"kind": "B"}, {"kind": "C"}),
-    (chosen("other_thing.kind", "B"), {"other_kind": "B"}, {"kind": "B"}),
-    (ticked("on"), {"on": True}, {}), (positive("main"), {"main": 0.5}, {}),
-    (positive("main"), {"main": 1e-9}, {"main": -1.0}), (nonzero("main"), {"main": -0.5}, {}),
-    (nonzero("main", "hidden"), {"hidden": 0.5}, {}), (nonzero("main", "hidden"), {"main": 2.0}, {"on": True})])
+@pytest.mark.parametrize(
+    ("condition", "holds", "fails"),
+    [
+        (chosen("kind", "A"), {}, {"kind": "B"}),
+        (chosen("kind", "B", "A"), {"kind": "B"}, {"kind": "C"}),
+        (chosen("other_thing.kind", "B"), {"other_kind": "B"}, {"kind": "B"}),
+        (ticked("on"), {"on": True}, {}),
+        (positive("main"), {"main": 0.5}, {}),
+        (positive("main"), {"main": 1e-9}, {"main": -1.0}),
+        (nonzero("main"), {"main": -0.5}, {}),
+        (nonzero("main", "hidden"), {"hidden": 0.5}, {}),
+        (nonzero("main", "hidden"), {"main": 2.0}, {"on": True}),
+    ],
+)
 def test_a_condition_holds_and_fails(condition, holds, fails):
     assert condition(state(**holds), "plain_thing")
     assert not condition(state(**fails), "plain_thing")
@@ -198,6 +236,8 @@ def test_a_table_is_a_dictionary_with_attributes():
 
 def test_a_topic_and_a_section_stand_by_themselves():
     assert Topic("bare", "Bare", "", ()).sections == ()
-    assert (Topic("bare", "Bare", "", ()).main_keys, Setting(
-        label="N", default=1, description="", effect="run").key) == ((), "")
+    assert (
+        Topic("bare", "Bare", "", ()).main_keys,
+        Setting(label="N", default=1, description="", effect="run").key,
+    ) == ((), "")
     assert Section("a", "A", "").order < Section("b", "B", "").order

@@ -27,8 +27,14 @@ LAYERED = {"terrain": {"layers": [{"amplitude_m": 0.5}]}}
 
 def test_a_choice_whose_type_and_choices_differ_is_found():
     with pytest.raises(ValueError, match=r"Odd\.kind: its type and its choices differ"):
-        type("Odd", (Table,), {"__annotations__": {"kind": Literal["A", "B"]},
-                               "kind": choice("Kind", "A", "", "run", ("B", "", ""), ("A", "", ""))})
+        type(
+            "Odd",
+            (Table,),
+            {
+                "__annotations__": {"kind": Literal["A", "B"]},
+                "kind": choice("Kind", "A", "", "run", ("B", "", ""), ("A", "", "")),
+            },
+        )
 
 
 def test_a_type_has_the_same_settings_under_another_name():
@@ -53,21 +59,31 @@ def test_no_setting_has_a_name_that_a_dictionary_uses_itself():
 def is_typed(settings: Settings) -> bool:
     """Whether a description, its tables and the entries of their lists are of their types."""
     return type(settings) is Settings and all(
-        type(values) is TABLES[topic] and all(type(entry) is kind for key, kind in ENTRIES.get(topic, {}).items()
-                                              for entry in values.get(key, []))
-        for topic, values in settings.items())
+        type(values) is TABLES[topic]
+        and all(type(entry) is kind for key, kind in ENTRIES.get(topic, {}).items() for entry in values.get(key, []))
+        for topic, values in settings.items()
+    )
 
 
-@pytest.mark.parametrize("made", [
-    lambda whole: whole, lambda whole: description.merged(whole, {"rig": {"width_px": 64}}),
-    lambda whole: description.merged({"rig": {"width_px": 64}}, json.loads(json.dumps(whole))),
-    lambda whole: description.check(json.loads(json.dumps(whole)), "a test"),
-    lambda whole: description.restored(json.loads(json.dumps(whole)), "a test"),
-    lambda whole: description.changed(whole, description.defaults()),
-    lambda whole: preset_files.load_preset("europa_rough_ice"),
-    lambda whole: description.override("rig.width_px=64"), lambda whole: typed(json.loads(json.dumps(whole))),
-    copy.copy, copy.deepcopy, lambda whole: whole.copy(), lambda whole: whole | {"rig": whole.rig | {"x_m": 1.0}},
-    lambda whole: pickle.loads(pickle.dumps(whole))])  # noqa: S301  our own bytes
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda whole: whole,
+        lambda whole: description.merged(whole, {"rig": {"width_px": 64}}),
+        lambda whole: description.merged({"rig": {"width_px": 64}}, json.loads(json.dumps(whole))),
+        lambda whole: description.check(json.loads(json.dumps(whole)), "a test"),
+        lambda whole: description.restored(json.loads(json.dumps(whole)), "a test"),
+        lambda whole: description.changed(whole, description.defaults()),
+        lambda whole: preset_files.load_preset("europa_rough_ice"),
+        lambda whole: description.override("rig.width_px=64"),
+        lambda whole: typed(json.loads(json.dumps(whole))),
+        copy.copy,
+        copy.deepcopy,
+        lambda whole: whole.copy(),
+        lambda whole: whole | {"rig": whole.rig | {"x_m": 1.0}},
+        lambda whole: pickle.loads(pickle.dumps(whole)),  # noqa: S301  our own bytes
+    ],
+)
 def test_what_comes_out_is_typed(made):
     whole = description.merged(description.defaults(), description.check(LAYERED, "a test"))
     assert is_typed(whole)
@@ -94,18 +110,32 @@ def test_to_merge_changes_nothing_that_was_merged():
 
 
 #: A line of code, and whether it is right.
-LINES = {"settings.terrain.hurst + 1.0": True, "settings.terrain.hurzt": False, "settings.terain": False,
-         'settings.mesh.kind == "GRID"': True, 'settings.mesh.kind = "GRID"': True,
-         'settings.mesh.kind = "GIRD"': False,
-         "settings.rig.width_px = 64": True, "settings.rig.width_px = 0.5": False, "settings.rig.widht_px = 64": False,
-         "settings.terrain.layers[0].basis": True, "settings.terrain.layers[0].base": False,
-         'settings["terrain"]["hurst"]': True, "settings.rock_surface.albedo": True,
-         "settings.rock_surface.copy().albedo": True, "settings.rock_surface.copy(1).albedo": False}
+LINES = {
+    "settings.terrain.hurst + 1.0": True,
+    "settings.terrain.hurzt": False,
+    "settings.terain": False,
+    'settings.mesh.kind == "GRID"': True,
+    'settings.mesh.kind = "GRID"': True,
+    'settings.mesh.kind = "GIRD"': False,
+    "settings.rig.width_px = 64": True,
+    "settings.rig.width_px = 0.5": False,
+    "settings.rig.widht_px = 64": False,
+    "settings.terrain.layers[0].basis": True,
+    "settings.terrain.layers[0].base": False,
+    'settings["terrain"]["hurst"]': True,
+    "settings.rock_surface.albedo": True,
+    "settings.rock_surface.copy().albedo": True,
+    "settings.rock_surface.copy(1).albedo": False,
+}
 #: A file of each kind that mypy checks, and the line that its function begins with. Only a test needs no annotations.
-PLACES = {"render/used.py": "def use(folder: str) -> None:", "benchmarks/used.py": "def use(folder: str) -> None:",
-          "tests/test_used.py": "def test_use(tmp_path):", "tests/stereo/test_used.py": "def test_use(tmp_path):",
-          "tests/support/shared.py": "def use(folder: str) -> None:",
-          "docs/make/drawn.py": "def use(folder: str) -> None:"}
+PLACES = {
+    "render/used.py": "def use(folder: str) -> None:",
+    "benchmarks/used.py": "def use(folder: str) -> None:",
+    "tests/test_used.py": "def test_use(tmp_path):",
+    "tests/stereo/test_used.py": "def test_use(tmp_path):",
+    "tests/support/shared.py": "def use(folder: str) -> None:",
+    "docs/make/drawn.py": "def use(folder: str) -> None:",
+}
 
 
 @pytest.fixture(scope="module")
@@ -124,12 +154,23 @@ def complaints(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]
         (folder / place).parent.mkdir(parents=True, exist_ok=True)
         head = ["from icymoon.settings.topics.scene import Settings", begin, "    settings = Settings()"]
         (folder / place).write_text("\n".join([*head, *(f"    {line}" for line in LINES)]), encoding="utf-8")
-    ended = subprocess.run([sys.executable, "-m", "mypy"], cwd=folder, capture_output=True, text=True,
-                           encoding="utf-8", timeout=300, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-m", "mypy"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        timeout=300,
+        check=False,
+    )
     said = ended.stdout.splitlines()
     assert said[-1].startswith("Found"), ended.stdout + ended.stderr
-    return {place: [next((each for each in said if f"{place}:{number}:" in each), "")
-                    for number, _ in enumerate(LINES, start=4)] for place in PLACES}
+    return {
+        place: [
+            next((each for each in said if f"{place}:{number}:" in each), "") for number, _ in enumerate(LINES, start=4)
+        ]
+        for place in PLACES
+    }
 
 
 @pytest.mark.parametrize("place", PLACES)

@@ -71,11 +71,20 @@ def two_pairs(root):
 TWO = {"plain": two_pairs, "kitti": lambda root: foreign.kitti_2015(root, frames=2), "middlebury": two_scenes}
 
 
-@pytest.mark.parametrize(("layout", "name"), [
-    ("plain", "right/b.png"), ("plain", "truth/b.npy"), ("plain", "m/b.png"),
-    ("kitti", "training/image_3/000001_10.png"),
-    ("kitti", "training/disp_occ_0/000001_10.png"), ("kitti", "training/calib_cam_to_cam/000001.txt"),
-    ("middlebury", "scene_b/calib.txt"), ("middlebury", "scene_b/im1.png"), ("middlebury", "scene_b/disp0.pfm")])
+@pytest.mark.parametrize(
+    ("layout", "name"),
+    [
+        ("plain", "right/b.png"),
+        ("plain", "truth/b.npy"),
+        ("plain", "m/b.png"),
+        ("kitti", "training/image_3/000001_10.png"),
+        ("kitti", "training/disp_occ_0/000001_10.png"),
+        ("kitti", "training/calib_cam_to_cam/000001.txt"),
+        ("middlebury", "scene_b/calib.txt"),
+        ("middlebury", "scene_b/im1.png"),
+        ("middlebury", "scene_b/disp0.pfm"),
+    ],
+)
 def test_a_missing_or_damaged_file_costs_its_own_pair(tmp_path, layout, name):
     root = TWO[layout](tmp_path)
     (root / name).unlink()
@@ -93,9 +102,13 @@ def test_a_pattern_that_no_file_has_is_told_once(tmp_path):
     refused(root, "there is no file right/{pair}.png of any pair, such as right/a.png; correct images.right.")
 
 
-@pytest.mark.parametrize(("line", "words"), [
-    ("baseline=200\n", "has no baseline, without which disparities give no depths; add it"),
-    ("cam0=[100 0 47.5; 0 100 31.5; 0 0 1]\n", "has no cam0")])
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("baseline=200\n", "has no baseline, without which disparities give no depths; add it"),
+        ("cam0=[100 0 47.5; 0 100 31.5; 0 0 1]\n", "has no cam0"),
+    ],
+)
 def test_a_calibration_that_lacks_a_line(tmp_path, line, words):
     root = foreign.middlebury(tmp_path)
     path = root / "Adirondack" / "calib.txt"
@@ -103,18 +116,26 @@ def test_a_calibration_that_lacks_a_line(tmp_path, line, words):
     refused(root, "calib.txt", words)
 
 
-@pytest.mark.parametrize(("line", "words"), [
-    ("baseline=0", "gives a baseline of 0"), ("baseline=none", "'none', not a number"),
-    ("cam0=[100 0 47.5; 0 100 31.5]", "not 9 numbers"), ("width=48", "is for 48 x 64 px"),
-    ("dymax=nan", "not a number"), ("doffs=0", "doffs 0 px, and the principal points of cam0 and cam1 are 20 px apart"),
-    ("cam1=[100 0 47.5; 0 100 31.5; 0 0 1]", "are 0 px apart; correct the one that is wrong"),
-    ("cam1=[100 0 47.5]", "not 9 numbers")])
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("baseline=0", "gives a baseline of 0"),
+        ("baseline=none", "'none', not a number"),
+        ("cam0=[100 0 47.5; 0 100 31.5]", "not 9 numbers"),
+        ("width=48", "is for 48 x 64 px"),
+        ("dymax=nan", "not a number"),
+        ("doffs=0", "doffs 0 px, and the principal points of cam0 and cam1 are 20 px apart"),
+        ("cam1=[100 0 47.5; 0 100 31.5; 0 0 1]", "are 0 px apart; correct the one that is wrong"),
+        ("cam1=[100 0 47.5]", "not 9 numbers"),
+    ],
+)
 def test_a_calibration_with_a_wrong_number(tmp_path, line, words):
     root = foreign.middlebury(tmp_path)
     path = root / "Adirondack" / "calib.txt"
     key = line.split("=")[0]
-    path.write_text("".join(f"{line}\n" if old.startswith(f"{key}=") else f"{old}\n"
-                            for old in path.read_text().splitlines()))
+    path.write_text(
+        "".join(f"{line}\n" if old.startswith(f"{key}=") else f"{old}\n" for old in path.read_text().splitlines())
+    )
     refused(root, "calib.txt", words)
 
 
@@ -128,13 +149,24 @@ def test_sizes_that_differ(tmp_path):
     refused(root, "a.npy is 96 x 60 px, and the images are 96 x 64 px")
 
 
-@pytest.mark.parametrize(("kind", "change", "words"), [
-    ("disparity", lambda a: a.repeat(2, 0).repeat(2, 1), "192 x 128 px, and the images are 96 x 64 px; reduce the map "
-                                                         "to that size and divide its disparities by 2."),
-    ("disparity", lambda a: a[::4, ::4], "enlarge the map to that size and multiply its disparities by 4."),
-    ("depth", lambda a: a.repeat(2, 0).repeat(2, 1), "reduce the map to that size and keep its depths as they are."),
-    ("depth", lambda a: a.T, "is 64 x 96 px, and the images are 96 x 64 px; exchange its rows and columns."),
-    ("depth", lambda a: a[:60], "give a depth for each pixel of the image.")])
+@pytest.mark.parametrize(
+    ("kind", "change", "words"),
+    [
+        (
+            "disparity",
+            lambda a: a.repeat(2, 0).repeat(2, 1),
+            "192 x 128 px, and the images are 96 x 64 px; reduce the map to that size and divide its disparities by 2.",
+        ),
+        ("disparity", lambda a: a[::4, ::4], "enlarge the map to that size and multiply its disparities by 4."),
+        (
+            "depth",
+            lambda a: a.repeat(2, 0).repeat(2, 1),
+            "reduce the map to that size and keep its depths as they are.",
+        ),
+        ("depth", lambda a: a.T, "is 64 x 96 px, and the images are 96 x 64 px; exchange its rows and columns."),
+        ("depth", lambda a: a[:60], "give a depth for each pixel of the image."),
+    ],
+)
 def test_a_truth_of_another_size_is_told_how_to_become_right(tmp_path, kind, change, words):
     refused(plain(tmp_path, change(foreign.constant()), f'{kind} = "truth/{{pair}}.npy"'), words)
 
@@ -160,49 +192,77 @@ def test_a_truth_without_a_number(tmp_path):
 def test_a_truth_of_the_wrong_sign(tmp_path):
     refused(plain(tmp_path, foreign.constant(-7)), "a.npy has negative disparities", "negate them")
 
-
     depth = foreign.constant(-2.0)
     refused(plain(tmp_path / "depth", depth, 'depth = "truth/{pair}.npy"'), "a.npy has negative depths", "negate them")
 
 
-@pytest.mark.parametrize(("factor", "words"), [
-    (256, "256 times too large; divide them by 256"), (16, "16 times too large"), (1000, "1000 times too large"),
-    (1 / 256, "256 times too small; multiply them by 256")])
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (256, "256 times too large; divide them by 256"),
+        (16, "16 times too large"),
+        (1000, "1000 times too large"),
+        (1 / 256, "256 times too small; multiply them by 256"),
+    ],
+)
 def test_a_truth_of_another_unit(tmp_path, factor, words):
     refused(plain(tmp_path, foreign.constant(7 * factor)), f"a.npy has disparities that are {words}")
 
 
 def test_a_true_depth_in_millimetres(tmp_path):
     root = plain(tmp_path, foreign.constant(), 'depth = "truth/{pair}.npy"')
-    focal_px, baseline_m = (float(re.search(f"{key} = (.*)", (root / "pairs.toml").read_text())[1])
-                            for key in ("focal_px", "baseline_m"))
+    focal_px, baseline_m = (
+        float(re.search(f"{key} = (.*)", (root / "pairs.toml").read_text())[1]) for key in ("focal_px", "baseline_m")
+    )
     np.save(root / "truth" / "a.npy", 1000 * focal_px * baseline_m / foreign.constant())
     refused(root, "a.npy has depths that are 1000 times too large; divide them by 1000", "truth.steps")
 
 
-@pytest.mark.parametrize(("focal_px", "baseline_m", "words"), [
-    (280, 0.5, "2 times too small; multiply them by 2, or state truth.steps in pairs.toml, unless camera.focal_px or "
-               "camera.baseline_m there is 2 times too large"),
-    (140, 500, "1000 times too small; multiply them by 1000"), (140, 0.05, "is 10 times too small, which looks the")])
+@pytest.mark.parametrize(
+    ("focal_px", "baseline_m", "words"),
+    [
+        (
+            280,
+            0.5,
+            "2 times too small; multiply them by 2, or state truth.steps in pairs.toml, unless camera.focal_px or "
+            "camera.baseline_m there is 2 times too large",
+        ),
+        (140, 500, "1000 times too small; multiply them by 1000"),
+        (140, 0.05, "is 10 times too small, which looks the"),
+    ],
+)
 def test_depths_that_a_wrong_camera_contradicts(tmp_path, focal_px, baseline_m, words):
     """A common factor does not tell whether the depths or the camera are wrong."""
     root = plain(tmp_path, 70 / foreign.constant(), 'depth = "truth/{pair}.npy"')
     text = (root / "pairs.toml").read_text()
-    (root / "pairs.toml").write_text(text.replace("focal_px = 140", f"focal_px = {focal_px}").replace(
-        "baseline_m = 0.5", f"baseline_m = {baseline_m}"))
+    (root / "pairs.toml").write_text(
+        text.replace("focal_px = 140", f"focal_px = {focal_px}").replace(
+            "baseline_m = 0.5", f"baseline_m = {baseline_m}"
+        )
+    )
     refused(root, "a.npy has depths that are", words)
 
 
-@pytest.mark.parametrize(("focal_px", "baseline_m", "words"), [
-    (140, 0.5, None), (140, 500, "The baseline is 500 m, outside of 0.001 to 3 m"), (140, 2e-4, "baseline is 0.0002"),
-    (4, 0.5, "The focal length is 4 px, outside of 14.4 to 2880 px for images of 96 px"), (9000, 0.5, "9000 px")])
+@pytest.mark.parametrize(
+    ("focal_px", "baseline_m", "words"),
+    [
+        (140, 0.5, None),
+        (140, 500, "The baseline is 500 m, outside of 0.001 to 3 m"),
+        (140, 2e-4, "baseline is 0.0002"),
+        (4, 0.5, "The focal length is 4 px, outside of 14.4 to 2880 px for images of 96 px"),
+        (9000, 0.5, "9000 px"),
+    ],
+)
 def test_a_camera_that_no_stereo_head_has_is_doubtful(tmp_path, focal_px, baseline_m, words):
     """Disparities do not tell its lengths."""
     root = plain(tmp_path, foreign.constant())
     text = (root / "pairs.toml").read_text()
-    (root / "pairs.toml").write_text(text.replace("focal_px = 140", f"focal_px = {focal_px}").replace(
-        "baseline_m = 0.5", f"baseline_m = {baseline_m}"))
-    source, = find_sources([root])
+    (root / "pairs.toml").write_text(
+        text.replace("focal_px = 140", f"focal_px = {focal_px}").replace(
+            "baseline_m = 0.5", f"baseline_m = {baseline_m}"
+        )
+    )
+    (source,) = find_sources([root])
     warnings = source.prepare({}).facts["warnings"]
     assert len(warnings) == (words is not None)
     assert words is None or words in warnings[0]
@@ -218,7 +278,7 @@ def test_exchanged_eyes(tmp_path):
 def test_images_that_do_not_fit_are_not_called_exchanged(tmp_path):
     root = plain(tmp_path, foreign.constant())
     foreign.write_image(root / "right" / "a.png", foreign.eyes(seed=5)[1])  # as different as a bad photograph
-    source, = find_sources([root])
+    (source,) = find_sources([root])
     assert np.isfinite(source.prepare({}).truth).all()
 
 
@@ -227,7 +287,7 @@ def test_images_that_do_not_fit_are_not_called_exchanged(tmp_path):
 def test_half_written_files(tmp_path, name, share):
     root = plain(tmp_path, foreign.constant())
     content = (root / name).read_bytes()
-    (root / name).write_bytes(content[:int(share * len(content))])
+    (root / name).write_bytes(content[: int(share * len(content))])
     refused(root, name)
 
 
@@ -235,26 +295,46 @@ IMAGES = '[images]\nleft = "l/{pair}.png"\nright = "r/{pair}.png"\n[truth]\n'
 DEPTH_FILE, CAMERA = 'depth = "d/{pair}.npy"\n', "[camera]\nfocal_px = 1\nbaseline_m = 1\n"
 
 
-@pytest.mark.parametrize(("toml", "words"), [
-    ("[images", "is not TOML"), ('[images]\nleft = "l/{pair}.png"\n', "truth is missing"),
-    ('[images]\nleft = 3\nright = "r/{pair}.png"\n[truth]\n[camera]\n', "images.left is 3, not a text"),
-    (IMAGES + CAMERA, "names no files; name either disparity or depth"),
-    (IMAGES + DEPTH_FILE + DEPTH_FILE.replace("depth", "disparity") + CAMERA, "names disparity and depth; name either"),
-    (IMAGES + DEPTH_FILE.replace("depth", "depht") + CAMERA, "unknown key truth.depht"),
-    (IMAGES + DEPTH_FILE + CAMERA + "[camra]\n", "unknown table camra"),
-    (IMAGES.replace("l/{pair}", "l/a") + DEPTH_FILE + CAMERA, "the same file for all pairs"),
-    (IMAGES + DEPTH_FILE + CAMERA.replace("px = 1", "px = -1"), "camera.focal_px is -1, not a number from 1e-9 to 1e9"),
-    (IMAGES + DEPTH_FILE + CAMERA.replace("px = 1", "px = 1e308"), "not a number from 1e-9 to 1e9"),
-    (IMAGES.replace("l/{pair}", "l/{pair}{pair}") + DEPTH_FILE + CAMERA, "twice without anything between"),
-    (IMAGES + DEPTH_FILE + "steps = 0\n" + CAMERA, "truth.steps is 0, not a number other than 0"),
-    (IMAGES + DEPTH_FILE + CAMERA, "there is no file l/{pair}.png")])
+@pytest.mark.parametrize(
+    ("toml", "words"),
+    [
+        ("[images", "is not TOML"),
+        ('[images]\nleft = "l/{pair}.png"\n', "truth is missing"),
+        ('[images]\nleft = 3\nright = "r/{pair}.png"\n[truth]\n[camera]\n', "images.left is 3, not a text"),
+        (IMAGES + CAMERA, "names no files; name either disparity or depth"),
+        (
+            IMAGES + DEPTH_FILE + DEPTH_FILE.replace("depth", "disparity") + CAMERA,
+            "names disparity and depth; name either",
+        ),
+        (IMAGES + DEPTH_FILE.replace("depth", "depht") + CAMERA, "unknown key truth.depht"),
+        (IMAGES + DEPTH_FILE + CAMERA + "[camra]\n", "unknown table camra"),
+        (IMAGES.replace("l/{pair}", "l/a") + DEPTH_FILE + CAMERA, "the same file for all pairs"),
+        (
+            IMAGES + DEPTH_FILE + CAMERA.replace("px = 1", "px = -1"),
+            "camera.focal_px is -1, not a number from 1e-9 to 1e9",
+        ),
+        (IMAGES + DEPTH_FILE + CAMERA.replace("px = 1", "px = 1e308"), "not a number from 1e-9 to 1e9"),
+        (IMAGES.replace("l/{pair}", "l/{pair}{pair}") + DEPTH_FILE + CAMERA, "twice without anything between"),
+        (IMAGES + DEPTH_FILE + "steps = 0\n" + CAMERA, "truth.steps is 0, not a number other than 0"),
+        (IMAGES + DEPTH_FILE + CAMERA, "there is no file l/{pair}.png"),
+    ],
+)
 def test_a_wrong_toml(tmp_path, toml, words):
     (tmp_path / "pairs.toml").write_text(toml, encoding="utf-8")
     refused(tmp_path, "pairs.toml", words)
 
 
-@pytest.mark.parametrize("pattern", ["../secret/{pair}.npy", "/etc/{pair}.npy", "C:/{pair}.npy", "a\\\\{pair}.npy",
-                                     "truth/../../{pair}.npy", "a\\u0000{pair}.npy"])
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        "../secret/{pair}.npy",
+        "/etc/{pair}.npy",
+        "C:/{pair}.npy",
+        "a\\\\{pair}.npy",
+        "truth/../../{pair}.npy",
+        "a\\u0000{pair}.npy",
+    ],
+)
 def test_no_path_leaves_the_folder(tmp_path, pattern):
     root = plain(tmp_path / "set", foreign.constant(), f'depth = "{pattern}"')
     (tmp_path / "secret").mkdir()
@@ -265,9 +345,11 @@ def test_no_path_leaves_the_folder(tmp_path, pattern):
 @pytest.mark.skipif(os.name == "nt", reason="links need a privilege on Windows")
 @pytest.mark.parametrize("layout", ["plain", "kitti", "middlebury"])
 def test_no_link_leaves_the_folder(tmp_path, layout):
-    root, name = {"plain": lambda: (plain(tmp_path / "set", foreign.constant()), "truth/a.npy"),
-                  "kitti": lambda: (foreign.kitti_2015(tmp_path / "set"), "training/disp_occ_0/000000_10.png"),
-                  "middlebury": lambda: (foreign.middlebury(tmp_path / "set"), "Adirondack/disp0.pfm")}[layout]()
+    root, name = {
+        "plain": lambda: (plain(tmp_path / "set", foreign.constant()), "truth/a.npy"),
+        "kitti": lambda: (foreign.kitti_2015(tmp_path / "set"), "training/disp_occ_0/000000_10.png"),
+        "middlebury": lambda: (foreign.middlebury(tmp_path / "set"), "Adirondack/disp0.pfm"),
+    }[layout]()
     shutil.move(root / name, tmp_path / "outside")
     (root / name).symlink_to(tmp_path / "outside")
     refused(root, "is outside of", "only files in a data set are read")
@@ -285,11 +367,13 @@ def with_two_pairs(layout, root):
             shutil.copy(root / folder / f"a.{ending}", root / folder / f"b.{ending}")
         return root, "truth/b.npy", {"a", "b"}
     if layout == "kitti":
-        return (foreign.kitti_2015(root, frames=2), "training/calib_cam_to_cam/000001.txt",
-                {"000000_10", "000001_10"})
+        return (foreign.kitti_2015(root, frames=2), "training/calib_cam_to_cam/000001.txt", {"000000_10", "000001_10"})
     if layout == "sceneflow":
-        return (foreign.sceneflow(root), "disparity/eating_camera2_x2/right/0001.pfm",
-                {"15mm_focallength-scene_forwards-fast-0001", "eating_camera2_x2-0001"})
+        return (
+            foreign.sceneflow(root),
+            "disparity/eating_camera2_x2/right/0001.pfm",
+            {"15mm_focallength-scene_forwards-fast-0001", "eating_camera2_x2-0001"},
+        )
     if layout == "sintel":
         foreign.sintel(root)
         for folder in [path for path in root.glob("**/alley_1") if path.is_dir()]:
@@ -331,7 +415,7 @@ def test_an_evaluation_goes_on_beside_a_link_that_leads_outside(tmp_path):
     (root / name).symlink_to(tmp_path / "secret")
     result = evaluate([root], parse_methods("bm"), tmp_path / "out")
     assert {row["pair"]: row["status"] for row in result["rows"]} == {"a": "ok", "b": "failed"}
-    failed, = result["failed"]
+    (failed,) = result["failed"]
     assert "b.npy is outside of" in failed["message"]
 
 
@@ -364,11 +448,16 @@ def test_no_pickle_is_loaded(tmp_path, monkeypatch):
 
 def png_of(width, height):
     """A PNG of a few bytes that states this size."""
+
     def chunk(name, data):
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0))
-            + chunk(b"IDAT", zlib.compress(b"\0")) + chunk(b"IEND", b""))
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0))
+        + chunk(b"IDAT", zlib.compress(b"\0"))
+        + chunk(b"IEND", b"")
+    )
 
 
 def npy_of(*shape):
@@ -377,7 +466,7 @@ def npy_of(*shape):
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode()
 
 
-SIDE = int(MOST_PIXELS ** 0.5) + 1
+SIDE = int(MOST_PIXELS**0.5) + 1
 
 
 def write_large_npz(path):
@@ -393,8 +482,13 @@ LARGE = {
     "a.npz": write_large_npz,
     "a.pfm": lambda path: path.write_bytes(b"Pf\n999999 999999\n-1.0\n"),
     "a.tif": lambda path: path.write_bytes(
-        b"II*\0\x08\0\0\0" + struct.pack("<H", 2) + struct.pack("<HHII", 256, 4, 1, SIDE)
-        + struct.pack("<HHII", 257, 4, 1, SIDE) + b"\0\0\0\0")}
+        b"II*\0\x08\0\0\0"
+        + struct.pack("<H", 2)
+        + struct.pack("<HHII", 256, 4, 1, SIDE)
+        + struct.pack("<HHII", 257, 4, 1, SIDE)
+        + b"\0\0\0\0"
+    ),
+}
 
 
 @pytest.mark.parametrize("name", LARGE)
@@ -411,16 +505,29 @@ def test_a_small_file_takes_no_large_memory(tmp_path, name):
 
 def test_a_large_exr_is_refused_before_it_is_decoded(tmp_path, monkeypatch):
     path = tmp_path / "a.exr"
-    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage},
-                 {"Z": np.zeros((20, 20), np.float32)}).write(str(path))
+    OpenEXR.File(
+        {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, {"Z": np.zeros((20, 20), np.float32)}
+    ).write(str(path))
     assert read_map(MapFile(path)).shape == (20, 20)
     monkeypatch.setattr("icymoon.stereo.images.image_headers.MOST_PIXELS", 399)
     with pytest.raises(IcyMoonError, match="states 20 x 20 px"):
         read_map(MapFile(path))
 
 
-@pytest.mark.parametrize("content", [b"", b"GIF89a", b"\x89PNG", b"Pf\n", b"\x76\x2f\x31\x01", b"II*\0", b"PK\x03\x04",
-                                     b"\xff\xd8\xff\xe0\x00\x02\xff\xd9", b"\x93NUMPY"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"GIF89a",
+        b"\x89PNG",
+        b"Pf\n",
+        b"\x76\x2f\x31\x01",
+        b"II*\0",
+        b"PK\x03\x04",
+        b"\xff\xd8\xff\xe0\x00\x02\xff\xd9",
+        b"\x93NUMPY",
+    ],
+)
 def test_what_is_no_map_and_no_image(tmp_path, content):
     path = tmp_path / "a"
     path.write_bytes(content)
@@ -435,18 +542,26 @@ def test_a_picture_of_a_map_is_none(tmp_path):
         read_map(MapFile(path))
 
 
-@pytest.mark.parametrize(("disparity", "words"), [
-    (-TRUTH, "negative disparities, as of optical flow; negate them"),
-    (np.full_like(TRUTH, np.nan), "has no number in any pixel"),
-    (TRUTH * 256, "256 times too large; divide them by 256"), (TRUTH / 16, "16 times too small; multiply them by 16"),
-    (TRUTH * 16 * 1.02, "16 times too large"), (TRUTH / 2, "images of half the width; multiply them by 2"),
-    (TRUTH / 4, "a quarter of the width; multiply them by 4"),
-    (TRUTH / foreign.WIDTH, f"shares of the width; multiply them by {foreign.WIDTH}"),
-    (DEPTH, "has depths in metres"),
-    (TRUTH[::2, ::2] / 2, "is 48 x 32 px, and the pair is 96 x 64 px; enlarge the map to that size and multiply its "
-                          "disparities by 2"),
-    (TRUTH.repeat(2, 0).repeat(2, 1), "reduce the map to that size and divide its disparities by 2"),
-    (TRUTH[:, :90], "give a disparity for each pixel")])
+@pytest.mark.parametrize(
+    ("disparity", "words"),
+    [
+        (-TRUTH, "negative disparities, as of optical flow; negate them"),
+        (np.full_like(TRUTH, np.nan), "has no number in any pixel"),
+        (TRUTH * 256, "256 times too large; divide them by 256"),
+        (TRUTH / 16, "16 times too small; multiply them by 16"),
+        (TRUTH * 16 * 1.02, "16 times too large"),
+        (TRUTH / 2, "images of half the width; multiply them by 2"),
+        (TRUTH / 4, "a quarter of the width; multiply them by 4"),
+        (TRUTH / foreign.WIDTH, f"shares of the width; multiply them by {foreign.WIDTH}"),
+        (DEPTH, "has depths in metres"),
+        (
+            TRUTH[::2, ::2] / 2,
+            "is 48 x 32 px, and the pair is 96 x 64 px; enlarge the map to that size and multiply its disparities by 2",
+        ),
+        (TRUTH.repeat(2, 0).repeat(2, 1), "reduce the map to that size and divide its disparities by 2"),
+        (TRUTH[:, :90], "give a disparity for each pixel"),
+    ],
+)
 def test_predictions_that_mean_something_else(tmp_path, disparity, words):
     with pytest.raises(IcyMoonError) as caught:
         check_prediction(tmp_path / "a.npy", disparity, DEPTH, CAMERA_70)
@@ -454,11 +569,20 @@ def test_predictions_that_mean_something_else(tmp_path, disparity, words):
     assert str(tmp_path / "a.npy") in str(caught.value)
 
 
-@pytest.mark.parametrize("disparity", [
-    TRUTH, TRUTH * 1.1, TRUTH + 5, TRUTH * 16 * 1.05, np.where(TRUTH > 40, TRUTH, np.nan),
-    np.random.default_rng(1).uniform(0, 60, TRUTH.shape),  # a matcher that fails: its ratios are scattered
-    np.full_like(TRUTH, 20.0), np.where(TRUTH > 21, -1.0, TRUTH) + np.linspace(0, 9, foreign.HEIGHT)[:, None]],
-    ids=["right", "10 % off", "5 px off", "17 times", "half", "random", "constant", "mixed signs"])
+@pytest.mark.parametrize(
+    "disparity",
+    [
+        TRUTH,
+        TRUTH * 1.1,
+        TRUTH + 5,
+        TRUTH * 16 * 1.05,
+        np.where(TRUTH > 40, TRUTH, np.nan),
+        np.random.default_rng(1).uniform(0, 60, TRUTH.shape),  # a matcher that fails: its ratios are scattered
+        np.full_like(TRUTH, 20.0),
+        np.where(TRUTH > 21, -1.0, TRUTH) + np.linspace(0, 9, foreign.HEIGHT)[:, None],
+    ],
+    ids=["right", "10 % off", "5 px off", "17 times", "half", "random", "constant", "mixed signs"],
+)
 def test_bad_matchers_are_measured_not_refused(tmp_path, disparity):
     check_prediction(tmp_path / "a.npy", disparity, DEPTH, CAMERA_70)
 

@@ -25,7 +25,7 @@ CASES = Path(__file__).parents[2] / "data" / "cases"
 
 
 def prepared(root: Path):
-    source, = find_sources([root])
+    (source,) = find_sources([root])
     return source.prepare({})
 
 
@@ -40,7 +40,7 @@ def test_a_pfm_of_windows_is_read():
     path = CASES / "17_pfm_crlf" / "data" / "truth" / "a.pfm"
     truth = prepared(path.parents[1]).truth
     width, height = truth.shape[::-1]
-    body = np.frombuffer(path.read_bytes()[-4 * truth.size:], "<f4").reshape(height, width)[::-1]
+    body = np.frombuffer(path.read_bytes()[-4 * truth.size :], "<f4").reshape(height, width)[::-1]
     np.testing.assert_array_equal(np.nan_to_num(read_map(MapFile(path))), np.where(np.isfinite(body), body, 0))
 
 
@@ -82,8 +82,12 @@ def test_a_hostile_file_costs_one_pair(tmp_path):
     files = {pair: next((root / folder).glob(f"{pair}.*")) for pair, folder in names.items()}
     for file in files.values():
         file.unlink()
-    for pair, content in {"b": PNGS["30000 x 20000"], "c": JPEGS["cut"], "d": JPEGS["more scans than there are"],
-                          "e": EXRS["1000 large channels"]}.items():
+    for pair, content in {
+        "b": PNGS["30000 x 20000"],
+        "c": JPEGS["cut"],
+        "d": JPEGS["more scans than there are"],
+        "e": EXRS["1000 large channels"],
+    }.items():
         files[pair].write_bytes(content)
     os.mkfifo(files["f"])
     files["g"].mkdir()
@@ -92,21 +96,41 @@ def test_a_hostile_file_costs_one_pair(tmp_path):
         stream.truncate(2**40)
     result = evaluate([root], parse_methods("bm"), tmp_path / "out")
     assert {row["pair"]: row["status"] for row in result["rows"]} == dict.fromkeys(names, "failed") | {
-        "a": "ok", "z": "ok"}
+        "a": "ok",
+        "z": "ok",
+    }
     assert [each["pair"] for each in result["failed"]] == sorted(names)
     for each in result["failed"]:
         assert str(files[each["pair"]]) in each["message"]
         assert "\n" not in each["message"]
 
 
-@pytest.mark.parametrize("content", [PNGS["30000 x 20000"], PNGS["two sizes"], JPEGS["cut"], WEBPS["an animation"]],
-                         ids=range(4))
+@pytest.mark.parametrize(
+    "content", [PNGS["30000 x 20000"], PNGS["two sizes"], JPEGS["cut"], WEBPS["an animation"]], ids=range(4)
+)
 def test_matching_a_hostile_file_is_one_sentence(tmp_path, content):
     right = foreign.write_image(tmp_path / "right.png", foreign.eyes()[1])
     (tmp_path / "left.png").write_bytes(content)
-    ended = subprocess.run([sys.executable, "-m", "icymoon.stereo", "match", "--method", "bm", "--left",
-                            str(tmp_path / "left.png"), "--right", str(right), "--out", str(tmp_path / "out.npz")],
-                           capture_output=True, text=True, timeout=60, check=False)
+    ended = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "icymoon.stereo",
+            "match",
+            "--method",
+            "bm",
+            "--left",
+            str(tmp_path / "left.png"),
+            "--right",
+            str(right),
+            "--out",
+            str(tmp_path / "out.npz"),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert ended.returncode != 0
     assert ended.stderr.count("\n") == 1
     assert "left.png" in ended.stderr
@@ -119,9 +143,17 @@ def test_a_file_that_goes_while_it_is_read_is_one_sentence(tmp_path, read):
         read(tmp_path / "gone.exr")
 
 
-@pytest.mark.parametrize(("left", "right", "words"), [
-    (100, 100, None), (60, 110, None), (200, 12, "left image is 16.7 times"), (12, 200, "right image is 16.7 times"),
-    (50, 0, "left image is infinitely"), (0, 0, None)])
+@pytest.mark.parametrize(
+    ("left", "right", "words"),
+    [
+        (100, 100, None),
+        (60, 110, None),
+        (200, 12, "left image is 16.7 times"),
+        (12, 200, "right image is 16.7 times"),
+        (50, 0, "left image is infinitely"),
+        (0, 0, None),
+    ],
+)
 def test_eyes_of_another_brightness_are_doubted(left, right, words):
     said = doubt_brightness(*(np.full((4, 5), value, np.uint8) for value in (left, right)))
     assert len(said) == (words is not None)

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 
 def only(path):
-    source, = find_sources([path])
+    (source,) = find_sources([path])
     return source, source.prepare({})
 
 
@@ -69,9 +69,13 @@ def test_middlebury_3_and_eth3d(tmp_path):
     assert prepared.occlusion_known
 
 
-@pytest.mark.parametrize(("old", "new", "words"), [
-    ("cam0=[100 0 47.5; 0 100", "cam0=[100 0 47.5; 0 90", "90 px of cam0 in y, and 100 px of the left eye in x"),
-    ("cam1=[100", "cam1=[120", "120 px of cam1 in x")])
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("cam0=[100 0 47.5; 0 100", "cam0=[100 0 47.5; 0 90", "90 px of cam0 in y, and 100 px of the left eye in x"),
+        ("cam1=[100", "cam1=[120", "120 px of cam1 in x"),
+    ],
+)
 def test_middlebury_with_pixels_that_are_no_squares_or_two_focal_lengths_is_refused(tmp_path, old, new, words):
     root = foreign.middlebury(tmp_path, doffs=12)
     path = root / "Adirondack" / "calib.txt"
@@ -129,15 +133,20 @@ def test_guiss(tmp_path):
 
 
 def write_exr(path, values):
-    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage},
-                 {"Z": np.ascontiguousarray(values, np.float32)}).write(str(path))
+    OpenEXR.File(
+        {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage},
+        {"Z": np.ascontiguousarray(values, np.float32)},
+    ).write(str(path))
 
 
 MAPS: dict[str, Callable[[Path, np.ndarray], object]] = {
-    "a.pfm": foreign.write_pfm, "a.exr": write_exr, "a.npy": np.save,
+    "a.pfm": foreign.write_pfm,
+    "a.exr": write_exr,
+    "a.npy": np.save,
     "a.png": lambda path, values: foreign.write_image(path, foreign.steps(values)),
     "a.tiff": foreign.write_image,
-    "a.npz": lambda path, values: np.savez_compressed(path, disparity=values[None], other=values)}
+    "a.npz": lambda path, values: np.savez_compressed(path, disparity=values[None], other=values),
+}
 
 
 @pytest.mark.parametrize("name", MAPS)
@@ -151,8 +160,9 @@ def test_a_plain_folder_takes_disparities_in_every_format(tmp_path, name):
 
 
 def test_a_plain_folder_takes_depths_with_steps_masks_and_both_eyes(tmp_path):
-    root = foreign.plain(tmp_path, 'depth = "d/{pair}/left.png"\nsteps = 1000\nvisible = "seen/{pair}.png"',
-                         "cx_px = 40\ndoffs_px = 3\n")
+    root = foreign.plain(
+        tmp_path, 'depth = "d/{pair}/left.png"\nsteps = 1000\nvisible = "seen/{pair}.png"', "cx_px = 40\ndoffs_px = 3\n"
+    )
     foreign.write_image(root / "d" / "a" / "left.png", foreign.steps(foreign.constant(70 / 10), 1000))
     mask = np.full((foreign.HEIGHT, foreign.WIDTH), 255, np.uint8)
     mask[:, 50:] = 0
@@ -199,9 +209,18 @@ def test_pairs_of_a_sequence_are_one_scene_and_others_are_not(tmp_path):
     assert len({source.prepare({}).facts["scene"] for source in find_sources([root])}) == 3
 
 
-@pytest.mark.parametrize("layout", [
-    foreign.kitti_2015, foreign.kitti_2012, foreign.middlebury, foreign.sceneflow, foreign.sintel, foreign.guiss,
-    lambda root: foreign.plain(root, 'disparity = "truth/{pair}.npy"', file=foreign.constant())])
+@pytest.mark.parametrize(
+    "layout",
+    [
+        foreign.kitti_2015,
+        foreign.kitti_2012,
+        foreign.middlebury,
+        foreign.sceneflow,
+        foreign.sintel,
+        foreign.guiss,
+        lambda root: foreign.plain(root, 'disparity = "truth/{pair}.npy"', file=foreign.constant()),
+    ],
+)
 def test_what_file_managers_leave_is_no_pair(tmp_path, layout):
     """As macOS leaves beside each file and folder on other disks: the same names behind a dot and a line."""
     root = layout(tmp_path)

@@ -19,8 +19,9 @@ PICTURE = dict.fromkeys("RGB", foreign.constant(3))
 
 def write_layers(path, **layers):
     """A file of one part; each layer is a dict of components."""
-    OpenEXR.File(HEADER, {f"{layer}.{own}": values for layer, channels in layers.items()
-                          for own, values in channels.items()}).write(str(path))
+    OpenEXR.File(
+        HEADER, {f"{layer}.{own}": values for layer, channels in layers.items() for own, values in channels.items()}
+    ).write(str(path))
     return path
 
 
@@ -30,19 +31,37 @@ def write_parts(path, *parts):
     return path
 
 
-@pytest.mark.parametrize(("names", "chosen"), [
-    (["any"], "any"), (["R", "Z"], "Z"), (["a.Y", "b.depth"], "b.depth"), (["R", "G", "B"], "R"),
-    (["depth.R", "depth.G", "depth.B", "depth.A"], "depth.R"), (["N.X", "N.Y", "N.Z", "p.Z"], "p.Z"),
-    (["V.Denoising Depth.Z", "V.Depth.Z", "V.Mist.Z"], "V.Depth.Z"), (["Z", "ZBack", "A"], "Z"),
-    (["depth.Z", "disparity.Y"], "depth.Z"), (["Depth", "depth_error"], "Depth"), (["depth_m", "R"], "depth_m")])
+@pytest.mark.parametrize(
+    ("names", "chosen"),
+    [
+        (["any"], "any"),
+        (["R", "Z"], "Z"),
+        (["a.Y", "b.depth"], "b.depth"),
+        (["R", "G", "B"], "R"),
+        (["depth.R", "depth.G", "depth.B", "depth.A"], "depth.R"),
+        (["N.X", "N.Y", "N.Z", "p.Z"], "p.Z"),
+        (["V.Denoising Depth.Z", "V.Depth.Z", "V.Mist.Z"], "V.Depth.Z"),
+        (["Z", "ZBack", "A"], "Z"),
+        (["depth.Z", "disparity.Y"], "depth.Z"),
+        (["Depth", "depth_error"], "Depth"),
+        (["depth_m", "R"], "depth_m"),
+    ],
+)
 def test_the_likeliest_channel_is_taken(names, chosen):
     assert choose_channel(names, "depth") == chosen
     assert choose_channel(names[::-1], "depth") == chosen
 
 
-@pytest.mark.parametrize("names", [
-    ["Main.Depth.Z", "Background.Depth.Z"], ["depth1", "depth2"], ["Depth.left.Z", "Depth.right.Z"], ["a.Z", "b.Z"],
-    ["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"]])
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["Main.Depth.Z", "Background.Depth.Z"],
+        ["depth1", "depth2"],
+        ["Depth.left.Z", "Depth.right.Z"],
+        ["a.Z", "b.Z"],
+        ["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"],
+    ],
+)
 def test_several_that_may_be_it_are_refused_with_their_names(names):
     for predicted, fix in ((False, "state one of them as truth.channel"), (True, "keep one of them")):
         with pytest.raises(RefusedError, match=fix) as caught:
@@ -51,8 +70,9 @@ def test_several_that_may_be_it_are_refused_with_their_names(names):
         assert ("pairs.toml" in str(caught.value)) != predicted
 
 
-@pytest.mark.parametrize("names", [["X", "Y", "Z"], ["Normal.X", "Normal.Y", "Normal.Z"], ["a", "b"],
-                                   ["VL.Position.X", "VL.Position.Z"]])
+@pytest.mark.parametrize(
+    "names", [["X", "Y", "Z"], ["Normal.X", "Normal.Y", "Normal.Z"], ["a", "b"], ["VL.Position.X", "VL.Position.Z"]]
+)
 def test_a_direction_is_never_offered_as_a_depth(names):
     with pytest.raises(RefusedError, match=r"write the depths as the channel depth.Y") as caught:
         choose_channel(names, "depth")
@@ -62,13 +82,21 @@ def test_a_direction_is_never_offered_as_a_depth(names):
 
 def test_channels_of_parts_are_called_by_their_part(tmp_path):
     depth = ("depth", {"Z": foreign.constant(7)})
-    for k, parts in enumerate([[depth, ("rgba", PICTURE), ("N", NORMAL)], [("N", NORMAL), ("rgba", PICTURE), depth],
-                               [("rgba", PICTURE), depth, ("N", NORMAL)]]):
+    for k, parts in enumerate(
+        [
+            [depth, ("rgba", PICTURE), ("N", NORMAL)],
+            [("N", NORMAL), ("rgba", PICTURE), depth],
+            [("rgba", PICTURE), depth, ("N", NORMAL)],
+        ]
+    ):
         path = write_parts(tmp_path / f"{k}.exr", *parts)
         np.testing.assert_array_equal(read_map(MapFile(path, "depth")), foreign.constant(7))
         np.testing.assert_array_equal(read_map(MapFile(path, "depth", channel="N.Z")), foreign.constant(0.5))
-    blender = write_parts(tmp_path / "b.exr", ("V.Depth", {"V.Depth.Z": foreign.constant(4)}),
-                          ("V.Normal", {f"V.Normal.{own}": values for own, values in NORMAL.items()}))
+    blender = write_parts(
+        tmp_path / "b.exr",
+        ("V.Depth", {"V.Depth.Z": foreign.constant(4)}),
+        ("V.Normal", {f"V.Normal.{own}": values for own, values in NORMAL.items()}),
+    )
     np.testing.assert_array_equal(read_map(MapFile(blender, "depth", channel="V.Depth.Z")), foreign.constant(4))
 
 
@@ -76,9 +104,12 @@ def test_a_layer_is_taken_only_if_it_is_stated(tmp_path):
     def folder(name, stated=""):
         root = foreign.plain(tmp_path / name, f'depth = "truth/{{pair}}.exr"{stated}')
         (root / "truth").mkdir()
-        write_layers(root / "truth" / "a.exr", Main={"Depth.Z": foreign.constant(10)},
-                     Background={"Depth.Z": foreign.constant(30)})
-        source, = find_sources([root])
+        write_layers(
+            root / "truth" / "a.exr",
+            Main={"Depth.Z": foreign.constant(10)},
+            Background={"Depth.Z": foreign.constant(30)},
+        )
+        (source,) = find_sources([root])
         return source
 
     with pytest.raises(IcyMoonError, match=r"a.exr: has several.*Background.Depth.Z, Main.Depth.Z; state one of them"):

@@ -105,8 +105,9 @@ def test_what_two_images_can_show():
     """Points further apart than the width are in one image at most."""
     disparity = np.array([[0.0, 2.999, 3.0, -2.999, -3.0, np.nan, np.inf]])[:, :3]
     np.testing.assert_array_equal(is_possible(disparity), [[True, True, False]])
-    np.testing.assert_array_equal(is_possible(np.array([[-0.5, -2.0], [np.nan, np.inf]])),
-                                  [[True, False], [True, False]])
+    np.testing.assert_array_equal(
+        is_possible(np.array([[-0.5, -2.0], [np.nan, np.inf]])), [[True, False], [True, False]]
+    )
 
 
 def unknown_block(value):
@@ -116,9 +117,16 @@ def unknown_block(value):
     return values
 
 
-@pytest.mark.parametrize(("kind", "marker", "words"), [
-    ("disparity", 1e5, "the disparity 100000 px"), ("disparity", 60.0, "the disparity 60 px"),
-    ("disparity", -1.0, "the disparity -1 px"), ("depth", 1e-3, "the depth 0.001 m"), ("depth", 1e6, "1e+06 m")])
+@pytest.mark.parametrize(
+    ("kind", "marker", "words"),
+    [
+        ("disparity", 1e5, "the disparity 100000 px"),
+        ("disparity", 60.0, "the disparity 60 px"),
+        ("disparity", -1.0, "the disparity -1 px"),
+        ("depth", 1e-3, "the depth 0.001 m"),
+        ("depth", 1e6, "1e+06 m"),
+    ],
+)
 def test_a_marker_is_unknown_and_told(tmp_path, kind, marker, words):
     toml = "doffs_px = 5" if marker == -1 else ""
     root = foreign.plain(tmp_path, f'{kind} = "truth/{{pair}}.npy"', toml, unknown_block(marker))

@@ -36,21 +36,31 @@ def truth():
 
 
 def write_exr(path, values):
-    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage},
-                 {"Y": np.ascontiguousarray(values, np.float32)}).write(str(path))
+    OpenEXR.File(
+        {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage},
+        {"Y": np.ascontiguousarray(values, np.float32)},
+    ).write(str(path))
 
 
-@pytest.mark.parametrize(("ending", "write", "rounding"), [
-    (".pfm", foreign.write_pfm, 1e-5), (".npy", np.save, 1e-12), (".exr", write_exr, 1e-5),
-    (".png", lambda path, values: foreign.write_image(path, foreign.steps(values)), 0.5 / 256)])
+@pytest.mark.parametrize(
+    ("ending", "write", "rounding"),
+    [
+        (".pfm", foreign.write_pfm, 1e-5),
+        (".npy", np.save, 1e-12),
+        (".exr", write_exr, 1e-5),
+        (".png", lambda path, values: foreign.write_image(path, foreign.steps(values)), 0.5 / 256),
+    ],
+)
 def test_an_error_that_was_put_in_comes_out(dataset, truth, tmp_path, ending, write, rounding):
     for name in ("one", "two"):
         (tmp_path / "p").mkdir(exist_ok=True)
         write(tmp_path / "p" / f"{name}{ending}", truth + 0.75)
     report = evaluate([dataset], [], tmp_path / "out", predictions=[f"mynet={tmp_path / 'p'}"])
     rows = list(report["rows"])
-    assert [(row["pair"], row["method"], row["status"]) for row in rows] == [("one", "mynet", "ok"),
-                                                                            ("two", "mynet", "ok")]
+    assert [(row["pair"], row["method"], row["status"]) for row in rows] == [
+        ("one", "mynet", "ok"),
+        ("two", "mynet", "ok"),
+    ]
     for row in rows:
         assert row["epe_px"] == pytest.approx(0.75, abs=rounding + 1e-6)
         assert row["coverage"] == 1.0
@@ -69,8 +79,9 @@ def test_predictions_stand_beside_matchers_and_are_read_again_when_they_change(d
 
     def run(*predictions):
         told.clear()
-        report = evaluate([dataset], parse_methods("bm"), tmp_path / "out", on_event=told.append,
-                          predictions=predictions)
+        report = evaluate(
+            [dataset], parse_methods("bm"), tmp_path / "out", on_event=told.append, predictions=predictions
+        )
         return {(row["pair"], row["method"]): row for row in report["rows"]}
 
     first = run(f"net={folder}")
@@ -94,8 +105,10 @@ def test_methods_are_compared_with_the_principal_points_of_the_data(tmp_path):
     for name, error in (("a", 0.5), ("b", 1.0)):
         foreign.write_pfm(tmp_path / name / "Adirondack.pfm", foreign.constant(foreign.SHIFT_PX + error))
     evaluate([root], [], tmp_path / "out", predictions=[f"a={tmp_path / 'a'}", f"b={tmp_path / 'b'}"])
-    rows = {row["method"]: row for row in map(json.loads, (tmp_path / "out" / "results.jsonl").read_text(
-        encoding="utf-8").splitlines())}
+    rows = {
+        row["method"]: row
+        for row in map(json.loads, (tmp_path / "out" / "results.jsonl").read_text(encoding="utf-8").splitlines())
+    }
     for name, other, error in (("a", "b", 0.5), ("b", "a", 1.0)):
         common = rows[name]["common"][other]
         wanted = 20 / 27 - 20 / (27 + error)
@@ -124,15 +137,26 @@ def test_two_predictions_of_one_pair_are_no_prediction(dataset, truth, tmp_path)
     assert rows[1]["error"] == f"{tmp_path / 'p'} has two.pfm and two.npy of the pair two; keep one of them."
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("net", "write it as NAME=FOLDER"), ("=folder", "write it as NAME=FOLDER"), ("-net=x", "begins with a letter"),
-    ("bm={folder}", "there is already a method bm"), ("net={folder}/none", "has no disparity of any pair"),
-    ("net={folder}/none", "name the files after the pairs, such as one.pfm, one.png, one.npy")])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("net", "write it as NAME=FOLDER"),
+        ("=folder", "write it as NAME=FOLDER"),
+        ("-net=x", "begins with a letter"),
+        ("bm={folder}", "there is already a method bm"),
+        ("net={folder}/none", "has no disparity of any pair"),
+        ("net={folder}/none", "name the files after the pairs, such as one.pfm, one.png, one.npy"),
+    ],
+)
 def test_a_mistake_in_the_option_is_told_before_anything_runs(dataset, tmp_path, text, words):
     (tmp_path / "p").mkdir()
     with pytest.raises(IcyMoonError) as caught:
-        evaluate([dataset], parse_methods("bm"), tmp_path / "out",
-                 predictions=[text.replace("{folder}", str(tmp_path / "p"))])
+        evaluate(
+            [dataset],
+            parse_methods("bm"),
+            tmp_path / "out",
+            predictions=[text.replace("{folder}", str(tmp_path / "p"))],
+        )
     assert words in str(caught.value)
     assert not (tmp_path / "out").exists()
 
@@ -149,7 +173,8 @@ def test_wrong_names_in_a_folder_cost_its_own_method(dataset, truth, tmp_path):
         assert {row["status"] for row in rows if row["method"] != "wrong"} == {"ok"}
         assert [row["error"] for row in rows if row["method"] == "wrong"] == [
             f"{tmp_path / 'wrong'} has no disparity of the pair one; rename one_left.npy to one.npy.",
-            f"{tmp_path / 'wrong'} has no disparity of the pair two; add two.pfm, or .png, .npy or .exr."]
+            f"{tmp_path / 'wrong'} has no disparity of the pair two; add two.pfm, or .png, .npy or .exr.",
+        ]
     with pytest.raises(IcyMoonError, match="has no disparity of any pair; name the files after the pairs"):
         evaluate([dataset], [], tmp_path / "out", predictions=[wrong])  # nothing would be left
     assert not (tmp_path / "out").exists()
@@ -163,7 +188,9 @@ def test_without_any_method_there_is_nothing_to_evaluate(dataset, tmp_path):
 def test_what_is_written_for_prediction_is_what_matchers_get(dataset, tmp_path):
     assert export_for_prediction([dataset], tmp_path, {}) == []
     assert sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*")) == [
-        "README.txt", *(f"{name}/{file}" for name in ("one", "two") for file in ("calib.txt", "im0.png", "im1.png"))]
+        "README.txt",
+        *(f"{name}/{file}" for name in ("one", "two") for file in ("calib.txt", "im0.png", "im1.png")),
+    ]
     prepared = prepare(dataset / "pairs" / "one", {})
     np.testing.assert_array_equal(read_png(tmp_path / "one" / "im0.png"), prepared.left)
     np.testing.assert_array_equal(read_png(tmp_path / "one" / "im1.png"), prepared.right)
@@ -171,16 +198,19 @@ def test_what_is_written_for_prediction_is_what_matchers_get(dataset, tmp_path):
     # With a truth beside them the images are a data set of Middlebury's layout.
     foreign.write_pfm(tmp_path / "one" / "disp0.pfm", RIG.disparity(prepared.truth))
     foreign.write_pfm(tmp_path / "two" / "disp0.pfm", RIG.disparity(prepared.truth))
-    rows = [list(evaluate([path], parse_methods("bm"), tmp_path / f"out{k}")["rows"])
-            for k, path in enumerate((dataset, tmp_path))]
+    rows = [
+        list(evaluate([path], parse_methods("bm"), tmp_path / f"out{k}")["rows"])
+        for k, path in enumerate((dataset, tmp_path))
+    ]
     assert rows[0][0]["epe_px"] == pytest.approx(rows[1][0]["epe_px"], abs=1e-6)
 
 
 def test_foreign_pairs_are_written_for_prediction_too(tmp_path):
     foreign.kitti_2015(tmp_path / "k", frames=2)
     assert export_for_prediction([tmp_path / "k"], tmp_path / "out", {}) == []
-    np.testing.assert_array_equal(read_png(tmp_path / "out" / "000001_10" / "im0.png"),
-                                  foreign.eyes(colour=True, seed=1)[0])
+    np.testing.assert_array_equal(
+        read_png(tmp_path / "out" / "000001_10" / "im0.png"), foreign.eyes(colour=True, seed=1)[0]
+    )
     with pytest.raises(IcyMoonError, match=r"was not rendered here.*leave out --set"):
         export_for_prediction([tmp_path / "k"], tmp_path / "out", {"sensor": {"bits": 12}})
 
@@ -189,9 +219,26 @@ def test_foreign_pairs_are_written_for_prediction_too(tmp_path):
 def test_the_command_line_evaluates_predictions_alone(dataset, truth, tmp_path):
     for name in ("one", "two"):
         foreign.write_pfm(tmp_path / "p" / f"{name}.pfm", truth)
-    done = subprocess.run([sys.executable, "-m", "icymoon", "evaluate", str(dataset), "--predictions",
-                           f"net={tmp_path / 'p'}", "--out", str(tmp_path / "out"), "--jobs", "1", "--json-lines"],
-                          capture_output=True, text=True, timeout=240, check=False)
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "icymoon",
+            "evaluate",
+            str(dataset),
+            "--predictions",
+            f"net={tmp_path / 'p'}",
+            "--out",
+            str(tmp_path / "out"),
+            "--jobs",
+            "1",
+            "--json-lines",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout.splitlines()[-1])
     assert [row["method"] for row in result["rows"]] == ["net"]

@@ -41,9 +41,11 @@ def predictions(tmp_path_factory):
 @pytest.fixture
 def measure(predictions, tmp_path):
     """The rows of bm, over one range, and of the prediction, and the facts of the only pair at a path."""
+
     def run(path):
-        report = evaluate([path], parse_methods("bm:disparities=64"), tmp_path / f"out_{path.name}",
-                          predictions=predictions)
+        report = evaluate(
+            [path], parse_methods("bm:disparities=64"), tmp_path / f"out_{path.name}", predictions=predictions
+        )
         assert report["failed"] == []
         return list(report["rows"]), next(iter(report["pairs"]))
 
@@ -63,8 +65,15 @@ def test_an_export_evaluates_as_the_pair_itself(dataset, tmp_path, measure, layo
             if key in COSTS or own[key] is None or key.startswith(("guiss", "common")):
                 continue
             visible = key.startswith("visible")  # of rounded disparities a few more or fewer pixels are hidden
-            allowed = (2e-3 if any(word in key for word in SHARES) or visible else
-                       px if key.endswith("_px") else metres if key.endswith("_m") else 1e-4)
+            allowed = (
+                2e-3
+                if any(word in key for word in SHARES) or visible
+                else px
+                if key.endswith("_px")
+                else metres
+                if key.endswith("_m")
+                else 1e-4
+            )
             assert found[key] == pytest.approx(own[key], abs=allowed, rel=1e-3 if key.endswith("n") else 1e-6), key
         assert (found["true_pixels"], found["n"]) == (own["true_pixels"], own["n"])
     assert row["epe_px"] == pytest.approx(wanted["epe_px"], abs=0.02)
@@ -81,7 +90,7 @@ def test_what_an_export_lacks_is_stated_once_and_not_counted(dataset, tmp_path):
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert page.count("the direction of the Sun") == 1
     assert '<section class="failed">' not in page
-    assert "the direction of the Sun" in page[page.index('<section class="notes">'):page.index("<h2>Ranking</h2>")]
+    assert "the direction of the Sun" in page[page.index('<section class="notes">') : page.index("<h2>Ranking</h2>")]
     assert "exposed" not in page
     assert "unknown" not in page
     strata = report["summary"][0]["strata"]
@@ -96,9 +105,10 @@ def test_a_truth_that_fits_nothing_is_a_warning(dataset, tmp_path, monkeypatch):
     told = []
     report = evaluate([tmp_path / "kitti"], parse_methods("bm"), tmp_path / "out", on_event=told.append)
     assert [event["message"].rpartition(": ")[2] for event in told if event["type"] == "warning"] == [
-        "The map does not fit."]
+        "The map does not fit."
+    ]
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    red = page[page.index('<section class="failed">'):page.index("</section>")]
+    red = page[page.index('<section class="failed">') : page.index("</section>")]
     assert "The map does not fit." in red
     assert "the direction of the Sun" not in red
     assert report["pairs"][0]["warnings"] == ["The map does not fit."]
@@ -109,7 +119,7 @@ def test_a_foreign_pair_has_points_in_the_axes_of_its_camera(dataset, tmp_path):
 
     export([dataset], "middlebury", tmp_path / "m")
     report = evaluate([tmp_path / "m"], parse_methods("bm"), tmp_path / "out", points=True)
-    row, = report["rows"]
+    (row,) = report["rows"]
     points = read_vertices(tmp_path / "out" / row["images"]["points"])
     assert len(points) >= row["n"] > 0
     assert (points[:, 2] > 0).all()  # ahead

@@ -33,8 +33,12 @@ def with_exif(kind, image, body):
         return data[:33] + chunk + data[33:]
     body += b"\0" * (len(body) & 1)
     height, width = image.shape[:2]
-    extended = b"VP8X" + struct.pack("<I", 10) + b"\x08\0\0\0" + b"".join(
-        (size - 1).to_bytes(3, "little") for size in (width, height))
+    extended = (
+        b"VP8X"
+        + struct.pack("<I", 10)
+        + b"\x08\0\0\0"
+        + b"".join((size - 1).to_bytes(3, "little") for size in (width, height))
+    )
     content = b"WEBP" + extended + data[12:] + b"EXIF" + struct.pack("<I", len(body)) + body
     return b"RIFF" + struct.pack("<I", len(content)) + content
 
@@ -45,12 +49,11 @@ def oriented(image, orientation):
 
 
 def folder(tmp_path, kind, orientation, images=None, truth=None):
-    root = foreign.plain(tmp_path, 'disparity = "truth/{pair}.npy"', "",
-                         foreign.constant() if truth is None else truth)
+    root = foreign.plain(tmp_path, 'disparity = "truth/{pair}.npy"', "", foreign.constant() if truth is None else truth)
     (root / "pairs.toml").write_text((root / "pairs.toml").read_text().replace(".png", kind))
     for eye, image in zip(("left", "right"), images or foreign.eyes(colour=True), strict=True):
         (root / eye / f"a{kind}").write_bytes(with_exif(kind, image, exif(orientation)))
-    source, = find_sources([root])
+    (source,) = find_sources([root])
     return source
 
 
@@ -64,8 +67,10 @@ def test_the_orientation_is_found_and_pixels_are_as_stored(tmp_path, kind, orien
     assert np.abs(read_image(path).astype(int) - image).mean() < 3  # JPEG rounds
 
 
-@pytest.mark.parametrize("body", [b"", b"Exif\0\0", exif(9), exif(0), exif(6)[:20], b"XX" + exif(6)[2:],
-                                  exif(6)[:4] + b"\xff" * 4 + exif(6)[8:]])
+@pytest.mark.parametrize(
+    "body",
+    [b"", b"Exif\0\0", exif(9), exif(0), exif(6)[:20], b"XX" + exif(6)[2:], exif(6)[:4] + b"\xff" * 4 + exif(6)[8:]],
+)
 def test_data_without_an_orientation_turn_nothing(body):
     assert parse_orientation(body) == 1
 
@@ -80,8 +85,11 @@ def test_both_orders_of_bytes_are_read(order, mark):
 @pytest.mark.parametrize("orientation", [3, 6])
 def test_a_truth_of_the_shown_image_is_not_held_against_the_stored_one(tmp_path, kind, orientation):
     images = [np.ascontiguousarray(oriented(image, orientation)) for image in foreign.eyes(colour=True)]
-    with pytest.raises(IcyMoonError, match=rf"left/a.{kind[1:]} states the EXIF orientation {orientation}, .*"
-                                           "save it turned, as mogrify -auto-orient"):
+    with pytest.raises(
+        IcyMoonError,
+        match=rf"left/a.{kind[1:]} states the EXIF orientation {orientation}, .*"
+        "save it turned, as mogrify -auto-orient",
+    ):
         folder(tmp_path / "tagged", kind, orientation, images).prepare({})
     prepared = folder(tmp_path / "turned", kind, 1).prepare({})  # the fix works
     assert len(prepared.facts["notes"]) == 1
@@ -105,8 +113,18 @@ def test_images_that_do_not_tell_do_not_confirm(tmp_path):
 def test_a_turned_tiff_is_refused(tmp_path):
     image = foreign.eyes()[0]
     for orientation in (1, 3):
-        tags = {256: foreign.WIDTH, 257: foreign.HEIGHT, 258: 8, 259: 1, 262: 1, 273: 200, 274: orientation, 277: 1,
-                278: foreign.HEIGHT, 279: image.size}
+        tags = {
+            256: foreign.WIDTH,
+            257: foreign.HEIGHT,
+            258: 8,
+            259: 1,
+            262: 1,
+            273: 200,
+            274: orientation,
+            277: 1,
+            278: foreign.HEIGHT,
+            279: image.size,
+        }
         entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags.items())
         start = b"II*\0" + struct.pack("<IH", 8, len(tags)) + entries + bytes(4)
         (tmp_path / f"{orientation}.tif").write_bytes(start.ljust(200, b"\0") + image.tobytes())

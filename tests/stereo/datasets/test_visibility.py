@@ -42,13 +42,20 @@ def test_the_sound_map_of_the_right_eye_fits(gaps):
     assert right(np.where(np.arange(144)[:, None] < 20, 1e10, values)) == []  # sky
 
 
-@pytest.mark.parametrize(("values", "kind", "words"), [
-    (RIGHT[::-1], "depth", "only upside down"), (RIGHT[:, ::-1], "depth", "only mirrored from left to right"),
-    (1000 * RIGHT, "depth", "only with depths divided by 1000"),
-    (RIG.disparity(RIGHT) / 16, "disparity", "only with disparities multiplied by 16"),
-    (LEFT, "depth", "only as the map of the left eye"), (1 / RIGHT, "depth", "only as 1 / depth"),
-    (RIGHT * ray_lengths(RIG), "depth", "only as distances along the ray"), (-RIGHT, "depth", "has negative depths"),
-    (np.full_like(RIGHT, np.nan), "depth", "has no known value in any pixel")])
+@pytest.mark.parametrize(
+    ("values", "kind", "words"),
+    [
+        (RIGHT[::-1], "depth", "only upside down"),
+        (RIGHT[:, ::-1], "depth", "only mirrored from left to right"),
+        (1000 * RIGHT, "depth", "only with depths divided by 1000"),
+        (RIG.disparity(RIGHT) / 16, "disparity", "only with disparities multiplied by 16"),
+        (LEFT, "depth", "only as the map of the left eye"),
+        (1 / RIGHT, "depth", "only as 1 / depth"),
+        (RIGHT * ray_lengths(RIG), "depth", "only as distances along the ray"),
+        (-RIGHT, "depth", "has negative depths"),
+        (np.full_like(RIGHT, np.nan), "depth", "has no known value in any pixel"),
+    ],
+)
 def test_a_fault_of_the_right_map_is_named(values, kind, words):
     with pytest.raises(IcyMoonError) as caught:
         right(values, kind)
@@ -58,7 +65,7 @@ def test_a_fault_of_the_right_map_is_named(values, kind, words):
 
 def test_a_right_map_of_something_else_is_doubtful():
     other = np.random.default_rng(3).uniform(1, 9, (18, 24)).repeat(8, 0).repeat(8, 1)
-    sentence, = right(other)
+    (sentence,) = right(other)
     assert sentence.startswith("r.npy does not fit the left eye's truth")
 
 
@@ -68,9 +75,17 @@ def test_a_fault_is_named_with_the_readings_of_the_mask():
     assert find_better_reading(SEEN[:, ::-1], DISPARITY) == "mirrored from left to right"
 
 
-@pytest.mark.parametrize("seen", [
-    np.ones_like(SEEN), np.zeros_like(SEEN), SEEN & (np.arange(192) > 100), SEEN & (np.arange(144)[:, None] > 100),
-    np.random.default_rng(1).random(SEEN.shape) < 0.5], ids=["all", "none", "right part", "lower part", "noise"])
+@pytest.mark.parametrize(
+    "seen",
+    [
+        np.ones_like(SEEN),
+        np.zeros_like(SEEN),
+        SEEN & (np.arange(192) > 100),
+        SEEN & (np.arange(144)[:, None] > 100),
+        np.random.default_rng(1).random(SEEN.shape) < 0.5,
+    ],
+    ids=["all", "none", "right part", "lower part", "noise"],
+)
 def test_a_mask_of_another_extent_is_not_called_wrong(seen):
     assert find_better_reading(seen, DISPARITY) is None
 
@@ -85,20 +100,24 @@ def folder(tmp_path, mask=None, right_values=None):
     if right_values is not None:
         (root / "r").mkdir()
         np.save(root / "r" / "a.npy", right_values)
-    source, = find_sources([root])
+    (source,) = find_sources([root])
     return source
 
 
 INSIDE = (np.arange(foreign.WIDTH) >= foreign.SHIFT_PX) & np.ones((foreign.HEIGHT, 1), bool)
 
 
-@pytest.mark.parametrize(("mask", "words"), [
-    (INSIDE.astype(np.uint8), "has numbers up to 1, and 255 marks"),
-    (255 * (~INSIDE).astype(np.uint8), "fits the truth only with seen and hidden exchanged"),
-    (255 * INSIDE[:, ::-1].astype(np.uint8), "fits the truth only mirrored from left to right"),
-    (np.zeros_like(INSIDE, np.uint8), "marks no pixel that by the truth is in both images"),
-    (np.arange(96, dtype=np.uint8) * np.ones((64, 1), np.uint8) * 2 + 60, "has many numbers between 0 and 255"),
-    (255 * INSIDE[:60].astype(np.uint8), "is 96 x 60 px, and the images are 96 x 64 px")])
+@pytest.mark.parametrize(
+    ("mask", "words"),
+    [
+        (INSIDE.astype(np.uint8), "has numbers up to 1, and 255 marks"),
+        (255 * (~INSIDE).astype(np.uint8), "fits the truth only with seen and hidden exchanged"),
+        (255 * INSIDE[:, ::-1].astype(np.uint8), "fits the truth only mirrored from left to right"),
+        (np.zeros_like(INSIDE, np.uint8), "marks no pixel that by the truth is in both images"),
+        (np.arange(96, dtype=np.uint8) * np.ones((64, 1), np.uint8) * 2 + 60, "has many numbers between 0 and 255"),
+        (255 * INSIDE[:60].astype(np.uint8), "is 96 x 60 px, and the images are 96 x 64 px"),
+    ],
+)
 def test_a_wrong_mask_is_one_sentence(tmp_path, mask, words):
     with pytest.raises(IcyMoonError) as caught:
         folder(tmp_path, mask).prepare({})

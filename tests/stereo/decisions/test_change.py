@@ -35,7 +35,7 @@ def test_a_cone_is_a_third_of_its_cylinder():
     depth = np.maximum(0.1 * (1 - np.hypot(EAST, NORTH) / 0.3), 0.0)
     found = measure_change(FLAT, FLAT - depth, ALL, 0.01)
     # Midpoints of 1 cm: a smooth surface errs by the square of the cell over the size.
-    assert found.volume_m3 == pytest.approx(math.pi * 0.3 ** 2 * 0.1 / 3, rel=2e-3)
+    assert found.volume_m3 == pytest.approx(math.pi * 0.3**2 * 0.1 / 3, rel=2e-3)
 
 
 def test_spoil_is_a_negative_volume_and_both_cancel():
@@ -58,8 +58,8 @@ def test_the_error_of_a_volume_follows_the_correlation_of_heights(correlation_m)
     size, cell, sigma = 256, 0.01, 0.004
     frequency = np.hypot(*np.meshgrid(*2 * [np.fft.fftfreq(size, cell)]))
     # White noise through exp(-π²f²L²) has the correlation exp(-r²/2L²) and, scaled, this standard deviation.
-    spectrum = np.exp(-(math.pi * frequency * correlation_m) ** 2)
-    spectrum *= sigma / math.sqrt((spectrum ** 2).mean())
+    spectrum = np.exp(-((math.pi * frequency * correlation_m) ** 2))
+    spectrum *= sigma / math.sqrt((spectrum**2).mean())
     volumes = []
     for _ in range(200):
         noise = np.fft.ifft2(np.fft.fft2(random.standard_normal((size, size))) * spectrum).real

@@ -103,7 +103,7 @@ def test_means_by_cell():
 
 def test_the_map_of_a_site_is_in_its_metadata(tmp_path):
     rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")
-    place = {"crs": "+proj=merc <&\"> +R=1560800", "origin": [5e6 + 0.123456789, -2.0], "scale": [1.0, 1.0]}
+    place = {"crs": '+proj=merc <&"> +R=1560800', "origin": [5e6 + 0.123456789, -2.0], "scale": [1.0, 1.0]}
     found = grid_points(points(lambda x, y: x + 10 * y), GRID)
     (tmp_path / "dem.tif").write_bytes(found.geotiff({"map": place}))
     with rasterio.open(tmp_path / "dem.tif") as opened:

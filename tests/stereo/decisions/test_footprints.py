@@ -30,7 +30,7 @@ def test_planes_are_those_of_least_squares_with_holes():
     height[random.random(height.shape) < 0.3] = np.nan
     found, shape = fit_planes(height, CELL, 0.3), disc(0.3, CELL) > 0
     for row, column in ((30, 30), (20, 41), (7, 52)):
-        part = height[row - 7:row + 8, column - 7:column + 8]
+        part = height[row - 7 : row + 8, column - 7 : column + 8]
         known = shape & np.isfinite(part)
         v, u = np.nonzero(known)
         matrix = np.stack([u * CELL, v * CELL, np.ones(len(u))], axis=1)
@@ -50,7 +50,7 @@ def test_no_plane_through_a_line_or_too_few_cells():
 def test_a_disc_and_its_shares():
     assert disc(0.3, CELL).shape == (15, 15)
     assert disc(0.001, CELL).sum() == 1
-    assert disc(2.0, 0.01).sum() * 0.01 ** 2 == pytest.approx(np.pi, rel=0.01)
+    assert disc(2.0, 0.01).sum() * 0.01**2 == pytest.approx(np.pi, rel=0.01)
     half = np.zeros((40, 41), bool)
     half[:, :20] = True
     share = share_under(half, CELL, 0.3)

@@ -8,9 +8,15 @@ from icymoon.stereo.decisions.joint_faults import FEWEST_SOUND, _limit, _scores_
 
 def find(places, faults):
     """What pairs tell whose scoop is found at these places (mm, or None) with these faults of joints."""
-    rows = [{"pair": str(k), "method": "bm", "status": "ok",
-             "numbers": {"scoop": {"found_mm": None if place is None else list(place)}}}
-            for k, place in enumerate(places)]
+    rows = [
+        {
+            "pair": str(k),
+            "method": "bm",
+            "status": "ok",
+            "numbers": {"scoop": {"found_mm": None if place is None else list(place)}},
+        }
+        for k, place in enumerate(places)
+    ]
     told, sound = {"yaw": 1.0, "elbow": 2.0}, {"yaw": 0.0, "elbow": 0.0}
     facts = [{"pair": str(k), "joints": {"commanded": told, "fault": sound | fault}} for k, fault in enumerate(faults)]
     return find_faults(rows, facts, ["bm"])
@@ -22,7 +28,7 @@ def test_a_fault_is_noticed_from_the_angle_on_whose_shift_is_beyond_the_limit():
     sound = random.normal((20, 0, 0), 0.5, (8, 3))
     angles = (0.02, 1.0, 2.0, -4.0)
     places = [*sound, *((20 + 10 * angle, 0, 0) for angle in angles)]
-    found, = find(places, [{}] * 8 + [{"yaw": angle} for angle in angles])
+    (found,) = find(places, [{}] * 8 + [{"yaw": angle} for angle in angles])
     assert [(each["deg"], each["noticed"]) for each in found["angles"]] == [(0.02, 0), (1, 1), (2, 1), (4, 1)]
     assert found["noticed_from_deg"] == 1.0
     assert found["sound"] == 8
@@ -33,14 +39,14 @@ def test_a_fault_is_noticed_from_the_angle_on_whose_shift_is_beyond_the_limit():
 
 def test_with_too_few_sound_pairs_no_number_is_given_but_a_sentence():
     places = [(0, 0, 0)] * (FEWEST_SOUND - 1) + [(9, 0, 0)]
-    found, = find(places, [{}] * (FEWEST_SOUND - 1) + [{"elbow": 1.0}])
+    (found,) = find(places, [{}] * (FEWEST_SOUND - 1) + [{"elbow": 1.0}])
     assert found["limit_mm"] is found["noticed_from_deg"] is found["angles"][0]["noticed"] is None
     assert f"takes {FEWEST_SOUND}" in found["note"]
 
 
 def test_pairs_without_a_pose_are_not_noticed_and_two_faults_at_once_count_nowhere():
     places = [(k % 2, 0, 0) for k in range(8)] + [None, (50, 0, 0)]
-    found, = find(places, [{}] * 8 + [{"yaw": 4.0}, {"yaw": 4.0, "elbow": 1.0}])
+    (found,) = find(places, [{}] * 8 + [{"yaw": 4.0}, {"yaw": 4.0, "elbow": 1.0}])
     assert found["angles"] == [{"deg": 4.0, "pairs": 1, "roc_area": 0.0, "noticed": 0.0}]
     assert find(places[:8], [{}] * 8) == []
     assert find_faults([], [], ["bm"]) == []

@@ -16,10 +16,14 @@ def stored(kind: str, *values: float) -> StoredMap:
     return StoredMap(kind, Grid(0.1, 1, len(values), 0.0, 0.0), cells, np.zeros_like(cells), None, None, 0.3, 10.0)
 
 
-@pytest.mark.parametrize(("kind", "values", "counts"), [
-    (SUITABILITY, (-np.inf, np.nan, -3.0, -1e-6, 0.0, 1.0), {"safe": 2, "unsafe": 2, "unknown": 2}),
-    (SLOPE, (np.nan, 0.0, 10.0, 10.01, 20.0, 20.01, 90.0), {"gentle": 2, "steep": 2, "steeper": 2, "unknown": 1}),
-    (HEIGHT_ERROR, (np.nan, 0.01, -0.01, 0.011, -0.2), {"high": 1, "low": 1, "right": 2, "unknown": 1})])
+@pytest.mark.parametrize(
+    ("kind", "values", "counts"),
+    [
+        (SUITABILITY, (-np.inf, np.nan, -3.0, -1e-6, 0.0, 1.0), {"safe": 2, "unsafe": 2, "unknown": 2}),
+        (SLOPE, (np.nan, 0.0, 10.0, 10.01, 20.0, 20.01, 90.0), {"gentle": 2, "steep": 2, "steeper": 2, "unknown": 1}),
+        (HEIGHT_ERROR, (np.nan, 0.01, -0.01, 0.011, -0.2), {"high": 1, "low": 1, "right": 2, "unknown": 1}),
+    ],
+)
 def test_each_cell_is_of_one_kind_and_grey_is_the_unknown(kind, values, counts):
     shown = stored(kind, *values)
     assert count_cells(shown) == counts

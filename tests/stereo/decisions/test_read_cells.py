@@ -11,8 +11,13 @@ from icymoon.stereo.decisions.dem import grid_of, read_cells
 from icymoon.support.errors import IcyMoonError
 
 GOOD = np.linspace(-1.0, 1.0, 12, dtype=np.float32).reshape(3, 4)
-OTHER = {"other shape": saved(GOOD.T), "one side": saved(GOOD.ravel()), "double": saved(GOOD.astype(np.float64)),
-         "whole numbers": saved(GOOD.astype(np.int32)), "other order": saved(GOOD.astype(">f4"))}
+OTHER = {
+    "other shape": saved(GOOD.T),
+    "one side": saved(GOOD.ravel()),
+    "double": saved(GOOD.astype(np.float64)),
+    "whole numbers": saved(GOOD.astype(np.int32)),
+    "other order": saved(GOOD.astype(">f4")),
+}
 DAMAGED = damaged_npy(GOOD) | OTHER
 
 
@@ -46,9 +51,20 @@ def test_random_damage_is_a_sentence_or_a_map(tmp_path):
             assert read_cells(tmp_path / "a.npy", (3, 4), "make it again").shape == (3, 4)
 
 
-@pytest.mark.parametrize("change", [
-    {"shape": []}, {"shape": [3]}, {"shape": [3, 4, 5]}, {"shape": [0, 4]}, {"shape": [4097, 1]},
-    {"shape": [10**18, 4]}, {"origin_m": []}, {"origin_m": [1.0]}, {"origin_m": [1.0, 2.0, 3.0]}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"shape": []},
+        {"shape": [3]},
+        {"shape": [3, 4, 5]},
+        {"shape": [0, 4]},
+        {"shape": [4097, 1]},
+        {"shape": [10**18, 4]},
+        {"origin_m": []},
+        {"origin_m": [1.0]},
+        {"origin_m": [1.0, 2.0, 3.0]},
+    ],
+)
 def test_a_stated_workspace_that_is_none_is_a_sentence(change):
     stated = {"cell_m": 0.1, "shape": [3, 4], "origin_m": [1.0, 2.0]}
     assert grid_of(stated).rows == 3

@@ -10,11 +10,26 @@ SHARES = {column.key for column in COLUMNS if column.unit == "%"} | {"sites.aver
 
 def summary(*scenes):
     """The summary of a method that has these numbers (false_safe, AP, unsafe_choice, bias) in as many scenes."""
-    rows = [{"pair": str(k), "method": "bm", "status": "ok", "numbers": {
-        "dem": {"bias_m": bias, "completeness": 1.0, "rmse_m": abs(bias)},
-        "sites": {"false_safe": unsafe, "average_precision": precision, "unsafe_choice": choice, "no_site": 0.0,
-                  "roc": None, "base_rate": 0.2, "chosen": [0, 0]}}}
-        for k, (unsafe, precision, choice, bias) in enumerate(scenes)]
+    rows = [
+        {
+            "pair": str(k),
+            "method": "bm",
+            "status": "ok",
+            "numbers": {
+                "dem": {"bias_m": bias, "completeness": 1.0, "rmse_m": abs(bias)},
+                "sites": {
+                    "false_safe": unsafe,
+                    "average_precision": precision,
+                    "unsafe_choice": choice,
+                    "no_site": 0.0,
+                    "roc": None,
+                    "base_rate": 0.2,
+                    "chosen": [0, 0],
+                },
+            },
+        }
+        for k, (unsafe, precision, choice, bias) in enumerate(scenes)
+    ]
     (entry,) = summarise(rows, [{"pair": row["pair"], "scene": row["pair"]} for row in rows], ["bm"])
     return entry
 
@@ -52,10 +67,19 @@ def test_no_unsafe_site_in_any_scene_is_no_certainty():
 
 @pytest.mark.parametrize(("scenes", "found"), [(5, 0), (6, 1)])
 def test_matchers_are_compared_in_the_typical_scene(scenes, found):
-    rows = [{"pair": str(k), "method": method, "status": "ok", "numbers": {
-        "dem": {"rmse_m": (0.01 + 1e-4 * k) * factor, "completeness": 1.0},
-        "sites": {"false_safe": 0.1, "cells": [9, 9, 0, 0]}}}
-        for k in range(scenes) for method, factor in (("true depth", 0.1), ("bm", 1.0), ("sgbm", 3.0))]
+    rows = [
+        {
+            "pair": str(k),
+            "method": method,
+            "status": "ok",
+            "numbers": {
+                "dem": {"rmse_m": (0.01 + 1e-4 * k) * factor, "completeness": 1.0},
+                "sites": {"false_safe": 0.1, "cells": [9, 9, 0, 0]},
+            },
+        }
+        for k in range(scenes)
+        for method, factor in (("true depth", 0.1), ("bm", 1.0), ("sgbm", 3.0))
+    ]
     facts = [{"pair": str(k), "scene": str(k), "exact": True, "arm": {"kind": "PARAMETRIC"}} for k in range(scenes)]
     entries = compare_methods(rows, facts, ["true depth", "bm", "sgbm"], 0)
     assert len(entries) == found
@@ -69,10 +93,25 @@ def test_matchers_are_compared_in_the_typical_scene(scenes, found):
 
 def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():
     def rows(completeness):
-        sites = {"false_safe": None, "taken": 0.0, "safe_lost": 1.0, "roc": None, "base_rate": 0.9, "chosen": None,
-                 "unsafe_choice": None, "no_site": 1.0, "cells": [9, 9, 0, 0]}
-        return [{"pair": "a", "method": "true depth", "status": "ok", "numbers": {
-            "dem": {"completeness": completeness, "reached_completeness": 0.0}, "sites": sites}}]
+        sites = {
+            "false_safe": None,
+            "taken": 0.0,
+            "safe_lost": 1.0,
+            "roc": None,
+            "base_rate": 0.9,
+            "chosen": None,
+            "unsafe_choice": None,
+            "no_site": 1.0,
+            "cells": [9, 9, 0, 0],
+        }
+        return [
+            {
+                "pair": "a",
+                "method": "true depth",
+                "status": "ok",
+                "numbers": {"dem": {"completeness": completeness, "reached_completeness": 0.0}, "sites": sites},
+            }
+        ]
 
     facts = [{"pair": "a", "scene": "a", "sun_elevation_deg": 35.0, "exact": True, "arm": {"kind": "PARAMETRIC"}}]
     for completeness in (None, 0.9):
@@ -81,4 +120,5 @@ def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():
         notes = [note for note in find_notes(found, facts) if "shows no cell in reach" in note]
         assert bool(head) == (completeness is not None)
         assert [note.split(",")[0] for note in notes] == (
-            ["The left image of 1 of 1 pair shows no cell in reach"] if completeness is None else [])
+            ["The left image of 1 of 1 pair shows no cell in reach"] if completeness is None else []
+        )

@@ -22,11 +22,21 @@ def test_a_file_changes_what_it_states_and_nothing_else(tmp_path):
     assert mine == shipped
 
 
-@pytest.mark.parametrize(("text", "named"), [
-    ("[site]\nslop_deg = 8", "slope_deg"), ("[place]\nslope_deg = 8", "place"), ("site = 3", "site"),
-    ("[site]\nslope_deg = 0", "slope_deg"), ("[site]\nslope_deg = nan", "slope_deg"), ("[site]\nslope_deg = 91", "90"),
-    ("[site]\nlit_share = 1.5", "at most 1"), ("[site]\nslope_deg = true", "slope_deg"), ("[site", "TOML"),
-    ("[pad]\ndisc_m = 'wide'", "disc_m")])
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("[site]\nslop_deg = 8", "slope_deg"),
+        ("[place]\nslope_deg = 8", "place"),
+        ("site = 3", "site"),
+        ("[site]\nslope_deg = 0", "slope_deg"),
+        ("[site]\nslope_deg = nan", "slope_deg"),
+        ("[site]\nslope_deg = 91", "90"),
+        ("[site]\nlit_share = 1.5", "at most 1"),
+        ("[site]\nslope_deg = true", "slope_deg"),
+        ("[site", "TOML"),
+        ("[pad]\ndisc_m = 'wide'", "disc_m"),
+    ],
+)
 def test_what_is_no_rule_is_a_sentence(tmp_path, text, named):
     (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
     with pytest.raises(IcyMoonError, match=named) as error:

@@ -29,8 +29,12 @@ def turned(axis, degrees, place):
 
 def test_points_are_spread_over_the_surface():
     cloud = sample_surface(CORNERS, TRIANGLES, 20000, np.random.default_rng(0))
-    on = [np.isclose(cloud[:, 0], 0.0), np.isclose(cloud[:, 0], 0.12), np.isclose(np.abs(cloud[:, 1]), 0.04),
-          np.isclose(cloud[:, 2], 0.0)]
+    on = [
+        np.isclose(cloud[:, 0], 0.0),
+        np.isclose(cloud[:, 0], 0.12),
+        np.isclose(np.abs(cloud[:, 1]), 0.04),
+        np.isclose(cloud[:, 2], 0.0),
+    ]
     areas = np.array([0.08 * 0.06, 0.08 * 0.06, 2 * 0.12 * 0.06, 0.12 * 0.08])
     np.testing.assert_allclose([each.mean() for each in on], areas / areas.sum(), atol=0.012)  # 3 standard errors
     np.testing.assert_allclose(np.linalg.norm(cloud[:, 3:], axis=1), 1.0)

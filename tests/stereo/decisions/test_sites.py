@@ -22,8 +22,9 @@ from icymoon.stereo.decisions.sites import (
 CELL, RULE = 0.02, read_rules().site
 SIZE = 160
 #: Codes of ``Sites.failed``.
-UNKNOWN, STEEP, ROUGH, ROCKS, REACH, DARK = (1 + RULES.index(name) for name in (
-    "known", "slope", "roughness", "rocks", "reach", "light"))
+UNKNOWN, STEEP, ROUGH, ROCKS, REACH, DARK = (
+    1 + RULES.index(name) for name in ("known", "slope", "roughness", "rocks", "reach", "light")
+)
 
 
 def scene(height):
@@ -60,8 +61,15 @@ def test_each_rule_fails_where_it_is_broken():
     margin[20:30, 60:80] = np.nan
     lit[:, 90:110] = 0.0
     sites = judge(measure_layers(replace(dem, height_m=height), margin, lit, RULE), RULE)
-    for place, code in (((80, 140), STEEP), ((145, 30), ROUGH), ((98, 28), UNKNOWN), ((12, 70), REACH),
-                        ((25, 70), REACH), ((60, 100), DARK), ((60, 70), SAFE)):
+    for place, code in (
+        ((80, 140), STEEP),
+        ((145, 30), ROUGH),
+        ((98, 28), UNKNOWN),
+        ((12, 70), REACH),
+        ((25, 70), REACH),
+        ((60, 100), DARK),
+        ((60, 70), SAFE),
+    ):
         assert sites.failed[place] == code, place
     assert np.isneginf(sites.margin[25, 70])
     # Just beside the rock its own roughness fails too; a rock of one cell is too small for that.
@@ -92,7 +100,7 @@ def test_rocks_are_found_beside_taller_ones():
     """A rock of 2 m lifts the plane of the ground above one of 10 cm, and that one lifts it above one of 4 cm."""
     height = level()
     for column, tall_m in ((70, 2.0), (77, 0.1), (84, 0.04)):
-        height[70:80, column:column + 6] = tall_m
+        height[70:80, column : column + 6] = tall_m
     assert (find_rocks(height, CELL, RULE) == (height > 0)).all()
 
 
@@ -116,8 +124,9 @@ def test_the_choice_is_the_best_and_of_equals_the_nearest_to_the_middle():
     assert choose(best, np.zeros((SIZE, SIZE), bool)) is None
 
 
-@pytest.mark.parametrize(("toward", "step"), [((1, 0), (0, -1)), ((0, 1), (1, 0)), ((-1, 0), (0, 1)),
-                                              ((0, -1), (-1, 0))])
+@pytest.mark.parametrize(
+    ("toward", "step"), [((1, 0), (0, -1)), ((0, 1), (1, 0)), ((-1, 0), (0, 1)), ((0, -1), (-1, 0))]
+)
 def test_a_wall_casts_a_shadow_of_its_height_over_the_tangent(toward, step):
     height = level()
     height[78:82, 78:82] = 0.2

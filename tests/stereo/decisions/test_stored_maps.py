@@ -37,8 +37,9 @@ def test_what_was_written_is_read(decided):
     assert methods_of(decided) == ["bm", TRUE_DEPTH]
     assert stored_maps.pairs_of(decided, "bm") == ["a"]
     for label, name in (("bm", "bm"), (TRUE_DEPTH, "true_depth")):
-        files = {kind: np.load(decided / "pairs" / "a" / f"{name}_{kind}.npy")
-                 for kind in ("dem", "suitability", "slope")}
+        files = {
+            kind: np.load(decided / "pairs" / "a" / f"{name}_{kind}.npy") for kind in ("dem", "suitability", "slope")
+        }
         maps = {kind: read_map(decided, "a", label, kind) for kind in (SUITABILITY, SLOPE, HEIGHT_ERROR)}
         np.testing.assert_array_equal(maps[SUITABILITY].values, files["suitability"])
         np.testing.assert_array_equal(maps[SLOPE].values, files["slope"])
@@ -90,8 +91,14 @@ def test_no_damaged_or_foreign_file_is_read(decided, tmp_path):
             read_map(copy, "a", "bm", SLOPE)
     path.write_bytes(good)
     np.save(tmp_path / "outside.npy", np.zeros((30, 30), np.float32))
-    for entries in ({"rows": 0}, {"rows": 5000}, {"origin_m": [1.0]}, {"cell_m": 0},
-                    {"images": {"truth_dem": "../outside.npy"}}, {"images": {"truth_dem": "a\0.npy"}}):
+    for entries in (
+        {"rows": 0},
+        {"rows": 5000},
+        {"origin_m": [1.0]},
+        {"cell_m": 0},
+        {"images": {"truth_dem": "../outside.npy"}},
+        {"images": {"truth_dem": "a\0.npy"}},
+    ):
         saved = (copy / "pairs" / "a" / "decisions.json").read_text()
         change(copy, **entries)
         with pytest.raises(IcyMoonError, match="press Decide Where to Dig again"):

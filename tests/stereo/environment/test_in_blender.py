@@ -14,11 +14,16 @@ from icymoon.stereo.images.views import read_eye
 from icymoon.support.errors import IcyMoonError
 
 
-@pytest.mark.parametrize(("app", "inside"), [
-    (SimpleNamespace(binary_path="/usr/bin/blender", module=False), True),
-    (SimpleNamespace(binary_path="/usr/bin/blender"), True),
-    (SimpleNamespace(binary_path=""), False),
-    (SimpleNamespace(binary_path="/python", module=True), False)], ids=["4.3 on", "4.2", "module 4.2", "module"])
+@pytest.mark.parametrize(
+    ("app", "inside"),
+    [
+        (SimpleNamespace(binary_path="/usr/bin/blender", module=False), True),
+        (SimpleNamespace(binary_path="/usr/bin/blender"), True),
+        (SimpleNamespace(binary_path=""), False),
+        (SimpleNamespace(binary_path="/python", module=True), False),
+    ],
+    ids=["4.3 on", "4.2", "module 4.2", "module"],
+)
 def test_a_program_is_told_from_the_module(app, inside, monkeypatch):
     monkeypatch.setitem(sys.modules, "bpy", SimpleNamespace(app=app))
     assert is_in_blender() == inside

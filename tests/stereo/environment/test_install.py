@@ -54,11 +54,13 @@ def test_the_package_and_the_button_have_the_same_bounds():
     stated = map(Requirement, [*project["dependencies"], *project["optional-dependencies"]["evaluate"]])
     assert {(canonicalize_name(need.name), need.specifier) for need in stated} == {
         (canonicalize_name(need.name), need.specifier)
-        for need in map(Requirement, map(packages.requirement, packages.PACKAGES))}
+        for need in map(Requirement, map(packages.requirement, packages.PACKAGES))
+    }
 
 
-@pytest.mark.parametrize(("version", "usable"), [
-    ("4.10.0", False), ("4.11.0", True), ("5.0.0", True), ("6.0.0", False)])
+@pytest.mark.parametrize(
+    ("version", "usable"), [("4.10.0", False), ("4.11.0", True), ("5.0.0", True), ("6.0.0", False)]
+)
 def test_an_untested_version_is_named(version, usable, monkeypatch):
     monkeypatch.setattr(packages.importlib, "import_module", lambda name: SimpleNamespace(__version__=version))
     problem = packages._import_package("cv2")[1]
@@ -118,34 +120,61 @@ def test_a_package_that_is_not_the_one_we_released_with_is_refused_in_a_sentence
 
 
 def test_on_a_system_without_a_build_the_error_gives_the_fix(python, tmp_path, capsys):
-    python += [makes, lambda command: SimpleNamespace(returncode=1, stdout="", stderr=(
-        "ERROR: Could not find a version that satisfies the requirement numpy==2.4.6\n"
-        "ERROR: No matching distribution found for numpy==2.4.6\n"))]
+    python += [
+        makes,
+        lambda command: SimpleNamespace(
+            returncode=1,
+            stdout="",
+            stderr=(
+                "ERROR: Could not find a version that satisfies the requirement numpy==2.4.6\n"
+                "ERROR: No matching distribution found for numpy==2.4.6\n"
+            ),
+        ),
+    ]
     assert install.main([str(tmp_path / "evaluator")]) == 1
     assert "no build for this Python and system" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("line", "said"), [
-    ("WARNING: Retrying after connection broken by 'SSLError(SSLCertVerificationError(1, '[SSL: "
-     "CERTIFICATE_VERIFY_FAILED] certificate verify failed: self-signed certificate in chain'))': /simple/numpy/",
-     "certificate is not trusted"),
-    ("WARNING: Retrying after connection broken by 'ProxyError('Cannot connect to proxy.', OSError())'",
-     "the proxy did not answer"),
-    ("WARNING: Retrying after connection broken by 'NewConnectionError('<pip>: Failed to establish a new connection: "
-     "[Errno -3] Temporary failure in name resolution')'", "cannot be reached"),
-    ("ERROR: Could not install packages due to an OSError: [Errno 28] No space left on device", "needs 390 MB")])
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (
+            "WARNING: Retrying after connection broken by 'SSLError(SSLCertVerificationError(1, '[SSL: "
+            "CERTIFICATE_VERIFY_FAILED] certificate verify failed: self-signed certificate in chain'))': "
+            "/simple/numpy/",
+            "certificate is not trusted",
+        ),
+        (
+            "WARNING: Retrying after connection broken by 'ProxyError('Cannot connect to proxy.', OSError())'",
+            "the proxy did not answer",
+        ),
+        (
+            "WARNING: Retrying after connection broken by 'NewConnectionError('<pip>: Failed to establish a "
+            "new connection: "
+            "[Errno -3] Temporary failure in name resolution')'",
+            "cannot be reached",
+        ),
+        ("ERROR: Could not install packages due to an OSError: [Errno 28] No space left on device", "needs 390 MB"),
+    ],
+)
 def test_the_cause_of_a_failure_is_named_not_what_pip_makes_of_it(python, tmp_path, capsys, line, said):
     """pip ends all of these with the same last line, as if the package did not exist."""
-    python += [makes, lambda command: SimpleNamespace(returncode=1, stdout="", stderr=(
-        f"{line}\nERROR: No matching distribution found for numpy==2.4.6\n"))]
+    python += [
+        makes,
+        lambda command: SimpleNamespace(
+            returncode=1, stdout="", stderr=(f"{line}\nERROR: No matching distribution found for numpy==2.4.6\n")
+        ),
+    ]
     assert install.main([str(tmp_path / "evaluator")]) == 1
     assert said in capsys.readouterr().out
 
 
 def test_the_pythons_that_install_look_into_no_current_folder(python, tmp_path):
     seen = []
-    python += [lambda command: seen.append(command) or makes(command),
-               *[lambda command: seen.append(command) or works(command)] * 2]
+    python += [
+        lambda command: seen.append(command) or makes(command),
+        *[lambda command: seen.append(command) or works(command)] * 2,
+    ]
     install.main([str(tmp_path / "evaluator")])
     assert [command[1] for command in seen] == ["-I"] * 3
     assert seen[0][0] == sys.executable

@@ -19,9 +19,12 @@ from rendering import render
 
 pytestmark = pytest.mark.heavy
 
-LEVEL: dict[str, Any] = {"terrain": {"rms_slope_deg": 0.0, "size_m": 12.0, "resolution": 65},
-                         "rig": {"width_px": 160, "height_px": 120}, "lander": {"kind": "PARAMETRIC"},
-                         "quality": {"samples": 1}}
+LEVEL: dict[str, Any] = {
+    "terrain": {"rms_slope_deg": 0.0, "size_m": 12.0, "resolution": 65},
+    "rig": {"width_px": 160, "height_px": 120},
+    "lander": {"kind": "PARAMETRIC"},
+    "quality": {"samples": 1},
+}
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +68,7 @@ def test_models_are_centred_in_millimetres_with_their_facts(rendered):
         places, _ = read_triangles(rendered[1] / "models" / f"obj_{int(number):06d}.ply")
         assert np.allclose(places.min(axis=0), [fact[f"min_{axis}"] for axis in "xyz"], atol=1e-2)
         assert np.allclose(places.max(axis=0), -places.min(axis=0), atol=1e-2)
-        some = places[::max(len(places) // 300, 1)].astype(float)
+        some = places[:: max(len(places) // 300, 1)].astype(float)
         farthest = np.linalg.norm(some[:, None] - some[None], axis=-1).max()
         assert farthest <= fact["diameter"] * (1 + 1e-6)
         assert fact["diameter"] <= np.linalg.norm(np.ptp(places, axis=0)) * (1 + 1e-6)
@@ -87,13 +90,14 @@ def test_visible_keypoints_lie_on_the_lander_in_the_labels(rendered):
     names = [link["name"] for link in lander["links"]]
     for point in seen:
         column, row = (int(value) for value in point["left_px"])
-        assert mask(folder, "mask", names.index(point["link"]))[max(row - 2, 0):row + 3,
-                                                                max(column - 2, 0):column + 3].any()
+        assert mask(folder, "mask", names.index(point["link"]))[
+            max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3
+        ].any()
 
 
 def test_a_pair_without_a_lander_is_named(tmp_path):
     render(tmp_path / "set", {"rig": {"width_px": 32, "height_px": 24}, "quality": {"samples": 1}})
-    failed, = export([tmp_path / "set"], "bop", tmp_path / "bop")
+    (failed,) = export([tmp_path / "set"], "bop", tmp_path / "bop")
     assert "shows no lander" in failed
 
 
@@ -114,6 +118,8 @@ def test_a_pair_that_fails_is_nowhere(rendered, tmp_path, monkeypatch):
     assert not [path for path in (tmp_path / "none").rglob("*") if path.is_file()]
     calls.clear()
     assert len(export([folder, other], "bop", tmp_path / "one")) == 1
-    files = [{path.relative_to(root): path.read_bytes() for path in root.rglob("*") if path.is_file()}
-             for root in (rendered[1], tmp_path / "one")]
+    files = [
+        {path.relative_to(root): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+        for root in (rendered[1], tmp_path / "one")
+    ]
     assert files[0] == files[1]

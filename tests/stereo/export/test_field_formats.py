@@ -39,10 +39,20 @@ def pose(eye: str, turn: float = 0.3) -> np.ndarray:
 
 def described(heading: float, **light):
     """The settings of which this heading in radians, counterclockwise, gives the ``pose``, and the Sun of the pairs."""
-    return merged(defaults(), {
-        "rig": {"heading_deg": -math.degrees(heading), "pitch_deg": math.degrees(TILT), "x_m": 5.0, "y_m": -2.0},
-        "light": {"directions_from": "ANGLES", "sun_azimuth_deg": 90.0, "sun_irradiance_wm2": SUN_WM2,
-                  "sun_elevation_deg": math.degrees(math.atan2(0.8, 0.6)), "planet": False, **light}})
+    return merged(
+        defaults(),
+        {
+            "rig": {"heading_deg": -math.degrees(heading), "pitch_deg": math.degrees(TILT), "x_m": 5.0, "y_m": -2.0},
+            "light": {
+                "directions_from": "ANGLES",
+                "sun_azimuth_deg": 90.0,
+                "sun_irradiance_wm2": SUN_WM2,
+                "sun_elevation_deg": math.degrees(math.atan2(0.8, 0.6)),
+                "planet": False,
+                **light,
+            },
+        },
+    )
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +78,13 @@ def points() -> tuple[np.ndarray, np.ndarray]:
 
 
 #: Where the site lies on a map, far from its origin.
-PLACE = {"crs": "+proj=tmerc +lon_0=20 +x_0=5000000 +R=1560800 +units=m +no_defs", "unit_m": 0.3048,
-         "origin": [5020000.0625, -4649990.123456789], "scale": [0.5, 0.25], "height_zero_m": 1234.5}
+PLACE = {
+    "crs": "+proj=tmerc +lon_0=20 +x_0=5000000 +R=1560800 +units=m +no_defs",
+    "unit_m": 0.3048,
+    "origin": [5020000.0625, -4649990.123456789],
+    "scale": [0.5, 0.25],
+    "height_zero_m": 1234.5,
+}
 
 
 @pytest.fixture
@@ -77,8 +92,9 @@ def mapped(dataset, tmp_path):
     """The same pairs on a map."""
     shutil.copytree(dataset, tmp_path / "mapped")
     for file in (tmp_path / "mapped").glob("pairs/*/pair.json"):
-        file.write_text(json.dumps(json.loads(file.read_text(encoding="utf-8")) | {"ground": {"map": PLACE}}),
-                        encoding="utf-8")
+        file.write_text(
+            json.dumps(json.loads(file.read_text(encoding="utf-8")) | {"ground": {"map": PLACE}}), encoding="utf-8"
+        )
     return tmp_path / "mapped"
 
 
@@ -149,17 +165,23 @@ def test_colmap_projects_its_points_onto_its_pixels(dataset, tmp_path):
     kind, _, _, *numbers = camera.split()[1:]
     assert kind == "PINHOLE"
     fx, fy, cx, cy = map(float, numbers)
-    points = {int(line.split()[0]): line.split() for line in (sparse / "points3D.txt").read_text(
-        encoding="utf-8").splitlines()}
+    points = {
+        int(line.split()[0]): line.split()
+        for line in (sparse / "points3D.txt").read_text(encoding="utf-8").splitlines()
+    }
     lines = (sparse / "images.txt").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 8
     frames = json.loads((root / "scene-0000" / "transforms.json").read_text(encoding="utf-8"))["frames"]
     for k in range(4):
         number, qw, qx, qy, qz, tx, ty, tz, _, name = lines[2 * k].split()
         w, x, y, z = map(float, (qw, qx, qy, qz))
-        rotation = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                             [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+        rotation = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        )
         seen = np.array(lines[2 * k + 1].split(), float).reshape(-1, 3)
         world = np.array([points[int(p)][1:4] for p in seen[:, 2]], float)
         eye = world @ rotation.T + [float(tx), float(ty), float(tz)]
@@ -226,15 +248,20 @@ def test_small_angles_are_those_of_normals_of_any_length():
 
 def test_the_radiance_factor_is_that_of_the_band_under_a_lamp_of_another_colour(dataset, tmp_path):
     """Grey ground is as grey under a lamp of 3200 K, whose light is twice as red as blue."""
-    folder = pairs.write_pair(tmp_path / "lamp" / "pairs" / "0123456789ab", SCENE, RIG, settings=described(
-        0.3, sun_temperature_k=3200.0))
+    folder = pairs.write_pair(
+        tmp_path / "lamp" / "pairs" / "0123456789ab", SCENE, RIG, settings=described(0.3, sun_temperature_k=3200.0)
+    )
     data = json.loads((dataset / "pairs" / "0123456789ab" / "pair.json").read_text(encoding="utf-8"))
     own = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
     own |= {key: data[key] for key in ("poses_rectified_to_world", "light")}
     (folder / "pair.json").write_text(json.dumps(own), encoding="utf-8")
-    plain, lit = (cv2.imread(str(exported(root, tmp_path / root.name, "tiff") / "0123456789ab" /
-                                 "left_radiance_factor.tif"), cv2.IMREAD_UNCHANGED)
-                  for root in (dataset, tmp_path / "lamp"))
+    plain, lit = (
+        cv2.imread(
+            str(exported(root, tmp_path / root.name, "tiff") / "0123456789ab" / "left_radiance_factor.tif"),
+            cv2.IMREAD_UNCHANGED,
+        )
+        for root in (dataset, tmp_path / "lamp")
+    )
     # Bands of one file are R, G, B, which OpenCV turns round. By Planck's law, relative to 5772 K.
     ratio = (np.nanmean(plain / lit, axis=(0, 1)))[::-1]
     wanted = np.array([planck(at, 3200.0) / planck(at, 5772.0) for at in (620e-9, 550e-9, 460e-9)])
@@ -248,13 +275,15 @@ def planck(wavelength_m: float, kelvin: float) -> float:
 
 
 def test_there_is_no_radiance_factor_under_a_lamp_nearby(tmp_path, dataset):
-    folder = pairs.write_pair(tmp_path / "pairs" / "0123456789ab", SCENE, RIG, settings=described(
-        0.3, sun_distance_m=3.0))
+    folder = pairs.write_pair(
+        tmp_path / "pairs" / "0123456789ab", SCENE, RIG, settings=described(0.3, sun_distance_m=3.0)
+    )
     data = json.loads((dataset / "pairs" / "0123456789ab" / "pair.json").read_text(encoding="utf-8"))
     own = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
     data["light"]["sun"]["distance_m"] = 3.0
-    (folder / "pair.json").write_text(json.dumps(own | {key: data[key] for key in (
-        "poses_rectified_to_world", "light")}), encoding="utf-8")
+    (folder / "pair.json").write_text(
+        json.dumps(own | {key: data[key] for key in ("poses_rectified_to_world", "light")}), encoding="utf-8"
+    )
     (failure,) = export([tmp_path], "tiff", tmp_path / "out")
     assert "light.sun_distance_m" in failure
 
@@ -263,12 +292,12 @@ def test_fits_files_are_cards_and_blocks_with_the_bottom_row_first(dataset, tmp_
     folder = exported(dataset, tmp_path, "fits") / "0123456789ab"
     data = (folder / "left.fits").read_bytes()
     assert len(data) % 2880 == 0
-    cards = [data[k:k + 80].decode("ascii") for k in range(0, 2880, 80)]
+    cards = [data[k : k + 80].decode("ascii") for k in range(0, 2880, 80)]
     assert cards[0] == "SIMPLE  =                    T / conforms to FITS standard".ljust(80)
     assert "NAXIS3  =                    3".ljust(80) in cards
     assert any(card.startswith("PAIR    = '0123456789ab'") for card in cards)
     assert b"EXTNAME = 'INCIDENCE' / from the facet's normal to the Sun" in data
-    cube = np.frombuffer(data[2880:2880 + 4 * 3 * 72 * 96], ">f4").reshape(3, 72, 96)
+    cube = np.frombuffer(data[2880 : 2880 + 4 * 3 * 72 * 96], ">f4").reshape(3, 72, 96)
     light = pairs.view(SCENE, RIG, "left")[1]
     assert cube[0, 0] == pytest.approx(math.pi * light[-1] / SUN_WM2, rel=1e-6), "the bottom row comes first"
 
@@ -321,8 +350,9 @@ def test_a_bag_gives_back_what_was_put_in(dataset, tmp_path, points):
         found = [(c.topic, t, types.deserialize_cdr(raw, c.msgtype)) for c, t, raw in reader.messages()]
     assert len(found) == 14
     first: dict[str, Any] = {topic: message for topic, time, message in found if time == 0}
-    left, right, disparity = (first[f"/stereo/{name}"] for name in (
-        "left/camera_info", "right/camera_info", "disparity"))
+    left, right, disparity = (
+        first[f"/stereo/{name}"] for name in ("left/camera_info", "right/camera_info", "disparity")
+    )
     camera = read_pair(dataset / "pairs" / "0123456789ab").camera
     assert right.p[3] == pytest.approx(-camera.focal_px * camera.baseline_m)
     assert left.k[2] == pytest.approx(camera.cx_px - 0.5)

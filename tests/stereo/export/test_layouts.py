@@ -24,8 +24,7 @@ pytestmark = pytest.mark.filterwarnings("error")
 RIG = pairs.camera(192, 96)
 #: Layouts that have tests of their own: ``test_field_formats`` and ``test_bop``, whose pairs have poses,
 #: ``test_training`` and ``test_parquet_index``.
-TESTED_ELSEWHERE = {"bop", "cahvor", "colmap", "fits", "tiff", "ros2", "webdataset", "sceneflow",
-                    "parquet-index"}
+TESTED_ELSEWHERE = {"bop", "cahvor", "colmap", "fits", "tiff", "ros2", "webdataset", "sceneflow", "parquet-index"}
 SCENES = {"one": pairs.Scene(), "two": pairs.Scene(sky_rows=30, distance_m=3.0)}
 
 
@@ -83,10 +82,13 @@ def test_disparity_and_depth_come_back_to_half_a_step(out, name, eye):
     disparity = truth(name, eye)
     folder = out / "png16" / name
     np.testing.assert_allclose(unscaled(read(folder / f"disparity_{eye}.png"), 256), disparity, atol=0.5 / 256 + 1e-4)
-    np.testing.assert_allclose(unscaled(read(folder / f"depth_{eye}.png"), 1000),
-                               RIG.focal_baseline_px_m / disparity, atol=0.5e-3 + 1e-6)
-    for file in (out / "pfm" / name / f"disparity_{eye}.pfm",
-                 out / "middlebury" / name / f"disp{['left', 'right'].index(eye)}.pfm"):
+    np.testing.assert_allclose(
+        unscaled(read(folder / f"depth_{eye}.png"), 1000), RIG.focal_baseline_px_m / disparity, atol=0.5e-3 + 1e-6
+    )
+    for file in (
+        out / "pfm" / name / f"disparity_{eye}.pfm",
+        out / "middlebury" / name / f"disp{['left', 'right'].index(eye)}.pfm",
+    ):
         np.testing.assert_allclose(read_pfm(file), disparity, rtol=1e-6)
         other = read(file).astype(np.float64)  # OpenCV's own reader
         np.testing.assert_allclose(np.where(np.isinf(other), np.nan, other), disparity, rtol=1e-6)
@@ -119,14 +121,17 @@ def test_kitti(out):
     with (out / "kitti" / "pairs.csv").open(newline="") as stream:
         assert {row["number"]: row["pair"] for row in csv.DictReader(stream)} == {"000000": "one", "000001": "two"}
     for number, name in (("000000", "one"), ("000001", "two")):
-        occluded, both = (unscaled(read(root / kind / f"{number}_10.png"), 256)
-                          for kind in ("disp_occ_0", "disp_noc_0"))
+        occluded, both = (
+            unscaled(read(root / kind / f"{number}_10.png"), 256) for kind in ("disp_occ_0", "disp_noc_0")
+        )
         np.testing.assert_allclose(occluded, truth(name), atol=0.5 / 256 + 1e-4)
         seen = np.isfinite(both)
         assert 0 < seen.sum() < np.isfinite(occluded).sum()
         np.testing.assert_array_equal(both[seen], occluded[seen])
-        matrices = {line.split(":")[0]: np.array(line.split()[1:], float)
-                    for line in (root / "calib_cam_to_cam" / f"{number}.txt").read_text().splitlines()}
+        matrices = {
+            line.split(":")[0]: np.array(line.split()[1:], float)
+            for line in (root / "calib_cam_to_cam" / f"{number}.txt").read_text().splitlines()
+        }
         left, right = (matrices[f"P_rect_{eye}"].reshape(3, 4) for eye in ("02", "03"))
         # Projecting a point with the two matrices gives its disparity.
         point = np.array([0.3, -0.2, 2.5, 1.0])
@@ -172,7 +177,7 @@ def test_coco(out, dataset):
         np.testing.assert_array_equal(mask, view.instance == 1000)
         assert (found["category_id"], found["label"], found["area"]) == (2, 1000, mask.sum())
         x, y, width, height = found["bbox"]
-        assert mask[y:y + height, x:x + width].sum() == mask.sum()
+        assert mask[y : y + height, x : x + width].sum() == mask.sum()
         assert mask[y].any()
         assert mask[:, x + width - 1].any()
 
@@ -194,8 +199,13 @@ def test_only_rocks_and_objects_are_annotated_and_nothing_without_labels():
 
 
 @settings(deadline=None)
-@given(values=arrays(np.float32, st.tuples(st.integers(1, 6), st.integers(1, 6)),
-                     elements=st.floats(width=32, allow_nan=True, allow_infinity=True)))
+@given(
+    values=arrays(
+        np.float32,
+        st.tuples(st.integers(1, 6), st.integers(1, 6)),
+        elements=st.floats(width=32, allow_nan=True, allow_infinity=True),
+    )
+)
 def test_pfm_keeps_every_finite_number(tmp_path_factory, values):
     path = tmp_path_factory.getbasetemp() / "values.pfm"
     write_pfm(path, values)
@@ -205,8 +215,7 @@ def test_pfm_keeps_every_finite_number(tmp_path_factory, values):
 def test_what_does_not_fit_16_bits_is_unknown_and_counted_never_wrapped():
     values = np.array([[np.nan, np.inf, -np.inf, -1.0, 0.0, 1e-3, 1 / 256, 255.99, 256.0, 1e10, 1e308]])
     steps, (loss,) = in_steps(values, 256, "disparity", "px")
-    np.testing.assert_allclose(unscaled(steps, 256)[0],
-                               [np.nan] * 6 + [1 / 256, 255.99] + [np.nan] * 3, atol=0.5 / 256)
+    np.testing.assert_allclose(unscaled(steps, 256)[0], [np.nan] * 6 + [1 / 256, 255.99] + [np.nan] * 3, atol=0.5 / 256)
     assert loss.share == pytest.approx(6 / 8)  # of the finite ones
     assert "outside of 0.00391 to 255.996 px" in loss.why
     assert in_steps(values[:, :1], 256, "disparity", "px")[1] == []
@@ -234,8 +243,9 @@ def test_a_pair_whose_truth_16_bits_cannot_hold_is_refused_with_a_format_that_do
     assert not list((tmp_path / "out").rglob("*wide*"))
     for whole in ("pfm", "middlebury"):
         assert not export([tmp_path / "set"], whole, tmp_path / whole)
-        stored = read_pfm(next((tmp_path / whole / "wide").glob("disp*0.pfm" if whole == "middlebury" else
-                                                               "disparity_left.pfm")))
+        stored = read_pfm(
+            next((tmp_path / whole / "wide").glob("disp*0.pfm" if whole == "middlebury" else "disparity_left.pfm"))
+        )
         assert np.nanmax(stored) > 256
 
 
@@ -245,8 +255,9 @@ def test_truth_that_is_lost_in_part_is_reported_once_for_all_pairs(tmp_path):
     heard: list[dict] = []
     assert not export([tmp_path / "set"], "kitti", tmp_path / "out", on_event=heard.append)
     (warning,) = [each["message"] for each in heard if each["type"] == "warning"]
-    assert re.match(r"In 2 of 3 pairs up to \d+ % of the true disparity is lost \(pair two\): it is outside of",
-                    warning)
+    assert re.match(
+        r"In 2 of 3 pairs up to \d+ % of the true disparity is lost \(pair two\): it is outside of", warning
+    )
     assert warning.endswith("pfm and middlebury hold all of it.")
 
 
@@ -280,8 +291,13 @@ def test_truth_of_both_eyes(dataset, tmp_path):
 
 
 def run(*words):
-    return subprocess.run([sys.executable, "-m", "icymoon.stereo", *map(str, words)], capture_output=True, text=True,
-                          timeout=240, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "icymoon.stereo", *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
 
 
 def test_the_command_exports(dataset, tmp_path):
@@ -292,10 +308,13 @@ def test_the_command_exports(dataset, tmp_path):
     assert [json.loads(line)["ok"] for line in result.stdout.splitlines()] == [True, True]
 
 
-@pytest.mark.parametrize(("words", "reason"), [
-    (("--format", "pfm", "--set", "rig.baseline_m=1"), "needs a new render"),
-    (("--format", "pfm"), "no complete stereo pair"),
-])
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("--format", "pfm", "--set", "rig.baseline_m=1"), "needs a new render"),
+        (("--format", "pfm"), "no complete stereo pair"),
+    ],
+)
 def test_errors_are_one_sentence(tmp_path, words, reason):
     (tmp_path / "empty").mkdir()
     result = run("export", tmp_path / "empty", *words, "--out", tmp_path / "out")
@@ -309,8 +328,13 @@ def test_the_place_on_a_map_is_in_every_export(tmp_path):
     for name in ("mapped", "plain"):
         pairs.write_pair(tmp_path / "set" / "pairs" / name)
     file = tmp_path / "set" / "pairs" / "mapped" / "pair.json"
-    place = {"crs": "EPSG:32633", "unit_m": 1.0, "origin": [500000.0625, 4649990.123456789], "scale": [1.0, 1.0],
-             "height_zero_m": 1234.5}
+    place = {
+        "crs": "EPSG:32633",
+        "unit_m": 1.0,
+        "origin": [500000.0625, 4649990.123456789],
+        "scale": [1.0, 1.0],
+        "height_zero_m": 1234.5,
+    }
     file.write_text(json.dumps(json.loads(file.read_text()) | {"ground": {"map": place}}), encoding="utf-8")
     export([tmp_path / "set"], "pfm", tmp_path / "out")
     found = json.loads((tmp_path / "out" / "map_coordinates.json").read_text(encoding="utf-8"))
@@ -319,9 +343,16 @@ def test_the_place_on_a_map_is_in_every_export(tmp_path):
     assert not (tmp_path / "plain" / "map_coordinates.json").exists()
 
 
-@pytest.mark.parametrize(("kind", "last"), [
-    ("png8", "layouts.write_json"), ("png16", "layouts.write_json"), ("pfm", "layouts.write_json"),
-    ("middlebury", "layouts.write_text"), ("raw", "raw.write_json")])
+@pytest.mark.parametrize(
+    ("kind", "last"),
+    [
+        ("png8", "layouts.write_json"),
+        ("png16", "layouts.write_json"),
+        ("pfm", "layouts.write_json"),
+        ("middlebury", "layouts.write_text"),
+        ("raw", "raw.write_json"),
+    ],
+)
 def test_a_pair_that_fails_leaves_nothing_half_written(dataset, tmp_path, monkeypatch, kind, last):
     def fail(*_, **__):
         raise IcyMoonError("cannot be")
@@ -333,9 +364,15 @@ def test_a_pair_that_fails_leaves_nothing_half_written(dataset, tmp_path, monkey
     assert [path.name for path in out.parent.rglob("*.part")] == []
 
 
-@pytest.mark.parametrize(("kind", "last"), [
-    ("kitti", "layouts.write_text"), ("coco", "layouts.coco_annotations"), ("sceneflow", "training.write_pfm"),
-    ("webdataset", "training._files_of")])
+@pytest.mark.parametrize(
+    ("kind", "last"),
+    [
+        ("kitti", "layouts.write_text"),
+        ("coco", "layouts.coco_annotations"),
+        ("sceneflow", "training.write_pfm"),
+        ("webdataset", "training._files_of"),
+    ],
+)
 def test_a_pair_that_fails_is_nowhere_in_a_folder_of_all_pairs(dataset, tmp_path, monkeypatch, kind, last):
     """The first pair fails at its last file, or at that of its right eye; the rest is as if it had not been there."""
     first, *others = sorted((dataset / "pairs").iterdir())
@@ -353,7 +390,13 @@ def test_a_pair_that_fails_is_nowhere_in_a_folder_of_all_pairs(dataset, tmp_path
 
     monkeypatch.setattr(module, name, fail)
     assert len(export([first, *others], kind, tmp_path / "both")) == 1
-    files = [{path.relative_to(root): path.read_bytes() for path in root.rglob("*")
-              if path.is_file() and path.suffix != ".tar"} for root in (tmp_path / "alone", tmp_path / "both")]
+    files = [
+        {
+            path.relative_to(root): path.read_bytes()
+            for path in root.rglob("*")
+            if path.is_file() and path.suffix != ".tar"
+        }
+        for root in (tmp_path / "alone", tmp_path / "both")
+    ]
     assert files[0] == files[1]
     assert not list(tmp_path.rglob("*.part"))

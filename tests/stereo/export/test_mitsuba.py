@@ -23,16 +23,27 @@ from icymoon.stereo.export import mitsuba
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.version import ROOT
 
-PLANET = {"light": {"planet": True, "planet_elevation_deg": 40.0, "planet_azimuth_deg": 250.0,
-                    "planet_flattening": 0.098, "sun_azimuth_deg": 200.0, "sun_elevation_deg": -20.0}}
+PLANET = {
+    "light": {
+        "planet": True,
+        "planet_elevation_deg": 40.0,
+        "planet_azimuth_deg": 250.0,
+        "planet_flattening": 0.098,
+        "sun_azimuth_deg": 200.0,
+        "sun_elevation_deg": -20.0,
+    }
+}
 
 
 def settings(*parts):
     return merged(defaults(), *(check(part, "test") for part in parts))
 
 
-@pytest.mark.parametrize(("changes", "error"), [
-    ({}, 1e-3), ({"planet_azimuth_deg": 30.0}, 2e-3), ({"planet_elevation_deg": 5.0}, 2e-2)], ids=str)
+@pytest.mark.parametrize(
+    ("changes", "error"),
+    [({}, 1e-3), ({"planet_azimuth_deg": 30.0}, 2e-3), ({"planet_elevation_deg": 5.0}, 2e-2)],
+    ids=str,
+)
 def test_the_map_of_the_sky_brings_the_planets_light(changes, error):
     shown = sky(settings(PLANET, {"light": changes}).light)
     found = mitsuba._sky_map(VisibleCap(shown.planet))[..., 0].astype(float)
@@ -40,12 +51,17 @@ def test_the_map_of_the_sky_brings_the_planets_light(changes, error):
     polar, around = np.arange(rows) / (rows - 1) * math.pi, (np.arange(2 * rows) + 0.5) / rows * math.pi
     solid = np.sin(polar)[:, None] * math.pi / (rows - 1) * math.pi / rows
     # Directions by Mitsuba's own convention, turned by the matrix that the file states.
-    ray = np.stack(np.broadcast_arrays(np.sin(around) * np.sin(polar)[:, None], np.cos(polar)[:, None],
-                                       -np.cos(around) * np.sin(polar)[:, None]), axis=-1)
+    ray = np.stack(
+        np.broadcast_arrays(
+            np.sin(around) * np.sin(polar)[:, None], np.cos(polar)[:, None], -np.cos(around) * np.sin(polar)[:, None]
+        ),
+        axis=-1,
+    )
     up = (ray @ mitsuba._SKY_TO_WORLD[:3, :3].T)[..., 2]
     # A limb, and a horizon that cuts the disc, in pixels of 0.1 degrees, on a disc of 29.
     assert np.sum(found * solid * np.maximum(up, 0)) == pytest.approx(
-        irradiance_wm2(shown.planet, np.array([0.0, 0.0, 1.0])), rel=error)
+        irradiance_wm2(shown.planet, np.array([0.0, 0.0, 1.0])), rel=error
+    )
 
 
 def test_what_the_planet_hides_of_the_sun_is_left_out_once(tmp_path):
@@ -68,7 +84,7 @@ def test_the_suns_disk_has_its_irradiance_and_faces_the_ground(diameter_deg):
     assert matrix[:3, 3] / distance == pytest.approx(direction)
     assert matrix[:3, 2] == pytest.approx(-direction)
     assert radius / distance == pytest.approx(math.tan(math.radians(diameter_deg / 2)))
-    assert radiance * math.pi * radius ** 2 / (distance ** 2 + radius ** 2) == pytest.approx(14.82)
+    assert radiance * math.pi * radius**2 / (distance**2 + radius**2) == pytest.approx(14.82)
     assert np.linalg.det(matrix[:3, :3]) > 0
     assert mitsuba._sun(direction, 14.82, 0.0)["irradiance"] == [14.82] * 3
 
@@ -83,13 +99,24 @@ def test_the_film_has_a_filter_as_wide_as_that_of_cycles():
 
 
 def test_what_is_left_out_is_named():
-    described = settings({"surface": {"model": "PRINCIPLED", "grain_amplitude_m": 0.01, "salt_share": 0.2},
-                          "textures": {"set": "FROST"}})
+    described = settings(
+        {"surface": {"model": "PRINCIPLED", "grain_amplitude_m": 0.01, "salt_share": 0.2}, "textures": {"set": "FROST"}}
+    )
     text = " ".join(mitsuba.find_left_out(described, sky(described.light)))
     for word in ("PRINCIPLED", "grain_amplitude_m", "salt_share", "textures.set"):
         assert word in text
-    layered = settings({"surface": {"ice_colour": "SNOW", "trough_dirt": -0.2, "glint_share": 0.1, "crust_share": 0.1,
-                                    "frost_share": 0.1, "bubble_share": 0.01}})
+    layered = settings(
+        {
+            "surface": {
+                "ice_colour": "SNOW",
+                "trough_dirt": -0.2,
+                "glint_share": 0.1,
+                "crust_share": 0.1,
+                "frost_share": 0.1,
+                "bubble_share": 0.01,
+            }
+        }
+    )
     text = " ".join(mitsuba.find_left_out(layered, sky(layered.light)))
     for key in ("ice_colour", "trough_dirt", "glint_share", "crust_share", "frost_share", "bubble_share"):
         assert f"surface.{key} is left out" in text
@@ -97,8 +124,9 @@ def test_what_is_left_out_is_named():
     assert not mitsuba.find_left_out(plain, sky(plain.light))
 
 
-@pytest.mark.parametrize(("data", "toe_in", "word"), [({"edited_by_hand": True}, 0.0, "edited by hand"),
-                                                      ({}, 2.0, "toe-in")])
+@pytest.mark.parametrize(
+    ("data", "toe_in", "word"), [({"edited_by_hand": True}, 0.0, "edited by hand"), ({}, 2.0, "toe-in")]
+)
 def test_pairs_that_cannot_be_exported_are_refused(data, toe_in, word):
     camera: Any = SimpleNamespace(toe_in_deg=toe_in, rendered_px=(4, 4), width_px=4, height_px=4)
     pair: Any = SimpleNamespace(data=data, folder="pair", camera=camera)
@@ -107,10 +135,17 @@ def test_pairs_that_cannot_be_exported_are_refused(data, toe_in, word):
 
 
 def test_the_scene_is_xml_with_every_value_named():
-    text = mitsuba._to_xml({"integrator": {"type": "path", "max_depth": 5, "hide_emitters": True},
-                            "terrain": {"type": "ply", "filename": "a & b.ply", "bsdf": {
-                                "type": "diffuse", "reflectance": [0.5, 0.5, 0.5]}},
-                            "sun": mitsuba._sun(np.array([0.0, 0.0, 1.0]), 1.0, 0.0)})
+    text = mitsuba._to_xml(
+        {
+            "integrator": {"type": "path", "max_depth": 5, "hide_emitters": True},
+            "terrain": {
+                "type": "ply",
+                "filename": "a & b.ply",
+                "bsdf": {"type": "diffuse", "reflectance": [0.5, 0.5, 0.5]},
+            },
+            "sun": mitsuba._sun(np.array([0.0, 0.0, 1.0]), 1.0, 0.0),
+        }
+    )
     root = ElementTree.fromstring(text)
     assert [child.tag for child in root] == ["integrator", "shape", "emitter"]
     assert root.find("shape/string").get("value") == "a & b.ply"
@@ -186,16 +221,22 @@ print("ok")
 @pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="needs pip install icymoon[validate]")
 @pytest.mark.parametrize("script", [HAPKE, SNOW], ids=["hapke", "snow"])
 def test_a_law_in_mitsuba_is_the_formula(script):
-    done = subprocess.run([sys.executable, "-c", script, str(ROOT / "stereo" / "adapters")], capture_output=True,
-                          text=True, timeout=110, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(ROOT / "stereo" / "adapters")],
+        capture_output=True,
+        text=True,
+        timeout=110,
+        check=False,
+    )
     if "LLVM" in done.stderr and "ok" not in done.stdout:
         pytest.skip("no LLVM library that this Mitsuba knows")
     assert done.stdout.endswith("ok\n"), done.stderr
 
 
 def test_snow_is_exported_as_snow():
-    described = settings({"surface": {"model": "SNOW", "albedo": 0.93, "grain_amplitude_m": 0.0,
-                                      "albedo_variation": 0.0}})
+    described = settings(
+        {"surface": {"model": "SNOW", "albedo": 0.93, "grain_amplitude_m": 0.0, "albedo_variation": 0.0}}
+    )
     assert mitsuba._surface(described, "terrain") == {"type": "icymoon_snow", "albedo": 0.93}
     assert not mitsuba.find_left_out(described, sky(described.light))
 
@@ -206,7 +247,13 @@ def test_code_that_comes_with_a_scene_is_not_run(tmp_path):
     (tmp_path / "fake").mkdir()
     (tmp_path / "fake" / "mitsuba.py").write_text("def set_variant(name): pass\n")
     script = ROOT / "stereo" / "adapters" / "mitsuba_render.py"
-    ended = subprocess.run([sys.executable, str(script), str(tmp_path / "scene_left.xml")], capture_output=True,
-                           text=True, check=False, timeout=60, env=os.environ | {"PYTHONPATH": str(tmp_path / "fake")})
+    ended = subprocess.run(
+        [sys.executable, str(script), str(tmp_path / "scene_left.xml")],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        env=os.environ | {"PYTHONPATH": str(tmp_path / "fake")},
+    )
     assert ended.returncode == 1
     assert "code of the scene" not in ended.stderr

@@ -33,7 +33,10 @@ def test_rows_lead_to_the_pairs_and_can_be_chosen_by_what_varies(dataset, tmp_pa
         pair = read_pair(tmp_path / "index" / row["folder"])
         assert (pair.id, pair.settings.light.sun_elevation_deg) == (row["key"], 10.0)
         assert (row["split"], row["focal_px"], row["cx_px"]) == (
-            split_of_pair(pair), pair.camera.focal_px, pair.camera.cx_px)
+            split_of_pair(pair),
+            pair.camera.focal_px,
+            pair.camera.cx_px,
+        )
     columns = parquet.read_schema(file).names
     assert {"dataset.seed", "light.sun_elevation_deg"} == {name for name in columns if "." in name}
     assert not Path(low[0]["folder"]).is_absolute()

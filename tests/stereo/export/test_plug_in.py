@@ -44,6 +44,7 @@ def export(tmp_path, monkeypatch, capsys):
         assert "Traceback" not in said
         assert not list(tmp_path.rglob("*.part"))
         return status, said, tmp_path / "out"
+
     return run
 
 
@@ -70,12 +71,16 @@ def test_again_it_replaces_its_files_and_keeps_others(export):
     assert np.load(out / "one" / "left.npy").shape == (64, 96)
 
 
-@pytest.mark.parametrize(("source", "said"), [
-    (EXPORT.replace("folder / \"truth\" / ", "folder / \"nowhere\" / "), "failed (FileNotFoundError"),
-    ("ICYMOON_API = 1\ndef write_pair(pair, folder):\n    pass\n", "wrote no file for one"),
-    ("ICYMOON_API = 1\ndef write_pair(pair):\n    pass\n", "failed (TypeError"),
-    ("ICYMOON_API = 1\n", "has no function write_pair"),
-    (EXPORT.replace('" ".join(names)', "names"), "failed (TypeError")])
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        (EXPORT.replace('folder / "truth" / ', 'folder / "nowhere" / '), "failed (FileNotFoundError"),
+        ("ICYMOON_API = 1\ndef write_pair(pair, folder):\n    pass\n", "wrote no file for one"),
+        ("ICYMOON_API = 1\ndef write_pair(pair):\n    pass\n", "failed (TypeError"),
+        ("ICYMOON_API = 1\n", "has no function write_pair"),
+        (EXPORT.replace('" ".join(names)', "names"), "failed (TypeError"),
+    ],
+)
 def test_what_it_does_wrong_is_one_sentence_and_nothing_is_half_written(export, source, said):
     status, told, out = export(source)
     assert status == 1
@@ -86,8 +91,10 @@ def test_what_it_does_wrong_is_one_sentence_and_nothing_is_half_written(export, 
 
 def test_a_link_does_not_get_out(export, tmp_path):
     (tmp_path / "secret").write_text("mine")
-    status, _, out = export(EXPORT + f"\n_write = write_pair\ndef write_pair(pair, folder):\n    _write(pair, folder)\n"
-                            f"    (folder / 'link').symlink_to({str(tmp_path / 'secret')!r})\n")
+    status, _, out = export(
+        EXPORT + f"\n_write = write_pair\ndef write_pair(pair, folder):\n    _write(pair, folder)\n"
+        f"    (folder / 'link').symlink_to({str(tmp_path / 'secret')!r})\n"
+    )
     assert status == 0
     assert not (out / "one" / "link").exists()
     assert (tmp_path / "secret").read_text() == "mine"

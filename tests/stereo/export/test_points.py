@@ -86,8 +86,10 @@ def test_the_file_holds_the_points(prepared, tmp_path):
     write_points(tmp_path / "p.ply", prepared, disparity)
     points = measured_points(prepared, disparity)
     for names in (("x", "y", "z"), ("error_m", "size_m"), ("red", "green", "blue")):
-        np.testing.assert_array_equal(ply.read_properties(tmp_path / "p.ply", *names),
-                                      np.stack([points[name] for name in names], axis=1).astype(float))
+        np.testing.assert_array_equal(
+            ply.read_properties(tmp_path / "p.ply", *names),
+            np.stack([points[name] for name in names], axis=1).astype(float),
+        )
     assert ply.read_properties(tmp_path / "p.ply", "opacity") is None
     content = (tmp_path / "p.ply").read_bytes()
     for cut in (0, 10, 100, len(content) - 1):
@@ -99,11 +101,12 @@ def test_the_file_holds_the_points(prepared, tmp_path):
 @pytest.mark.parametrize("size", [(256, 144), (640, 480)])
 def test_the_file_contains_the_number_of_missing_points(tmp_path, size):
     """Measured and missing are together all that have a true depth, also where only every second pixel is taken."""
-    own = prepare(with_pose(pairs.write_pair(tmp_path / "pair", pairs.Scene(sky_rows=size[1] // 4),
-                                             rig=pairs.camera(*size))), {})
+    own = prepare(
+        with_pose(pairs.write_pair(tmp_path / "pair", pairs.Scene(sky_rows=size[1] // 4), rig=pairs.camera(*size))), {}
+    )
     disparity = own.pair.camera.disparity(own.truth)
     whole = len(measured_points(own, disparity))
-    disparity[:, :size[0] // 2] = np.nan
+    disparity[:, : size[0] // 2] = np.nan
     write_points(tmp_path / "p.ply", own, disparity)
     missing = ply.read_comment_number(tmp_path / "p.ply", "missing")
     assert missing == pytest.approx(whole / 2, rel=0.01)
@@ -149,8 +152,13 @@ def test_a_pair_without_a_pose_is_still_measured(tmp_path):
 
 
 def test_the_cloud_states_its_place_on_a_map(tmp_path):
-    place = {"crs": "EPSG:32633", "unit_m": 1.0, "origin": [500000.0625, 4649990.123456789], "scale": [1.0, 1.0],
-             "height_zero_m": 1234.5}
+    place = {
+        "crs": "EPSG:32633",
+        "unit_m": 1.0,
+        "origin": [500000.0625, 4649990.123456789],
+        "scale": [1.0, 1.0],
+        "height_zero_m": 1234.5,
+    }
     folder = with_pose(pairs.write_pair(tmp_path / "pair", pairs.Scene(rock=False)))
     file = folder / "pair.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | {"ground": {"map": place}}), encoding="utf-8")

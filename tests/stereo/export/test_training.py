@@ -51,8 +51,9 @@ def with_sun(folder: Path, elevation_deg: float | None) -> None:
     (folder / "pair.json").write_text(json.dumps(record))
 
 
-@pytest.mark.parametrize(("layout", "index"), [("webdataset", "index.csv"), ("sceneflow", "index.csv"),
-                                               ("parquet-index", "index.parquet")])
+@pytest.mark.parametrize(
+    ("layout", "index"), [("webdataset", "index.csv"), ("sceneflow", "index.csv"), ("parquet-index", "index.parquet")]
+)
 def test_tables_state_the_sun_of_the_images_not_that_of_the_settings(tmp_path, layout, index):
     if layout == "parquet-index":
         parquet = pytest.importorskip("pyarrow.parquet", reason="pip install icymoon[parquet]")
@@ -61,8 +62,11 @@ def test_tables_state_the_sun_of_the_images_not_that_of_the_settings(tmp_path, l
         with_sun(tmp_path / "set" / "pairs" / name, elevation)
     out = tmp_path / "x"
     export([tmp_path / "set"], layout, out)
-    rows = (list(csv.DictReader((out / index).open())) if index.endswith("csv") else
-            parquet.read_table(out / index).to_pylist())
+    rows = (
+        list(csv.DictReader((out / index).open()))
+        if index.endswith("csv")
+        else parquet.read_table(out / index).to_pylist()
+    )
     found = {row["key"]: row["sun_elevation_deg"] for row in rows}
     assert {key: None if value in ("", None) else float(value) for key, value in found.items()} == wanted
     if index.endswith("csv"):

@@ -32,7 +32,7 @@ def test_a_bar_shows_the_scale_from_end_to_end(width, size):
     strip = bar(width, ERROR, size)
     assert strip.shape == (round(44 * size), width, 3)
     left = min(round(8 * size), width // 4)
-    row = strip[round(10 * size), left:width - left]
+    row = strip[round(10 * size), left : width - left]
     ends = ERROR.colours(np.array([[0.01, 1.0]]))[0] if width > 1 else ERROR.colours(np.array([[0.01]]))[0]
     np.testing.assert_array_equal(row[[0, -1]] if width > 1 else row, ends)
 

@@ -6,8 +6,12 @@ import pytest
 from icymoon.physics.camera.colour import mosaic
 from icymoon.stereo.images.demosaic import demosaic
 
-OPENCV = {"RGGB": cv2.COLOR_BayerRGGB2RGB, "BGGR": cv2.COLOR_BayerBGGR2RGB, "GRBG": cv2.COLOR_BayerGRBG2RGB,
-          "GBRG": cv2.COLOR_BayerGBRG2RGB}
+OPENCV = {
+    "RGGB": cv2.COLOR_BayerRGGB2RGB,
+    "BGGR": cv2.COLOR_BayerBGGR2RGB,
+    "GRBG": cv2.COLOR_BayerGRBG2RGB,
+    "GBRG": cv2.COLOR_BayerGBRG2RGB,
+}
 
 
 @pytest.mark.parametrize("pattern", OPENCV)
@@ -30,8 +34,10 @@ def test_edge_aware_demosaicing_returns_flat_colours_and_ramps_inside(pattern, b
 def test_edge_aware_demosaicing_keeps_green_on_a_steep_edge():
     y, x = np.mgrid[:64, :64]
     edge = np.where(x > 20 + 0.1 * y, 3000, 500).astype(np.uint16)
-    error = {method: (demosaic(edge, 12, "RGGB", method)[8:-8, 8:-8, 1] - edge[8:-8, 8:-8]).std()
-             for method in ("BILINEAR", "EDGE_AWARE")}
+    error = {
+        method: (demosaic(edge, 12, "RGGB", method)[8:-8, 8:-8, 1] - edge[8:-8, 8:-8]).std()
+        for method in ("BILINEAR", "EDGE_AWARE")
+    }
     # Green across the edge is half wrong at every second pixel beside it; along the edge it is right but where the edge
     # passes on to the next column.
     assert error["EDGE_AWARE"] < 0.7 * error["BILINEAR"]

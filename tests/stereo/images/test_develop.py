@@ -55,8 +55,11 @@ def test_exposure_time_is_that_of_the_photons(tmp_path):
 def test_the_eyes_have_noise_and_particles_of_their_own(tmp_path):
     flat = pairs.Scene(contrast=0.0, rock=False)
     folder = pairs.write_pair(tmp_path / "pair", flat)
-    for changes in ({}, {"read_noise_e": 0.0, "shot_noise": False, "prnu": 0.02},
-                    {"read_noise_e": 0.0, "shot_noise": False, "radiation_flux_cm2_s": 1e6}):
+    for changes in (
+        {},
+        {"read_noise_e": 0.0, "shot_noise": False, "prnu": 0.02},
+        {"read_noise_e": 0.0, "shot_noise": False, "radiation_flux_cm2_s": 1e6},
+    ):
         images = developed(folder, bits=12, **changes)
         assert images.left.std() > 10
         assert abs(np.corrcoef(images.left.ravel(), images.right.ravel())[0, 1]) < 5 / np.sqrt(images.left.size)
@@ -136,11 +139,31 @@ def test_a_data_set_is_exposed_again_from_the_command_line(tmp_path, capsys):
     for name in ("aaa", "bbb"):
         pairs.write_pair(tmp_path / "set" / "pairs" / name)
     out = tmp_path / "out"
-    assert main(["develop", str(tmp_path / "set"), "--out", str(out), "--set", "sensor.brackets=2", "--set",
-                 "sensor.bits=12"]) == 0
+    assert (
+        main(
+            [
+                "develop",
+                str(tmp_path / "set"),
+                "--out",
+                str(out),
+                "--set",
+                "sensor.brackets=2",
+                "--set",
+                "sensor.bits=12",
+            ]
+        )
+        == 0
+    )
     assert capsys.readouterr().out.strip() == str(out)
     assert sorted(p.name for p in (out / "aaa").iterdir()) == [
-        "images.json", "left.png", "left_0.png", "left_1.png", "right.png", "right_0.png", "right_1.png"]
+        "images.json",
+        "left.png",
+        "left_0.png",
+        "left_1.png",
+        "right.png",
+        "right_0.png",
+        "right_1.png",
+    ]
     assert main(["develop", str(tmp_path / "set"), "--out", str(out), "--preset", "sensors/default"]) == 0
     assert sorted(p.name for p in (out / "aaa").iterdir()) == ["images.json", "left.png", "right.png"]
     said = json.loads((out / "bbb" / "images.json").read_text())
@@ -155,8 +178,23 @@ def test_deposits_are_a_mask_that_is_stated_and_the_depth_stays(tmp_path):
     folder, out = pairs.write_pair(tmp_path / "set" / "pairs" / "aaa"), tmp_path / "out"
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     truth = read_view(folder / "left.exr").depth
-    assert main(["develop", str(folder), "--out", str(out), "--set", "sensor.deposit_share=0.3", "--set",
-                 "sensor.deposit_mm=1.5", "--set", "sensor.deposit_scatter=0.0"]) == 0
+    assert (
+        main(
+            [
+                "develop",
+                str(folder),
+                "--out",
+                str(out),
+                "--set",
+                "sensor.deposit_share=0.3",
+                "--set",
+                "sensor.deposit_mm=1.5",
+                "--set",
+                "sensor.deposit_scatter=0.0",
+            ]
+        )
+        == 0
+    )
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before  # the truth among them
     np.testing.assert_array_equal(read_view(folder / "left.exr").depth, truth)
     said = json.loads((out / "aaa" / "images.json").read_text())

@@ -36,7 +36,7 @@ def even(pair, *bands):
 
 
 def ground(pair):
-    y, x = np.mgrid[:pair.camera.height_px, :pair.camera.width_px]
+    y, x = np.mgrid[: pair.camera.height_px, : pair.camera.width_px]
     return (1.2 + np.sin(0.3 * x + 0.1 * y) * np.cos(0.2 * y))[..., None] * np.ones(3)
 
 
@@ -95,16 +95,24 @@ def test_a_monochrome_camera_by_its_band_sees_brown_ground_brighter_in_the_red(p
 
 
 def test_merged_exposures_keep_colours(pair):
-    one, merged_ = (developed(pair, even(pair, 0.5, 0.4, 0.3), bits=12, black_level=black, brackets=count, **QUIET)
-                    for count, black in ((1, 0.02), (3, 0.02)))
+    one, merged_ = (
+        developed(pair, even(pair, 0.5, 0.4, 0.3), bits=12, black_level=black, brackets=count, **QUIET)
+        for count, black in ((1, 0.02), (3, 0.02))
+    )
     ratios = [(image.colour_left - black).mean(axis=(0, 1)) for image, black in ((one, 0.02 * 4095), (merged_, 0.0))]
     assert ratios[0] / ratios[0][0] == pytest.approx(ratios[1] / ratios[1][0], rel=0.01)
 
 
 def test_bent_lenses_and_odd_sizes_have_colours(pair):
     light = Light(np.asarray(ground(pair), np.float32), {})
-    images = develop(pair, light, light, merged(
-        pair.settings, {"sensor": {"colour": "BAYER", "bayer_pattern": "GBRG"}, "rig": {"distortion_k1": -0.05}}))
+    images = develop(
+        pair,
+        light,
+        light,
+        merged(
+            pair.settings, {"sensor": {"colour": "BAYER", "bayer_pattern": "GBRG"}, "rig": {"distortion_k1": -0.05}}
+        ),
+    )
     assert images.colour_left.shape == (*images.left.shape, 3)
     assert not np.array_equal(images.detected_left, images.left)
     odd = np.arange(3 * 7 * 5, dtype=float).reshape(3, 7, 5)
@@ -124,8 +132,10 @@ def test_a_filter_that_passes_next_to_nothing_has_no_white_balance_and_that_is_s
     images = developed(pair, even(pair, 1.0, 1.0, 1.0), **far, **QUIET)
     assert images.white_gains == (1.0, 1.0, 1.0)
     assert any("no white balance" in warning for warning in images.warnings)
-    assert not any("white balance" in warning for warning in
-                   developed(pair, even(pair, 1.0, 1.0, 1.0), **far, **QUIET, white_balance="NONE").warnings)
+    assert not any(
+        "white balance" in warning
+        for warning in developed(pair, even(pair, 1.0, 1.0, 1.0), **far, **QUIET, white_balance="NONE").warnings
+    )
 
 
 def test_defects_of_a_render_stay_where_they_are(pair):
@@ -145,8 +155,12 @@ def test_develop_and_exports_write_colour(tmp_path, pair):
     facts = json.loads((folder / "images.json").read_text())
     assert min(facts["white_gains"]) == 1
     assert facts["settings"]["sensor"]["bayer_pattern"] == "RGGB"
-    for layout, name in (("png8", f"{pair.folder.name}/left.png"), ("png16", f"{pair.folder.name}/left.png"),
-                         ("kitti", "training/image_2/000000_10.png"), ("middlebury", f"{pair.folder.name}/im0.png")):
+    for layout, name in (
+        ("png8", f"{pair.folder.name}/left.png"),
+        ("png16", f"{pair.folder.name}/left.png"),
+        ("kitti", "training/image_2/000000_10.png"),
+        ("middlebury", f"{pair.folder.name}/im0.png"),
+    ):
         assert main(["export", str(pair.folder), "--format", layout, "--out", str(tmp_path / layout), *colour]) == 0
         image = cv2.imread(str(tmp_path / layout / name), cv2.IMREAD_UNCHANGED)
         assert image.shape == left.shape, layout
@@ -154,7 +168,8 @@ def test_develop_and_exports_write_colour(tmp_path, pair):
             np.testing.assert_array_equal(image, left)
     assert main(["export", str(pair.folder), "--format", "raw", "--out", str(tmp_path / "raw"), *colour]) == 0
     np.testing.assert_array_equal(
-        cv2.imread(str(tmp_path / "raw" / pair.folder.name / "left.png"), cv2.IMREAD_UNCHANGED), raw)
+        cv2.imread(str(tmp_path / "raw" / pair.folder.name / "left.png"), cv2.IMREAD_UNCHANGED), raw
+    )
     # A monochrome development in the same folder leaves no mosaic behind.
     assert main(["develop", str(pair.folder), "--out", str(tmp_path / "images")]) == 0
     assert not (folder / "left_mosaic.png").exists()
@@ -162,7 +177,7 @@ def test_develop_and_exports_write_colour(tmp_path, pair):
 
 def test_the_viewer_shows_colour_and_matchers_get_grey(pair):
     views = read_pair_views(pair.folder, {"sensor": {"colour": "BAYER", "white_balance": "NONE"}})
-    shown, = views.pictures("LEFT")
+    (shown,) = views.pictures("LEFT")
     assert np.ptp(shown, axis=-1).max() > 20
     assert views.left.ndim == 2
     for view in ("SIDE_BY_SIDE", "RIGHT", "FLICKER", "ANAGLYPH", "DEPTH"):

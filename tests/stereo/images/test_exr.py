@@ -113,7 +113,7 @@ def test_the_facets_normal_is_preferred(tmp_path):
 def test_a_truncated_file_is_refused_without_noise(tmp_path, layout, kept, capfd):
     path = pairs.write_pair(tmp_path / "pair", SCENE, layout=layout) / "left.exr"
     content = path.read_bytes()
-    path.write_bytes(content[:int(kept * len(content))])
+    path.write_bytes(content[: int(kept * len(content))])
     with pytest.raises(IcyMoonError, match=r"left\.exr"):
         read_view(path)
     assert capfd.readouterr() == ("", "")

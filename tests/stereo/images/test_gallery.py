@@ -17,8 +17,7 @@ NAMES = preset_files.preset_names("gallery")
 
 
 def test_there_are_fifteen_of_960_by_720_each_another():
-    described = [description.merged(description.defaults(), preset_files.load_preset(name))
-                 for name in NAMES]
+    described = [description.merged(description.defaults(), preset_files.load_preset(name)) for name in NAMES]
     assert len({description.digest(each) for each in described}) == len(NAMES) == 15
     assert {(each.rig.width_px, each.rig.height_px) for each in described} == {(960, 720)}
     assert len({preset_files.preset_header(name)[0] for name in NAMES}) == 15
@@ -50,7 +49,7 @@ def test_a_sheet_keeps_to_its_bytes_and_holds_every_picture(tmp_path):
     assert (tmp_path / "sheet.jpg").stat().st_size <= 200_000
     sheet = cv2.imread(str(tmp_path / "sheet.jpg"))
     assert sheet.shape == (2 * (360 + 48), 3 * 480, 3)
-    filled = [sheet[r:r + 360, c:c + 480].std() > 10 for r in (0, 408) for c in (0, 480, 960)]
+    filled = [sheet[r : r + 360, c : c + 480].std() > 10 for r in (0, 408) for c in (0, 480, 960)]
     assert filled == [True] * 4 + [False] * 2
     (tmp_path / "0.png").write_bytes(b"no image")
     with pytest.raises(IcyMoonError, match=r"0\.png"):
@@ -59,8 +58,18 @@ def test_a_sheet_keeps_to_its_bytes_and_holds_every_picture(tmp_path):
 
 @pytest.mark.slow
 def test_the_command_renders_a_scene_once_and_shows_it(tmp_path):
-    command = [sys.executable, "-m", "icymoon", "gallery", "--scale", "0.05", "--only", "rugged_1_low", "--out",
-               str(tmp_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "icymoon",
+        "gallery",
+        "--scale",
+        "0.05",
+        "--only",
+        "rugged_1_low",
+        "--out",
+        str(tmp_path),
+    ]
     for words in ("rendered in", "was already there"):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr

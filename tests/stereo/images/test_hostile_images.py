@@ -24,8 +24,11 @@ from icymoon.stereo.images.image_files import read_pfm, read_png
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.system import count_processors, is_ended_by_time_limit, is_gone, process_scope
 
-READERS = {"image": read_image, "map": lambda path: read_map(MapFile(path)),
-           "map with steps": lambda path: read_map(MapFile(path, steps=8))}
+READERS = {
+    "image": read_image,
+    "map": lambda path: read_map(MapFile(path)),
+    "map with steps": lambda path: read_map(MapFile(path, steps=8)),
+}
 
 
 def refuse(read, path: Path) -> str:
@@ -99,16 +102,17 @@ def test_a_channel_is_chosen_by_its_name(tmp_path, kind):
     header = {"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, {"A": np.zeros((3, 4), kind), "view.Z": values.astype(kind)}).write(str(path))
     np.testing.assert_array_equal(read_map(MapFile(path)), values)
-    parts = [OpenEXR.Part(header | {"name": name}, {channel: (k * values).astype(kind)})
-             for k, (name, channel) in enumerate({"a": "a.V", "b": "b.V", "c": "depth"}.items(), 1)]
+    parts = [
+        OpenEXR.Part(header | {"name": name}, {channel: (k * values).astype(kind)})
+        for k, (name, channel) in enumerate({"a": "a.V", "b": "b.V", "c": "depth"}.items(), 1)
+    ]
     OpenEXR.File(parts).write(str(path))
     np.testing.assert_array_equal(read_map(MapFile(path)), 3 * values)
 
 
 def test_tiles_are_read(tmp_path):
     values = np.arange(1, 5001, dtype=np.float32).reshape(50, 100)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.tiledimage,
-              "tiles": OpenEXR.TileDescription()}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.tiledimage, "tiles": OpenEXR.TileDescription()}
     OpenEXR.File(header, {"Z": values}).write(str(tmp_path / "a.exr"))
     np.testing.assert_array_equal(read_map(MapFile(tmp_path / "a.exr")), values)
 
@@ -116,10 +120,14 @@ def test_tiles_are_read(tmp_path):
 def whole_files() -> dict[str, bytes]:
     """A small valid file of each kind."""
     values = np.random.default_rng(1).uniform(1, 50, (HEIGHT, WIDTH)).astype(np.float32)
-    return {"png": encode(".png", (values * 256).astype(np.uint16)), "jpg": encode(".jpg", texture(3)),
-            "webp": encode(".webp", texture(3)), "npz": hostile_images.npz(disparity=values),
-            "npy": hostile_images.npy(f"({HEIGHT}, {WIDTH})", body=values.tobytes()),
-            "pfm": b"Pf\n%d %d\n-1\n" % (WIDTH, HEIGHT) + values.tobytes()}
+    return {
+        "png": encode(".png", (values * 256).astype(np.uint16)),
+        "jpg": encode(".jpg", texture(3)),
+        "webp": encode(".webp", texture(3)),
+        "npz": hostile_images.npz(disparity=values),
+        "npy": hostile_images.npy(f"({HEIGHT}, {WIDTH})", body=values.tobytes()),
+        "pfm": b"Pf\n%d %d\n-1\n" % (WIDTH, HEIGHT) + values.tobytes(),
+    }
 
 
 @pytest.mark.heavy
@@ -208,12 +216,14 @@ def re_memory(text: str) -> bool:
 @pytest.mark.heavy
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux bounds memory and time")
 def test_a_process_ends_at_its_time():
-    program = ("from icymoon.support.system import bound_memory_and_time, count_processors\n"
-               "with bound_memory_and_time(10**9, 0.1):\n    pass\n"
-               "with bound_memory_and_time(10**8, 5):\n"
-               "    try:\n        bytes(10**8 + count_processors() * 2**28)\n"
-               "    except MemoryError:\n        print('bounded')\n"
-               "with bound_memory_and_time(10**8, 0.1):\n    while True:\n        pass\n")
+    program = (
+        "from icymoon.support.system import bound_memory_and_time, count_processors\n"
+        "with bound_memory_and_time(10**9, 0.1):\n    pass\n"
+        "with bound_memory_and_time(10**8, 5):\n"
+        "    try:\n        bytes(10**8 + count_processors() * 2**28)\n"
+        "    except MemoryError:\n        print('bounded')\n"
+        "with bound_memory_and_time(10**8, 0.1):\n    while True:\n        pass\n"
+    )
     ended = subprocess.run([sys.executable, "-u", "-c", program], capture_output=True, timeout=60, check=False)
     assert ended.stdout == b"bounded\n"
     assert is_ended_by_time_limit(ended.returncode)
@@ -222,11 +232,14 @@ def test_a_process_ends_at_its_time():
 @pytest.mark.heavy
 def test_the_other_process_ends_with_this_one(tmp_path):
     (tmp_path / "a.png").write_bytes(png())
-    program = ("import os, sys\nfrom pathlib import Path\nfrom icymoon.stereo.images import bounded_decoding\n"
-               "from icymoon.stereo.datasets.data_files import read_image\nread_image(Path(sys.argv[1]))\n"
-               "print(bounded_decoding._running[0]._process.pid, flush=True)\nos.kill(os.getpid(), 9)\n")
-    ended = subprocess.run([sys.executable, "-c", program, str(tmp_path / "a.png")], capture_output=True, timeout=60,
-                           check=False)
+    program = (
+        "import os, sys\nfrom pathlib import Path\nfrom icymoon.stereo.images import bounded_decoding\n"
+        "from icymoon.stereo.datasets.data_files import read_image\nread_image(Path(sys.argv[1]))\n"
+        "print(bounded_decoding._running[0]._process.pid, flush=True)\nos.kill(os.getpid(), 9)\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "a.png")], capture_output=True, timeout=60, check=False
+    )
     pid, end = int(ended.stdout), time.monotonic() + 20
     while not is_gone(pid, process_scope()):
         assert time.monotonic() < end
@@ -244,10 +257,22 @@ def test_a_forked_process_has_a_decoder_of_its_own(tmp_path, monkeypatch):
     first.end()
 
 
-@pytest.mark.parametrize("line", [
-    b"", b"{}\n", b"no\n", b'{"shape": [-1, 2], "type": "|u1"}\n', b'{"shape": [99, 99], "type": "|u1"}\n',
-    b'{"shape": [1, 1], "type": "|O"}\n', b'{"shape": [2, 2], "type": "|u1"}\nabc', b"[" * 9000 + b"\n",
-    b'{"shape": [1.0, 1], "type": "|u1"}\n', b'{"shape": [true, 1], "type": "|u1"}\n', b"a" * 20_000])
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"",
+        b"{}\n",
+        b"no\n",
+        b'{"shape": [-1, 2], "type": "|u1"}\n',
+        b'{"shape": [99, 99], "type": "|u1"}\n',
+        b'{"shape": [1, 1], "type": "|O"}\n',
+        b'{"shape": [2, 2], "type": "|u1"}\nabc',
+        b"[" * 9000 + b"\n",
+        b'{"shape": [1.0, 1], "type": "|u1"}\n',
+        b'{"shape": [true, 1], "type": "|u1"}\n',
+        b"a" * 20_000,
+    ],
+)
 def test_an_answer_of_another_kind_is_refused(line):
     with pytest.raises(Exception):  # noqa: B017, PT011  whichever it is, the decoder is ended
         bounded_decoding._read_answer(io.BytesIO(line), 100)
@@ -260,21 +285,29 @@ def test_hostile_files_take_little_memory_and_time(tmp_path, kind, those):
     """All of them in a process whose memory is limited, as are its children."""
     for n, (name, content) in enumerate(those.items()):
         (tmp_path / f"{n:03d}.{name.partition(':')[0]}").write_bytes(content)
-    program = ("import sys\nfrom pathlib import Path\nfrom icymoon.support.errors import IcyMoonError\n"
-               "from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map\n"
-               "count = 0\n"
-               "for path in sorted(Path(sys.argv[1]).iterdir()):\n"
-               "    try:\n"
-               "        read_image(path) if sys.argv[2] == 'image' else read_map(MapFile(path, steps=8))\n"
-               "    except IcyMoonError:\n        count += 1\n"
-               "print(count)\n")
+    program = (
+        "import sys\nfrom pathlib import Path\nfrom icymoon.support.errors import IcyMoonError\n"
+        "from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map\n"
+        "count = 0\n"
+        "for path in sorted(Path(sys.argv[1]).iterdir()):\n"
+        "    try:\n"
+        "        read_image(path) if sys.argv[2] == 'image' else read_map(MapFile(path, steps=8))\n"
+        "    except IcyMoonError:\n        count += 1\n"
+        "print(count)\n"
+    )
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (2**30, 2**30))
         resource.setrlimit(resource.RLIMIT_CPU, (20, 20))
 
-    ended = subprocess.run([sys.executable, "-c", program, str(tmp_path), kind], capture_output=True, timeout=120,
-                           check=False, preexec_fn=limit, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"})
+    ended = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path), kind],
+        capture_output=True,
+        timeout=120,
+        check=False,
+        preexec_fn=limit,
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+    )
     assert int(ended.stdout) == len(those), ended.stderr[-2000:]
 
 
@@ -284,10 +317,21 @@ def test_hostile_files_take_little_memory_and_time(tmp_path, kind, those):
 BODY = np.arange(1, 7, dtype="<f4")
 
 
-@pytest.mark.parametrize("header", [
-    b"Pf\n3 2\n-1\n", b"Pf\r\n3 2\r\n-1.0\r\n", b"Pf\n# made by hand\n3 2\n-1\n", b"Pf\r\n# a\r\n3 2\r\n# b\r\n-1\r\n",
-    b"Pf 3 2 -1 ", b"Pf\n3\n2\n-1.000000 \n", b"Pf\n3 2\n-1\n# behind\n", b"Pf\r3 2\r-1\r", b"Pf\n3 2\n-1\r\n",
-    b"Pf\r\n3 2\r\n-1\n"])
+@pytest.mark.parametrize(
+    "header",
+    [
+        b"Pf\n3 2\n-1\n",
+        b"Pf\r\n3 2\r\n-1.0\r\n",
+        b"Pf\n# made by hand\n3 2\n-1\n",
+        b"Pf\r\n# a\r\n3 2\r\n# b\r\n-1\r\n",
+        b"Pf 3 2 -1 ",
+        b"Pf\n3\n2\n-1.000000 \n",
+        b"Pf\n3 2\n-1\n# behind\n",
+        b"Pf\r3 2\r-1\r",
+        b"Pf\n3 2\n-1\r\n",
+        b"Pf\r\n3 2\r\n-1\n",
+    ],
+)
 @pytest.mark.parametrize("behind", [b"", b"\n", b"\r\n"])
 def test_the_size_of_a_pfm_tells_where_its_body_begins(tmp_path, header, behind):
     path = tmp_path / "a.pfm"

@@ -12,8 +12,19 @@ def test_pfm_of_the_other_byte_order(tmp_path):
     np.testing.assert_array_equal(read_pfm(tmp_path / "big.pfm"), values)
 
 
-@pytest.mark.parametrize("content", [b"", b"Pf", b"P5\n2 2\n255\nabcd", b"Pf\n2 2\n-1\n" + b"\0" * 15, b"Pf\n2\n-1\n",
-                                     b"Pf\n-1 -1\n-1\n\0\0\0\0", b"Pf\n2 2\nx\n" + b"\0" * 16, b"\xff\xfe\n\n\n\n"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"Pf",
+        b"P5\n2 2\n255\nabcd",
+        b"Pf\n2 2\n-1\n" + b"\0" * 15,
+        b"Pf\n2\n-1\n",
+        b"Pf\n-1 -1\n-1\n\0\0\0\0",
+        b"Pf\n2 2\nx\n" + b"\0" * 16,
+        b"\xff\xfe\n\n\n\n",
+    ],
+)
 def test_a_file_that_is_not_pfm_is_refused(tmp_path, content):
     (tmp_path / "bad.pfm").write_bytes(content)
     with pytest.raises(IcyMoonError, match=r"bad\.pfm"):

@@ -49,8 +49,10 @@ def test_the_largest_square_is_the_one_that_trying_all_finds():
         found = rows.stop - rows.start
         assert columns.stop - columns.start == found
         assert mask[rows, columns].all()
-        tried = max((k for k in range(1, 25) for i in range(25 - k) for j in range(32 - k)
-                     if mask[i:i + k, j:j + k].all()), default=0)
+        tried = max(
+            (k for k in range(1, 25) for i in range(25 - k) for j in range(32 - k) if mask[i : i + k, j : j + k].all()),
+            default=0,
+        )
         assert found == tried
     rows, columns = find_largest_square(np.zeros((5, 5), bool))
     assert rows.stop == rows.start

@@ -134,8 +134,10 @@ def inverse_depth(plane, x, y):
 def rendered_rays(camera):
     columns, rows = camera.rendered_px
     v, u = np.indices((rows, columns)) + 0.5
-    return ((u - camera.margin_x_px - camera.cx_px) / camera.focal_px,
-            (v - camera.margin_y_px - camera.cy_px) / camera.focal_px)
+    return (
+        (u - camera.margin_x_px - camera.cx_px) / camera.focal_px,
+        (v - camera.margin_y_px - camera.cy_px) / camera.focal_px,
+    )
 
 
 @pytest.mark.parametrize("plane", [(2.0, 0.1, 0.6), (1.0, 0.0, 1.9), (0.5, -0.9, 0.3), (3.0, 0.0, 0.0)])
@@ -210,8 +212,9 @@ def test_rectification_of_turned_eyes_is_the_homography_of_the_turn(toe_in):
         v, u = np.indices((144, 256)).astype(float)
         expected = np.stack([u, v, np.ones_like(u)], axis=-1) @ turn.T
         ahead = expected[..., 2] > 1e-3
-        np.testing.assert_allclose(lens.rectified_in_sensor[ahead], (expected[..., :2] / expected[..., 2:])[ahead],
-                                   rtol=1e-4, atol=1e-3)
+        np.testing.assert_allclose(
+            lens.rectified_in_sensor[ahead], (expected[..., :2] / expected[..., 2:])[ahead], rtol=1e-4, atol=1e-3
+        )
         assert np.isnan(lens.rectified_in_sensor[expected[..., 2] < -1e-3]).all()
         assert lens.sees.mean() == pytest.approx(1.0, abs=1.2 * np.tan(np.radians(toe_in)) + 0.05)
         assert lens.sees.any()

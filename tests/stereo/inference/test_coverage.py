@@ -22,10 +22,10 @@ DOUBT = 3 * (0.07 * 0.93 / RUNS) ** 0.5
 def uncentred(differences):
     """What the reports of version 3 did: the largest |t| of flips of the differences themselves."""
     scenes = len(differences)
-    mean, error = differences.mean(axis=0), differences.std(axis=0, ddof=1) / scenes ** 0.5
+    mean, error = differences.mean(axis=0), differences.std(axis=0, ddof=1) / scenes**0.5
     signs = np.array([[1 - 2 * (k >> place & 1) for place in range(scenes)] for k in range(2 ** (scenes - 1))])
     means = signs @ differences / scenes
-    errors = np.sqrt(((differences ** 2).mean(axis=0) - means ** 2).clip(1e-12) / (scenes - 1))
+    errors = np.sqrt(((differences**2).mean(axis=0) - means**2).clip(1e-12) / (scenes - 1))
     limit = np.quantile(np.abs(means / errors).max(axis=1), 0.95, method="higher")
     return mean - limit * error, mean + limit * error, np.abs(mean / error) > limit
 

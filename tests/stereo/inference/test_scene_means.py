@@ -18,7 +18,7 @@ def of_means(values, scenes=None):
 
 
 def at_least(count, number, share):
-    return sum(math.comb(number, k) * share ** k * (1 - share) ** (number - k) for k in range(count, number + 1))
+    return sum(math.comb(number, k) * share**k * (1 - share) ** (number - k) for k in range(count, number + 1))
 
 
 @pytest.mark.parametrize(("yes", "number"), [(0, 2), (0, 8), (3, 8), (8, 8), (1, 20), (10, 20)])
@@ -37,11 +37,12 @@ def test_intervals_of_shares_cover_with_any_number_of_scenes(scenes, kind):
     values, mean = {
         "skewed": (random.beta(0.3, 5, shape), 0.3 / 5.3),
         "mostly zero": (random.beta(1, 3, shape) * (random.random(shape) < 0.2), 0.05),
-        "yes or no": ((random.random(shape) < 0.05) + 0.0, 0.05)}[kind]
+        "yes or no": ((random.random(shape) < 0.05) + 0.0, 0.05),
+    }[kind]
     low, high = of_shares(values).T
     assert (low >= 0).all() & (high <= 1).all()
     assert np.mean((low <= mean) & (mean <= high)) >= 0.95 - 3 * (0.05 * 0.95 / 400) ** 0.5
-    student = {2: 12.706, 6: 2.571, 20: 2.093}[scenes] * values.std(axis=0, ddof=1) / scenes ** 0.5
+    student = {2: 12.706, 6: 2.571, 20: 2.093}[scenes] * values.std(axis=0, ddof=1) / scenes**0.5
     assert np.mean(np.abs(values.mean(axis=0) - mean) <= student) < 0.93
 
 
@@ -87,13 +88,13 @@ def test_intervals_of_skewed_means_cover_more_than_students(scenes, least):
     true = math.exp(0.5)
     assert np.mean((low <= true) & (true <= high)) >= least - 3 * (least * (1 - least) / 1000) ** 0.5
     assert (low > 0).all()
-    student = {20: 2.093, 50: 2.010}[scenes] * values.std(axis=0, ddof=1) / scenes ** 0.5
+    student = {20: 2.093, 50: 2.010}[scenes] * values.std(axis=0, ddof=1) / scenes**0.5
     assert np.mean(np.abs(values.mean(axis=0) - true) <= student) < np.mean((low <= true) & (true <= high)) - 0.01
 
 
 def test_normal_means_have_students_interval():
     values = np.random.default_rng(3).normal(0, 1, (200, 40))
-    half = 1.972 * values.std(axis=0, ddof=1) / 200 ** 0.5
+    half = 1.972 * values.std(axis=0, ddof=1) / 200**0.5
     low, high = of_means(values).T
     np.testing.assert_allclose((low + high) / 2, values.mean(axis=0), atol=1e-12)
     np.testing.assert_allclose((high - low) / 2, half, rtol=0.12)  # of 2000 resamples
@@ -118,8 +119,10 @@ def test_what_is_constant_or_zero_is_certain_and_what_is_mostly_zero_is_not():
 
 def test_intervals_that_hold_at_once_are_wider():
     values = np.random.default_rng(5).normal(0, 1, (40, 6))
-    joint, one = simultaneous_intervals(values, 0), np.vstack([simultaneous_intervals(values[:, k:k + 1], 0)
-                                                               for k in range(6)])
+    joint, one = (
+        simultaneous_intervals(values, 0),
+        np.vstack([simultaneous_intervals(values[:, k : k + 1], 0) for k in range(6)]),
+    )
     assert (np.diff(joint) > np.diff(one)).all()
     np.testing.assert_allclose(joint.mean(axis=1), values.mean(axis=0))
     np.testing.assert_array_equal(joint, simultaneous_intervals(values, 0))

@@ -74,7 +74,7 @@ def test_so_many_scenes_can_have_a_verdict_and_fewer_cannot(methods, scenes):
     """Two of 2^n choices of signs are as extreme as equal signs, for each comparison."""
     count = methods * (methods - 1) // 2
     assert scenes_for_methods(methods) == scenes_needed(count) == scenes
-    assert 2 * count / 2 ** scenes <= LIMIT < 2 * count / 2 ** (scenes - 1)
+    assert 2 * count / 2**scenes <= LIMIT < 2 * count / 2 ** (scenes - 1)
     values = differences_of(100.0 * np.arange(methods) + np.random.default_rng(0).normal(0, 1, (scenes, methods)))
     assert compare(values, 0).found.all()
     few = compare(values[1:], 0)
@@ -164,7 +164,7 @@ def test_many_scenes_take_little_memory():
     values = np.random.default_rng(8).normal(0.02, 1, (4200, 1))
     family = compare(values, 0)
     assert family.typical[0] == pytest.approx(values.mean(), abs=0.02)
-    half = 2.054 * (math.pi / 3) ** 0.5 / 4200 ** 0.5  # of Wilcoxon's interval at 96 % with normal errors
+    half = 2.054 * (math.pi / 3) ** 0.5 / 4200**0.5  # of Wilcoxon's interval at 96 % with normal errors
     assert family.high[0] - family.low[0] == pytest.approx(2 * half, rel=0.05)
 
 

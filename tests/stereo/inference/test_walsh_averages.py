@@ -26,7 +26,7 @@ def test_sums_are_counted_and_found_whether_they_are_listed_or_not(values, most_
 
 
 def test_many_values_are_found_as_few_are():
-    values = np.sort(np.random.default_rng(0).integers(-10 ** 9, 10 ** 9, 700))
+    values = np.sort(np.random.default_rng(0).integers(-(10**9), 10**9, 700))
     sums, wanted = WalshSums(values), listed(values.tolist())
     for place in (0, 1, 12_345, len(wanted) // 2, len(wanted) - 1):
         assert sums.at(place) == wanted[place]

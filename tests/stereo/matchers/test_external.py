@@ -32,11 +32,13 @@ def run(tmp_path, body, fields=FIELDS, camera=None, image=IMAGE, **options):
     return match("external", image, image, {"command": command(tmp_path, body, fields)} | options, camera)
 
 
-WRITE = {"npy": "np.save(out, values)",
-         "npy of a batch": "np.save(out, values[None, :, :, None].astype(np.float64))",
-         "pfm": "open(out, 'wb').write(b'Pf\\n30 20\\n-1.0\\n' + values[::-1].astype('<f4').tobytes())",
-         "pfm of another machine": "open(out, 'wb').write(b'Pf 30 20 2.5\\n' + values[::-1].astype('>f4').tobytes())",
-         "png": "import cv2; cv2.imwrite(out, (values * 256).astype(np.uint16))"}
+WRITE = {
+    "npy": "np.save(out, values)",
+    "npy of a batch": "np.save(out, values[None, :, :, None].astype(np.float64))",
+    "pfm": "open(out, 'wb').write(b'Pf\\n30 20\\n-1.0\\n' + values[::-1].astype('<f4').tobytes())",
+    "pfm of another machine": "open(out, 'wb').write(b'Pf 30 20 2.5\\n' + values[::-1].astype('>f4').tobytes())",
+    "png": "import cv2; cv2.imwrite(out, (values * 256).astype(np.uint16))",
+}
 
 
 @pytest.mark.parametrize("kind", WRITE)
@@ -62,13 +64,20 @@ def test_what_is_no_positive_number_is_no_measurement(tmp_path):
 @pytest.mark.parametrize("colour", [True, False])
 def test_it_gets_the_images_and_the_camera(colour, tmp_path):
     keep = tmp_path / "kept.npz"
-    body = ("import cv2\nnp.savez(rest[0], left=cv2.imread(left, -1), right=cv2.imread(right, -1),"
-            " text=open(rest[1]).read(), rest=[float(word) for word in rest[2].split('/')])\n"
-            "np.save(out, np.ones((20, 30)))")
+    body = (
+        "import cv2\nnp.savez(rest[0], left=cv2.imread(left, -1), right=cv2.imread(right, -1),"
+        " text=open(rest[1]).read(), rest=[float(word) for word in rest[2].split('/')])\n"
+        "np.save(out, np.ones((20, 30)))"
+    )
     image = IMAGE if colour else IMAGE[..., 0]
     rig = pairs.camera(30, 20)
-    run(tmp_path, body, FIELDS + f" {shlex.quote(str(keep))} {{calibration}} "
-        "{focal_px}/{cx_px}/{cy_px}/{baseline_m}", rig, image)
+    run(
+        tmp_path,
+        body,
+        FIELDS + f" {shlex.quote(str(keep))} {{calibration}} {{focal_px}}/{{cx_px}}/{{cy_px}}/{{baseline_m}}",
+        rig,
+        image,
+    )
     with np.load(keep) as kept:
         expected = image if colour else np.repeat(image[..., None], 3, axis=-1)
         np.testing.assert_array_equal(kept["left"], expected)
@@ -86,22 +95,32 @@ def test_no_shell_reads_the_command(tmp_path):
     assert not (tmp_path / "broken").exists()
 
 
-@pytest.mark.parametrize(("body", "options", "reason"), [
-    ("sys.exit(3)", {}, r"ended with status 3 \(no message\)"),
-    ("print('hm', file=sys.stderr); raise RuntimeError('no weights')", {}, r"status 1 \(RuntimeError: no weights\)"),
-    ("pass", {}, r"wrote no disparity.npy .*external.format, npy"),
-    ("pass", {"format": "pfm"}, r"wrote no disparity.pfm"),
-    ("np.save(out, np.ones((20, 31)))", {}, r"shape \(20, 31\), the images have \(20, 30\)"),
-    ("np.save(out, np.ones(()))", {}, r"shape \(\), the images"),
-    ("np.save(out, np.array(['a']))", {}, "without numbers"),
-    ("np.save(out, np.array([{}], object), allow_pickle=True)", {}, "cannot be read"),
-    ("open(out, 'wb').write(b'\\x93NUMPY')", {}, "cannot be read"),
-    ("open(out, 'wb').write(b'Pf\\n30 20\\n-1\\n' + bytes(2399))", {"format": "pfm"},
-     "2399 bytes follow its header, and its size needs 2400"),
-    ("open(out, 'wb').write(b'PF\\n30 20\\n-1\\n' + bytes(7200))", {"format": "pfm"}, "not a grey PFM"),
-    ("open(out, 'wb').write(b'')", {"format": "pfm"}, "not a grey PFM"),
-    ("open(out, 'wb').write(b'x')", {"format": "png"}, "not a PNG"),
-])
+@pytest.mark.parametrize(
+    ("body", "options", "reason"),
+    [
+        ("sys.exit(3)", {}, r"ended with status 3 \(no message\)"),
+        (
+            "print('hm', file=sys.stderr); raise RuntimeError('no weights')",
+            {},
+            r"status 1 \(RuntimeError: no weights\)",
+        ),
+        ("pass", {}, r"wrote no disparity.npy .*external.format, npy"),
+        ("pass", {"format": "pfm"}, r"wrote no disparity.pfm"),
+        ("np.save(out, np.ones((20, 31)))", {}, r"shape \(20, 31\), the images have \(20, 30\)"),
+        ("np.save(out, np.ones(()))", {}, r"shape \(\), the images"),
+        ("np.save(out, np.array(['a']))", {}, "without numbers"),
+        ("np.save(out, np.array([{}], object), allow_pickle=True)", {}, "cannot be read"),
+        ("open(out, 'wb').write(b'\\x93NUMPY')", {}, "cannot be read"),
+        (
+            "open(out, 'wb').write(b'Pf\\n30 20\\n-1\\n' + bytes(2399))",
+            {"format": "pfm"},
+            "2399 bytes follow its header, and its size needs 2400",
+        ),
+        ("open(out, 'wb').write(b'PF\\n30 20\\n-1\\n' + bytes(7200))", {"format": "pfm"}, "not a grey PFM"),
+        ("open(out, 'wb').write(b'')", {"format": "pfm"}, "not a grey PFM"),
+        ("open(out, 'wb').write(b'x')", {"format": "png"}, "not a PNG"),
+    ],
+)
 def test_failures_are_one_sentence(body, options, reason, tmp_path):
     with pytest.raises(IcyMoonError, match=reason) as caught:
         run(tmp_path, body, **options)
@@ -110,9 +129,11 @@ def test_failures_are_one_sentence(body, options, reason, tmp_path):
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="it asks Linux what became of a process")
 def test_a_program_that_hangs_is_stopped_with_all_that_it_started(tmp_path):
-    body = ("import subprocess, time\n"
-            "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(3600)'])\n"
-            f"open({str(tmp_path / 'child')!r}, 'w').write(str(child.pid))\ntime.sleep(3600)")
+    body = (
+        "import subprocess, time\n"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(3600)'])\n"
+        f"open({str(tmp_path / 'child')!r}, 'w').write(str(child.pid))\ntime.sleep(3600)"
+    )
     with pytest.raises(IcyMoonError, match=r"took more than 3 s and was stopped.*external.timeout_s"):
         run(tmp_path, body, timeout_s=3)
     child = int((tmp_path / "child").read_text())
@@ -127,14 +148,17 @@ def test_a_program_that_hangs_is_stopped_with_all_that_it_started(tmp_path):
     pytest.fail("its child went on")
 
 
-@pytest.mark.parametrize(("text", "reason"), [
-    ("", "external.command is empty"),
-    ("python3 'left", "cannot be split into arguments.*quotes"),
-    ("python3 {left} {right}", r"lacks \{out\}"),
-    ("python3 run.py", r"lacks \{left\} and \{right\} and \{out\}"),
-    ("python3 {left} {right} {outt}", r"field \{outt\}, did you mean 'out'"),
-    ("no-such-program-here {left} {right} {out}", "not a program on this machine"),
-])
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "external.command is empty"),
+        ("python3 'left", "cannot be split into arguments.*quotes"),
+        ("python3 {left} {right}", r"lacks \{out\}"),
+        ("python3 run.py", r"lacks \{left\} and \{right\} and \{out\}"),
+        ("python3 {left} {right} {outt}", r"field \{outt\}, did you mean 'out'"),
+        ("no-such-program-here {left} {right} {out}", "not a program on this machine"),
+    ],
+)
 def test_commands_that_cannot_run_are_refused_before_anything_else(text, reason):
     with pytest.raises(IcyMoonError, match=reason):
         check_options("external", {"command": text})
@@ -153,8 +177,26 @@ def test_match_on_the_command_line_takes_the_camera_of_a_pair(tmp_path):
     pair = pairs.write_pair(tmp_path / "pair", rig=pairs.camera(30, 20))
     cv2.imwrite(str(tmp_path / "i.png"), IMAGE)
     text = command(tmp_path, "np.save(out, np.full((20, 30), float(rest[0])))", FIELDS + " {focal_px}")
-    assert main(["match", "--method", "external", "--left", str(tmp_path / "i.png"), "--right", str(tmp_path / "i.png"),
-                 "--camera", str(pair), "--option", f"command={text}", "--out", str(tmp_path / "d.npz")]) == 0
+    assert (
+        main(
+            [
+                "match",
+                "--method",
+                "external",
+                "--left",
+                str(tmp_path / "i.png"),
+                "--right",
+                str(tmp_path / "i.png"),
+                "--camera",
+                str(pair),
+                "--option",
+                f"command={text}",
+                "--out",
+                str(tmp_path / "d.npz"),
+            ]
+        )
+        == 0
+    )
     with np.load(tmp_path / "d.npz") as stored:
         assert (stored["disparity"] == 16).all()
 

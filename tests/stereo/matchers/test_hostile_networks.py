@@ -52,16 +52,27 @@ def opcodes(text):
 
 WEIGHTS = saved({"a": torch.zeros(3)})
 CHECKPOINTS = {
-    "empty": b"", "text": b"no checkpoint", "cut": WEIGHTS[:-30], "half": WEIGHTS[:len(WEIGHTS) // 2],
-    "bomb": packed(saved({"a": torch.zeros(10**6)})), "no dictionary": saved([torch.zeros(3)]),
-    "numbers": saved({"a": 3}), "nested": saved({"state_dict": {"a": {"b": torch.zeros(3)}}}),
-    "deep": opcodes(b"]" * 10**5), "system": opcodes(b"cos\nsystem\n(S'touch x'\ntR"),
-    "global": opcodes(b"cbuiltins\neval\n(S'1'\ntR"), "getattr": opcodes(b"cbuiltins\ngetattr\n(cos\n\nS'system'\ntR"),
-    "long": opcodes(b"\x8b" + struct.pack("<i", 2**31 - 1)), "bytes": opcodes(b"\x8e" + struct.pack("<Q", 2**40)),
-    "negative": opcodes(b"\x8b" + struct.pack("<i", -5)), "put": opcodes(b"]r" + struct.pack("<I", 2**32 - 1)),
-    "zip without data": b"PK\x05\x06" + bytes(18), "sparse": None,
+    "empty": b"",
+    "text": b"no checkpoint",
+    "cut": WEIGHTS[:-30],
+    "half": WEIGHTS[: len(WEIGHTS) // 2],
+    "bomb": packed(saved({"a": torch.zeros(10**6)})),
+    "no dictionary": saved([torch.zeros(3)]),
+    "numbers": saved({"a": 3}),
+    "nested": saved({"state_dict": {"a": {"b": torch.zeros(3)}}}),
+    "deep": opcodes(b"]" * 10**5),
+    "system": opcodes(b"cos\nsystem\n(S'touch x'\ntR"),
+    "global": opcodes(b"cbuiltins\neval\n(S'1'\ntR"),
+    "getattr": opcodes(b"cbuiltins\ngetattr\n(cos\n\nS'system'\ntR"),
+    "long": opcodes(b"\x8b" + struct.pack("<i", 2**31 - 1)),
+    "bytes": opcodes(b"\x8e" + struct.pack("<Q", 2**40)),
+    "negative": opcodes(b"\x8b" + struct.pack("<i", -5)),
+    "put": opcodes(b"]r" + struct.pack("<I", 2**32 - 1)),
+    "zip without data": b"PK\x05\x06" + bytes(18),
+    "sparse": None,
     "huge storage": saved({"a": torch.zeros(3)}, _use_new_zipfile_serialization=False).replace(
-        b"K\x03", b"J\xff\xff\xff\x7f"),
+        b"K\x03", b"J\xff\xff\xff\x7f"
+    ),
 }
 
 
@@ -86,8 +97,12 @@ def test_a_checkpoint_that_is_none_is_refused(name, tmp_path):
 
 @pytest.mark.parametrize("zipped", [True, False])
 def test_no_code_of_a_checkpoint_runs(zipped, tmp_path):
-    for k, data in enumerate((pickle.dumps(_Code(tmp_path / "ran")), saved({"a": _Code(tmp_path / "ran")},
-                                                                           _use_new_zipfile_serialization=zipped))):
+    for k, data in enumerate(
+        (
+            pickle.dumps(_Code(tmp_path / "ran")),
+            saved({"a": _Code(tmp_path / "ran")}, _use_new_zipfile_serialization=zipped),
+        )
+    ):
         (tmp_path / f"{k}.pth").write_bytes(data)
         refused(lambda k=k: learned._read_parameters(tmp_path / f"{k}.pth"))
     assert not (tmp_path / "ran").exists()
@@ -112,8 +127,9 @@ def network(nodes, tensors=(), size=(48, 64)):
 
 def outside(location, dims=(1, 3, 48, 64), **more):
     """A tensor whose numbers are in another file."""
-    tensor = onnx.TensorProto(name="w", data_type=onnx.TensorProto.FLOAT, dims=dims,
-                              data_location=onnx.TensorProto.EXTERNAL)
+    tensor = onnx.TensorProto(
+        name="w", data_type=onnx.TensorProto.FLOAT, dims=dims, data_location=onnx.TensorProto.EXTERNAL
+    )
     for key, value in {"location": location, **more}.items():
         tensor.external_data.add(key=key, value=str(value))
     return tensor
@@ -124,14 +140,22 @@ LIE = onnx.TensorProto(name="w", data_type=onnx.TensorProto.FLOAT, dims=[10**6, 
 NEGATIVE = onnx.TensorProto(name="w", data_type=onnx.TensorProto.FLOAT, dims=[-5], raw_data=bytes(20))
 SAME = [onnx.helper.make_node("Identity", ["left"], ["out"])]
 NETWORKS = {
-    "above": network(ADD, [outside("../secret.bin")]), "absolute": network(ADD, [outside("/dev/zero")]),
-    "link": network(ADD, [outside("link.bin")]), "absent": network(ADD, [outside("absent.bin")]),
-    "itself": network(ADD, [outside("net.onnx", offset=-5)]), "lie": network(ADD, [LIE]),
-    "short": network(ADD, [outside("short.bin", length=10**12)]), "negative": network(ADD, [NEGATIVE]),
-    "wide": network(SAME, size=(10**5, 10**5)), "text": b"no network", "empty": b"", "huge": None,
+    "above": network(ADD, [outside("../secret.bin")]),
+    "absolute": network(ADD, [outside("/dev/zero")]),
+    "link": network(ADD, [outside("link.bin")]),
+    "absent": network(ADD, [outside("absent.bin")]),
+    "itself": network(ADD, [outside("net.onnx", offset=-5)]),
+    "lie": network(ADD, [LIE]),
+    "short": network(ADD, [outside("short.bin", length=10**12)]),
+    "negative": network(ADD, [NEGATIVE]),
+    "wide": network(SAME, size=(10**5, 10**5)),
+    "text": b"no network",
+    "empty": b"",
+    "huge": None,
     "unknown": network([onnx.helper.make_node("Evil", ["left"], ["out"], domain="evil.com")]),
-    "circle": network([onnx.helper.make_node("Add", ["a", "left"], ["out"]),
-                       onnx.helper.make_node("Identity", ["out"], ["a"])]),
+    "circle": network(
+        [onnx.helper.make_node("Add", ["a", "left"], ["out"]), onnx.helper.make_node("Identity", ["out"], ["a"])]
+    ),
     "cut": network(SAME).SerializeToString()[:-40],
     "shape": network([onnx.helper.make_node("Shape", ["left"], ["out"])]),
 }

@@ -39,14 +39,21 @@ def plain_search(left, right, least, most, window, rim, uncertainty):
 
     def score(row, column, disparity):
         rows = slice(row - half, row + half + 1)
-        return int(np.abs(left[rows, column - half:column + half + 1]
-                          - right[rows, column - disparity - half:column - disparity + half + 1]).sum())
+        return int(
+            np.abs(
+                left[rows, column - half : column + half + 1]
+                - right[rows, column - disparity - half : column - disparity + half + 1]
+            ).sum()
+        )
 
     disparities = np.full(left.shape, NO_DATA)
     flags = np.full(left.shape, jpl.BOUND)
     for row in range(first, last_row + 1):
-        scores = {(column, disparity): score(row, column, disparity) for column in range(first, last_column + 1)
-                  for disparity in range(least, min(most, column - first) + 1)}
+        scores = {
+            (column, disparity): score(row, column, disparity)
+            for column in range(first, last_column + 1)
+            for disparity in range(least, min(most, column - first) + 1)
+        }
         for column in range(first, last_column + 1):
             own = [d for d in range(least, most + 1) if (column, d) in scores]
             best = min(own, key=lambda d: (scores[column, d], d), default=None)
@@ -54,8 +61,9 @@ def plain_search(left, right, least, most, window, rim, uncertainty):
                 flags[row, column] = jpl.BORDER
                 continue
             there = column - best
-            back = min((d for d in range(least, most + 1) if (there + d, d) in scores),
-                       key=lambda d: (scores[there + d, d], d))
+            back = min(
+                (d for d in range(least, most + 1) if (there + d, d) in scores), key=lambda d: (scores[there + d, d], d)
+            )
             low, least_score, high = (scores[column, best + step] for step in (-1, 0, 1))
             curvature = low + high - 2 * least_score
             if abs(back - best) > 1:
@@ -64,16 +72,24 @@ def plain_search(left, right, least, most, window, rim, uncertainty):
                 flags[row, column] = jpl.FLAT
             else:
                 offset = int(128 * (low - high) / curvature)
-                error = window ** 2 * ((467 * offset ** 2 >> 16) + 362)
+                error = window**2 * ((467 * offset**2 >> 16) + 362)
                 bad = uncertainty and error >= uncertainty * curvature
                 flags[row, column] = jpl.THRESH if bad else jpl.ACCEPT
                 disparities[row, column] = NO_DATA if bad else 256 * best + offset
     return disparities, flags
 
 
-@pytest.mark.parametrize(("window", "least", "most", "uncertainty", "size"), [
-    (3, 0, 9, 0, (40, 30)), (3, 3, 60, 300, (40, 30)), (15, 0, 12, 0, (48, 34)), (17, 1, 12, 200, (48, 34)),
-    (5, 38, 39, 0, (40, 24)), (5, 60, 70, 0, (40, 24))])
+@pytest.mark.parametrize(
+    ("window", "least", "most", "uncertainty", "size"),
+    [
+        (3, 0, 9, 0, (40, 30)),
+        (3, 3, 60, 300, (40, 30)),
+        (15, 0, 12, 0, (48, 34)),
+        (17, 1, 12, 200, (48, 34)),
+        (5, 38, 39, 0, (40, 24)),
+        (5, 60, 70, 0, (40, 24)),
+    ],
+)
 def test_search_and_tests_are_those_of_a_plain_transcription(window, least, most, uncertainty, size):
     left, right, _ = jpl_images.pair(size[0], size[1], 5, 128, 20, slope=4)
     left[8:14] //= 64  # flat stretches and ties
@@ -88,7 +104,7 @@ def test_search_and_tests_are_those_of_a_plain_transcription(window, least, most
 
 def plain_mean_times(image, side, row, column):
     half = side // 2
-    return int(image[row - half:row + half + 1, column - half:column + half + 1].sum()) * (4096 // side ** 2)
+    return int(image[row - half : row + half + 1, column - half : column + half + 1].sum()) * (4096 // side**2)
 
 
 @pytest.mark.parametrize("shape", [(60, 71), (61, 70)])
@@ -96,12 +112,27 @@ def test_two_halvings_are_those_of_a_plain_transcription(shape):
     """Level 2, as the rovers ran it, for odd and even sizes."""
     image = np.random.default_rng(3).integers(0, 256, shape).astype(np.uint8)
     wide = image.astype(int)
-    half = np.array([[plain_mean_times(wide, 3, r, c) >> 12 if 1 <= r < shape[0] - 1 and 1 <= c < shape[1] - 1 else 0
-                      for c in range(0, shape[1], 2)] for r in range(0, shape[0], 2)])
-    expected = np.array([[min(max(126 * 4096 + plain_mean_times(half, 3, r, c) - plain_mean_times(half, 11, r, c), 0),
-                              255 * 4096) >> 12
-                          if 5 <= r < half.shape[0] - 5 and 5 <= c < half.shape[1] - 5 else 0
-                          for c in range(0, half.shape[1], 2)] for r in range(0, half.shape[0], 2)])
+    half = np.array(
+        [
+            [
+                plain_mean_times(wide, 3, r, c) >> 12 if 1 <= r < shape[0] - 1 and 1 <= c < shape[1] - 1 else 0
+                for c in range(0, shape[1], 2)
+            ]
+            for r in range(0, shape[0], 2)
+        ]
+    )
+    expected = np.array(
+        [
+            [
+                min(max(126 * 4096 + plain_mean_times(half, 3, r, c) - plain_mean_times(half, 11, r, c), 0), 255 * 4096)
+                >> 12
+                if 5 <= r < half.shape[0] - 5 and 5 <= c < half.shape[1] - 5
+                else 0
+                for c in range(0, half.shape[1], 2)
+            ]
+            for r in range(0, half.shape[0], 2)
+        ]
+    )
     got, rim = jpl.band_pass(image, 2)
     np.testing.assert_array_equal(got, expected)
     assert rim == 3  # (1 px + 5 px of the half image + 1) // 2
@@ -128,8 +159,10 @@ def test_blobs_are_patches_whose_neighbours_differ_by_less_than_a_quarter_pixel(
 
 def test_blob_size_below_zero_is_a_share_of_the_image():
     left, right, _ = jpl_images.pair(160, 120, 1, 128, 4)
-    assert (match("jplv", left, right, {"blob_size": -4})[2]["counts"]
-            == match("jplv", left, right, {"blob_size": 160 * 120 * 4 // 100})[2]["counts"])
+    assert (
+        match("jplv", left, right, {"blob_size": -4})[2]["counts"]
+        == match("jplv", left, right, {"blob_size": 160 * 120 * 4 // 100})[2]["counts"]
+    )
 
 
 @pytest.mark.parametrize("level", [1, 2])
@@ -144,8 +177,8 @@ def test_halved_images_give_disparities_of_the_full_ones_in_their_place(level):
     assert info["arrays"]["jpl_disparity"].shape == (320 >> level, 640 >> level)
     assert valid.mean() > 0.5
     # The original quotes 0.25 px of the halved images; half of that is the parabola's part on such a plane.
-    assert np.median(np.abs(disparity - truth)[valid]) < 0.125 * 2 ** level
-    assert abs(np.median((disparity - truth)[valid])) < 0.02 * 2 ** level  # a shifted grid would show here
+    assert np.median(np.abs(disparity - truth)[valid]) < 0.125 * 2**level
+    assert abs(np.median((disparity - truth)[valid])) < 0.02 * 2**level  # a shifted grid would show here
 
 
 def test_enlarging_never_joins_two_surfaces():
@@ -171,8 +204,12 @@ def test_affine_windows_remove_pixel_locking(noise):
     scene, rig = pairs.Scene(contrast=0.4), pairs.camera(480, 270)
     (depth, left, _), (_, right, _) = pairs.view(scene, rig, "left"), pairs.view(scene, rig, "right")
     random = np.random.default_rng(0)
-    left, right = (np.rint(light / (2 * scene.radiance) * 255 + noise * random.standard_normal(light.shape))
-                   .clip(0, 255).astype(np.uint8) for light in (left, right))
+    left, right = (
+        np.rint(light / (2 * scene.radiance) * 255 + noise * random.standard_normal(light.shape))
+        .clip(0, 255)
+        .astype(np.uint8)
+        for light in (left, right)
+    )
     truth = rig.disparity(depth)
     plain, valid, plain_info = match("jplv", left, right)
     affine, affine_valid, info = match("jplv", left, right, {"subpixel": "affine"})

@@ -11,22 +11,45 @@ RIG = pairs.camera()
 ANYWHERE = ("bm", "sgbm", "sgbm_wls", "jplv")  # what runs without a checkpoint or another program
 #: For images as small as these, where four per cent of the image is a large patch.
 SMALL = {"jplv": {"blob_size": 50}}
-GUISS = {"disparities": 96, "min_disparity": 4, "window": 49, "prefilter": "xsobel", "prefilter_size": 17,
-         "prefilter_cap": 20, "texture_threshold": 18, "uniqueness": 0, "speckle_window": 0, "speckle_range": 9,
-         "left_right": 25, "left_border": "skip", "rounding": "up", "grey": "luminance"}
+GUISS = {
+    "disparities": 96,
+    "min_disparity": 4,
+    "window": 49,
+    "prefilter": "xsobel",
+    "prefilter_size": 17,
+    "prefilter_cap": 20,
+    "texture_threshold": 18,
+    "uniqueness": 0,
+    "speckle_window": 0,
+    "speckle_range": 9,
+    "left_right": 25,
+    "left_border": "skip",
+    "rounding": "up",
+    "grey": "luminance",
+}
 
 
 def images(scene, rig=RIG):
     """8-bit images and the true disparity."""
     (depth, left, _), (_, right, _) = pairs.view(scene, rig, "left"), pairs.view(scene, rig, "right")
-    left, right = (np.rint(np.clip(light / (2 * scene.radiance), 0, 1) * 255).astype(np.uint8)
-                   for light in (left, right))
+    left, right = (
+        np.rint(np.clip(light / (2 * scene.radiance), 0, 1) * 255).astype(np.uint8) for light in (left, right)
+    )
     return left, right, rig.disparity(depth)
 
 
-@pytest.mark.parametrize(("method", "options", "bound"), [
-    ("sgbm", {}, 0.05), ("bm", {"preset": "guiss"}, 0.15), ("bm", {"window": 21}, 0.06), ("bm", {}, 0.06),
-    ("sgbm_wls", {}, 0.06), ("jplv", {}, 0.1), ("jplv", {"subpixel": "affine"}, 0.03)])
+@pytest.mark.parametrize(
+    ("method", "options", "bound"),
+    [
+        ("sgbm", {}, 0.05),
+        ("bm", {"preset": "guiss"}, 0.15),
+        ("bm", {"window": 21}, 0.06),
+        ("bm", {}, 0.06),
+        ("sgbm_wls", {}, 0.06),
+        ("jplv", {}, 0.1),
+        ("jplv", {"subpixel": "affine"}, 0.03),
+    ],
+)
 def test_subpixel_accuracy_on_an_exactly_sampled_plane(method, options, bound):
     left, right, truth = images(pairs.Scene(rock=False, contrast=0.2))
     disparity, valid, info = match(method, left, right, options)
@@ -53,7 +76,7 @@ def test_the_left_border_is_measured_where_both_eyes_see_it(method):
     disparity, valid, _ = match(method, left, right)
     margin = 8 if method == "bm" else 0  # half a window
     both = (np.arange(RIG.width_px) >= truth + margin) & (np.arange(RIG.width_px) < RIG.width_px - margin)
-    both[:margin] = both[RIG.height_px - margin:] = False
+    both[:margin] = both[RIG.height_px - margin :] = False
     assert (valid & both).sum() > 0.95 * both.sum()
     assert (disparity[valid] <= np.nonzero(valid)[1] + 1e-6).all()  # never a match outside the right image
     if method != "sgbm_wls":  # which fills in what is hidden too
@@ -83,8 +106,9 @@ def test_strips_of_a_large_image_give_what_the_whole_image_gives(method, monkeyp
     assert np.mean(match(method, left, right, {"disparities": 64})[0] != whole) > np.mean(strips != whole)
 
 
-@pytest.mark.parametrize(("mode", "low", "high"), [("hh", -0.02, 0.02), ("hh4", -0.02, 0.02), ("sgbm", -0.14, -0.07),
-                                                   ("3way", -0.10, -0.02)])
+@pytest.mark.parametrize(
+    ("mode", "low", "high"), [("hh", -0.02, 0.02), ("hh4", -0.02, 0.02), ("sgbm", -0.14, -0.07), ("3way", -0.10, -0.02)]
+)
 def test_modes_without_paths_from_below_shift_sloping_ground(mode, low, high):
     """The manual says so: their disparity is too small where it grows downward in the image."""
     left, right, truth = images(pairs.Scene(rock=False, contrast=0.2))
@@ -109,7 +133,7 @@ def test_invalid_is_never_a_depth():
     left, right, _ = images(pairs.Scene(), pairs.camera(400, 144))
     disparity, valid, _ = match("bm", left, right, {"preset": "guiss"})
     # The first columns cannot be searched; OpenCV writes 3.0 there, which is less than the search range.
-    assert not valid[:, :4 + 96 - 1 + 24].any()
+    assert not valid[:, : 4 + 96 - 1 + 24].any()
     assert disparity[valid].min() >= 4
     assert np.isnan(disparity[~valid]).all()
 
@@ -189,15 +213,20 @@ def test_colour_and_16_bit_images_are_the_same_as_grey_ones(method):
         return np.repeat(image[..., None], 3, axis=-1)
 
     np.testing.assert_array_equal(match(method, colour(left), colour(right))[0], expected)
-    np.testing.assert_array_equal(match(method, left.astype(np.uint16) * 257, right.astype(np.uint16) * 257)[0],
-                                  expected)
+    np.testing.assert_array_equal(
+        match(method, left.astype(np.uint16) * 257, right.astype(np.uint16) * 257)[0], expected
+    )
 
 
 @pytest.mark.parametrize("method", ANYWHERE)
 def test_unusable_images_are_refused(method):
     good = np.zeros((144, 256), np.uint8)
-    for left, right, reason in [(good, good[:, :-1], "the same size"), (good.astype(float), good, "float64"),
-                                (good[None], good, "shape"), (good[:0], good[:0], "shape")]:
+    for left, right, reason in [
+        (good, good[:, :-1], "the same size"),
+        (good.astype(float), good, "float64"),
+        (good[None], good, "shape"),
+        (good[:0], good[:0], "shape"),
+    ]:
         with pytest.raises(IcyMoonError, match=reason):
             match(method, left, right)
 
@@ -226,25 +255,28 @@ def test_one_bright_pixel_is_no_surface(method):
     left, right = np.zeros((2, 144, 256), np.uint8)
     left[70, 120], right[70, 100] = 255, 255
     # At most what the windows and the filters around that pixel see.
-    assert match(method, left, right)[1].sum() <= 27 ** 2
+    assert match(method, left, right)[1].sum() <= 27**2
 
 
-@pytest.mark.parametrize(("method", "options", "reason"), [
-    ("bn", {}, "Unknown matcher 'bn', did you mean 'bm'"),
-    ("orb-slam", {}, "known are bm, sgbm, "),
-    ("bm", {"windw": 9}, r"Unknown option bm.windw, did you mean 'window'"),
-    ("bm", {"window": 10}, "bm.window is 10, outside 5 to 255 in steps of 2"),
-    ("bm", {"window": "large"}, "bm.window must be a whole number, not 'large'"),
-    ("bm", {"disparities": 100}, "steps of 16"),
-    ("bm", {"prefilter": "sobel"}, "did you mean 'xsobel'"),
-    ("bm", {"preset": "guis"}, "did you mean 'guiss'"),
-    ("sgbm", {"preset": "guiss"}, "Unknown option sgbm.preset"),
-    ("sgbm", {"p1": 900, "p2": 800}, "sgbm.p2, 800, must be above sgbm.p1"),
-    ("sgbm_wls", {"p1": 900, "p2": 800}, "sgbm_wls.p2, 800, must be above sgbm_wls.p1"),
-    ("sgbm_wls", {"edge": "sharp"}, "sgbm_wls.edge must be a number, not 'sharp'"),
-    ("sgbm_wls", {"edge": "nan"}, "sgbm_wls.edge is nan, outside 0.1 to 100.0"),
-    ("jplv", {"window": 8}, "in steps of 2"),
-])
+@pytest.mark.parametrize(
+    ("method", "options", "reason"),
+    [
+        ("bn", {}, "Unknown matcher 'bn', did you mean 'bm'"),
+        ("orb-slam", {}, "known are bm, sgbm, "),
+        ("bm", {"windw": 9}, r"Unknown option bm.windw, did you mean 'window'"),
+        ("bm", {"window": 10}, "bm.window is 10, outside 5 to 255 in steps of 2"),
+        ("bm", {"window": "large"}, "bm.window must be a whole number, not 'large'"),
+        ("bm", {"disparities": 100}, "steps of 16"),
+        ("bm", {"prefilter": "sobel"}, "did you mean 'xsobel'"),
+        ("bm", {"preset": "guis"}, "did you mean 'guiss'"),
+        ("sgbm", {"preset": "guiss"}, "Unknown option sgbm.preset"),
+        ("sgbm", {"p1": 900, "p2": 800}, "sgbm.p2, 800, must be above sgbm.p1"),
+        ("sgbm_wls", {"p1": 900, "p2": 800}, "sgbm_wls.p2, 800, must be above sgbm_wls.p1"),
+        ("sgbm_wls", {"edge": "sharp"}, "sgbm_wls.edge must be a number, not 'sharp'"),
+        ("sgbm_wls", {"edge": "nan"}, "sgbm_wls.edge is nan, outside 0.1 to 100.0"),
+        ("jplv", {"window": 8}, "in steps of 2"),
+    ],
+)
 def test_wrong_methods_and_options_are_named(method, options, reason):
     blank = np.zeros((144, 256), np.uint8)
     with pytest.raises(IcyMoonError, match=reason):
@@ -253,5 +285,7 @@ def test_wrong_methods_and_options_are_named(method, options, reason):
 
 def test_options_override_a_preset_and_answer_to_opencvs_names():
     assert check_options("bm", {"window": "21", "preset": "guiss"}) == GUISS | {"window": 21}
-    assert (check_options("bm", {"preset": "guiss", "blockSize": 21, "numDisparities": 128})
-            == GUISS | {"window": 21, "disparities": 128})
+    assert check_options("bm", {"preset": "guiss", "blockSize": 21, "numDisparities": 128}) == GUISS | {
+        "window": 21,
+        "disparities": 128,
+    }

@@ -19,7 +19,7 @@ def shifted(height, width, shift):
     random = np.random.default_rng(1)
     coarse = random.integers(0, 128, (height // 4 + 1, (width + shift) // 4 + 1, 3))
     fine = random.integers(0, 128, (height, width + shift, 3))
-    image = (fine + np.kron(coarse, np.ones((4, 4, 1)))[:height, :width + shift]).astype(np.uint8)
+    image = (fine + np.kron(coarse, np.ones((4, 4, 1)))[:height, : width + shift]).astype(np.uint8)
     return image[:, :width], image[:, shift:]
 
 
@@ -31,11 +31,23 @@ def found(path, shape=(48, 64), shift=SHIFT, **options):
     return disparity[8:-8, 24:-8], info["facts"]
 
 
-@pytest.mark.parametrize("how", [
-    {}, {"size": (48, 64)}, {"names": ("input",), "size": (48, 64)}, {"names": ("input",)}, {"channels": 1},
-    {"names": ("input",), "channels": 1}, {"last": True}, {"names": ("LEFT_image", "image_right"), "swapped": True},
-    {"names": ("0", "1")}, {"dtype": "float16"}, {"names": ("init_left", "init_right", "next_left", "next_right"),
-                                                  "size": (48, 64)}], ids=str)
+@pytest.mark.parametrize(
+    "how",
+    [
+        {},
+        {"size": (48, 64)},
+        {"names": ("input",), "size": (48, 64)},
+        {"names": ("input",)},
+        {"channels": 1},
+        {"names": ("input",), "channels": 1},
+        {"last": True},
+        {"names": ("LEFT_image", "image_right"), "swapped": True},
+        {"names": ("0", "1")},
+        {"dtype": "float16"},
+        {"names": ("init_left", "init_right", "next_left", "next_right"), "size": (48, 64)},
+    ],
+    ids=str,
+)
 def test_every_kind_of_input_is_served(how, tmp_path):
     path = onnx_networks.write_network(tmp_path / "net.onnx", **how)
     disparity, facts = found(path)
@@ -59,10 +71,15 @@ def test_a_fixed_size_scales_the_disparities_by_the_widths(tmp_path):
     assert (facts["input_height"], facts["input_width"]) == (48, 64)
 
 
-@pytest.mark.parametrize(("numbers", "values"), [
-    ("byte", (10, 20, 30)), ("unit", (10 / 255, 20 / 255, 30 / 255)),
-    ("signed", (10 / 127.5 - 1, 20 / 127.5 - 1, 30 / 127.5 - 1)),
-    ("imagenet", ((10 / 255 - 0.485) / 0.229, (20 / 255 - 0.456) / 0.224, (30 / 255 - 0.406) / 0.225))])
+@pytest.mark.parametrize(
+    ("numbers", "values"),
+    [
+        ("byte", (10, 20, 30)),
+        ("unit", (10 / 255, 20 / 255, 30 / 255)),
+        ("signed", (10 / 127.5 - 1, 20 / 127.5 - 1, 30 / 127.5 - 1)),
+        ("imagenet", ((10 / 255 - 0.485) / 0.229, (20 / 255 - 0.456) / 0.224, (30 / 255 - 0.406) / 0.225)),
+    ],
+)
 @pytest.mark.parametrize("order", ["rgb", "bgr"])
 def test_a_network_gets_the_numbers_and_colours_that_are_stated(numbers, values, order, tmp_path):
     """A network that only hands on one channel of the left image shows what it got."""
@@ -70,8 +87,14 @@ def test_a_network_gets_the_numbers_and_colours_that_are_stated(numbers, values,
         path = onnx_networks.write_channel(tmp_path / "net.onnx", channel)
         image = np.empty((32, 32, 3), np.uint8)
         image[:] = (10, 20, 30)  # RGB
-        disparity = matcher.compute(image, image, complete_options("onnx", {
-            "model": str(path), "test": "none", "numbers": numbers, "order": order, "scale": "2"}), None).disparity
+        disparity = matcher.compute(
+            image,
+            image,
+            complete_options(
+                "onnx", {"model": str(path), "test": "none", "numbers": numbers, "order": order, "scale": "2"}
+            ),
+            None,
+        ).disparity
         np.testing.assert_allclose(disparity, 2 * values[channel if order == "rgb" else 2 - channel], rtol=1e-5)
 
 
@@ -84,26 +107,38 @@ def test_networks_with_other_signs_units_and_outputs_are_understood(tmp_path):
     assert np.abs(found(second, output=1)[0] - SHIFT).max() < 0.05
 
 
-@pytest.mark.parametrize(("how", "options", "reason"), [
-    ({"factor": -1}, {}, r"finds -7\S* and -12\S* px where the images are shifted by 7 and 12 px; give "
-                         r"onnx.sign=negative"),
-    ({}, {"sign": "negative"}, "give onnx.sign=positive"),
-    ({"factor": 0.25}, {}, r"finds 1.75\d* and 3 px .*onnx.scale=4"),
-    ({"factor": -0.25}, {}, r"onnx.scale=4 and the other onnx.sign"),
-    ({"factor": 0}, {}, "finds 0 and 0 px .*onnx.numbers"),
-    # It always answers 31 px, and with the factor 7 / 31 would pass a test by one shift.
-    ({"factor": 0, "constant": 31}, {}, r"finds 31 and 31 px .*; look at \S+ \S+ \S+ and onnx.swap\.$"),
-    ({"factor": 0, "constant": 31}, {"scale": 7 / 31}, "finds 7 and 7 px where the images are shifted by 7 and 12 px"),
-    ({"factor": 0, "constant": 7}, {}, "finds 7 and 7 px"), ({"factor": 0, "constant": 12}, {}, "finds 12 and 12 px"),
-    ({"names": ("a", "b"), "swapped": True}, {}, "its inputs seem to be exchanged: give onnx.swap=yes"),
-    ({}, {"swap": "yes"}, "its inputs seem to be exchanged: give onnx.swap=no"),
-    ({"second": True}, {}, "outputs are confidence 1x1x1x1, disparity 1x1xohxow; choose the one"),
-    ({}, {"output": 3}, "onnx.output is 3, and the network's outputs are disparity"),
-    ({"half": True}, {}, "of the whole image, 384 x 256 px"),
-    ({"channels": 2}, {}, "input left 1x2xhxw, which is no batch of one image or of both"),
-    ({"names": ("a", "b", "c", "d")}, {}, "4 inputs without a size"),
-    ({"names": ("a", "b", "c")}, {}, "has 3 inputs .*a stereo network has 1, 2 or 4"),
-])
+@pytest.mark.parametrize(
+    ("how", "options", "reason"),
+    [
+        (
+            {"factor": -1},
+            {},
+            r"finds -7\S* and -12\S* px where the images are shifted by 7 and 12 px; give "
+            r"onnx.sign=negative",
+        ),
+        ({}, {"sign": "negative"}, "give onnx.sign=positive"),
+        ({"factor": 0.25}, {}, r"finds 1.75\d* and 3 px .*onnx.scale=4"),
+        ({"factor": -0.25}, {}, r"onnx.scale=4 and the other onnx.sign"),
+        ({"factor": 0}, {}, "finds 0 and 0 px .*onnx.numbers"),
+        # It always answers 31 px, and with the factor 7 / 31 would pass a test by one shift.
+        ({"factor": 0, "constant": 31}, {}, r"finds 31 and 31 px .*; look at \S+ \S+ \S+ and onnx.swap\.$"),
+        (
+            {"factor": 0, "constant": 31},
+            {"scale": 7 / 31},
+            "finds 7 and 7 px where the images are shifted by 7 and 12 px",
+        ),
+        ({"factor": 0, "constant": 7}, {}, "finds 7 and 7 px"),
+        ({"factor": 0, "constant": 12}, {}, "finds 12 and 12 px"),
+        ({"names": ("a", "b"), "swapped": True}, {}, "its inputs seem to be exchanged: give onnx.swap=yes"),
+        ({}, {"swap": "yes"}, "its inputs seem to be exchanged: give onnx.swap=no"),
+        ({"second": True}, {}, "outputs are confidence 1x1x1x1, disparity 1x1xohxow; choose the one"),
+        ({}, {"output": 3}, "onnx.output is 3, and the network's outputs are disparity"),
+        ({"half": True}, {}, "of the whole image, 384 x 256 px"),
+        ({"channels": 2}, {}, "input left 1x2xhxw, which is no batch of one image or of both"),
+        ({"names": ("a", "b", "c", "d")}, {}, "4 inputs without a size"),
+        ({"names": ("a", "b", "c")}, {}, "has 3 inputs .*a stereo network has 1, 2 or 4"),
+    ],
+)
 def test_what_is_wrong_is_one_sentence(how, options, reason, tmp_path):
     path = onnx_networks.write_network(tmp_path / "net.onnx", **how)
     for _ in range(2):  # also for the next pair
@@ -137,13 +172,21 @@ def write_loop(path, size):
 
     flag = onnx_networks.TensorProto.BOOL
     body = helper.make_graph(
-        [helper.make_node("Identity", ["go"], ["on"]), helper.make_node("Identity", ["x"], ["y"])], "body",
-        [value("k", number, []), value("go", flag, []), value("x")], [value("on", flag, []), value("y")])
+        [helper.make_node("Identity", ["go"], ["on"]), helper.make_node("Identity", ["x"], ["y"])],
+        "body",
+        [value("k", number, []), value("go", flag, []), value("x")],
+        [value("on", flag, []), value("y")],
+    )
     graph = helper.make_graph(
-        [helper.make_node("ReduceMean", ["left"], ["mean"], axes=[1]),
-         helper.make_node("Loop", ["most", "true", "mean"], ["out"], body=body)], "graph",
-        [value(name, image, [1, 3, *size]) for name in ("left", "right")], [value("out", image, [1, 1, *size])],
-        [onnx.numpy_helper.from_array(np.array(2**62), "most"), onnx.numpy_helper.from_array(np.array(True), "true")])
+        [
+            helper.make_node("ReduceMean", ["left"], ["mean"], axes=[1]),
+            helper.make_node("Loop", ["most", "true", "mean"], ["out"], body=body),
+        ],
+        "graph",
+        [value(name, image, [1, 3, *size]) for name in ("left", "right")],
+        [value("out", image, [1, 1, *size])],
+        [onnx.numpy_helper.from_array(np.array(2**62), "most"), onnx.numpy_helper.from_array(np.array(True), "true")],
+    )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
     model.ir_version = 8
     path.write_bytes(model.SerializeToString())
@@ -155,8 +198,11 @@ def test_a_network_without_end_is_stopped_after_a_time_in_proportion_to_its_inpu
     """After ``timeout_s`` for up to 0.1 megapixels, twice that for 0.2; and it is not tried again for the next pair."""
     path, begun = write_loop(tmp_path / "loop.onnx", size), time.monotonic()
     for _ in range(2):
-        with pytest.raises(IcyMoonError, match=rf"stopped after {seconds} s for {size[1]} x {size[0]} px; if it "
-                                               r"is only slow, give a larger onnx.timeout_s than 1;"):
+        with pytest.raises(
+            IcyMoonError,
+            match=rf"stopped after {seconds} s for {size[1]} x {size[0]} px; if it "
+            r"is only slow, give a larger onnx.timeout_s than 1;",
+        ):
             found(path, timeout_s=1)
     assert seconds <= time.monotonic() - begun < 2 * seconds + 2  # a second of starting, on a busy machine
     assert "onnxruntime" not in capfd.readouterr().err

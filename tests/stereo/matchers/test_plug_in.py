@@ -17,8 +17,10 @@ IMAGE = np.zeros((20, 40), np.uint8)
 
 
 def matcher(body: str, above: str = "") -> str:
-    return (f'"""A matcher."""\nimport numpy as np\nICYMOON_API = 1\n{above}\n'
-            f"def match(left, right, context):\n    {body}\n")
+    return (
+        f'"""A matcher."""\nimport numpy as np\nICYMOON_API = 1\n{above}\n'
+        f"def match(left, right, context):\n    {body}\n"
+    )
 
 
 @pytest.fixture
@@ -27,12 +29,16 @@ def add(tmp_path, monkeypatch):
 
 
 def test_it_is_told_its_options_and_what_to_search(add):
-    add("told", matcher("return np.where(left == 0, context.options['shift'] + context.most_px, np.nan)",
-                        'OPTIONS = {"shift": {"default": 0.5, "minimum": 0.0, "maximum": 1.0, "doc": "Shift, px"}}'))
+    add(
+        "told",
+        matcher(
+            "return np.where(left == 0, context.options['shift'] + context.most_px, np.nan)",
+            'OPTIONS = {"shift": {"default": 0.5, "minimum": 0.0, "maximum": 1.0, "doc": "Shift, px"}}',
+        ),
+    )
     image = IMAGE.copy()
     image[3] = 9
-    disparity, valid, info = match("told", image, image, {"shift": "0.25"},
-                                   ranges={"auto": SearchRange(2, 17, "rig")})
+    disparity, valid, info = match("told", image, image, {"shift": "0.25"}, ranges={"auto": SearchRange(2, 17, "rig")})
     assert np.isnan(disparity[3]).all()
     assert (disparity[valid] == 17.25).all()
     assert (info["search"].least_px, info["search"].most_px, info["search"].source) == (2, 17, "rig")
@@ -58,18 +64,22 @@ def test_it_sees_colour_only_if_it_asks_for_it(add):
     assert match("colour", image, image)[0][0, 0] == 3
 
 
-@pytest.mark.parametrize(("body", "said"), [
-    ("return None", r"returned NoneType; return a numpy array"),
-    ("return [[1.0]]", "returned list"),
-    ("return np.zeros((40, 20))", r"the shape \(40, 20\) for images of \(20, 40\)"),
-    ("return np.ones((20, 40, 1))", "the shape"),
-    ("return np.ones(left.shape, np.int16)", "the type int16; return float32 in px, with NaN"),
-    ("return np.ones(left.shape, complex)", "the type complex128"),
-    ("return np.full(left.shape, np.nan)", "odd gave no pixel a number"),
-    ("return -np.ones(left.shape)", "odd gave no pixel a positive number"),
-    ("return left[1000]", r"failed \(IndexError: .*, plugin_of_a_test_\d+\.py line 6\)"),
-    ("raise SystemExit(3)", r"failed \(SystemExit: 3"),
-    ("raise Exception('two\\nlines')", r"failed \(Exception: two lines, ")])
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("return None", r"returned NoneType; return a numpy array"),
+        ("return [[1.0]]", "returned list"),
+        ("return np.zeros((40, 20))", r"the shape \(40, 20\) for images of \(20, 40\)"),
+        ("return np.ones((20, 40, 1))", "the shape"),
+        ("return np.ones(left.shape, np.int16)", "the type int16; return float32 in px, with NaN"),
+        ("return np.ones(left.shape, complex)", "the type complex128"),
+        ("return np.full(left.shape, np.nan)", "odd gave no pixel a number"),
+        ("return -np.ones(left.shape)", "odd gave no pixel a positive number"),
+        ("return left[1000]", r"failed \(IndexError: .*, plugin_of_a_test_\d+\.py line 6\)"),
+        ("raise SystemExit(3)", r"failed \(SystemExit: 3"),
+        ("raise Exception('two\\nlines')", r"failed \(Exception: two lines, "),
+    ],
+)
 def test_what_it_does_wrong_is_one_sentence(add, body, said):
     add("odd", matcher(body))
     with pytest.raises(IcyMoonError, match=said) as raised:
@@ -78,19 +88,24 @@ def test_what_it_does_wrong_is_one_sentence(add, body, said):
     assert "\n" not in str(raised.value)
 
 
-@pytest.mark.parametrize(("options", "said"), [
-    ("[]", "OPTIONS that are no dictionary"),
-    ("{'a b': {'default': 1, 'doc': ''}}", "has a name that cannot be used"),
-    ("{'disparities': {'default': 16, 'minimum': 0, 'maximum': 99, 'doc': ''}}", "has a name that cannot be used"),
-    ("{'grey': {'default': 'x', 'choices': ['x'], 'doc': ''}}", "has a name that cannot be used"),
-    ("{'a': 3}", "at least a default and a doc"), ("{'a': {'default': 3}}", "at least a default and a doc"),
-    ("{'a': {'default': 3, 'doc': ''}}", "a number without minimum"),
-    ("{'a': {'default': 3, 'doc': '', 'minimum': 0, 'maximum': 2}}", "not between minimum and maximum"),
-    ("{'a': {'default': 3, 'doc': '', 'min': 0}}", "has 'min'; an option has default, doc"),
-    ("{'a': {'default': 'x', 'doc': ''}}", "is a text; state its choices. Only command, checkpoint"),
-    ("{'a': {'default': 'x', 'doc': '', 'choices': ['y']}}", "none of the choices"),
-    ("{'a': {'default': 3, 'doc': '', 'minimum': 'x', 'maximum': 9}}", "cannot be used"),
-    ("{'a': {'default': None, 'doc': ''}}", "the default None; give a number")])
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("[]", "OPTIONS that are no dictionary"),
+        ("{'a b': {'default': 1, 'doc': ''}}", "has a name that cannot be used"),
+        ("{'disparities': {'default': 16, 'minimum': 0, 'maximum': 99, 'doc': ''}}", "has a name that cannot be used"),
+        ("{'grey': {'default': 'x', 'choices': ['x'], 'doc': ''}}", "has a name that cannot be used"),
+        ("{'a': 3}", "at least a default and a doc"),
+        ("{'a': {'default': 3}}", "at least a default and a doc"),
+        ("{'a': {'default': 3, 'doc': ''}}", "a number without minimum"),
+        ("{'a': {'default': 3, 'doc': '', 'minimum': 0, 'maximum': 2}}", "not between minimum and maximum"),
+        ("{'a': {'default': 3, 'doc': '', 'min': 0}}", "has 'min'; an option has default, doc"),
+        ("{'a': {'default': 'x', 'doc': ''}}", "is a text; state its choices. Only command, checkpoint"),
+        ("{'a': {'default': 'x', 'doc': '', 'choices': ['y']}}", "none of the choices"),
+        ("{'a': {'default': 3, 'doc': '', 'minimum': 'x', 'maximum': 9}}", "cannot be used"),
+        ("{'a': {'default': None, 'doc': ''}}", "the default None; give a number"),
+    ],
+)
 def test_a_badly_declared_option_is_named(add, options, said):
     add("badly", matcher("return left", f"OPTIONS = {options}"))
     with pytest.raises(IcyMoonError, match=f"The matcher badly .*{said}"):
@@ -116,7 +131,7 @@ def test_it_stands_in_the_list_and_in_the_report(add, tmp_path, capsys):
     report = json.loads((out / "report.json").read_text(encoding="utf-8"))
     assert [entry["method"] for entry in report["summary"]] == ["bm", "twelve"]
     assert report["provenance"]["methods"][1]["facts"] == [{"plug_in": "icymoon-test-twelve 1.0"}]
-    row, = (row for row in report["rows"] if row["method"] == "twelve")
+    (row,) = (row for row in report["rows"] if row["method"] == "twelve")
     assert row["coverage"] == 1.0
     assert "icymoon-test-twelve 1.0" in (out / "report.html").read_text(encoding="utf-8")
 
@@ -136,10 +151,10 @@ def test_a_row_is_computed_again_when_the_source_has_changed(add, tmp_path):
     from icymoon.stereo.evaluate import method_inputs
 
     add("twelve", MATCHER)
-    method, = parse_methods("twelve")
+    (method,) = parse_methods("twelve")
     before = method_inputs(method)
     assert before == method_inputs(method)
-    module, = (tmp_path / "site").glob("*.py")
+    (module,) = (tmp_path / "site").glob("*.py")
     module.write_text(MATCHER.replace("12.0", "13.0"), encoding="utf-8")
     assert before != method_inputs(method)
     assert "icymoon-test-twelve 1.0" in before

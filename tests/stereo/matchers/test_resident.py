@@ -112,9 +112,17 @@ def test_it_is_told_which_disparities_the_rig_can_see(tmp_path):
     assert np.isnan(ask(text, 9)[0][0, :2]).all()
 
 
-@pytest.mark.parametrize(("do", "reason"), [
-    (3, r"shape \(20, 29\), the images have \(20, 30\)"), (4, "no finite number"), (5, "negative.*multiply by -1"),
-    (6, "values of type <U1"), (7, "RuntimeError: no memory"), (8, "values of type object")])
+@pytest.mark.parametrize(
+    ("do", "reason"),
+    [
+        (3, r"shape \(20, 29\), the images have \(20, 30\)"),
+        (4, "no finite number"),
+        (5, "negative.*multiply by -1"),
+        (6, "values of type <U1"),
+        (7, "RuntimeError: no memory"),
+        (8, "values of type object"),
+    ],
+)
 def test_a_bad_disparity_map_or_an_exception_fails_this_pair_only(do, reason, tmp_path):
     text = command(tmp_path, SERVED)
     pid = ask(text, COUNT)[0][0, 0]
@@ -125,10 +133,15 @@ def test_a_bad_disparity_map_or_an_exception_fails_this_pair_only(do, reason, tm
     assert ask(text, COUNT)[0][0, 0] == pid
 
 
-@pytest.mark.parametrize(("do", "reason"), [
-    (KILLED, "was ended by signal 9 before it had answered"), (DIES, r"ended with status 3 before .* \(bye\)"),
-    (23, r"ended with status 1 before .* \(gone\)"),
-    (HANGS, r"took more than 3 s for a pair and was stopped.*resident.timeout_s")])
+@pytest.mark.parametrize(
+    ("do", "reason"),
+    [
+        (KILLED, "was ended by signal 9 before it had answered"),
+        (DIES, r"ended with status 3 before .* \(bye\)"),
+        (23, r"ended with status 1 before .* \(gone\)"),
+        (HANGS, r"took more than 3 s for a pair and was stopped.*resident.timeout_s"),
+    ],
+)
 def test_one_that_dies_or_hangs_is_started_again_for_the_next_pair(do, reason, tmp_path):
     text = command(tmp_path, SERVED)
     pid = ask(text, COUNT, timeout_s=3)[0][0, 0]
@@ -186,19 +199,26 @@ ANSWER = HELLO + "say(hello=1)\nfor line in sys.stdin:\n    r = json.loads(line)
 WRITE = "np.save(r['out'], np.ones((20, 30)))\n    "
 
 
-@pytest.mark.parametrize(("body", "reason"), [
-    (HELLO + "say(hello=2)\ntime.sleep(9)", "speaks version 2 of the protocol, not 1"),
-    ("raise ImportError('no torch')", r"ended with status 1 before it was ready \(ImportError: no torch\)"),
-    ("print('only this')", r"ended with status 0 before it was ready \(only this\)"),
-    ("print('wait')\nimport time\ntime.sleep(9)", r"took more than 1 s to be ready.*start_s"),
-    ("import os, time\nos.close(1)\ntime.sleep(9)", "closed its output before it was ready"),
-    (ANSWER + "say(id=r['id'], ok=True)", "wrote no disparity map"),
-    (ANSWER + "open(r['out'], 'wb').write(b'\\x93NUMPY')\n    say(id=r['id'], ok=True)", "cannot be used"),
-    (ANSWER + WRITE + "os.truncate(r['out'], 500)\n    say(id=r['id'], ok=True)", "cannot be used"),
-    (ANSWER + "np.save(r['out'], -np.ones((20, 30)))\n    say(id=r['id'], ok=True)", "negative"),
-    (ANSWER + "np.save(r['out'], np.array([{}]), allow_pickle=True)\n    say(id=r['id'], ok=True)", "cannot be used"),
-    (ANSWER + "say(id=r['id'])", "neither ok nor an error"),
-    (ANSWER + "say(id=r['id'], error=['no', 3])", r"reports \['no', 3\]")])
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        (HELLO + "say(hello=2)\ntime.sleep(9)", "speaks version 2 of the protocol, not 1"),
+        ("raise ImportError('no torch')", r"ended with status 1 before it was ready \(ImportError: no torch\)"),
+        ("print('only this')", r"ended with status 0 before it was ready \(only this\)"),
+        ("print('wait')\nimport time\ntime.sleep(9)", r"took more than 1 s to be ready.*start_s"),
+        ("import os, time\nos.close(1)\ntime.sleep(9)", "closed its output before it was ready"),
+        (ANSWER + "say(id=r['id'], ok=True)", "wrote no disparity map"),
+        (ANSWER + "open(r['out'], 'wb').write(b'\\x93NUMPY')\n    say(id=r['id'], ok=True)", "cannot be used"),
+        (ANSWER + WRITE + "os.truncate(r['out'], 500)\n    say(id=r['id'], ok=True)", "cannot be used"),
+        (ANSWER + "np.save(r['out'], -np.ones((20, 30)))\n    say(id=r['id'], ok=True)", "negative"),
+        (
+            ANSWER + "np.save(r['out'], np.array([{}]), allow_pickle=True)\n    say(id=r['id'], ok=True)",
+            "cannot be used",
+        ),
+        (ANSWER + "say(id=r['id'])", "neither ok nor an error"),
+        (ANSWER + "say(id=r['id'], error=['no', 3])", r"reports \['no', 3\]"),
+    ],
+)
 def test_programs_without_python_s_helper_fail_in_one_sentence(body, reason, tmp_path, monkeypatch):
     monkeypatch.setattr(resident_process, "_GRACE_S", 0.2)
     with pytest.raises(IcyMoonError, match=reason) as caught:
@@ -238,13 +258,23 @@ def test_lines_that_are_no_answer_are_passed_over(tmp_path):
 @pytest.mark.parametrize("do", [HANGS, "loop"])
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="it asks Linux what became of a process")
 def test_no_program_outlives_a_killed_parent(do, tmp_path):
-    body = SERVED.replace("time.sleep(3600)", f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); "
-                          + ("time.sleep(3600)" if do == HANGS else "[None for _ in iter(int, 1)]"))
-    parent = subprocess.Popen([sys.executable, "-c", f"""
+    body = SERVED.replace(
+        "time.sleep(3600)",
+        f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); "
+        + ("time.sleep(3600)" if do == HANGS else "[None for _ in iter(int, 1)]"),
+    )
+    parent = subprocess.Popen(
+        [
+            sys.executable,
+            "-c",
+            f"""
 import numpy as np
 from icymoon.stereo.matchers import match
 image = np.full((20, 30, 3), {HANGS}, np.uint8)
-match("resident", image, image, {{"command": {command(tmp_path, body)!r}}})"""], start_new_session=True)
+match("resident", image, image, {{"command": {command(tmp_path, body)!r}}})""",
+        ],
+        start_new_session=True,
+    )
     try:
         wait_for(lambda: (tmp_path / "pid").is_file() and (tmp_path / "pid").read_text())
         child = int((tmp_path / "pid").read_text())
@@ -278,9 +308,14 @@ def test_all_ends_with_us_and_leaves_no_file(tmp_path, monkeypatch):
     assert not list((tmp_path / "temporary").iterdir())
 
 
-@pytest.mark.parametrize(("text", "reason"), [
-    ("", "resident.command is empty"), ("python3 'mine", "cannot be split.*quotes"),
-    ("no-such-program-here mine.py", "not a program on this machine")])
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "resident.command is empty"),
+        ("python3 'mine", "cannot be split.*quotes"),
+        ("no-such-program-here mine.py", "not a program on this machine"),
+    ],
+)
 def test_commands_that_cannot_run_are_refused_before_anything_else(text, reason):
     with pytest.raises(IcyMoonError, match=reason):
         check_options("resident", {"command": text})
@@ -292,9 +327,19 @@ def test_the_helper_runs_alone_and_tells_who_starts_it_by_hand(tmp_path):
     helper = tmp_path / "icymoon_serve.py"
     helper.write_bytes((ADAPTERS / "icymoon_serve.py").read_bytes())
     terminal, end = pty.openpty()
-    done = subprocess.run([sys.executable, "-c", "import sys; sys.modules['icymoon'] = None\n"
-                           "from icymoon_serve import serve; serve(None)"], stdin=end, capture_output=True, text=True,
-                          cwd=tmp_path, timeout=60, check=False)
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import sys; sys.modules['icymoon'] = None\nfrom icymoon_serve import serve; serve(None)",
+        ],
+        stdin=end,
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=60,
+        check=False,
+    )
     os.close(terminal)
     os.close(end)
     assert done.returncode == 1

@@ -10,8 +10,14 @@ from icymoon.stereo.matchers.search_range import SearchRange, known_ranges, rig_
 from icymoon.support.errors import IcyMoonError
 
 #: What the shipped rigs search: the least and the greatest disparity, px.
-RIGS = {"rigs/europa_lander": (144, 815), "rigs/gallery": (0, 191), "rigs/guiss": (0, 143),
-        "rigs/mars2020_navcam": (0, 319), "rigs/mer_navcam": (0, 287), "rigs/mer_pancam": (96, 783)}
+RIGS = {
+    "rigs/europa_lander": (144, 815),
+    "rigs/gallery": (0, 191),
+    "rigs/guiss": (0, 143),
+    "rigs/mars2020_navcam": (0, 319),
+    "rigs/mer_navcam": (0, 287),
+    "rigs/mer_pancam": (96, 783),
+}
 SEARCHING = ("bm", "sgbm", "sgbm_wls", "jplv")
 RANGES = {"auto": SearchRange(16, 63, "rig"), "truth": SearchRange(32, 47, "truth")}
 STATED = {"bm": {"disparities": 32, "min_disparity": 16}, "jplv": {"max_disparity": 47, "min_disparity": 16}}
@@ -37,8 +43,11 @@ def test_no_more_than_1024_disparities_are_searched_unless_they_are_stated():
 
 
 def test_every_shipped_rig_has_its_range():
-    assert {name: (found.least_px, found.most_px) for name in preset_names("rigs")
-            if (found := rig_range(settings_of(name)))} == RIGS
+    assert {
+        name: (found.least_px, found.most_px)
+        for name in preset_names("rigs")
+        if (found := rig_range(settings_of(name)))
+    } == RIGS
 
 
 def test_described_ground_sets_the_near_end():
@@ -49,19 +58,24 @@ def test_described_ground_sets_the_near_end():
     assert rig_range(settings_of("rigs/guiss", **level), described=False) == SearchRange(0, 143, "rig")
     rising = {"terrain": {"rms_slope_deg": 0.0, "regional_slope_deg": 45.0, "regional_slope_azimuth_deg": 180.0}}
     assert rig_range(settings_of("rigs/guiss", **level | rising)).most_px > found.most_px
-    rocks = merged(settings_of("rigs/guiss", **level),
-                   {"rocks": {"coverage": 0.3, "smallest_m": 0.6, "largest_m": 0.8, "clear_radius_m": 0.5}})
+    rocks = merged(
+        settings_of("rigs/guiss", **level),
+        {"rocks": {"coverage": 0.3, "smallest_m": 0.6, "largest_m": 0.8, "clear_radius_m": 0.5}},
+    )
     assert rig_range(rocks).most_px > found.most_px
 
 
 @pytest.mark.parametrize("method", SEARCHING)
 def test_each_matcher_searches_what_it_is_told(method):
     option = "max_disparity" if method == "jplv" else "disparities"
-    for options, expected in (({}, RANGES["auto"]), ({option: "auto"}, RANGES["auto"]),
-                              ({option: "truth"}, RANGES["truth"]),
-                              (STATED.get(method, STATED["bm"]), SearchRange(16, 47, "stated")),
-                              ({option: "64"}, SearchRange(0, 64 if method == "jplv" else 63, "stated")),
-                              ({"min_disparity": 0}, SearchRange(0, 63, "rig"))):
+    for options, expected in (
+        ({}, RANGES["auto"]),
+        ({option: "auto"}, RANGES["auto"]),
+        ({option: "truth"}, RANGES["truth"]),
+        (STATED.get(method, STATED["bm"]), SearchRange(16, 47, "stated")),
+        ({option: "64"}, SearchRange(0, 64 if method == "jplv" else 63, "stated")),
+        ({"min_disparity": 0}, SearchRange(0, 63, "rig")),
+    ):
         info = searched(method, options, RANGES)
         assert info["search"] == expected
         assert info["options"]["min_disparity"] == expected.least_px

@@ -76,8 +76,9 @@ def _package(tmp_path, monkeypatch):
 
 def run(**options):
     image = np.random.default_rng(0).integers(1, 256, (20, 30, 3)).astype(np.uint8)
-    disparity, _, info = match("stereo_matching", image, image, {"python": sys.executable, "model": "raft-stereo"}
-                               | options)
+    disparity, _, info = match(
+        "stereo_matching", image, image, {"python": sys.executable, "model": "raft-stereo"} | options
+    )
     return image, disparity, info["facts"]
 
 
@@ -97,8 +98,11 @@ def test_parameters_of_one_s_own_are_read_for_the_variant(tmp_path):
 
 def test_a_checkpoint_with_code_is_refused_and_its_code_not_run(tmp_path):
     (tmp_path / "evil.pth").write_text(f"code {tmp_path / 'ran'}", encoding="utf-8")
-    with pytest.raises(IcyMoonError, match=r"stereo_matching.model raft-stereo-eth3d ended with status 1 before it was "
-                       r"ready \(RuntimeError: .*evil.pth contains more than parameters, which may be code") as caught:
+    with pytest.raises(
+        IcyMoonError,
+        match=r"stereo_matching.model raft-stereo-eth3d ended with status 1 before it was "
+        r"ready \(RuntimeError: .*evil.pth contains more than parameters, which may be code",
+    ) as caught:
         run(model="raft-stereo-eth3d", checkpoint=str(tmp_path / "evil.pth"))
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "ran").exists()
@@ -109,10 +113,15 @@ def test_what_the_package_cannot_load_is_its_own_sentence():
         run(model="s2m2")
 
 
-@pytest.mark.parametrize(("options", "reason"), [
-    ({}, "stereo_matching.python is empty"), ({"python": sys.executable}, "stereo_matching.model is empty"),
-    ({"python": "/no/python", "model": "s2m2"}, "starts with /no/python, which is not a program"),
-    ({"python": sys.executable, "model": "s2m2", "checkpoint": "/no/file"}, "names /no/file, which is no file")])
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        ({}, "stereo_matching.python is empty"),
+        ({"python": sys.executable}, "stereo_matching.model is empty"),
+        ({"python": "/no/python", "model": "s2m2"}, "starts with /no/python, which is not a program"),
+        ({"python": sys.executable, "model": "s2m2", "checkpoint": "/no/file"}, "names /no/file, which is no file"),
+    ],
+)
 def test_what_is_missing_is_refused_before_anything_else(options, reason):
     with pytest.raises(IcyMoonError, match=reason):
         check_options("stereo_matching", options)

@@ -28,14 +28,22 @@ pytestmark = pytest.mark.filterwarnings("error")
 RANDOM = np.random.default_rng(0)
 TRUTH = np.where(RANDOM.random((60, 80)) < 0.1, np.nan, RANDOM.uniform(0.4, 120, (60, 80)))
 DEPTH = np.where(RANDOM.random((60, 80)) < 0.2, np.nan, TRUTH * RANDOM.normal(1, 0.05, (60, 80)))
-CLASSES = classify(TRUTH, RANDOM.random((60, 80)) < 0.9, RANDOM.exponential(3, (60, 80)), np.ones((60, 80)),
-                   np.tile([0.0, 0.0, 1.0], (60, 80, 1)), RANDOM.integers(0, 5, (60, 80)), [0.0, 0.0, 1.0])
+CLASSES = classify(
+    TRUTH,
+    RANDOM.random((60, 80)) < 0.9,
+    RANDOM.exponential(3, (60, 80)),
+    np.ones((60, 80)),
+    np.tile([0.0, 0.0, 1.0], (60, 80, 1)),
+    RANDOM.integers(0, 5, (60, 80)),
+    [0.0, 0.0, 1.0],
+)
 
 
 def sums_by_class(classes, depth, truth, disparity, true, doffs_px=0.0):
     known = usable(truth)
-    return by_pixel_class.sums_by_class(Cells(classes, known), depth[known], truth[known], disparity[known],
-                                        true[known], doffs_px)
+    return by_pixel_class.sums_by_class(
+        Cells(classes, known), depth[known], truth[known], disparity[known], true[known], doffs_px
+    )
 
 
 def test_classes_lie_between_their_bounds():
@@ -50,7 +58,7 @@ def test_classes_are_those_of_every_evaluation_so_far():
     assert RANGE.bounds[:2] == (0.5, 0.75)
     assert RANGE.bounds[2:] == tuple(2 * bound for bound in RANGE.bounds[:-2])  # two to a doubling
     assert RANGE.bounds[-1] == 96.0
-    assert TEXTURE.bounds == tuple(2.0 ** k for k in range(-1, 6))
+    assert TEXTURE.bounds == tuple(2.0**k for k in range(-1, 6))
     assert SLOPE.classes == ("< 5", "5–10", "10–15", "15–20", "20–30", "30–45", "45–60", "> 60")
 
 
@@ -58,14 +66,33 @@ def test_pixels_are_of_the_class_that_truth_and_image_say():
     """One row of pixels; ground tilted by 0, 25 and 95 degrees, the last turned from a Sun overhead."""
     tilt = np.radians([[0.0, 25.0, 95.0]])
     normal = np.stack([np.sin(tilt), 0 * tilt, np.cos(tilt)], -1)
-    found = classify(np.array([[0.4, 5.0, 100.0]]), np.array([[True, False, True]]), np.array([[0.1, 3.0, 40.0]]),
-                     np.maximum(normal[..., 2], 0.0), normal, np.array([[TERRAIN, ROCK, LANDER]]), [0.0, 0.0, 1.0])
-    for factor, wanted in ((RANGE, ("< 0.5", "4–6", "> 96")), (TEXTURE, ("< 0.5", "2–4", "> 32")),
-                           (SLOPE, ("< 5", "20–30", "> 60")), (OCCLUSION, ("both eyes", "left only", "both eyes")),
-                           (MATERIAL, ("terrain", "rock", "lander")), (SHADOW, ("sunlit", "sunlit", "shadow"))):
+    found = classify(
+        np.array([[0.4, 5.0, 100.0]]),
+        np.array([[True, False, True]]),
+        np.array([[0.1, 3.0, 40.0]]),
+        np.maximum(normal[..., 2], 0.0),
+        normal,
+        np.array([[TERRAIN, ROCK, LANDER]]),
+        [0.0, 0.0, 1.0],
+    )
+    for factor, wanted in (
+        (RANGE, ("< 0.5", "4–6", "> 96")),
+        (TEXTURE, ("< 0.5", "2–4", "> 32")),
+        (SLOPE, ("< 5", "20–30", "> 60")),
+        (OCCLUSION, ("both eyes", "left only", "both eyes")),
+        (MATERIAL, ("terrain", "rock", "lander")),
+        (SHADOW, ("sunlit", "sunlit", "shadow")),
+    ):
         assert tuple(factor.classes[k] for k in found[factor.key][0]) == wanted
-    nothing = classify(np.ones((1, 1)), np.ones((1, 1), bool), np.ones((1, 1)), np.ones((1, 1)), None,
-                       np.array([[99]]), [0.0, 0.0, 1.0])
+    nothing = classify(
+        np.ones((1, 1)),
+        np.ones((1, 1), bool),
+        np.ones((1, 1)),
+        np.ones((1, 1)),
+        None,
+        np.array([[99]]),
+        [0.0, 0.0, 1.0],
+    )
     assert nothing["material"].tolist() == nothing["shadow"].tolist() == [[-1]]  # a label of no class; no normals
 
 

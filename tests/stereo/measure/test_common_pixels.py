@@ -31,7 +31,8 @@ def test_they_are_the_metrics_on_these_pixels(prepared):
         for prefix, pixels in (("", True), ("visible_", prepared.visible)):
             truth = np.where((one > 0) & (other > 0) & pixels, prepared.truth, np.nan)
             wanted = depth_metrics(depth_of(prepared, disparity), truth) | disparity_metrics(
-                disparity, prepared.pair.camera.disparity(truth))
+                disparity, prepared.pair.camera.disparity(truth)
+            )
             assert numbers[f"{prefix}n"] == wanted["n"] > 1000
             for key in METRICS:
                 assert numbers[prefix + key] == pytest.approx(wanted[key], rel=1e-9)

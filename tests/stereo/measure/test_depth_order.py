@@ -36,7 +36,8 @@ def test_equals_the_double_loop_bit_for_bit(pairs):
     prediction, truth = np.array(pairs).T
     assert depth_order_disagreement(prediction, truth) == brute_force(prediction, truth)
     assert depth_order_disagreement(prediction, truth, antisymmetric=True) == brute_force(
-        prediction, truth, antisymmetric=True)
+        prediction, truth, antisymmetric=True
+    )
 
 
 @pytest.mark.parametrize("entries", [depth_order._MOST_ENTRIES, 300, 20], ids=["one digit", "some", "many"])

@@ -38,7 +38,7 @@ def test_whole_pixels_show_as_pixel_locking():
     found = histograms_of(np.round(true) + 0.5 * (true - np.round(true)), true)
     part = np.array(found["part"]) / true.size
     assert part[0] > 1.8 / PARTS
-    assert part[PARTS // 2 - 2:PARTS // 2 + 3].sum() < 0.02
+    assert part[PARTS // 2 - 2 : PARTS // 2 + 3].sum() < 0.02
     bias = np.divide(found["fine_error_px"], found["fine"])
     assert bias[PARTS // 4] == pytest.approx(-0.125, abs=0.01)
     assert bias[3 * PARTS // 4] == pytest.approx(0.125, abs=0.01)

@@ -43,9 +43,14 @@ def test_a_sound_map_fits(places, values):
 
 
 FAULTS = {
-    "ray": (DEPTH * ray_lengths(RIG), "depth", 1), "upside_down": (DEPTH[::-1], "depth", 1),
-    "mirrored": (DEPTH[:, ::-1], "depth", 1), "turned": (DISPARITY[::-1, ::-1], "disparity", 1),
-    "disparity": (DISPARITY, "depth", 1), "depth": (DEPTH, "disparity", 1), "inverse": (1 / DEPTH, "depth", 1)}
+    "ray": (DEPTH * ray_lengths(RIG), "depth", 1),
+    "upside_down": (DEPTH[::-1], "depth", 1),
+    "mirrored": (DEPTH[:, ::-1], "depth", 1),
+    "turned": (DISPARITY[::-1, ::-1], "disparity", 1),
+    "disparity": (DISPARITY, "depth", 1),
+    "depth": (DEPTH, "disparity", 1),
+    "inverse": (1 / DEPTH, "depth", 1),
+}
 
 
 def factor_of(fault, kind: str) -> float:
@@ -102,8 +107,9 @@ def test_exchanged_images_and_a_map_of_the_other_eye_are_named(places):
     assert fault.kind == "swapped"
     # The rock of the right eye stands elsewhere; most of the ground has nearly the same disparity in both eyes.
     steep = pairs.Scene(distance_m=1.5, slope_x=1.2, slope_y=0.3)
-    fault = find_fault(seen("right", steep)[0], "depth", RIG, find_places(seen("left", steep)[1],
-                                                                          seen("right", steep)[1]))
+    fault = find_fault(
+        seen("right", steep)[0], "depth", RIG, find_places(seen("left", steep)[1], seen("right", steep)[1])
+    )
     assert fault is not None
     assert fault.kind == "right_eye"
 
@@ -116,11 +122,17 @@ def test_a_map_of_something_else_fits_in_no_way(places):
     assert fault.stated_share < 0.25
 
 
-@pytest.mark.parametrize("light", [
-    lambda eye: np.zeros((144, 192)), lambda eye: np.ones((144, 192)),
-    lambda eye: np.random.default_rng(len(eye)).standard_normal((144, 192)) ** 2,
-    lambda eye: np.full((144, 192), np.nan), lambda eye: seen(eye, noise=3.0)[1]],
-    ids=["black", "white", "noise", "no numbers", "far too dark"])
+@pytest.mark.parametrize(
+    "light",
+    [
+        lambda eye: np.zeros((144, 192)),
+        lambda eye: np.ones((144, 192)),
+        lambda eye: np.random.default_rng(len(eye)).standard_normal((144, 192)) ** 2,
+        lambda eye: np.full((144, 192), np.nan),
+        lambda eye: seen(eye, noise=3.0)[1],
+    ],
+    ids=["black", "white", "noise", "no numbers", "far too dark"],
+)
 @pytest.mark.parametrize("values", [DEPTH, DEPTH[::-1], DEPTH * 1000], ids=["sound", "upside down", "millimetres"])
 def test_images_without_common_places_accuse_nobody(light, values):
     assert find_fault(values, "depth", RIG, find_places(light("left"), light("right"))) is None
@@ -136,10 +148,16 @@ def test_a_horizon_alone_does_not_tell():
 @pytest.mark.parametrize("kind", ["upside_down", "mirrored", "turned", "depth", "inverse"])
 def test_a_prediction_is_held_against_the_truth(kind):
     known = known_places(np.where(np.arange(192) < 20, np.nan, DISPARITY))
-    values = {"upside_down": DISPARITY[::-1], "mirrored": DISPARITY[:, ::-1], "turned": DISPARITY[::-1, ::-1],
-              "depth": DEPTH, "inverse": 1 / DEPTH}[kind]
+    values = {
+        "upside_down": DISPARITY[::-1],
+        "mirrored": DISPARITY[:, ::-1],
+        "turned": DISPARITY[::-1, ::-1],
+        "depth": DEPTH,
+        "inverse": 1 / DEPTH,
+    }[kind]
     fault = find_fault(values, "disparity", RIG, known)
     assert fault is not None
     assert fault.kind == kind
-    assert find_fault(DISPARITY + np.random.default_rng(1).normal(0, 2, DISPARITY.shape), "disparity", RIG,
-                      known) is None
+    assert (
+        find_fault(DISPARITY + np.random.default_rng(1).normal(0, 2, DISPARITY.shape), "disparity", RIG, known) is None
+    )

@@ -10,8 +10,9 @@ from icymoon.stereo.measure.metrics import depth_metrics
 pytestmark = pytest.mark.filterwarnings("error")
 
 
-@pytest.mark.parametrize(("pixels", "pairs"), [(0, 0), (10_100, 0), (10_200, 1), (182_400, 283_201),
-                                               (245_760, 528_522)])
+@pytest.mark.parametrize(
+    ("pixels", "pairs"), [(0, 0), (10_100, 0), (10_200, 1), (182_400, 283_201), (245_760, 528_522)]
+)
 def test_the_lattice_has_as_many_pairs_as_the_reference_codes(pixels, pairs):
     first, second = lattice(pixels)
     assert len(first) == pairs

@@ -49,7 +49,9 @@ def test_the_error_is_unknown_until_two_tiles_contain_something(tiles):
 def test_each_pixel_is_in_one_tile_and_tiles_are_alike(shape, kind):
     sums = tile_sums(np.ones(shape, kind))[:, 0]
     assert sums.sum() == shape[0] * shape[1]
-    rows, columns = (np.bincount(np.arange(size) * count // size, minlength=count)
-                     for size, count in zip(shape, (DOWN, ACROSS), strict=True))
+    rows, columns = (
+        np.bincount(np.arange(size) * count // size, minlength=count)
+        for size, count in zip(shape, (DOWN, ACROSS), strict=True)
+    )
     np.testing.assert_array_equal(sums.reshape(DOWN, ACROSS), np.outer(rows, columns))
     assert np.ptp(rows) <= 1 >= np.ptp(columns)

@@ -48,20 +48,29 @@ def test_a_sparse_file_of_a_terabyte_is_refused_unread(tmp_path):
 @pytest.mark.heavy
 def test_a_bomb_is_refused_in_little_memory(tmp_path):
     """In a process of its own, with 500 MB beyond what its start takes: 268 MB of zeros in 1 MB."""
-    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive, \
-            archive.open("disparity.npy", "w", force_zip64=True) as member:
+    with (
+        zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        archive.open("disparity.npy", "w", force_zip64=True) as member,
+    ):
         np.lib.format.write_array_header_1_0(member, {"descr": "<f4", "fortran_order": False, "shape": (2**26,)})
         for _ in range(256):
             member.write(bytes(2**20))
-    program = ("import resource, sys\nfrom pathlib import Path\nfrom icymoon.support.errors import IcyMoonError\n"
-               "from icymoon.stereo.images.disparity_files import read_disparity\n"
-               "from icymoon.stereo.measure.measure_files import read_map\n"
-               "taken = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()\n"
-               "resource.setrlimit(resource.RLIMIT_AS, (taken + 500 * 10**6,) * 2)\n"
-               "assert read_disparity(Path(sys.argv[1]), (2**10, 2**10)) is None\n"
-               "try:\n    read_map(Path(sys.argv[1]))\nexcept IcyMoonError as error:\n    print(error)\n")
-    ended = subprocess.run([sys.executable, "-c", program, str(tmp_path / "a.npz")], capture_output=True, text=True,
-                           timeout=60, check=False)
+    program = (
+        "import resource, sys\nfrom pathlib import Path\nfrom icymoon.support.errors import IcyMoonError\n"
+        "from icymoon.stereo.images.disparity_files import read_disparity\n"
+        "from icymoon.stereo.measure.measure_files import read_map\n"
+        "taken = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (taken + 500 * 10**6,) * 2)\n"
+        "assert read_disparity(Path(sys.argv[1]), (2**10, 2**10)) is None\n"
+        "try:\n    read_map(Path(sys.argv[1]))\nexcept IcyMoonError as error:\n    print(error)\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "a.npz")],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert "asks for more than 134 MB" in ended.stdout, ended.stderr
 
 
@@ -74,10 +83,18 @@ def test_random_damage_is_a_sentence_or_a_map(tmp_path):
                 read_map(tmp_path / "a")
 
 
-@pytest.mark.parametrize(("least", "word"), [
-    (np.float64(0), ""), (np.int64(-16), ""), (np.float64(np.nan), "is no disparity"),
-    (np.float64(1e300), "is no disparity"), (np.zeros(2), "is no disparity"), (np.array("x"), "of type"),
-    (b"\x93NUMPY", "npz file")])
+@pytest.mark.parametrize(
+    ("least", "word"),
+    [
+        (np.float64(0), ""),
+        (np.int64(-16), ""),
+        (np.float64(np.nan), "is no disparity"),
+        (np.float64(1e300), "is no disparity"),
+        (np.zeros(2), "is no disparity"),
+        (np.array("x"), "of type"),
+        (b"\x93NUMPY", "npz file"),
+    ],
+)
 def test_the_least_disparity_that_a_file_states_is_a_number(tmp_path, least, word):
     stated = least if isinstance(least, bytes) else np.asarray(least)
     (tmp_path / "d.npz").write_bytes(packed({"disparity": GOOD, "bm_min_disparity": stated}))

@@ -207,7 +207,8 @@ def test_depths_from_a_millimetre_to_the_far_end(depth_m):
     assert result["si_rmse"] < 1e-13
     assert result["l1_m"] == pytest.approx(0.25 * truth.mean())
     assert disparity_metrics(85.3 / (truth * 1.25), 85.3 / truth)["epe_px"] == pytest.approx(
-        np.mean(85.3 / truth) * 0.2)
+        np.mean(85.3 / truth) * 0.2
+    )
 
 
 def test_without_a_true_pixel_nothing_is_wrong_either():
@@ -222,7 +223,7 @@ def test_without_a_true_pixel_nothing_is_wrong_either():
 def test_sparsification_drops_the_least_confident_first():
     errors = np.arange(1.0, 21.0)
     falling = sparsification(errors[by_confidence(-errors)])
-    assert falling == [pytest.approx(np.mean(errors[:round(20 * share)])) for share in SHARES]
+    assert falling == [pytest.approx(np.mean(errors[: round(20 * share)])) for share in SHARES]
     rising = sparsification(errors[by_confidence(errors)])
     assert rising[0] == 20
     assert rising[-1] == falling[-1] == pytest.approx(errors.mean())

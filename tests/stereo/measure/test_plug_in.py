@@ -34,26 +34,36 @@ def evaluate(tmp_path, monkeypatch, capsys):
     def run(*sources, name="own_epe"):
         for k, source in enumerate(sources):
             add_package(tmp_path / "site", monkeypatch, "metric", name, source, package=f"package-{k}")
-        status = main(["evaluate", str(tmp_path / "data"), "--methods", "bm", "--out", str(tmp_path / "out"),
-                       "--jobs", "1"])
+        status = main(
+            ["evaluate", str(tmp_path / "data"), "--methods", "bm", "--out", str(tmp_path / "out"), "--jobs", "1"]
+        )
         said = capsys.readouterr()
         assert "Traceback" not in said.err
         return status, said, json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))
+
     return run
 
 
 def test_its_numbers_are_everywhere(evaluate, tmp_path):
     status, said, report = evaluate(METRIC)
     assert status == 0
-    entry, = report["summary"]
+    (entry,) = report["summary"]
     # The same number as ours: an independent way through the same data.
     assert entry["plug_ins"]["own_epe"]["mean"] == pytest.approx(entry["epe_px"], rel=1e-6)
     assert entry["plug_ins"]["own_epe"]["pairs"] == 2
     assert [row["plug_ins"]["own_epe"] for row in report["rows"]] == pytest.approx(
-        [row["epe_px"] for row in report["rows"]], rel=1e-6)
-    assert report["plug_ins"] == [{
-        "name": "own_epe", "heading": "Own EPE", "unit": "px", "decimals": 3, "plug_in": "package-0 1.0",
-        "doc": "Mean of the absolute disparity error."}]
+        [row["epe_px"] for row in report["rows"]], rel=1e-6
+    )
+    assert report["plug_ins"] == [
+        {
+            "name": "own_epe",
+            "heading": "Own EPE",
+            "unit": "px",
+            "decimals": 3,
+            "plug_in": "package-0 1.0",
+            "doc": "Mean of the absolute disparity error.",
+        }
+    ]
     assert "Own EPE (px)" in said.out
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "Metrics of plug-ins" in page
@@ -77,13 +87,21 @@ def test_rows_of_an_earlier_run_are_measured_again_with_it(evaluate):
     assert all(row["plug_ins"]["own_epe"] > 0 for row in report["rows"])
 
 
-@pytest.mark.parametrize(("value", "said"), [
-    ("'much'", "returned str; return a number"), ("np.ones(3)", "returned ndarray"), ("True", "returned bool"),
-    ("1j", "returned complex"), ("1 / 0", "failed (ZeroDivisionError"), ("None", "returned NoneType")])
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ("'much'", "returned str; return a number"),
+        ("np.ones(3)", "returned ndarray"),
+        ("True", "returned bool"),
+        ("1j", "returned complex"),
+        ("1 / 0", "failed (ZeroDivisionError"),
+        ("None", "returned NoneType"),
+    ],
+)
 def test_one_that_fails_is_told_and_stops_nothing(evaluate, value, said):
     status, told, report = evaluate(returning(value))
     assert status == 0
-    note, = (note for note in report["notes"] if "The metric own_epe failed 2 times" in note)
+    (note,) = (note for note in report["notes"] if "The metric own_epe failed 2 times" in note)
     assert said in note
     assert note in " ".join(told.out.split())
     assert report["summary"][0]["plug_ins"]["own_epe"]["mean"] is None
@@ -97,10 +115,14 @@ def test_an_undefined_number_is_null(evaluate, value):
     assert not any("own_epe" in note for note in report["notes"])
 
 
-@pytest.mark.parametrize(("sources", "said"), [
-    (["raise ValueError('no')"], "cannot be loaded (ValueError: no"),
-    ([METRIC.replace('"px"', '"furlong"')], "states UNIT = 'furlong'"),
-    ([METRIC, METRIC], "package-0 1.0 and package-1 1.0 both add it")])
+@pytest.mark.parametrize(
+    ("sources", "said"),
+    [
+        (["raise ValueError('no')"], "cannot be loaded (ValueError: no"),
+        ([METRIC.replace('"px"', '"furlong"')], "states UNIT = 'furlong'"),
+        ([METRIC, METRIC], "package-0 1.0 and package-1 1.0 both add it"),
+    ],
+)
 def test_one_that_cannot_be_used_is_left_out_aloud(evaluate, sources, said):
     status, told, report = evaluate(*sources)
     assert status == 0

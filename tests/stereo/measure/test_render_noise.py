@@ -83,8 +83,10 @@ def on_ground(fixed_dn, render_dn=0.0, known=True, seed=0):
     random = np.random.default_rng(seed)
     shape = RIG.height_px, RIG.width_px + SHIFT_PX
     ground = 100 + 4 * random.standard_normal(shape) + fixed_dn * random.standard_normal(shape)
-    left, right = (ground[:, at:at + RIG.width_px] + render_dn * random.standard_normal((RIG.height_px, RIG.width_px))
-                   for at in (0, SHIFT_PX))
+    left, right = (
+        ground[:, at : at + RIG.width_px] + render_dn * random.standard_normal((RIG.height_px, RIG.width_px))
+        for at in (0, SHIFT_PX)
+    )
     seen = np.broadcast_to(np.arange(RIG.width_px) >= SHIFT_PX, left.shape)
     error = fixed_dn * random.standard_normal(left.shape)
     return render_noise(left, right, np.full(left.shape, float(SHIFT_PX)), seen, error if known else None)
@@ -142,8 +144,10 @@ def test_a_pair_is_judged_by_the_error_that_it_contains(tmp_path, layout):
     """Radiance of 2 W/(m² sr) with texture of a few per cent: an error of 2e-5 of it hides nothing, and one of 0.5
     all."""
     random = np.random.default_rng(1).standard_normal((pairs.camera().height_px, pairs.camera().width_px))
-    clean, noisy = (noise_of(pairs.write_pair(tmp_path / name, layout=layout, baked_error=share * 2.0 * random))
-                    for name, share in (("clean", 1e-5), ("noisy", 0.5)))
+    clean, noisy = (
+        noise_of(pairs.write_pair(tmp_path / name, layout=layout, baked_error=share * 2.0 * random))
+        for name, share in (("clean", 1e-5), ("noisy", 0.5))
+    )
     assert clean["verdict"] == CLEAN
     assert clean["lit"]["baked_dn"] < 0.01
     assert (noisy["verdict"], noisy["larger"]) == (DECIDES, BAKE)
@@ -153,8 +157,11 @@ def test_a_pair_is_judged_by_the_error_that_it_contains(tmp_path, layout):
 @pytest.mark.parametrize("error", [None, np.nan])
 def test_a_pair_of_an_older_version_with_baked_light_is_unknown(tmp_path, error):
     shape = pairs.camera().height_px, pairs.camera().width_px
-    folder = pairs.write_pair(tmp_path / "pair", settings=merged(defaults(), {"quality": {"indirect": "BAKED"}}),
-                              baked_error=None if error is None else np.full(shape, error))
+    folder = pairs.write_pair(
+        tmp_path / "pair",
+        settings=merged(defaults(), {"quality": {"indirect": "BAKED"}}),
+        baked_error=None if error is None else np.full(shape, error),
+    )
     path = folder / "pair.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"indirect": pairs.BAKED}))
     assert noise_of(folder)["verdict"] == UNKNOWN
@@ -166,7 +173,8 @@ def test_the_error_of_a_bake_grows_with_the_light_that_it_is_of(tmp_path):
     random = np.random.default_rng(1).standard_normal((pairs.camera().height_px, pairs.camera().width_px))
     folder = pairs.write_pair(tmp_path / "pair", planet_share=0.5, baked_error=0.02 * random)
     exposed = {"auto_exposure": False, "exposure_s": prepare(folder, {}).facts["exposure_s"]}
-    dark, plain = (noise_of(folder, {"light": {"sun_scale": scale}, "sensor": exposed})["lit"]["baked_dn"]
-                   for scale in (0.5, 1.0))
+    dark, plain = (
+        noise_of(folder, {"light": {"sun_scale": scale}, "sensor": exposed})["lit"]["baked_dn"] for scale in (0.5, 1.0)
+    )
     assert plain > 0
     assert dark == pytest.approx(plain / 2, rel=0.01)

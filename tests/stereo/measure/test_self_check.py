@@ -17,8 +17,12 @@ from icymoon.stereo.measure.self_check import Eye, self_check, visibility
 pytestmark = pytest.mark.filterwarnings("error")
 
 RIG = pairs.camera()
-SCENES = {"rock": pairs.Scene(), "sky": pairs.Scene(sky_rows=100), "far": pairs.Scene(distance_m=6.0),
-          "steep": pairs.Scene(slope_x=1.0, slope_y=0.0, distance_m=1.5, rock=False)}
+SCENES = {
+    "rock": pairs.Scene(),
+    "sky": pairs.Scene(sky_rows=100),
+    "far": pairs.Scene(distance_m=6.0),
+    "steep": pairs.Scene(slope_x=1.0, slope_y=0.0, distance_m=1.5, rock=False),
+}
 
 
 def eyes(scene, rig=RIG):
@@ -36,63 +40,92 @@ def each(pair, change):
 
 def noisy(pair, noise, seed=0):
     random = np.random.default_rng(seed)
-    return each(pair, lambda eye, _: dataclasses.replace(eye, grey=eye.grey * np.maximum(
-        0, 1 + noise * random.standard_normal(eye.grey.shape))))
+    return each(
+        pair,
+        lambda eye, _: dataclasses.replace(
+            eye, grey=eye.grey * np.maximum(0, 1 + noise * random.standard_normal(eye.grey.shape))
+        ),
+    )
 
 
 def toed(pair, columns):
     """Eyes that are turned in: the left one does not see the left border, the right one not the right border, and
     what they do not see is black."""
+
     def turned(eye, k):
         column = np.arange(eye.depth.shape[1])
         seen = np.broadcast_to(column >= columns if k == 0 else column < len(column) - columns, eye.depth.shape)
         return Eye(np.where(seen, eye.grey, 0.0), eye.depth, seen)
+
     return each(pair, turned)
 
 
 def inward(pair, columns):
     """The same of the other borders, which the other eye sees best."""
-    return tuple(dataclasses.replace(eye, seen=eye.seen[:, ::-1], grey=np.where(eye.seen[:, ::-1], own.grey, 0.0))
-                 for eye, own in zip(toed(pair, columns), pair, strict=True))
+    return tuple(
+        dataclasses.replace(eye, seen=eye.seen[:, ::-1], grey=np.where(eye.seen[:, ::-1], own.grey, 0.0))
+        for eye, own in zip(toed(pair, columns), pair, strict=True)
+    )
 
 
 def with_highlight(pair):
     """The Sun's reflection is at infinity: at the same place of both images, wherever the ground is."""
+
     def shining(eye, _):
         y, x = np.indices(eye.grey.shape)
         return dataclasses.replace(eye, grey=eye.grey + 15.0 * np.exp(-((x - 110) ** 2 + (y - 80) ** 2) / 600.0))
+
     return each(pair, shining)
 
 
 def with_glints(pair, share=0.03):
     """Facets that shine into one eye only, ten times as bright as the ground."""
     random = np.random.default_rng(1)
-    return each(pair, lambda eye, _: dataclasses.replace(
-        eye, grey=np.where(random.random(eye.grey.shape) < share, 30.0, eye.grey)))
+    return each(
+        pair,
+        lambda eye, _: dataclasses.replace(eye, grey=np.where(random.random(eye.grey.shape) < share, 30.0, eye.grey)),
+    )
 
 
 def in_shadow(pair):
     """A Sun at the horizon: light on an edge of the scene, paths that found light by chance elsewhere."""
     random = np.random.default_rng(2)
-    return each(pair, lambda eye, _: dataclasses.replace(
-        eye, grey=np.where(np.arange(eye.grey.shape[0])[:, None] < 12, eye.grey,
-                           np.where(random.random(eye.grey.shape) < 0.01, 5.0, 0.0))))
+    return each(
+        pair,
+        lambda eye, _: dataclasses.replace(
+            eye,
+            grey=np.where(
+                np.arange(eye.grey.shape[0])[:, None] < 12,
+                eye.grey,
+                np.where(random.random(eye.grey.shape) < 0.01, 5.0, 0.0),
+            ),
+        ),
+    )
 
 
 def broken(pair):
     """Pixels of a render that are not finite."""
+
     def with_holes(eye, k):
         grey = eye.grey.copy()
         grey[30 + k, 40], grey[70, 120 + k] = np.nan, np.inf
         return dataclasses.replace(eye, grey=grey)
+
     return each(pair, with_holes)
 
 
-HARD = {"as it is": lambda pair: pair, "2 % noise": lambda pair: noisy(pair, 0.02),
-        "half noise": lambda pair: noisy(pair, 0.5), "toed in": lambda pair: toed(pair, 40),
-        "turned out": lambda pair: inward(pair, 40), "highlight": with_highlight, "glints": with_glints,
-        "shadow": in_shadow, "no number": broken,
-        "all": lambda pair: toed(noisy(with_glints(with_highlight(pair)), 0.3), 30)}
+HARD = {
+    "as it is": lambda pair: pair,
+    "2 % noise": lambda pair: noisy(pair, 0.02),
+    "half noise": lambda pair: noisy(pair, 0.5),
+    "toed in": lambda pair: toed(pair, 40),
+    "turned out": lambda pair: inward(pair, 40),
+    "highlight": with_highlight,
+    "glints": with_glints,
+    "shadow": in_shadow,
+    "no number": broken,
+    "all": lambda pair: toed(noisy(with_glints(with_highlight(pair)), 0.3), 30),
+}
 
 
 @pytest.mark.parametrize("hard", HARD.values(), ids=HARD.keys())
@@ -132,10 +165,14 @@ TRUTH_FAULTS = {
     "reference constant": lambda left, right: (left, right, scaled(80 / 85.333)),
     "sign of the baseline": lambda left, right: (left, right, scaled(-1)),
     "swapped eyes": lambda left, right: (right, left, RIG),
-    "wrong depth": lambda left, right: (other(left, depth=1.1 * left.depth), other(right, depth=1.1 * right.depth),
-                                        RIG),
+    "wrong depth": lambda left, right: (
+        other(left, depth=1.1 * left.depth),
+        other(right, depth=1.1 * right.depth),
+        RIG,
+    ),
     "half a pixel": lambda left, right: (left, other(right, depth=half_between(right.depth)), RIG),
-    "a row": lambda left, right: (left, other(right, depth=np.roll(right.depth, 1, axis=0)), RIG)}
+    "a row": lambda left, right: (left, other(right, depth=np.roll(right.depth, 1, axis=0)), RIG),
+}
 
 
 @pytest.mark.parametrize("hard", [HARD["as it is"], HARD["all"], HARD["shadow"]], ids=["light", "hard", "dark"])
@@ -147,13 +184,21 @@ def test_a_fault_of_the_truth_is_found_in_any_light(fault, hard):
 
 
 LIGHT_FAULTS = {
-    "half a pixel": (lambda left, right: (left, other(right, grey=(right.grey + np.roll(right.grey, 1, 1)) / 2)),
-                     r"\+0\.[456]\d px"),
+    "half a pixel": (
+        lambda left, right: (left, other(right, grey=(right.grey + np.roll(right.grey, 1, 1)) / 2)),
+        r"\+0\.[456]\d px",
+    ),
     "a pixel": (lambda left, right: (left, other(right, grey=np.roll(right.grey, -1, 1))), r"-(1\.0|0\.9)\d px"),
     "a row": (lambda left, right: (left, other(right, grey=np.roll(right.grey, 1, 0))), r"\+(1\.0|0\.9)\d rows"),
     "images swapped": (lambda left, right: (other(left, grey=right.grey), other(right, grey=left.grey)), "exchanged"),
-    "another scene's depth": (lambda left, right: tuple(other(eye, depth=far.depth) for eye, far in zip(
-        (left, right), eyes(pairs.Scene(distance_m=3.0)), strict=True)), "places")}
+    "another scene's depth": (
+        lambda left, right: tuple(
+            other(eye, depth=far.depth)
+            for eye, far in zip((left, right), eyes(pairs.Scene(distance_m=3.0)), strict=True)
+        ),
+        "places",
+    ),
+}
 
 
 @pytest.mark.parametrize(("fault", "problem"), LIGHT_FAULTS.values(), ids=LIGHT_FAULTS.keys())
@@ -221,11 +266,15 @@ def to_the_horizon(near, far_rows):
     """A pair whose upper rows, of each eye, show ground so far away that it has next to no disparity. Each eye meets
     other facets there."""
     random = np.random.default_rng(0)
-    far = each(eyes(pairs.Scene(distance_m=3e3, rock=False)), lambda eye, _: other(
-        eye, depth=eye.depth * (1 + 1e-3 * random.standard_normal(eye.depth.shape))))
+    far = each(
+        eyes(pairs.Scene(distance_m=3e3, rock=False)),
+        lambda eye, _: other(eye, depth=eye.depth * (1 + 1e-3 * random.standard_normal(eye.depth.shape))),
+    )
     rows = np.arange(RIG.height_px)[:, None] < far_rows
-    return tuple(other(one, depth=np.where(rows, beyond.depth, one.depth), grey=np.where(rows, beyond.grey, one.grey))
-                 for one, beyond in zip(near, far, strict=True))
+    return tuple(
+        other(one, depth=np.where(rows, beyond.depth, one.depth), grey=np.where(rows, beyond.grey, one.grey))
+        for one, beyond in zip(near, far, strict=True)
+    )
 
 
 @pytest.mark.parametrize("part", [0.0, 0.6, 0.9])
@@ -250,8 +299,10 @@ def test_the_stated_error_of_the_light_is_its_spread():
     deviation of 16 has an error of 18 %, and the jackknife over 48 tiles, of which some are empty, errs too."""
     left, right = eyes(pairs.Scene(rock=False))
     column, visible = matching_column(RIG.disparity(left.depth)), visibility(left, right, RIG)["left"]
-    found = [light_offsets(a.grey, b.grey, column, visible).shift_px
-             for a, b in (noisy((left, right), 0.5, seed) for seed in range(16))]
+    found = [
+        light_offsets(a.grey, b.grey, column, visible).shift_px
+        for a, b in (noisy((left, right), 0.5, seed) for seed in range(16))
+    ]
     assert all(abs(each.value) < 5 * each.error for each in found)
     assert 0.5 < np.std([each.value for each in found]) / np.mean([each.error for each in found]) < 1.5
 

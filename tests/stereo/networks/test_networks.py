@@ -65,8 +65,10 @@ def test_names_and_shapes_of_the_parameters_are_the_officials(name, states):
     assert {golden.checksum(states[name])} == expected
 
 
-@pytest.mark.parametrize("case", [
-    case if case in QUICK else pytest.param(case, marks=[pytest.mark.slow, pytest.mark.long]) for case in CASES])
+@pytest.mark.parametrize(
+    "case",
+    [case if case in QUICK else pytest.param(case, marks=[pytest.mark.slow, pytest.mark.long]) for case in CASES],
+)
 def test_double_precision_is_the_officials_to_a_millionth_of_a_pixel(case, states):
     """Other arithmetic moves double precision by 3e-11 px, the smallest mistake that was tried by 1e-3."""
     case = CASES[case]
@@ -76,9 +78,11 @@ def test_double_precision_is_the_officials_to_a_millionth_of_a_pixel(case, state
         if case["net"] == "igev":
             down, across = (-size % 32 for size in left.shape[:2])
             frame = (across // 2, across - across // 2, down // 2, down - down // 2)
-            eyes = (F.pad(torch.from_numpy(eye).double().permute(2, 0, 1)[None], frame, mode="replicate")
-                    for eye in (left, right))
-            disparity = model(*eyes, case["iters"])[0, 0, frame[2]:, frame[0]:][:left.shape[0], :left.shape[1]]
+            eyes = (
+                F.pad(torch.from_numpy(eye).double().permute(2, 0, 1)[None], frame, mode="replicate")
+                for eye in (left, right)
+            )
+            disparity = model(*eyes, case["iters"])[0, 0, frame[2] :, frame[0] :][: left.shape[0], : left.shape[1]]
         else:
             eyes, place = dsmnet_eyes(left, right, *case["crop"])
             disparity = model(*eyes)[0][place]
@@ -96,7 +100,7 @@ def dsmnet_eyes(left, right, height, width):
             framed = np.pad(whole, ((missing[0], 0), (missing[1], 0), (0, 0)))
         else:
             top, near = -missing[0] // 2, -missing[1] // 2
-            framed = whole[top:top + height, near:near + width]
+            framed = whole[top : top + height, near : near + width]
         eyes.append(torch.from_numpy(framed).double().permute(2, 0, 1)[None])
     return eyes, (slice(max(missing[0], 0), None), slice(max(missing[1], 0), None))
 
@@ -111,14 +115,16 @@ def assert_single(disparity, case):
 def test_igev_from_a_checkpoint_on_colour_images_of_any_size(checkpoints):
     case = CASES["igev_b_odd_it4"]
     left, right = (eye[..., ::-1] for eye in golden.images(case["image"]))  # images come as BGR
-    disparity, valid, info = match("igev", left, right, {"checkpoint": checkpoints / "igev.pth", "iterations": 4,
-                                                         "device": "cpu"})
+    disparity, valid, info = match(
+        "igev", left, right, {"checkpoint": checkpoints / "igev.pth", "iterations": 4, "device": "cpu"}
+    )
     assert valid.all()
     assert_single(disparity, case)
     assert info["facts"]["device"] == "cpu"
     assert len(info["facts"]["checkpoint_sha256"]) == 64
-    half, _, _ = match("igev", left, right, {"checkpoint": checkpoints / "igev.pth", "iterations": 4,
-                                             "precision": "bfloat16"})
+    half, _, _ = match(
+        "igev", left, right, {"checkpoint": checkpoints / "igev.pth", "iterations": 4, "precision": "bfloat16"}
+    )
     # 2^-8 is bfloat16's rounding. With random parameters, which favour no disparity, it moved the median by 0.13 px.
     assert 0 < np.median(np.abs(half - disparity)) < 0.5
 
@@ -129,7 +135,7 @@ def test_dsmnet_from_a_checkpoint_cropped_as_the_paper_did(checkpoints):
     options = {"checkpoint": checkpoints / "dsmnet.pth", "max_disparity": 96}
     disparity, valid, _ = match("dsmnet", left, right, options | {"crop_height": 128, "crop_width": 192})
     inside = np.zeros_like(valid)
-    inside[11:11 + 128, 9:9 + 192] = True  # the middle of 151 x 211
+    inside[11 : 11 + 128, 9 : 9 + 192] = True  # the middle of 151 x 211
     np.testing.assert_array_equal(valid, inside)
     assert_single(disparity[inside].reshape(128, 192), case)
 
@@ -156,8 +162,11 @@ def test_images_without_anything_in_them(method, shape, level, checkpoints):
 @pytest.mark.parametrize("method", BUILD)
 def test_a_missing_checkpoint_is_named_with_its_place(method, tmp_path, monkeypatch):
     monkeypatch.setenv(learned.FOLDER_VARIABLE, str(tmp_path))
-    with pytest.raises(IcyMoonError, match=rf"{method} has no checkpoint at .*{method}.pth; download .*github.com.*"
-                                           rf"put it there, or give {method}.checkpoint=FILE"):
+    with pytest.raises(
+        IcyMoonError,
+        match=rf"{method} has no checkpoint at .*{method}.pth; download .*github.com.*"
+        rf"put it there, or give {method}.checkpoint=FILE",
+    ):
         check_options(method, {})
     with pytest.raises(IcyMoonError, match=r"no checkpoint at .*mine.pth"):
         check_options(method, {"checkpoint": str(tmp_path / "mine.pth")})
@@ -186,15 +195,20 @@ def test_files_that_are_no_checkpoint_are_refused(checkpoints, states, tmp_path)
     with zipfile.ZipFile(archive, "w") as stream:
         stream.writestr("a.txt", "b")
     for content, reason in [
-            (b"", "cannot be read"), (b"no parameters", "contains more than parameters"),
-            (whole[:5000], "cannot be read"), (whole[:-5000], "cannot be read"), (archive.getvalue(), "cannot be read"),
-            (saved({"a": Evil()}), "contains more than parameters"), (saved([1, 2]), "does not contain the parameters"),
-            (saved({"epoch": 5}), "does not contain the parameters"),
-            (saved({}), r"\d+ of its parameters do not fit"),
-            (saved({key: value for key, value in good.items() if key != some}), f"1 of its .* {some} is missing"),
-            (saved(good | {"refine.weight": torch.zeros(2)}), "refine.weight is not of this network"),
-            (saved(good | {some: torch.zeros(1, 32, 3, 3)}), r"has the shape \(1, 32, 3, 3\), not \(1, 32, 3, 3, 3\)"),
-            (saved({"state_dict": {"module.conv.weight": torch.zeros(3)}}), "do not fit")]:
+        (b"", "cannot be read"),
+        (b"no parameters", "contains more than parameters"),
+        (whole[:5000], "cannot be read"),
+        (whole[:-5000], "cannot be read"),
+        (archive.getvalue(), "cannot be read"),
+        (saved({"a": Evil()}), "contains more than parameters"),
+        (saved([1, 2]), "does not contain the parameters"),
+        (saved({"epoch": 5}), "does not contain the parameters"),
+        (saved({}), r"\d+ of its parameters do not fit"),
+        (saved({key: value for key, value in good.items() if key != some}), f"1 of its .* {some} is missing"),
+        (saved(good | {"refine.weight": torch.zeros(2)}), "refine.weight is not of this network"),
+        (saved(good | {some: torch.zeros(1, 32, 3, 3)}), r"has the shape \(1, 32, 3, 3\), not \(1, 32, 3, 3, 3\)"),
+        (saved({"state_dict": {"module.conv.weight": torch.zeros(3)}}), "do not fit"),
+    ]:
         path = tmp_path / "wrong.pth"
         path.write_bytes(content)
         with pytest.raises(IcyMoonError, match=reason) as caught:
@@ -203,8 +217,10 @@ def test_files_that_are_no_checkpoint_are_refused(checkpoints, states, tmp_path)
 
 
 def test_old_checkpoints_without_counts_load(states, tmp_path):
-    torch.save({key: torch.from_numpy(value) for key, value in states["dsmnet"].items() if "num_batches" not in key},
-               tmp_path / "old.pth")
+    torch.save(
+        {key: torch.from_numpy(value) for key, value in states["dsmnet"].items() if "num_batches" not in key},
+        tmp_path / "old.pth",
+    )
     learned._fill_parameters(DSMNet(64), learned._read_parameters(tmp_path / "old.pth"), tmp_path, "dsmnet")
 
 
@@ -249,8 +265,12 @@ def test_no_iteration_is_refused():
 
 
 #: Scan -> (order of rows, order of columns, columns first, the filtered neighbours).
-SCANS = (((1, 1, False), ((-1, 0), (-1, -1), (-1, 1), (0, -1))), ((-1, -1, False), ((1, 0), (1, -1), (1, 1), (0, 1))),
-         ((1, 1, True), ((0, -1), (-1, -1), (1, -1), (-1, 0))), ((-1, -1, True), ((0, 1), (-1, 1), (1, 1), (1, 0))))
+SCANS = (
+    ((1, 1, False), ((-1, 0), (-1, -1), (-1, 1), (0, -1))),
+    ((-1, -1, False), ((1, 0), (1, -1), (1, 1), (0, 1))),
+    ((1, 1, True), ((0, -1), (-1, -1), (1, -1), (-1, 0))),
+    ((-1, -1, True), ((0, 1), (-1, 1), (1, 1), (1, 0))),
+)
 
 
 def plain_nlf(x, guide):
@@ -285,11 +305,11 @@ def plain_sga(x, weights):
     planes, height, width = x.shape[1:]
     results = []
     for scan, (down, along) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
-        w = weights[5 * scan:5 * scan + 5]
+        w = weights[5 * scan : 5 * scan + 5]
         w = w / np.abs(w).sum(0)
         out = np.full_like(x, np.nan)
-        for r in range(height)[::down or 1]:
-            for c in range(width)[::along or 1]:
+        for r in range(height)[:: down or 1]:
+            for c in range(width)[:: along or 1]:
                 before = r - down, c - along
                 if not (0 <= before[0] < height and 0 <= before[1] < width):
                     out[:, :, r, c] = x[:, :, r, c] * w[:, r, c].sum()
@@ -299,8 +319,13 @@ def plain_sga(x, weights):
                     own = x[:, d, r, c]
                     less = last[:, d - 1] if d else own
                     more = last[:, d + 1] if d + 1 < planes else own
-                    out[:, d, r, c] = (w[0, r, c] * own + w[1, r, c] * last[:, d] + w[2, r, c] * less
-                                       + w[3, r, c] * more + w[4, r, c] * last.max(1))
+                    out[:, d, r, c] = (
+                        w[0, r, c] * own
+                        + w[1, r, c] * last[:, d]
+                        + w[2, r, c] * less
+                        + w[3, r, c] * more
+                        + w[4, r, c] * last.max(1)
+                    )
         results.append(out)
     return np.max(results, axis=0)
 
@@ -319,11 +344,13 @@ def test_volumes_compare_a_pixel_with_the_one_it_would_match():
     correlation, both = group_correlation(left, right, 12), concatenation(left, right, 12)
     for shift in (0, 4, 8, 11):
         for column in range(9):
-            seen = torch.cat((left[0, :, 1, column], right[0, :, 1, column - shift])) if column >= shift else \
-                torch.zeros(32, dtype=torch.float64)
+            seen = (
+                torch.cat((left[0, :, 1, column], right[0, :, 1, column - shift]))
+                if column >= shift
+                else torch.zeros(32, dtype=torch.float64)
+            )
             torch.testing.assert_close(both[0, :, shift, 1, column], seen)
-            torch.testing.assert_close(correlation[0, :, shift, 1, column],
-                                       (seen[:16] * seen[16:]).view(8, 2).mean(1))
+            torch.testing.assert_close(correlation[0, :, shift, 1, column], (seen[:16] * seen[16:]).view(8, 2).mean(1))
 
 
 def test_the_look_up_is_grid_sampling_with_zeros_outside():
@@ -335,10 +362,12 @@ def test_the_look_up_is_grid_sampling_with_zeros_outside():
     rows = torch.einsum("chi,chj->hij", left[0], right[0])
     expected = []
     for level in range(2):
-        for line, centre in ((volume[0].permute(2, 3, 0, 1), disparity[0, 0]),
-                             (rows[:, :, None], torch.arange(10) - disparity[0, 0])):
-            line = F.avg_pool1d(line.flatten(0, 1), 2 ** level) if level else line.flatten(0, 1)
-            places = centre.flatten()[:, None] / 2 ** level + torch.arange(-4, 5)
+        for line, centre in (
+            (volume[0].permute(2, 3, 0, 1), disparity[0, 0]),
+            (rows[:, :, None], torch.arange(10) - disparity[0, 0]),
+        ):
+            line = F.avg_pool1d(line.flatten(0, 1), 2**level) if level else line.flatten(0, 1)
+            places = centre.flatten()[:, None] / 2**level + torch.arange(-4, 5)
             grid = torch.stack((2 * places / (line.shape[2] - 1) - 1, torch.zeros_like(places)), -1)[:, None]
             expected.append(F.grid_sample(line[:, :, None], grid, align_corners=True).flatten(1))
     torch.testing.assert_close(got[0].flatten(1).T, torch.cat(expected, 1), atol=1e-12, rtol=1e-12)

@@ -80,8 +80,15 @@ def test_summary_tells_scenes_from_pairs(many):
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser")
 def test_in_a_browser(many):
     """The script runs under the page's own policy and shows a page of the table."""
-    command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=3000", "--dump-dom",
-               (many / "report.html").as_uri()]
+    command = [
+        "chromium",
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--virtual-time-budget=3000",
+        "--dump-dom",
+        (many / "report.html").as_uri(),
+    ]
     page = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True)
     assert f"page 1 of {COUNT // 25}, {COUNT} pairs" in page.stdout
     body = re.search(r'id="all-pairs"[^>]*>(.*?)</section>', page.stdout, re.DOTALL)[1]
@@ -136,8 +143,13 @@ def test_few_pairs_are_chosen_from_many_the_worst_among_them():
 
 
 def facts(name, **changes):
-    settings = {"surface": {"albedo": 0.5}, "rig": {"heading_deg": 0.0}, "terrain": {"roughness": 1.0},
-                "dataset": {"seed": 1, "folder": name}, "quality": {"device": "CPU"}}
+    settings = {
+        "surface": {"albedo": 0.5},
+        "rig": {"heading_deg": 0.0},
+        "terrain": {"roughness": 1.0},
+        "dataset": {"seed": 1, "folder": name},
+        "quality": {"device": "CPU"},
+    }
     for key, value in changes.items():
         topic, setting = key.split("__")
         settings[topic] = settings[topic] | {setting: value}
@@ -145,8 +157,9 @@ def facts(name, **changes):
 
 
 def test_settings_that_vary_are_found():
-    many = [facts(str(k), surface__albedo=(0.2, 0.8)[k % 2], rig__heading_deg=float(k), dataset__seed=k)
-            for k in range(40)]
+    many = [
+        facts(str(k), surface__albedo=(0.2, 0.8)[k % 2], rig__heading_deg=float(k), dataset__seed=k) for k in range(40)
+    ]
     sweeps = swept_settings(many, {str(k): k for k in range(40)})
     assert [sweep.name for sweep in sweeps] == ["surface.albedo", "rig.heading_deg"]  # no seed, no folder
     names, places, level = sweeps[0].levels()
@@ -166,8 +179,15 @@ def test_settings_that_photographs_lack_are_not_swept():
 
 
 def test_settings_that_vary_together_are_one():
-    many = [facts(str(k), surface__albedo=(0.2, 0.8)[k % 2], terrain__roughness=(3.0, 1.0)[k % 2],
-                  rig__heading_deg=float(k // 2)) for k in range(8)]
+    many = [
+        facts(
+            str(k),
+            surface__albedo=(0.2, 0.8)[k % 2],
+            terrain__roughness=(3.0, 1.0)[k % 2],
+            rig__heading_deg=float(k // 2),
+        )
+        for k in range(8)
+    ]
     sweeps = swept_settings(many, {str(k): k for k in range(8)})
     assert [(sweep.name, len(sweep.together)) for sweep in sweeps] == [("surface.albedo", 1), ("rig.heading_deg", 0)]
     assert sweeps[0].together == ("terrain.roughness",)

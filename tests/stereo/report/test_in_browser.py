@@ -21,8 +21,9 @@ OPEN = "document.getElementById('enlarged').open"
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
     root = tmp_path_factory.mktemp("report")
-    manyrows.multiply(pairs.write_pair(root / "real", rig=pairs.camera(192, 96)), parse_methods("bm,sgbm"), COUNT,
-                      root / "out")
+    manyrows.multiply(
+        pairs.write_pair(root / "real", rig=pairs.camera(192, 96)), parse_methods("bm,sgbm"), COUNT, root / "out"
+    )
     return (root / "out" / "report.html").as_uri()
 
 
@@ -42,8 +43,10 @@ def page(program, address):
 
 def rows(page, region):
     """The text of each cell of the body of a table."""
-    return page.value(f"[...document.querySelectorAll('#{region} tbody tr')].map("
-                      "row => [...row.cells].map(cell => cell.firstChild?.textContent ?? ''))")
+    return page.value(
+        f"[...document.querySelectorAll('#{region} tbody tr')].map("
+        "row => [...row.cells].map(cell => cell.firstChild?.textContent ?? ''))"
+    )
 
 
 def numbers(page, column):
@@ -73,8 +76,10 @@ def test_every_heading_of_the_ranking_sorts_both_ways(page):
 def test_the_address_keeps_view_condition_and_sorting(page, address):
     page.click("document.querySelector('input[value=visible]')")
     page.click(f"{HEADINGS}[2]")
-    page.value("(() => { const each = document.getElementById('condition'); each.selectedIndex = 2; "
-               "each.dispatchEvent(new Event('change')); })()")
+    page.value(
+        "(() => { const each = document.getElementById('condition'); each.selectedIndex = 2; "
+        "each.dispatchEvent(new Event('change')); })()"
+    )
     shown, there = rows(page, "ranking"), page.value("location.hash")
     assert re.search("pixels=visible.*condition=2.*sort=1", there)
     page.open(address)
@@ -150,8 +155,10 @@ def test_the_table_of_pairs_is_filtered_sorted_and_turned(page):
     assert len(rows(page, "all-pairs")) == 25
     page.click("document.getElementById('after')")
     assert "page 2 of 4" in page.value("document.getElementById('page').textContent")
-    page.value("(() => { const each = document.getElementById('filter'); each.value = 'suspect'; "
-               "each.dispatchEvent(new Event('input')); })()")
+    page.value(
+        "(() => { const each = document.getElementById('filter'); each.value = 'suspect'; "
+        "each.dispatchEvent(new Event('input')); })()"
+    )
     assert [row[2] for row in rows(page, "all-pairs")] == ["suspect"]
 
 

@@ -11,9 +11,15 @@ PAIRS = [f"p{k}" for k in range(6)]
 SWEEP = Sweep("light.sun_elevation_deg", "Sun", np.array([8.0, 8.0, 20.0, 20.0, 45.0, np.nan]))
 
 
-@pytest.mark.parametrize(("noisy", "levels"), [
-    ([], [False, False, False]), ([0, 1], [True, False, False]), ([0, 2, 3], [True, True, False]),
-    ([5], [False, False, False])])
+@pytest.mark.parametrize(
+    ("noisy", "levels"),
+    [
+        ([], [False, False, False]),
+        ([0, 1], [True, False, False]),
+        ([0, 2, 3], [True, True, False]),
+        ([5], [False, False, False]),
+    ],
+)
 def test_a_point_is_marked_if_noise_decides_half_of_its_pairs(noisy, levels):
     table = Table(["bm"], PAIRS)
     table.by_noise[noisy] = True

@@ -40,10 +40,13 @@ def test_what_noise_decides_is_said_with_the_difference_that_it_hides():
 def test_only_what_makes_results_doubtful_is_a_doubt():
     part = {"share": 0.5, "noise_dn": 3.0, "hidden": 0.1}
     baked = {"noise": 0.02, "share": 0.3, "bound": 0.05}
-    for facts, doubtful in (({"noise": {"verdict": DECIDES, "lit": part, "shadow": part, "doubt": 0.2}}, True),
-                            ({"noise": {"verdict": NOISY, "lit": part, "shadow": part, "doubt": 0.2}}, False),
-                            ({"occlusion": ESTIMATED}, False), ({"baked": baked}, False),
-                            ({"baked": baked | {"bound": 0.01}}, True)):
+    for facts, doubtful in (
+        ({"noise": {"verdict": DECIDES, "lit": part, "shadow": part, "doubt": 0.2}}, True),
+        ({"noise": {"verdict": NOISY, "lit": part, "shadow": part, "doubt": 0.2}}, False),
+        ({"occlusion": ESTIMATED}, False),
+        ({"baked": baked}, False),
+        ({"baked": baked | {"bound": 0.01}}, True),
+    ):
         notes = Notes(parse_methods("bm"))
         notes.add_pair(facts)
         assert [note.doubtful for note in notes.found()] == [doubtful], facts
@@ -54,7 +57,7 @@ def test_photographs_are_not_told_how_to_render():
         notes = Notes(parse_methods("bm"))
         for facts in added:
             notes.add_pair(facts | {"occlusion": ESTIMATED})
-        sentence, = (note.sentence for note in notes.found())
+        (sentence,) = (note.sentence for note in notes.found())
         assert sentence.startswith(f"Hidden pixels are estimated in {len(added)} of")
         assert ("quality.truth" in sentence) == rendered
 
@@ -64,7 +67,7 @@ def test_of_one_pair_no_number_is_stated():
         notes = Notes(parse_methods("bm"))
         part = {"share": 0.5, "noise_dn": 3.0, "hidden": 0.1}
         notes.add_pair({"noise": {"verdict": verdict, "lit": part, "shadow": part, "doubt": 0.2}})
-        sentence, = (note.sentence for note in notes.found())
+        (sentence,) = (note.sentence for note in notes.found())
         assert sentence.startswith(words)
 
 
@@ -72,10 +75,14 @@ def search(missed, source="rig", most=95):
     return {"least_px": 0, "most_px": most, "source": source, "missed": missed}
 
 
-@pytest.mark.parametrize(("source", "fix"), [
-    ("stated", "Leave the option out"), ("rig", "State a larger range"), ("fixed", "Nothing is known of the rig")])
+@pytest.mark.parametrize(
+    ("source", "fix"),
+    [("stated", "Leave the option out"), ("rig", "State a larger range"), ("fixed", "Nothing is known of the rig")],
+)
 def test_a_range_that_misses_disparities_is_said_with_the_fix(source, fix):
-    said, = sentences("bm", search(0.3, source, 31), search(0.005, source), search(0.02, source), search(None, source))
+    (said,) = sentences(
+        "bm", search(0.3, source, 31), search(0.005, source), search(0.02, source), search(None, source)
+    )
     assert "in 2 of 4 pairs" in said
     assert "at most 30 % (pair p0, searched 0 to 31 px)" in said
     assert fix in said
@@ -86,7 +93,7 @@ def test_nothing_is_said_without_a_reason():
 
 
 def test_a_range_from_truth_is_said():
-    said, = sentences("bm:disparities=truth", search(0.0, "truth"))
+    (said,) = sentences("bm:disparities=truth", search(0.0, "truth"))
     assert "range from truth" in said
 
 
@@ -94,7 +101,7 @@ def test_a_brief_note_names_the_whole_method():
     """Its label may contain a colon."""
     notes = Notes(parse_methods("bm:window=21"))
     notes.add({"pair": "p", "method": "bm:window=21", "search": search(0.3), "options": {}})
-    note, = notes.found()
+    (note,) = notes.found()
     assert note.brief == "StereoBM window=21 cannot measure everything"
     assert note.sentence == f"{note.brief}: {note.detail}"
 
@@ -110,13 +117,13 @@ def with_baked(*numbers, bound=0.01):
 
 
 def test_noise_of_baked_light_is_stated_with_the_fix_where_it_is_above_its_bound():
-    said, = with_baked((0.004, 0.2), (0.033, 0.79))
+    (said,) = with_baked((0.004, 0.2), (0.033, 0.79))
     assert said.startswith("Indirect light is baked in 2 of 3 pairs")
     assert "at most 3.3 % of the light, in a pair of which 79 % is indirect" in said
     assert "In 1 of them it is above quality.bake_noise" in said
-    within, = with_baked((0.004, 0.2))
+    (within,) = with_baked((0.004, 0.2))
     assert "above" not in within
-    any_noise, = with_baked((0.27, 0.999), bound=0.0)
+    (any_noise,) = with_baked((0.27, 0.999), bound=0.0)
     assert "at most 27 % of the light, in a pair of which 100 % is indirect" in any_noise
     assert "above" not in any_noise
     assert not with_baked()
@@ -133,15 +140,17 @@ def by(*noises):
 
 
 def test_noise_of_baked_light_that_decides_is_said_with_its_own_fix():
-    said, = by((DECIDES, BAKE))
+    (said,) = by((DECIDES, BAKE))
     assert said.doubtful
     assert "raise quality.bake_samples and look" in said.detail
-    assert said.detail.endswith("Most of it is noise of baked light, which is fixed to the ground: matchers take it "
-                                "for texture and look better than they are.")
-    said, = by((DECIDES, BAKE), (DECIDES, RENDER), (DECIDES, RENDER))
+    assert said.detail.endswith(
+        "Most of it is noise of baked light, which is fixed to the ground: matchers take it "
+        "for texture and look better than they are."
+    )
+    (said,) = by((DECIDES, BAKE), (DECIDES, RENDER), (DECIDES, RENDER))
     assert "raise quality.bake_samples and quality.samples and look" in said.detail
     assert "In 1 pair of these most of it is noise of baked light" in said.detail
-    said, = by((DECIDES, RENDER))
+    (said,) = by((DECIDES, RENDER))
     assert "raise quality.samples and look" in said.detail
     assert "baked" not in said.detail
     assert ["noise of baked light" in note.detail for note in by((NOISY, BAKE))] == [True]
@@ -149,7 +158,7 @@ def test_noise_of_baked_light_that_decides_is_said_with_its_own_fix():
 
 
 def test_noise_of_baked_light_that_is_not_known_is_a_doubt():
-    said, = by((UNKNOWN, None), (CLEAN, None))
+    (said,) = by((UNKNOWN, None), (CLEAN, None))
     assert said.doubtful
     assert said.brief == "The noise of baked light is unknown in 1 of 2 pairs"
     assert "render these pairs again into another data set" in said.detail

@@ -27,16 +27,24 @@ def test_lamberts_sphere_is_as_in_closed_form():
 
 def test_each_law_is_drawn_once_and_that_of_rocks_with_their_own_surface_too():
     hapke = load_preset("surfaces/hapke_europa_bright_plains")
-    found = phase_curves([facts(hapke), facts(hapke), facts(hapke, {"rocks": {"coverage": 0.1, "own_surface": True},
-                                                              "rock_surface": {"model": "LOMMEL_SEELIGER"}})])
+    found = phase_curves(
+        [
+            facts(hapke),
+            facts(hapke),
+            facts(
+                hapke, {"rocks": {"coverage": 0.1, "own_surface": True}, "rock_surface": {"model": "LOMMEL_SEELIGER"}}
+            ),
+        ]
+    )
     assert [name.split()[0] for name in found] == ["Hapke", "Lommel-Seeliger"]
     surge = next(iter(found.values()))
     assert surge[0] == 1.0
     assert np.all(np.diff(surge) < 0)
     # Within a degree the opposition surge takes more than the sphere's shape does.
     assert surge[np.searchsorted(PHASE_DEG, 1.0)] < 0.99
-    many = phase_curves([facts({"surface": {"model": "LUNAR_LAMBERT", "lommel_seeliger_share": k / 10}})
-                         for k in range(9)])
+    many = phase_curves(
+        [facts({"surface": {"model": "LUNAR_LAMBERT", "lommel_seeliger_share": k / 10}}) for k in range(9)]
+    )
     assert len(many) == MOST
 
 

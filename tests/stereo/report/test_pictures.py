@@ -61,7 +61,7 @@ def test_the_matrix_is_bounded(methods, rows):
 
 def test_all_pairs_are_the_condition_if_nothing_varies_and_one_pair_needs_no_matrix():
     table = table_of([[0.1, 0.5, 0.2]])
-    (condition, pair), = choose_typical(table, [])
+    ((condition, pair),) = choose_typical(table, [])
     assert (condition.name, pair) == ("All pairs", 2)
     table.scenes[2] = -1  # whose facts cannot be read
     assert choose_typical(table, [])[0][1] == 0
@@ -71,22 +71,33 @@ def test_all_pairs_are_the_condition_if_nothing_varies_and_one_pair_needs_no_mat
 @pytest.fixture(scope="module")
 def evaluation(tmp_path_factory):
     root = tmp_path_factory.mktemp("matrix")
-    manyrows.multiply(pairs.write_pair(root / "real", rig=pairs.camera(96, 64)), parse_methods("bm,sgbm"), 4,
-                      root / "out", report=False)
+    manyrows.multiply(
+        pairs.write_pair(root / "real", rig=pairs.camera(96, 64)),
+        parse_methods("bm,sgbm"),
+        4,
+        root / "out",
+        report=False,
+    )
     rows = [json.loads(line) for line in (root / "out" / "results.jsonl").read_text().splitlines()]
-    facts = {f"pair0000{k}": json.loads((root / "out" / "pairs" / f"pair0000{k}" / "facts.json").read_text())
-             for k in range(4)}
+    facts = {
+        f"pair0000{k}": json.loads((root / "out" / "pairs" / f"pair0000{k}" / "facts.json").read_text())
+        for k in range(4)
+    }
     return root / "out", rows, facts
 
 
 def test_the_pictures_are_those_of_the_pair_and_a_failure_has_none(evaluation):
     out, rows, facts = evaluation
     table = Table(["bm", "sgbm"], list(facts))
-    failed = [row | {"status": "failed", "images": {}} if row["pair"] == "pair00002" and row["method"] == "bm" else row
-              for row in rows]
-    found, = picture_matrix([(Condition("dark", np.ones(4, bool)), 2)], table, facts, failed, out)
+    failed = [
+        row | {"status": "failed", "images": {}} if row["pair"] == "pair00002" and row["method"] == "bm" else row
+        for row in rows
+    ]
+    (found,) = picture_matrix([(Condition("dark", np.ones(4, bool)), 2)], table, facts, failed, out)
     assert (found["name"], found["pair"]) == ("dark", "pair00002")
     assert [(each["row"]["pair"], each["row"]["method"]) for each in found["methods"]] == [
-        ("pair00002", "bm"), ("pair00002", "sgbm")]
+        ("pair00002", "bm"),
+        ("pair00002", "sgbm"),
+    ]
     assert found["methods"][0]["error"] == ""
     assert found["methods"][1]["error"] == embed_picture(out / rows[5]["images"]["error"], 64)

@@ -57,7 +57,11 @@ def test_only_the_best_beyond_doubt_is_bold_and_conditions_count_for_themselves(
     assert few[0][column][4] == pytest.approx(table.values[0, :4, NUMBERS.index("total_bad_1")].mean())
     assert [condition["ranked"] for condition in found["conditions"]] == [True, False]
     assert found["conditions"][0]["notes"] == ["", "", "no result"]
-    shown = [cell for each in VIEWS for cell, column in zip(
-        found["conditions"][0]["cells"][each.key][2], each.columns, strict=True) if column.column.key != "seconds"]
+    shown = [
+        cell
+        for each in VIEWS
+        for cell, column in zip(found["conditions"][0]["cells"][each.key][2], each.columns, strict=True)
+        if column.column.key != "seconds"
+    ]
     assert set(map(tuple, shown)) == {("–", "", "", False, None)}  # neither the worst nor a coverage of 0
     assert all(len(row) == len(each.columns) for each in VIEWS for row in found["conditions"][0]["cells"][each.key])

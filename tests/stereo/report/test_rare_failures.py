@@ -27,8 +27,11 @@ def table_of(errors):
 def ordinary(random, methods):
     """Lognormal errors: of a scene, which methods share, of a method on a scene, and of a pair."""
     shape = methods, SCENES * PAIRS
-    return 0.05 * np.exp(random.normal(0, 0.5, SCENES).repeat(PAIRS) + random.normal(0, 0.4, shape)
-                         + random.normal(0, 0.3, (methods, SCENES)).repeat(PAIRS, axis=1))
+    return 0.05 * np.exp(
+        random.normal(0, 0.5, SCENES).repeat(PAIRS)
+        + random.normal(0, 0.4, shape)
+        + random.normal(0, 0.3, (methods, SCENES)).repeat(PAIRS, axis=1)
+    )
 
 
 def with_failures(random, failing):
@@ -50,11 +53,11 @@ def test_one_failure_in_twenty_pairs_is_found_if_the_data_contain_it():
         failing = np.zeros(SCENES * PAIRS, bool)
         failing[random.choice(len(failing), 2, replace=False)] = True
         errors = with_failures(random, failing)
-        found, = find_rare_failures(table_of(errors))
+        (found,) = find_rare_failures(table_of(errors))
         assert (found.method, found.pairs) == ("m1", 40)
         assert found.failing <= 2
         worst = np.sort(np.clip(errors[1], 0, 1))[::-1]
-        assert found.share == pytest.approx(worst[:found.failing].sum() / worst.sum())
+        assert found.share == pytest.approx(worst[: found.failing].sum() / worst.sum())
     assert not find_rare_failures(table_of(with_failures(random, np.zeros(SCENES * PAIRS, bool))))
 
 
@@ -83,7 +86,7 @@ def test_a_method_without_a_result_hides_and_shows_nothing():
 def test_it_is_said_beside_the_verdicts(scenes, said):
     """Where there is no verdict, nothing depends on the failures."""
     errors = with_failures(np.random.default_rng(4), np.arange(SCENES * PAIRS) < 2)
-    table = table_of(errors[:, :scenes * PAIRS])
+    table = table_of(errors[:, : scenes * PAIRS])
     text = describe_verdicts(compare_methods(table, 0)[0], table)
     assert ("m1 fails rarely but heavily: " in text) == said
     assert "m0 fails" not in text
@@ -92,7 +95,7 @@ def test_it_is_said_beside_the_verdicts(scenes, said):
 def test_the_bound_on_failures_that_no_scene_contains_is_said():
     """It is the share of scenes with a failure at which a draw of so many scenes contains none in 5 % of draws."""
     errors = with_failures(np.random.default_rng(4), np.zeros(SCENES * PAIRS, bool))
-    table = table_of(errors[:, :10 * PAIRS])
+    table = table_of(errors[:, : 10 * PAIRS])
     text = describe_verdicts(compare_methods(table, 0)[0], table)
     bound = int(re.search("none of the 10 scenes contains may still occur in up to (\\d+) % of scenes", text)[1]) / 100
     without = (np.random.default_rng(5).random((100_000, 10)) >= bound).all(axis=1).mean()

@@ -13,14 +13,24 @@ from icymoon.support.errors import IcyMoonError
 ROW = {"pair": "a", "method": "bm", "key": "k"}
 LINE = json.dumps(ROW).encode() + b"\n"
 LINES = {
-    "empty": b"\n", "text": b"x\n", "list": b"[]\n", "null": b"null\n",
-    "nan": b'{"pair": "a", "method": "bm", "key": NaN}\n', "deep": b"[" * 50_000 + b"\n",
-    "5000 digits": b"1" * 5000 + b"\n", "NUL": b"\0" * 40 + b"\n", "no UTF-8": b"\xff\xfe\n",
-    "no key": b'{"pair": "a", "method": "bm"}\n', "number": b'{"pair": 1, "method": "bm", "key": "k"}\n',
+    "empty": b"\n",
+    "text": b"x\n",
+    "list": b"[]\n",
+    "null": b"null\n",
+    "nan": b'{"pair": "a", "method": "bm", "key": NaN}\n',
+    "deep": b"[" * 50_000 + b"\n",
+    "5000 digits": b"1" * 5000 + b"\n",
+    "NUL": b"\0" * 40 + b"\n",
+    "no UTF-8": b"\xff\xfe\n",
+    "no key": b'{"pair": "a", "method": "bm"}\n',
+    "number": b'{"pair": 1, "method": "bm", "key": "k"}\n',
     "outside": b'{"pair": "../a", "method": "bm", "key": "k"}\n',
     "surrogate": b'{"pair": "\\ud800", "method": "b", "key": "k"}\n',
-    "return": b"\r\n", "huge number": b'{"pair": "a", "method": "bm", "key": 1e999}\n',
-    "half": LINE[:10] + b"\n", "two in one": LINE[:-1] + LINE}
+    "return": b"\r\n",
+    "huge number": b'{"pair": "a", "method": "bm", "key": 1e999}\n',
+    "half": LINE[:10] + b"\n",
+    "two in one": LINE[:-1] + LINE,
+}
 
 
 @pytest.mark.parametrize("kind", LINES)

@@ -67,7 +67,8 @@ def test_a_method_without_a_result_stays_outside():
     assert fewer[2]["common_epe_px"] == (2, 2)
     assert ranks[2]["common_epe_px"] == (3, 3)
     assert by_metric(without, "common_epe_px")["m0", "m2"]["typical"] == pytest.approx(
-        by_metric(found, "common_epe_px")["m0", "m2"]["typical"])
+        by_metric(found, "common_epe_px")["m0", "m2"]["typical"]
+    )
 
 
 def test_an_error_of_zero_is_no_failure():
@@ -77,9 +78,14 @@ def test_an_error_of_zero_is_no_failure():
     assert entry["better"] == "m0"
 
 
-@pytest.mark.parametrize(("scenes", "words"), [
-    (1, "One scene: no intervals and no verdicts. A verdict on 3 methods takes 8 scenes."),
-    (7, "7 scenes: no verdicts. A verdict on 3 methods takes 8 scenes."), (8, "About 5 %")])
+@pytest.mark.parametrize(
+    ("scenes", "words"),
+    [
+        (1, "One scene: no intervals and no verdicts. A verdict on 3 methods takes 8 scenes."),
+        (7, "7 scenes: no verdicts. A verdict on 3 methods takes 8 scenes."),
+        (8, "About 5 %"),
+    ],
+)
 def test_what_scenes_allow_is_said(scenes, words):
     table = table_of(scenes, [1.0, 1.3, 1.6])
     found, ranks = compare_methods(table, 0)
@@ -111,11 +117,14 @@ def test_means_have_intervals_where_scenes_are_many():
 
 def test_the_typical_difference_is_said_from_the_worse_method():
     found, _ = compare_methods(table_of(8, [1.0, 1.5]), 0)
-    sentence, = describe_typical(found)
-    assert re.fullmatch(r"In the typical scene m1 has \d\.\d points more wrong or missing pixels than m0 "
-                        r"\(0\.\d to \d\.\d\)\.", sentence)
+    (sentence,) = describe_typical(found)
+    assert re.fullmatch(
+        r"In the typical scene m1 has \d\.\d points more wrong or missing pixels than m0 "
+        r"\(0\.\d to \d\.\d\)\.",
+        sentence,
+    )
     assert describe_typical(compare_methods(table_of(5, [1.0, 1.5]), 0)[0]) == []
-    equal, = describe_typical(compare_methods(table_of(8, [1.0, 1.0]), 0)[0])
+    (equal,) = describe_typical(compare_methods(table_of(8, [1.0, 1.0]), 0)[0])
     assert "so either may be better" in equal
 
 

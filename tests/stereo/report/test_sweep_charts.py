@@ -26,8 +26,11 @@ def grid(*columns):
 def made(scenes=1):
     """Sweeps and a table of a plan that varies Sun and albedo, at two headings; the error is known."""
     sun, albedo, heading, ground = grid(SUNS, ALBEDOS, HEADINGS, np.arange(scenes))
-    sweeps = [Sweep("rig.heading_deg", "Rig: Heading (°)", heading), Sweep("light.sun_elevation_deg", "Sun (°)", sun),
-              Sweep("surface.albedo", "Albedo", albedo)]
+    sweeps = [
+        Sweep("rig.heading_deg", "Rig: Heading (°)", heading),
+        Sweep("light.sun_elevation_deg", "Sun (°)", sun),
+        Sweep("surface.albedo", "Albedo", albedo),
+    ]
     table = Table(METHODS, [str(k) for k in range(len(sun))])
     table.counts[:], table.scenes[:] = True, ground
     for m in range(len(METHODS)):
@@ -64,8 +67,10 @@ def test_settings_that_were_varied_one_at_a_time_have_no_lines():
 
 def test_many_values_form_groups_of_neighbours():
     sun, albedo = grid(SUNS, np.arange(10) / 10)
-    sweeps = [Sweep("light.sun_elevation_deg", "Sun", np.tile(sun, 2)),
-              Sweep("surface.albedo", "A", np.tile(albedo, 2))]
+    sweeps = [
+        Sweep("light.sun_elevation_deg", "Sun", np.tile(sun, 2)),
+        Sweep("surface.albedo", "A", np.tile(albedo, 2)),
+    ]
     lines = lines_for(sweeps[0], sweeps)
     assert lines.grouped
     assert lines.names == ["0 to 0.2", "0.3 to 0.5", "0.6 to 0.7", "0.8 to 0.9"]
@@ -76,11 +81,13 @@ def test_many_values_form_groups_of_neighbours():
 def test_a_chart_of_each_method_has_the_lines_and_the_caption_says_what_is_averaged():
     sweeps, table = made(scenes=3)
     summary = [{"method": method} for method in METHODS]
-    drawn = {sweep.name: found for sweep, found in zip(sweeps, sweep_charts.draw_sweeps(summary, table, sweeps),
-                                                       strict=True)}
+    drawn = {
+        sweep.name: found for sweep, found in zip(sweeps, sweep_charts.draw_sweeps(summary, table, sweeps), strict=True)
+    }
     sun = drawn["light.sun_elevation_deg"]
-    assert sun.caption == ("Sun (°). Each point is the mean over 3 scenes and 2 headings. A line for each value of "
-                           "Albedo.")
+    assert sun.caption == (
+        "Sun (°). Each point is the mean over 3 scenes and 2 headings. A line for each value of Albedo."
+    )
     assert len(sun.rows) == len(sweep_charts.SWEPT)
     for charts in sun.rows:
         for chart, title in zip(charts, ("StereoBM", "SGBM"), strict=True):
@@ -120,8 +127,9 @@ def of_presets(*rows):
 
 @pytest.mark.parametrize("light", [{}, {"light": {"sun_elevation_deg": 55.0}}])
 def test_presets_of_scenes_are_one_setting_the_scene(light):
-    snow, ice, chaos = (load_preset(f"scenes/{name}") for name in (
-        "enceladus_fresh_snow", "europa_rough_ice", "europa_chaos"))
+    snow, ice, chaos = (
+        load_preset(f"scenes/{name}") for name in ("enceladus_fresh_snow", "europa_rough_ice", "europa_chaos")
+    )
     sweeps, levels = of_presets((snow, light), (ice, light), (chaos, light), (snow, light))
     assert [(sweep.name, sweep.together) for sweep in sweeps][:1] == [(SCENE, ())]
     assert levels[0] == ["Enceladus fresh snow", "Europa chaos", "Europa rough ice"]

@@ -36,8 +36,13 @@ def searched(tmp_path, monkeypatch, allowed, loss, doubt=0.001, own=0.0, bias=0.
         numbers = {"coverage": 0.0, "epe_px": value, "bad_1": value / 10, "wrong_or_missing": value / 10}
         width = doubt / len(folders) ** 0.5
         cost = work_of(own_settings).seconds(0.0)
-        return {"cpu_s": cost, "wall_s": cost, "bias": bias, "loss": {"sgbm": numbers},
-                "loss_doubt": {"sgbm": dict.fromkeys(numbers, width)}}
+        return {
+            "cpu_s": cost,
+            "wall_s": cost,
+            "bias": bias,
+            "loss": {"sgbm": numbers},
+            "loss_doubt": {"sgbm": dict.fromkeys(numbers, width)},
+        }
 
     monkeypatch.setattr(search, "render_once", render)
     monkeypatch.setattr(search, "render_all", lambda *given: [])
@@ -78,8 +83,9 @@ def test_a_candidate_in_doubt_is_rendered_again_if_that_can_decide(tmp_path, mon
     found, rendered = searched(tmp_path, monkeypatch, checked_tolerance(0.02, None), by_samples, 0.006, overrides=BARE)
     assert found["chosen"] == "16 samples, denoised"
     assert rendered.count("16 samples, denoised") == 2  # 0.0156 ± 0.006, then ± 0.0042
-    hopeless, rendered = searched(tmp_path, monkeypatch, checked_tolerance(0.02, None), by_samples, 0.05,
-                                  overrides=BARE)
+    hopeless, rendered = searched(
+        tmp_path, monkeypatch, checked_tolerance(0.02, None), by_samples, 0.05, overrides=BARE
+    )
     assert hopeless["chosen"] is None
     assert max(map(rendered.count, rendered)) <= 4
     assert "larger scale" in hopeless["said"][-1]

@@ -32,8 +32,11 @@ def folders(root, name, count=2, noise=0.0, scene=SCENE, rig=RIG):
     made = [pairs.write_pair(root / f"{name}{k}", scene, rig, noise=noise) for k in range(count)]
     for k, folder in enumerate(made):
         data = json.loads((folder / "pair.json").read_text())
-        data |= {"cpu_seconds": {"before": 1.0, "pair": 2.0 + k}, "seconds": {"build": 0.5, "render": 1.0},
-                 "peak_memory_mib": 300.0 + k}
+        data |= {
+            "cpu_seconds": {"before": 1.0, "pair": 2.0 + k},
+            "seconds": {"build": 0.5, "render": 1.0},
+            "peak_memory_mib": 300.0 + k,
+        }
         (folder / "pair.json").write_text(json.dumps(data))
     return made
 
@@ -57,8 +60,12 @@ def test_the_same_images_lose_nothing(truth, tmp_path):
 def test_a_bake_is_shared_by_the_images_of_its_ground_but_not_of_its_view(truth, tmp_path, area, images, bake_s):
     (folder,) = folders(tmp_path, "baked", 1)
     data = json.loads((folder / "pair.json").read_text())
-    data["indirect"] = {"method": "BAKED", "share": 0.2, "noise": 0.0, "lights": {
-        "Sun": {"cpu_seconds_of_bake": 10.0}, "Planet": {"cpu_seconds_of_bake": 2.0}}}
+    data["indirect"] = {
+        "method": "BAKED",
+        "share": 0.2,
+        "noise": 0.0,
+        "lights": {"Sun": {"cpu_seconds_of_bake": 10.0}, "Planet": {"cpu_seconds_of_bake": 2.0}},
+    }
     data["settings"].setdefault("quality", {}).update(indirect="BAKED", bake_area=area)
     (folder / "pair.json").write_text(json.dumps(data))
     assert measure([folder], truth, METHODS, images)["cpu_s"] == pytest.approx(3.0 + bake_s)
@@ -68,7 +75,7 @@ def test_noise_is_separated_from_bias(truth, tmp_path):
     # Radiance times 1 + s N(0, 1) has the noise s rms(L) / mean(L); the standard deviation of an estimate from n
     # pixels and two renders is 1 / sqrt(2 n) of it, for n = 36864 under half a per cent: 3 % is six of them.
     light = truth.light["left"].radiance[..., 0]
-    expected = 0.1 * float(np.sqrt(np.mean(light ** 2)) / np.mean(light))
+    expected = 0.1 * float(np.sqrt(np.mean(light**2)) / np.mean(light))
     brighter = pairs.Scene(contrast=0.4, radiance=1.05 * SCENE.radiance)
     found = measure(folders(tmp_path, "noisy", 2, 0.1, brighter), truth, METHODS)
     assert found["noise"] == pytest.approx(1.05 * expected, rel=0.03)
@@ -131,8 +138,10 @@ def test_a_front_is_what_nothing_beats(points):
     found = pareto_front(rows, "cpu_s", path)
     known = [k for k, point in enumerate(points) if None not in point]
     for k in known:
-        beaten = any(points[j][0] <= points[k][0] and points[j][1] <= points[k][1]
-                     and (points[j] != points[k] or j < k) for j in known)
+        beaten = any(
+            points[j][0] <= points[k][0] and points[j][1] <= points[k][1] and (points[j] != points[k] or j < k)
+            for j in known
+        )
         assert (k in found) != beaten
     costs = [number_at(rows[k], "cpu_s") for k in found]
     assert costs == sorted(costs)
@@ -140,17 +149,40 @@ def test_a_front_is_what_nothing_beats(points):
 
 def row(group, name, cost, loss, bias=0.0, doubt=0.004):
     stereo = {"coverage": 0.9, "epe_px": 0.2 + loss, "bad_1": 0.01, "wrong_or_missing": 0.11}
-    return {"group": group, "name": name, "key": f"{group}: {name}", "cpu_s": cost, "cpu_range": [cost, 1.01 * cost],
-            "wall_s": cost, "memory_mib": None, "megabytes": 8.0, "bias": bias, "bias_doubt": 0.0005,
-            "rmse": abs(bias), "noise": None, "structure": None, "depth_px": 0.0, "depth_m": 0.0, "changed": {},
-            "stereo": {"sgbm": stereo}, "loss": {"sgbm": stereo | {"epe_px": loss, "coverage": 0.0}},
-            "loss_doubt": {"sgbm": dict.fromkeys(stereo, doubt)}, "decisions": {}}
+    return {
+        "group": group,
+        "name": name,
+        "key": f"{group}: {name}",
+        "cpu_s": cost,
+        "cpu_range": [cost, 1.01 * cost],
+        "wall_s": cost,
+        "memory_mib": None,
+        "megabytes": 8.0,
+        "bias": bias,
+        "bias_doubt": 0.0005,
+        "rmse": abs(bias),
+        "noise": None,
+        "structure": None,
+        "depth_px": 0.0,
+        "depth_m": 0.0,
+        "changed": {},
+        "stereo": {"sgbm": stereo},
+        "loss": {"sgbm": stereo | {"epe_px": loss, "coverage": 0.0}},
+        "loss_doubt": {"sgbm": dict.fromkeys(stereo, doubt)},
+        "decisions": {},
+    }
 
 
-ROWS = [row("scene", "as described", 10.0, 0.015), row("samples", "8 samples", 2.0, 0.08),
-        row("samples", "16 samples", 4.0, 0.014), row("samples", "14 samples", 3.0, 0.018),
-        row("samples", "256 samples", 80.0, 0.001), row("bounces", "0 bounces", 1.0, 0.0, bias=-0.2),
-        row("bounces", "2 bounces", 8.0, 0.015, bias=-0.001), row("mesh", "16 px", 1.0, -0.1)]
+ROWS = [
+    row("scene", "as described", 10.0, 0.015),
+    row("samples", "8 samples", 2.0, 0.08),
+    row("samples", "16 samples", 4.0, 0.014),
+    row("samples", "14 samples", 3.0, 0.018),
+    row("samples", "256 samples", 80.0, 0.001),
+    row("bounces", "0 bounces", 1.0, 0.0, bias=-0.2),
+    row("bounces", "2 bounces", 8.0, 0.015, bias=-0.001),
+    row("mesh", "16 px", 1.0, -0.1),
+]
 
 
 def test_advice_names_the_cheapest_that_shows_the_scene():
@@ -161,13 +193,18 @@ def test_advice_names_the_cheapest_that_shows_the_scene():
     assert "within 0.1 px: “8 samples”" in words
     assert "0 bounces" not in words  # cheap and good for matchers, but a fifth of the light is missing
     assert "“16 px”" not in words.partition("mesh:")[0]  # of another shape
-    assert "“2 bounces” changes the light by -0.10 ± 0.05 %, adds no measurable disparity error, and saves 20 %" \
-        in words
+    assert (
+        "“2 bounces” changes the light by -0.10 ± 0.05 %, adds no measurable disparity error, and saves 20 %" in words
+    )
 
 
 def test_advice_claims_nothing_within_noise():
-    rows = [row("scene", "as described", 10.0, 0.015, doubt=0.03), row("samples", "8 samples", 9.8, 0.01, doubt=0.03),
-            row("bounces", "8 bounces", 9.9, 0.015, doubt=0.03), row("samples", "4 samples", 5.0, 0.08, doubt=0.03)]
+    rows = [
+        row("scene", "as described", 10.0, 0.015, doubt=0.03),
+        row("samples", "8 samples", 9.8, 0.01, doubt=0.03),
+        row("bounces", "8 bounces", 9.9, 0.015, doubt=0.03),
+        row("samples", "4 samples", 5.0, 0.08, doubt=0.03),
+    ]
     words = variant_advice(rows, ["sgbm"])
     assert not any("within 0.01 px:" in line or "within 0.02 px:" in line for line in words)
     assert "noise hides here which variants are within 0.01 px or 0.02 px" in " ".join(words)
@@ -194,8 +231,10 @@ def test_advice_reports_fewer_measured_pixels():
     for each, fewer in zip(rows, (0.002, 0.4), strict=True):
         each["loss"]["sgbm"]["coverage"] = fewer
     words = " ".join(variant_advice(rows, ["sgbm"]))
-    assert "“2 samples”, 1.0 CPU seconds a pair (10.0 times less than as described), adds +0.000 ± 0.004 px with " \
+    assert (
+        "“2 samples”, 1.0 CPU seconds a pair (10.0 times less than as described), adds +0.000 ± 0.004 px with "
         "40 % fewer pixels measured" in words
+    )
     rows[1]["loss_doubt"]["sgbm"]["coverage"] = 0.5
     assert "fewer" not in " ".join(variant_advice(rows, ["sgbm"]))
 
@@ -215,9 +254,15 @@ def test_the_steps_of_a_front_are_not_noise():
 
 
 def test_the_report_holds_everything(tmp_path):
-    reference: dict[str, Any] = {"name": "64 samples", "noise": 0.01, "cpu_s": None, "stereo": {},
-                                 "own": {"sgbm": {"epe_px": 0.02}}, "undecided": "Nothing is decided.",
-                                 "own_decisions": {}}
+    reference: dict[str, Any] = {
+        "name": "64 samples",
+        "noise": 0.01,
+        "cpu_s": None,
+        "stereo": {},
+        "own": {"sgbm": {"epe_px": 0.02}},
+        "undecided": "Nothing is decided.",
+        "own_decisions": {},
+    }
     report = write_trade(ROWS, ["sgbm"], [reference], GROUPS, {"created": "2030-01-01T00:00:00+00:00"}, tmp_path)
     assert report["fronts"]["sgbm"][-1] == "256 samples"
     lines = (tmp_path / "trade.csv").read_text().splitlines()
@@ -287,9 +332,18 @@ def test_a_jackknife_of_a_mean_is_its_standard_error():
     assert error[0] == pytest.approx(tiles.std(ddof=1) / np.sqrt(tiles.size))
 
 
-@pytest.mark.parametrize(("loss", "doubt", "verdict"), [
-    (0.01, 0.005, True), (0.015, 0.01, None), (0.025, 0.01, None), (0.04, 0.01, False), (-0.1, 0.05, True),
-    (None, None, False), (0.01, None, None)])
+@pytest.mark.parametrize(
+    ("loss", "doubt", "verdict"),
+    [
+        (0.01, 0.005, True),
+        (0.015, 0.01, None),
+        (0.025, 0.01, None),
+        (0.04, 0.01, False),
+        (-0.1, 0.05, True),
+        (None, None, False),
+        (0.01, None, None),
+    ],
+)
 def test_a_tolerance_is_kept_only_if_noise_cannot_have_done_it(loss, doubt, verdict):
     numbers = {"epe_px": loss, "wrong_or_missing": 0.0}
     assert checked_tolerance(0.02, None).allows(numbers, {"epe_px": doubt, "wrong_or_missing": 0.0}) is verdict
@@ -335,20 +389,40 @@ def test_where_nothing_can_be_decided_there_is_a_sentence(tmp_path):
 
 
 def decided(name: str, cpu_s: float, same: bool | None, taken: float = 0.1) -> dict[str, Any]:
-    return {"group": "samples", "name": name, "key": name, "cpu_s": cpu_s, "cpu_range": [cpu_s, cpu_s],
-            "decisions": {"bm": {"same": same, "otherwise": 0.01, "otherwise_doubt": 0.01, "unsafe": 0.0,
-                                 "unsafe_doubt": 0.0, "shift_m": 0.1, "regret": 0.0, "taken": taken}}}
+    return {
+        "group": "samples",
+        "name": name,
+        "key": name,
+        "cpu_s": cpu_s,
+        "cpu_range": [cpu_s, cpu_s],
+        "decisions": {
+            "bm": {
+                "same": same,
+                "otherwise": 0.01,
+                "otherwise_doubt": 0.01,
+                "unsafe": 0.0,
+                "unsafe_doubt": 0.0,
+                "shift_m": 0.1,
+                "regret": 0.0,
+                "taken": taken,
+            }
+        },
+    }
 
 
 def test_the_advice_is_the_cheapest_variant_with_the_same_decisions():
-    rows = [{**decided("as described", 9.0, True), "group": "scene"}, decided("few", 1.0, False),
-            decided("some", 3.0, True), decided("many", 5.0, True)]
+    rows = [
+        {**decided("as described", 9.0, True), "group": "scene"},
+        decided("few", 1.0, False),
+        decided("some", 3.0, True),
+        decided("many", 5.0, True),
+    ]
     reference: dict[str, Any] = {"undecided": "", "own_decisions": {"bm": {"same": True}}}
-    line, = decision_advice(rows, ["bm"], [reference])
+    (line,) = decision_advice(rows, ["bm"], [reference])
     assert "“some”, 3.0 CPU seconds a pair (3.0 times less" in line
     assert "1.0 ± 1.0 % of the cells otherwise" in line
     assert "tells little" not in line
-    line, = decision_advice([{**decided("as described", 9.0, True, 0.0), "group": "scene"}], ["bm"], [reference])
+    (line,) = decision_advice([{**decided("as described", 9.0, True, 0.0), "group": "scene"}], ["bm"], [reference])
     assert "but StereoBM found no safe site on the reference" in line
     alone = [rows[1], {**rows[1], "group": "scene"}]
     assert "no variant" in decision_advice(alone, ["bm"], [reference])[0]

@@ -14,8 +14,11 @@ def test_copied_outlines_do_not_agree_with_themselves():
     view = View("A", "L")
 
     def again(*drawn):
-        terrain = Terrain("07", (), {(view, azimuth): (Polygon(ROCK, each),)
-                                     for azimuth, each in zip((30, 180, 270), drawn, strict=True)})
+        terrain = Terrain(
+            "07",
+            (),
+            {(view, azimuth): (Polygon(ROCK, each),) for azimuth, each in zip((30, 180, 270), drawn, strict=True)},
+        )
         return measure_rocks_again(terrain, "A")
 
     assert again(square, square, square) == []

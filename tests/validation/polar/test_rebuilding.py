@@ -23,7 +23,7 @@ def scene(tmp_path_factory):
     """The truth, the terrain that was read, its camera and its sand."""
     folder = tmp_path_factory.mktemp("polar")
     truth = write_polar_folder(folder)
-    terrain, = read_terrains(folder)
+    (terrain,) = read_terrains(folder)
     camera = calibrate(terrain)
     return folder, truth, terrain, camera, fit_sand(terrain, camera)
 
@@ -54,8 +54,10 @@ def test_the_camera_is_found(scene):
 @pytest.mark.heavy
 def test_labels_of_other_rocks_are_refused(scene):
     _, _, terrain, _, _ = scene
-    elsewhere = tuple(replace(rock, vertices=rock.vertices * [0.3, -0.3, 1.0] + np.sin(9 * k) * 0.8)
-                      for k, rock in enumerate(terrain.rocks))
+    elsewhere = tuple(
+        replace(rock, vertices=rock.vertices * [0.3, -0.3, 1.0] + np.sin(9 * k) * 0.8)
+        for k, rock in enumerate(terrain.rocks)
+    )
     with pytest.raises(IcyMoonError, match="of one terrain"):
         calibrate(replace(terrain, rocks=elsewhere))
 

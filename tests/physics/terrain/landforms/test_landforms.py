@@ -40,6 +40,7 @@ def test_every_landform_is_off_until_it_is_asked_for():
 
 # --- penitentes -------------------------------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize("azimuth", [0.0, 40.0, 180.0])
 @pytest.mark.parametrize("spacing", [0.7, 1.5])
 def test_rows_of_penitentes_have_the_stated_spacing_across_the_noon_sun(azimuth, spacing):
@@ -63,8 +64,9 @@ def test_rows_of_penitentes_have_the_stated_spacing_across_the_noon_sun(azimuth,
 
 def test_penitentes_stand_at_the_stated_height_on_concave_walls():
     for sharpness in (0.0, 0.5, 1.0):
-        heights, _ = _grid(_made("penitentes", height_m=2.0, spacing_m=1.0, sharpness=sharpness, variation=0.0),
-                           10.0, 501)
+        heights, _ = _grid(
+            _made("penitentes", height_m=2.0, spacing_m=1.0, sharpness=sharpness, variation=0.0), 10.0, 501
+        )
         assert heights.max() == pytest.approx(2.0, rel=0.02)  # a vertex is up to 1 cm from a crest
         assert heights.min() == pytest.approx(0.0, abs=1e-3)
         # The mean of a smooth step is 1/2, of a parabola between edges 1/3.
@@ -105,6 +107,7 @@ def test_a_coarse_mesh_gets_rounder_blades_not_saws():
 
 # --- double ridges ----------------------------------------------------------------------------------------------------
 
+
 def test_the_profile_of_a_double_ridge():
     place = np.linspace(-1.2, 1.2, 2401)
     heights = ridges.profile(place, 0.4)
@@ -118,35 +121,40 @@ def test_the_profile_of_a_double_ridge():
 
 @pytest.mark.parametrize("azimuth", [0.0, 60.0])
 def test_ridges_have_the_stated_height_trough_width_and_direction(azimuth):
-    made = _made("ridges", height_m=0.5, width_m=2.0, spacing_m=6.0, trough=0.4, sets=1, azimuth_deg=azimuth,
-                 spread_deg=0.0)
+    made = _made(
+        "ridges", height_m=0.5, width_m=2.0, spacing_m=6.0, trough=0.4, sets=1, azimuth_deg=azimuth, spread_deg=0.0
+    )
     heights, step = _turned(made, azimuth, 80.0, 1201)
     assert heights.max() == pytest.approx(0.5, rel=0.01)
     middle = heights[len(heights) // 2]
-    starts, ends = np.flatnonzero(np.diff((middle > 0).astype(int)) == 1), np.flatnonzero(
-        np.diff((middle > 0).astype(int)) == -1)
+    starts, ends = (
+        np.flatnonzero(np.diff((middle > 0).astype(int)) == 1),
+        np.flatnonzero(np.diff((middle > 0).astype(int)) == -1),
+    )
     ends = ends[ends > starts[0]]
-    widths = (ends[:len(starts)] - starts[:len(ends)]) * step
+    widths = (ends[: len(starts)] - starts[: len(ends)]) * step
     # Ridges wander by 0.12 spacings over 2.5: a cut square to the mean direction is up to a tenth longer or shorter.
     assert np.allclose(widths, 2.0, rtol=0.12)
     assert len(starts) == pytest.approx(80 / 6, abs=1.5)
     for start, end in zip(starts, ends, strict=False):
         across = middle[start:end]
-        trough = across[len(across) // 4:-len(across) // 4].min()
+        trough = across[len(across) // 4 : -len(across) // 4].min()
         assert trough == pytest.approx(0.5 * (1 - 0.4), rel=0.06)
     along, right = (np.square(np.diff(heights, axis=k)).mean() for k in (0, 1))
     assert right > 10 * along
 
 
 def test_young_ridges_bury_old_ones_instead_of_standing_on_them():
-    one, many = (_grid(_made("ridges", height_m=1.0, width_m=3.0, spacing_m=4.0, sets=sets), 60.0, 601)[0]
-                 for sets in (1, 6))
+    one, many = (
+        _grid(_made("ridges", height_m=1.0, width_m=3.0, spacing_m=4.0, sets=sets), 60.0, 601)[0] for sets in (1, 6)
+    )
     assert many.max() < 1.1 * one.max()
     assert many.min() >= 0.0
     assert np.mean(many > 0) > np.mean(one > 0)
 
 
 # --- cracks -----------------------------------------------------------------------------------------------------------
+
 
 def test_cracks_have_the_stated_depth_width_and_rims():
     made = _made("cracks", depth_m=0.5, width_m=0.2, rim_m=0.1, plate_m=3.0)
@@ -183,8 +191,10 @@ def test_broken_cracks_are_steeper_than_rounded_ones_and_hold_fallen_fragments()
     assert 1.0 < inside[1] / inside[0] < 1.0 + 0.4 * (1.1 + 0.3)
     # Walls take 0.35 of the half width instead of all of it; ledges are less steep in part.
     middle = [np.abs(heights + 0.2) < 0.1 for heights, _ in (rounded, broken)]
-    slopes = [np.median(np.hypot(*np.gradient(heights, step))[where])
-              for (heights, _), where in zip((rounded, broken), middle, strict=True)]
+    slopes = [
+        np.median(np.hypot(*np.gradient(heights, step))[where])
+        for (heights, _), where in zip((rounded, broken), middle, strict=True)
+    ]
     assert slopes[1] > 1.25 * slopes[0]
     # Fallen fragments cover the floor, and none reaches out of the crack.
     assert np.mean(broken[0][broken[0] < -0.3] > -0.49) > 0.5
@@ -193,10 +203,12 @@ def test_broken_cracks_are_steeper_than_rounded_ones_and_hold_fallen_fragments()
 
 # --- chaos ------------------------------------------------------------------------------------------------------------
 
+
 def test_plates_stand_at_the_stated_share_and_relief():
     for share in (0.0, 0.3, 1.0):
-        heights, _ = _grid(_made("chaos", relief_m=0.5, plate_m=4.0, plate_share=share, gap_m=0.0, tilt_deg=0.0),
-                           160.0, 601)
+        heights, _ = _grid(
+            _made("chaos", relief_m=0.5, plate_m=4.0, plate_share=share, gap_m=0.0, tilt_deg=0.0), 160.0, 601
+        )
         # 1600 plates: a standard error of 0.012.
         assert np.mean(heights > 0) == pytest.approx(share, abs=0.04)
         assert heights.min() == pytest.approx(0.0, abs=1e-6)
@@ -207,15 +219,18 @@ def test_plates_stand_at_the_stated_share_and_relief():
 
 
 def test_plates_are_tilted_as_stated_between_gaps_and_a_lumpy_matrix():
-    heights, step = _grid(_made("chaos", relief_m=0.1, plate_m=4.0, plate_share=1.0, gap_m=0.0, tilt_deg=10.0),
-                          80.0, 1001)
+    heights, step = _grid(
+        _made("chaos", relief_m=0.1, plate_m=4.0, plate_share=1.0, gap_m=0.0, tilt_deg=10.0), 80.0, 1001
+    )
     slopes = np.stack(np.gradient(heights, step))
     flat = np.abs(np.gradient(slopes[0], step)[0]) < 0.05  # tops, not scarps
     # Uniform between -10 and 10 degrees' slope; the bending of the plates stretches it by up to a sixth.
     expected = math.tan(math.radians(10.0)) / math.sqrt(3)
     assert slopes[0][flat].std() == pytest.approx(expected, rel=0.2)
-    wide, narrow = (np.mean(_grid(_made("chaos", relief_m=0.1, plate_share=1.0, gap_m=gap, tilt_deg=0.0), 80.0, 1001)[0]
-                            == 0) for gap in (0.4, 0.2))
+    wide, narrow = (
+        np.mean(_grid(_made("chaos", relief_m=0.1, plate_share=1.0, gap_m=gap, tilt_deg=0.0), 80.0, 1001)[0] == 0)
+        for gap in (0.4, 0.2)
+    )
     assert narrow == pytest.approx(0.2 * 2.0 / 4.0, rel=0.15)  # gap times edges per area
     assert wide == pytest.approx(2 * narrow, rel=0.1)
     matrix, _ = _grid(_made("chaos", relief_m=0.0, plate_share=0.0, matrix_m=0.3), 120.0, 601)
@@ -233,13 +248,18 @@ def test_broken_chaos_is_of_flat_faces_that_meet_at_edges():
     kurtosis = [np.mean(c**4) / np.mean(c**2) ** 2 for c in (lumps, blocks)]
     assert kurtosis[0] < 6.0 < 12.0 < kurtosis[1]
     # Most of each face is plane.
-    assert np.mean(np.abs(blocks) < 0.01 * np.abs(blocks).max()) > 0.5 > 0.2 > np.mean(
-        np.abs(lumps) < 0.01 * np.abs(lumps).max())
+    assert (
+        np.mean(np.abs(blocks) < 0.01 * np.abs(blocks).max())
+        > 0.5
+        > 0.2
+        > np.mean(np.abs(lumps) < 0.01 * np.abs(lumps).max())
+    )
 
 
 def test_broken_plates_have_steep_scarps_and_a_matrix_of_the_stated_height():
-    heights, step = _grid(_made("chaos", relief_m=1.0, plate_m=4.0, plate_share=1.0, gap_m=0.3, tilt_deg=0.0,
-                                edges="BROKEN"), 16.0, 1201)
+    heights, step = _grid(
+        _made("chaos", relief_m=1.0, plate_m=4.0, plate_share=1.0, gap_m=0.3, tilt_deg=0.0, edges="BROKEN"), 16.0, 1201
+    )
     slope = np.hypot(*np.gradient(heights, step))
     scarp = slope > 1.0
     # A plate of relief 0.5 to 1 m rises over 1 m / tan(80 degrees).
@@ -252,8 +272,14 @@ def test_broken_plates_have_steep_scarps_and_a_matrix_of_the_stated_height():
 
 def test_edges_of_plates_lose_no_more_than_their_chips():
     """Broken plates are those of straight cells, less the gap, the scarp and chips of at most 0.4 of their width."""
-    whole, broken = (_grid(_made("chaos", relief_m=1.0, plate_m=4.0, plate_share=1.0, gap_m=gap, tilt_deg=0.0,
-                                 edges="BROKEN"), 60.0, 801)[0] for gap in (0.0, 0.3))
+    whole, broken = (
+        _grid(
+            _made("chaos", relief_m=1.0, plate_m=4.0, plate_share=1.0, gap_m=gap, tilt_deg=0.0, edges="BROKEN"),
+            60.0,
+            801,
+        )[0]
+        for gap in (0.0, 0.3)
+    )
     assert (broken <= whole + 1e-12).all()
     lost = np.mean(whole > 0) - np.mean(broken > 0)
     assert lost == pytest.approx(0.3 * 2.0 / 4.0, rel=0.25)  # gap times edges per area
@@ -261,16 +287,17 @@ def test_edges_of_plates_lose_no_more_than_their_chips():
 
 # --- hollows ----------------------------------------------------------------------------------------------------------
 
+
 def test_crests_between_hollows_are_as_round_as_stated():
     """Across a crest the slope turns over the stated width instead of at once; the floor of a hollow stays as it is."""
-    sharp, round_ = (_grid(_made("hollows", depth_m=0.2, diameter_m=1.0, crest_m=crest), 3.0, 1501)[0]
-                     for crest in (0.0, 0.05))
+    sharp, round_ = (
+        _grid(_made("hollows", depth_m=0.2, diameter_m=1.0, crest_m=crest), 3.0, 1501)[0] for crest in (0.0, 0.05)
+    )
     assert (sharp.min(), sharp.max()) == pytest.approx((round_.min(), round_.max()), abs=2e-3)
     assert np.abs(sharp - round_).max() < 3.0 * 0.2 * 0.05 + 1e-3  # how deep it is half a width beside the edge
     # A kink turns the slope by it all at once, a crest of 5 cm over 25 steps of 2 mm; corners keep some of it.
     turn = [np.quantile(np.abs(np.diff(heights, 2, axis=1)), 0.999) for heights in (sharp, round_)]
     assert turn[1] < 0.3 * turn[0]
-
 
 
 def test_hollows_have_the_stated_depth_and_number():
@@ -282,13 +309,14 @@ def test_hollows_have_the_stated_depth_and_number():
     for i in (-1, 0, 1):
         for j in (-1, 0, 1):
             if i or j:
-                lowest &= inner < heights[1 + i:1 + i + inner.shape[0], 1 + j:1 + j + inner.shape[1]]
+                lowest &= inner < heights[1 + i : 1 + i + inner.shape[0], 1 + j : 1 + j + inner.shape[1]]
     # One hollow per square diameter; those whose point is in the wrong place lie at the edge of the grid.
     assert lowest.sum() == pytest.approx(30.0**2, rel=0.05)
     assert np.mean(inner[lowest] < -0.6 * 0.2 + 5e-3) > 0.97  # the shallowest is 0.6 as deep
 
 
 # --- pits ---------------------------------------------------------------------------------------------------------
+
 
 @pytest.mark.parametrize("coverage", [0.1, 0.4, 0.8])
 def test_pits_cover_their_share_of_the_ground(coverage):
@@ -313,14 +341,17 @@ def test_pits_have_flat_floors_at_one_depth_steep_walls_and_no_raised_rims():
 
 def test_pits_that_meet_share_one_floor_between_cusps():
     """Pits grow sideways at one depth: where two overlap, nothing stands between them, however many overlap."""
-    few, many = (_grid(_made("pits", depth_m=0.5, diameter_m=2.0, coverage=share), 30.0, 601)[0]
-                 for share in (0.1, 0.7))
+    few, many = (
+        _grid(_made("pits", depth_m=0.5, diameter_m=2.0, coverage=share), 30.0, 601)[0] for share in (0.1, 0.7)
+    )
     assert few.min() == many.min() == pytest.approx(-0.5)
 
 
 def test_talus_lies_at_the_foot_of_walls_at_its_angle_of_repose():
-    bare, dressed = (_grid(_made("pits", depth_m=0.5, diameter_m=2.0, coverage=0.3, wall_deg=75.0, talus=share), 10.0,
-                           1001) for share in (0.0, 0.25))
+    bare, dressed = (
+        _grid(_made("pits", depth_m=0.5, diameter_m=2.0, coverage=0.3, wall_deg=75.0, talus=share), 10.0, 1001)
+        for share in (0.0, 0.25)
+    )
     added, step = dressed[0] - bare[0], bare[1]
     assert added.min() >= 0.0
     assert (added[bare[0] == 0.0] == 0.0).all()  # none on the plain
@@ -353,6 +384,7 @@ def test_hollows_can_be_long():
 
 # --- craters ----------------------------------------------------------------------------------------------------------
 
+
 def test_the_profile_of_a_crater():
     r = np.linspace(0, 3.5, 3501)
     heights = craters.profile(r, 0.2, 0.04)
@@ -370,13 +402,12 @@ def _law(**changes: Any) -> np.ndarray:
 
 @pytest.mark.parametrize("index", [1.5, 2.0, 3.5])
 def test_crater_sizes_follow_the_truncated_power_law(index):
-    _, _, size, fresh = _law(coverage=0.2, smallest_m=0.4, largest_m=5.0, power_index=index, freshness=0.3,
-                                         most=50_000)
+    _, _, size, fresh = _law(coverage=0.2, smallest_m=0.4, largest_m=5.0, power_index=index, freshness=0.3, most=50_000)
     assert size.min() >= 0.4
     assert size.max() <= 5.0
     assert np.all(np.diff(size) <= 0)
     low, high = 0.4**-index, 5.0**-index
-    smaller = (low - np.sort(size)**-index) / (low - high)  # the law's distribution function, should be even
+    smaller = (low - np.sort(size) ** -index) / (low - high)  # the law's distribution function, should be even
     even = (np.arange(len(size)) + 0.5) / len(size)
     # Kolmogorov-Smirnov at the 0.1 % level.
     assert np.abs(smaller - even).max() < 1.95 / math.sqrt(len(size))
@@ -388,8 +419,14 @@ def test_crater_sizes_follow_the_truncated_power_law(index):
 
 
 def test_a_crater_is_as_deep_as_stated_and_the_small_wipe_out_the_large():
-    changes = {"coverage": 0.15, "smallest_m": 1.0, "largest_m": 4.0, "freshness": 0.5, "depth_ratio": 0.2,
-               "rim_ratio": 0.05}
+    changes = {
+        "coverage": 0.15,
+        "smallest_m": 1.0,
+        "largest_m": 4.0,
+        "freshness": 0.5,
+        "depth_ratio": 0.2,
+        "rim_ratio": 0.05,
+    }
     made = _made("craters", seed=3, size_m=100.0, **changes)
     x, y, size, fresh = _law(**changes)
     checked = 0
@@ -399,7 +436,7 @@ def test_a_crater_is_as_deep_as_stated_and_the_small_wipe_out_the_large():
         on_patch = max(abs(x[k]), abs(y[k])) + size[k] / 2 < 50.0
         if on_patch and np.all(np.hypot(x[later] - x[k], y[later] - y[k]) > 1.5 * size[later] + size[k]):
             angle = np.linspace(0, 2 * math.pi, 8)
-            centre = made.heights(x[k:k + 1], y[k:k + 1], 0.0)[0]
+            centre = made.heights(x[k : k + 1], y[k : k + 1], 0.0)[0]
             assert centre == pytest.approx((0.05 - 0.2) * size[k] * fresh[k], abs=1e-12)
             if np.all(np.hypot(x[:k] - x[k], y[:k] - y[k]) > 1.5 * size[:k] + size[k] / 2):
                 rim = made.heights(x[k] + size[k] / 2 * np.cos(angle), y[k] + size[k] / 2 * np.sin(angle), 0.0)
@@ -416,6 +453,7 @@ def test_craters_that_cannot_be():
 
 
 # --- mantle -----------------------------------------------------------------------------------------------------------
+
 
 def test_the_law_of_the_snow():
     below = np.linspace(-1.0, 3.0, 4001)
@@ -434,8 +472,10 @@ def test_the_law_of_the_snow():
 @pytest.mark.parametrize("thickness", [0.05, 0.5, 1000.0])
 def test_snow_fills_hollows_and_never_raises_a_ridge(thickness):
     parts = {"terrain": {"rms_slope_deg": 20.0}, "ridges": {"height_m": 0.6, "sets": 1}}
-    bare, mantled = (make_terrain(merged(defaults(), parts, {"mantle": {"thickness_m": t, "length_m": 2.0}}), 1)
-                     for t in (0.0, thickness))
+    bare, mantled = (
+        make_terrain(merged(defaults(), parts, {"mantle": {"thickness_m": t, "length_m": 2.0}}), 1)
+        for t in (0.0, thickness)
+    )
     axis = np.linspace(-10, 10, 401)
     before, after = (ground.heights(axis[None, :], axis[:, None]) for ground in (bare, mantled))
     snow = after - before

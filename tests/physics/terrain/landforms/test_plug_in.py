@@ -23,6 +23,7 @@ def install(tmp_path, monkeypatch):
         add_package(tmp_path / name, monkeypatch, "landform", name, source)
         found[f"landform_{name}"] = read_landform(find("landform", ()).usable[name])
         monkeypatch.setattr(plug_in, "landform_plugins", lambda: (found, {}))
+
     return run
 
 
@@ -58,14 +59,19 @@ def test_one_that_is_not_installed_is_refused_and_never_left_out():
 def test_another_release_is_refused(install):
     install()
     terrain.make_terrain(with_steps(0.7, "icymoon-test-steps 1.0"), 0)
-    with pytest.raises(IcyMoonError, match=r"landform_steps was made by icymoon-test-steps 0\.9, and "
-                       r"icymoon-test-steps 1\.0 is installed; install icymoon-test-steps 0\.9, or"):
+    with pytest.raises(
+        IcyMoonError,
+        match=r"landform_steps was made by icymoon-test-steps 0\.9, and "
+        r"icymoon-test-steps 1\.0 is installed; install icymoon-test-steps 0\.9, or",
+    ):
         terrain.make_terrain(with_steps(0.7, "icymoon-test-steps 0.9"), 0)
     terrain.make_terrain(with_steps(0.0, "icymoon-test-steps 0.9"), 0)  # it is off
 
 
-RANDOM = LANDFORM.replace("return np.where(x > 0, settings['height_m'], 0.0)",
-                          "return np.full(x.shape, settings['height_m'] * (settings['seed'] % 1000))")
+RANDOM = LANDFORM.replace(
+    "return np.where(x > 0, settings['height_m'], 0.0)",
+    "return np.full(x.shape, settings['height_m'] * (settings['seed'] % 1000))",
+)
 
 
 def test_its_random_numbers_follow_from_the_seed_and_its_name_alone(install):

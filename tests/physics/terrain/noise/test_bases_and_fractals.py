@@ -71,7 +71,7 @@ def test_a_layer_fades_without_steps_and_does_not_depend_on_its_neighbours(fract
     x, y = np.random.default_rng(3).uniform(-10, 10, (2, 400))
     shortest = np.linspace(0.0, 2.5, 400)
     together = made.heights(x, y, shortest)
-    alone = [float(made.heights(x[k:k + 1], y[k:k + 1], shortest[k:k + 1])[0]) for k in range(400)]
+    alone = [float(made.heights(x[k : k + 1], y[k : k + 1], shortest[k : k + 1])[0]) for k in range(400)]
     assert np.array_equal(together, alone)
     finer, coarser = made.heights(x, y, shortest), made.heights(x, y, shortest + 1e-9)
     # An octave fades within half its wavelength, the finest here 0.03 m: 1e-9 m are 1e-7 of it.

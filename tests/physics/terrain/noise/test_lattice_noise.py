@@ -16,13 +16,18 @@ from icymoon.physics.terrain.roughness.structure_function import NOISE_DEVIATION
 COORDINATE = st.floats(-1e6, 1e6) | st.integers(-1000, 1000).map(float)
 KEY = st.integers(0, 2**32 - 1)
 SCALAR = {
-    "GRADIENT": reference.gradient_noise, "CELLS": reference.cell_noise, "MIDPOINT": reference.value_noise,
+    "GRADIENT": reference.gradient_noise,
+    "CELLS": reference.cell_noise,
+    "MIDPOINT": reference.value_noise,
     "VORONOI_F1": lambda x, y, key: 2 * reference.points_near(x, y, key)[0][0] - 1,
     "VORONOI_F2": lambda x, y, key: 2 * reference.points_near(x, y, key)[1][0] - 1,
-    "VORONOI_F2_F1": lambda x, y, key: 2 * (reference.points_near(x, y, key)[1][0]
-                                            - reference.points_near(x, y, key)[0][0]) - 1,
-    "CRACKLE": lambda x, y, key: 2 * min(10 * (reference.points_near(x, y, key)[1][0]
-                                               - reference.points_near(x, y, key)[0][0]), 1.0) - 1}
+    "VORONOI_F2_F1": lambda x, y, key: 2
+    * (reference.points_near(x, y, key)[1][0] - reference.points_near(x, y, key)[0][0])
+    - 1,
+    "CRACKLE": lambda x, y, key: 2
+    * min(10 * (reference.points_near(x, y, key)[1][0] - reference.points_near(x, y, key)[0][0]), 1.0)
+    - 1,
+}
 
 
 @pytest.mark.parametrize("basis", BASES)
@@ -81,8 +86,10 @@ def test_the_distance_to_the_edge_has_no_steps_where_three_cells_meet():
     distance = voronoi.voronoi(x, y, 8).edge_distance()
     # A distance changes by no more than one walks; the far places where the search ends are left out.
     near = distance < 0.25
-    for step, both in ((np.diff(distance, axis=0), near[1:] & near[:-1]),
-                       (np.diff(distance, axis=1), near[:, 1:] & near[:, :-1])):
+    for step, both in (
+        (np.diff(distance, axis=0), near[1:] & near[:-1]),
+        (np.diff(distance, axis=1), near[:, 1:] & near[:, :-1]),
+    ):
         assert np.abs(step[both]).max() <= axis[1] * (1 + 1e-9)
 
 
@@ -109,8 +116,11 @@ def test_noise_is_smooth_across_lattice_lines():
 def test_known_variances():
     """Uniform values have 1/3; bilinear weights have a mean square of 2/3 per axis, which leaves 4/27."""
     x, y = np.random.default_rng(3).uniform(-2000, 2000, (2, 300_000))
-    for made, variance in ((lattice_noise.cell_noise(x, y, 1), 1 / 3), (lattice_noise.value_noise(x, y, 1), 4 / 27),
-                           (lattice_noise.gradient_noise(x, y, 1), NOISE_DEVIATION**2)):
+    for made, variance in (
+        (lattice_noise.cell_noise(x, y, 1), 1 / 3),
+        (lattice_noise.value_noise(x, y, 1), 4 / 27),
+        (lattice_noise.gradient_noise(x, y, 1), NOISE_DEVIATION**2),
+    ):
         # The standard error of a variance of 3e5 nearly independent values is 0.3 %.
         assert made.var() == pytest.approx(variance, rel=0.015)
 

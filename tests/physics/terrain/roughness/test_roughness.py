@@ -51,8 +51,10 @@ def _holds(seed: int, hurst: float, multifractality: float) -> None:
     assert slope == pytest.approx(-(2 * hurst + 2), abs=0.3 if hurst < 0.85 else 0.5)
 
 
-@pytest.mark.parametrize(("hurst", "multifractality"), heavy_but([(0.3, 1.0), (0.8, 0.0), (0.95, 0.5)], product(
-    [0.3, 0.5, 0.8, 0.95], [0.0, 0.5, 1.0])))
+@pytest.mark.parametrize(
+    ("hurst", "multifractality"),
+    heavy_but([(0.3, 1.0), (0.8, 0.0), (0.95, 0.5)], product([0.3, 0.5, 0.8, 0.95], [0.0, 0.5, 1.0])),
+)
 def test_the_deviation_and_the_spectrum_are_as_stated(hurst, multifractality):
     _holds(round(100 * hurst + 10 * multifractality), hurst, multifractality)
 
@@ -80,8 +82,10 @@ def test_independent_octaves_sum_to_the_law(hurst, lacunarity, dimensions):
     assert np.ptp(inner) < 1e-9 * inner[0]
 
 
-@pytest.mark.parametrize(("baseline", "slope"), heavy_but([(0.5, 60.0), (1.0, 12.0), (2.0, 2.0)], product(
-    [0.5, 1.0, 2.0], [2.0, 12.0, 35.0, 60.0])))
+@pytest.mark.parametrize(
+    ("baseline", "slope"),
+    heavy_but([(0.5, 60.0), (1.0, 12.0), (2.0, 2.0)], product([0.5, 1.0, 2.0], [2.0, 12.0, 35.0, 60.0])),
+)
 def test_the_patch_has_the_stated_slope_at_its_baseline(slope, baseline):
     for seed in (1, 2):
         heights = _built(seed, 513, rms_slope_deg=slope, slope_baseline_m=baseline, inner_scale_m=0.12)
@@ -161,8 +165,10 @@ def test_octaves_go_from_one_cut_off_to_the_other(inner, lacunarity):
 
 
 def test_cut_offs_that_make_no_sense():
-    for changes, word in (({"outer_scale_m": 0.5, "inner_scale_m": 1.0}, "longer than"),
-                          ({"outer_scale_m": 1e5, "inner_scale_m": 1e-4, "lacunarity": 1.2}, "octaves")):
+    for changes, word in (
+        ({"outer_scale_m": 0.5, "inner_scale_m": 1.0}, "longer than"),
+        ({"outer_scale_m": 1e5, "inner_scale_m": 1e-4, "lacunarity": 1.2}, "octaves"),
+    ):
         with pytest.raises(IcyMoonError, match=word):
             wavelengths_m(merged(defaults(), {"terrain": changes}).terrain)
     assert law_range_m(defaults().terrain) == pytest.approx((0.01, 2.4))
@@ -174,7 +180,8 @@ def test_the_measures_on_surfaces_that_are_known():
     # <(z(x + d) - z(x))²> of a sine of amplitude 2 is 4 (1 - cos kd) along it and 0 across it.
     for lag in (5, 10, 20):
         assert rms_deviation(wave, lag) == pytest.approx(
-            math.sqrt(4 * (1 - math.cos(2 * math.pi * lag / 40)) / 2), rel=0.01)
+            math.sqrt(4 * (1 - math.cos(2 * math.pi * lag / 40)) / 2), rel=0.01
+        )
     plane = 0.2 * axis[None, :] - 0.1 * axis[:, None] + 7.0
     assert np.abs(detrend(plane)).max() < 1e-10
     white = np.random.default_rng(0).normal(size=(512, 512))
