@@ -41,6 +41,7 @@ def ignore(message: Message) -> None:
 
 def as_warnings(hear: Hear) -> Hear:
     """The same, with warnings also issued as Python's."""
+
     def hear_all(message: Message) -> None:
         if message["type"] == "warning":
             warnings.warn(show_controls(message["message"]), stacklevel=2)
@@ -134,8 +135,10 @@ def this_blender() -> str:
     if executable:
         return str(executable)
     if importlib.util.find_spec("bpy") is None:
-        raise IcyMoonError(f"{sys.executable} has no Blender; give one as icymoon.Worker(blender=…), or pip install "
-                           "icymoon[blender].")
+        raise IcyMoonError(
+            f"{sys.executable} has no Blender; give one as icymoon.Worker(blender=…), or run "
+            'pip install "icymoon[blender]".'
+        )
     return sys.executable
 
 
