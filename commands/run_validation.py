@@ -16,7 +16,7 @@ from ..support.suggestions import nearest
 from ..support.terminal import named, show_progress
 from ..validation.all_comparisons import load_comparisons
 from ..validation.comparison import AGREES, OFF, Bench, Comparison, Result, load_own_comparison, run_comparison
-from ..validation.tables import cells, markdown_section, replace_sections, summary
+from ..validation.tables import cells, markdown_section, replace_sections, sources, summary
 
 
 def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) -> list[Comparison]:
@@ -85,10 +85,10 @@ def _print_result(result: Result) -> None:
     if result.rows:
         rows: list[list[str | tuple[str, str]]] = []
         for row in result.rows:
-            quantity, *numbers, verdict, _ = cells(row)
+            quantity, *numbers, verdict = cells(row)
             rows.append([quantity.replace("`", ""), *numbers, (verdict, "red" if row.verdict == OFF else "")])
         printer.print_table(("", "here", "held against", "allowed", "off by", "verdict"), rows, left=range(6))
-    for source in dict.fromkeys(row.source for row in result.rows):
+    for source in sources(result.rows):
         printer.say(f"  Source: {source}")
     for row in result.rows:
         if row.why and row.verdict != AGREES:

@@ -85,9 +85,9 @@ def _compare(bench: Bench) -> list[Row]:
 COMPARISON = Comparison(
     "colours",
     "Colours",
-    "Reflectances of materials at 400, 460, 620 and 700 nm, beside spectra that others published and that no material "
-    "was made from. The spectra were read from the tables of the program TrueColorTools. Europa's trailing hemisphere "
-    "is compared with plains that have as much dark matter as makes their reflectance 0.62 at 550 nm. For salts, "
-    "sulphur and tholin no spectrum was found: their numbers are assumed.",
+    "Reflectances of materials at 400, 460, 620 and 700 nm are compared with published spectra. No material was "
+    "made from these spectra. They were read from the tables of the program TrueColorTools. Europa's trailing "
+    "hemisphere is compared with plains that have enough dark matter for a reflectance of 0.62 at 550 nm. For "
+    "salts, sulphur and tholin no spectrum was found: their numbers are assumed.",
     _compare,
 )

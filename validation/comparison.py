@@ -120,11 +120,12 @@ class Bench:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A comparison: ``name`` on the command line, title and a paragraph for the page, and the function for its rows.
+    """A comparison: ``name`` on the command line, title and text for the page, and the function for its rows.
 
-    A comparison that is not ``quick`` is left out of a quick run; the others may look at fewer cases there. ``needs``
-    names the option that gives the folder of its data; without that option, a run of all comparisons leaves it out.
-    ``figure`` is a picture of the page, in Markdown, that was made with the tables.
+    Each line of the ``text`` is a paragraph or an item of a list. A comparison that is not ``quick`` is left out of a
+    quick run; the others may look at fewer cases there. ``needs`` names the option that gives the folder of its data;
+    without that option, a run of all comparisons leaves it out. ``figure`` is a picture of the page, in Markdown, that
+    was made with the tables.
     """
 
     name: str

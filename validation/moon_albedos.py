@@ -17,8 +17,8 @@ from .published_spectra import europa_over_green
 _VERBISCER = "Verbiscer et al. 2007, Science 315, 815, as Wikipedia quotes it"
 _FILACCHIONE = "Filacchione et al. 2022, arXiv 2111.15541, abstract, 0.55 µm"
 _BOLOMETRIC = (
-    "Likely causes: it is bolometric and the preset is for 0.55 µm, and the preset's phase function is that "
-    "of Enceladus, which is a guess"
+    "Likely causes: it is bolometric and the preset is for 0.55 µm; and the preset has Enceladus' phase "
+    "function, which is a guess"
 )
 _BURATTI = "Buratti et al. 2022, Planetary Science Journal 3, 200, as the program TrueColorTools quotes it"
 _NARROW = (
@@ -27,15 +27,19 @@ _NARROW = (
 )
 _EARLIER = "Likely cause: two publications disagree by more than their errors; the preset meets the later one"
 _SPIKE = (
-    "Likely cause: a measurement that has only part of the narrow surge below 1° of phase, which Thompson and "
-    "Lockwood 1992 (J. Geophys. Res. 97, abstract) call very strong. The preset is 0.75 with the surge and, see "
-    "below, 0.62 without; by the colour, also below, another measurement is 0.79 at 0.55 µm. Zero point and "
-    "radius are no cause: V(1,0) = -1.41, as planetarium programs quote it, gives 0.68 with a Sun of V = -26.74 "
-    "and a radius of 1560.8 km. The preset has 0.67 at a phase of 0.2°, 0.64 at 0.45° and 0.62 at 1°, so the "
-    "tables' 0.64 and 0.67 are what it shows near the smallest phases seen from Earth (Thompson and Lockwood: "
-    "less than 0.5°). Open, as the publication behind the table was not found: by which phases and formula its "
-    "magnitude was extrapolated to 0°"
+    "Likely cause: the measurement has only part of the narrow surge below 1° of phase, which Thompson and "
+    "Lockwood 1992 (J. Geophys. Res. 97, abstract) call very strong. The preset has 0.75 with the surge and 0.62 "
+    "without it. Another measurement, by its colour, is 0.79 at 0.55 µm. Zero point and radius are no cause: "
+    "V(1,0) = -1.41, as planetarium programs quote it, gives 0.68 with a Sun of V = -26.74 and a radius of "
+    "1560.8 km. The preset has 0.67 at a phase of 0.2°, 0.64 at 0.45° and 0.62 at 1°. So it shows the tables' "
+    "0.64 and 0.67 near the smallest phases seen from Earth, which are less than 0.5° (Thompson and Lockwood). "
+    "Open, as the publication behind the table was not found: by which phases and formula its magnitude was "
+    "extrapolated to 0°"
 )
+_JPL = "JPL's table of satellites, V band, as Wikipedia quotes it"
+_GRUNDY = "Grundy et al. 2007 and Buratti, quoted: 0.62 to 0.68"
+_RATIO = "the measured Bond albedo over the geometric one, 0.65 over 0.67"
+_HELFENSTEIN = "Helfenstein et al. 1998, Icarus 135, 41, abstract"
 _FACTS = "an early edition of NASA's Moon Fact Sheet, as archives of it print it"
 _MOON_CURVE = (
     "Allen 1976 in Krisciunas and Schaefer 1991, PASP 103, 1033; ROLO's curve (Kieffer and Stone 2005) is "
@@ -50,7 +54,7 @@ _SMOOTH = (
 #: Share of Europa's area that is chaos, where it was mapped.
 _CHAOS = 0.3
 _WITHOUT_SURGE = (
-    "Cause, by the row of the phase integral without the surge: the albedo that it is made with leaves "
+    "Cause, by the row of the phase integral without the surge: the measured geometric albedo leaves "
     "the narrow surge out"
 )
 
@@ -85,8 +89,15 @@ MEASURED = (
     Measured(
         "mimas", "Bond", 0.41, 0.07, "Howett et al. 2020, arXiv 2003.08451, abstract: most of the moon", why=_BOLOMETRIC
     ),
-    Measured("mimas", "Bond", 0.45, 0.08, "the same: the anomalous region", why=_BOLOMETRIC),
-    Measured("mimas", "Bond", 0.595, 0.105, "Howett et al. 2011, as the same abstract quotes it: 0.49 to 0.70"),
+    Measured(
+        "mimas",
+        "Bond",
+        0.45,
+        0.08,
+        "Howett et al. 2020, arXiv 2003.08451, abstract: the anomalous region",
+        why=_BOLOMETRIC,
+    ),
+    Measured("mimas", "Bond", 0.595, 0.105, "Howett et al. 2011, as Howett et al. 2020 quote it: 0.49 to 0.70"),
     Measured("tethys", "equigonal", 0.74, 0.03, _FILACCHIONE, fitted=True),
     Measured("tethys", "geometric", 1.229, 0.005, f"{_VERBISCER} and others do; its error was not read", fitted=True),
     Measured("tethys", "geometric", 0.93, 0.02, _BURATTI, why=_NARROW),
@@ -96,7 +107,7 @@ MEASURED = (
         0.797,
         0.03,
         "Filacchione et al. 2018, Geophys. Res. Lett. 45, 6400, 0.55 µm, as "
-        "TrueColorTools quotes it; the error is that of 2022",
+        "TrueColorTools quotes it; the error is as in 2022",
         why=_EARLIER,
     ),
     Measured("dione", "equigonal", 0.65, 0.03, _FILACCHIONE, fitted=True),
@@ -108,30 +119,21 @@ MEASURED = (
         0.620,
         0.03,
         "Filacchione et al. 2018, Geophys. Res. Lett. 45, 2184, 0.55 µm, as "
-        "TrueColorTools quotes it; the error is that of 2022",
+        "TrueColorTools quotes it; the error is as in 2022",
         why=_EARLIER,
     ),
     Measured("dione", "Bond", 0.63, 0.15, "Howett et al. 2010, as Howett and Royer 2021, arXiv 2102.02130, quote it"),
-    Measured("dione", "Bond", 0.44, 0.13, "Howett et al. 2014, as the same quote it", why=_BOLOMETRIC),
+    Measured("dione", "Bond", 0.44, 0.13, "Howett et al. 2014, as Howett and Royer 2021 quote it", why=_BOLOMETRIC),
     Measured("rhea", "equigonal", 0.60, 0.05, _FILACCHIONE, fitted=True),
     Measured("rhea", "geometric", 0.949, 0.003, _VERBISCER, fitted=True),
     Measured("rhea", "geometric", 0.89, 0.01, _BURATTI, why=_NARROW),
     Measured("rhea", "phase integral", 0.71, 0.01, _BURATTI, why=_NARROW),
     Measured("rhea", "Bond", 0.59, 0.11, "Howett et al. 2014, Icarus, abstract: leading hemisphere"),
-    Measured("rhea", "Bond", 0.56, 0.13, "the same: trailing hemisphere"),
-    Measured("europa_global", "Bond", 0.65, 0.03, "Grundy et al. 2007 and Buratti, quoted: 0.62 to 0.68"),
-    Measured(
-        "europa_global",
-        "geometric",
-        0.67,
-        0.03,
-        "V band, of JPL's table of satellites as Wikipedia quotes it",
-        why=_SPIKE,
-    ),
-    Measured(
-        "europa_global", "phase integral", 0.97, 0.06, "Bond over geometric albedo, both as above", why=_WITHOUT_SURGE
-    ),
-    Measured("europa_bright_plains", "Bond", 0.68, 0.003, "upper end of 0.62 to 0.68, as above", fitted=True),
+    Measured("rhea", "Bond", 0.56, 0.13, "Howett et al. 2014, Icarus, abstract: trailing hemisphere"),
+    Measured("europa_global", "Bond", 0.65, 0.03, _GRUNDY),
+    Measured("europa_global", "geometric", 0.67, 0.03, _JPL, why=_SPIKE),
+    Measured("europa_global", "phase integral", 0.97, 0.06, _RATIO, why=_WITHOUT_SURGE),
+    Measured("europa_bright_plains", "Bond", 0.68, 0.003, f"{_GRUNDY}; the upper end", fitted=True),
     Measured("lunar_like", "geometric", 0.12, 0.003, _FACTS, fitted=True),
     Measured("lunar_like", "Bond", 0.067, 0.01, f"{_FACTS}; its error is a guess"),
 )
@@ -196,23 +198,23 @@ def _europa_rows() -> list[Row]:
             extrapolated,
             0.67,
             0.03,
-            "V band, as above",
-            why="Likely cause: the measured albedo has part of the surge; it is between this and "
-            "the one with all of it",
+            _JPL,
+            why="Likely cause: the measured albedo has part of the surge; it is between this one and the one "
+            "with all of it",
         ),
         Row(
             "`hapke_europa_global`, geometric albedo, in a line from phases of 1.5° to 12°",
             extrapolated,
             0.64,
             0.03,
-            "Hamilton's Views of the Solar System, another table; the error is that of the one above",
+            "Hamilton's Views of the Solar System, another table; the error is as for JPL's",
         ),
         Row(
             "`hapke_europa_global`, phase integral with this albedo",
             photometry.bond_albedo(whole) / extrapolated,
             0.97,
             0.06,
-            "as above",
+            _RATIO,
         ),
         Row(
             f"`hapke_europa_global`, geometric albedo at 0.47 µm, by the colour {colour:.3f} of the trailing side",
@@ -234,18 +236,17 @@ def _europa_rows() -> list[Row]:
             _magnitudes_per_degree(whole, 0.38, 0.6),
             0.25,
             0.03,
-            "the same, 0.9 µm; the error is a guess",
+            "Buratti et al. 2002, DPS 34, 41.06, abstract, 0.9 µm; the error is a guess",
             unit="mag/°",
             why="Likely causes: the surge in the infrared is another one, and the published fit has too weak a surge, "
-            "see the next row",
+            "see the opposition effect of `hapke_europa_bright_plains`",
         ),
         Row(
             "`hapke_europa_bright_plains`, opposition effect over that of `hapke_europa_global`",
             opposition_effect(plains) / opposition_effect(whole),
             1.5,
             0.1,
-            "Helfenstein et al. 1998, Icarus 135, 41, "
-            "abstract: about 1.5 times what was known before; the error is a guess",
+            f"{_HELFENSTEIN}: about 1.5 times what was known before; the error is a guess",
             fitted=True,
         ),
         Row(
@@ -253,7 +254,7 @@ def _europa_rows() -> list[Row]:
             reflectance_at_five(dark),
             0.17,
             0.005,
-            "the same, 0.56 µm",
+            f"{_HELFENSTEIN}, 0.56 µm",
             fitted=True,
         ),
         Row(
@@ -261,7 +262,7 @@ def _europa_rows() -> list[Row]:
             opposition_effect(dark) / opposition_effect(plains),
             3.0,
             1.0,
-            "the same: up to four times, of the darkest spots, by shadow hiding; taken as 2 to 4",
+            f"{_HELFENSTEIN}: up to four times for the darkest spots, by shadow hiding; taken as 2 to 4",
         ),
         *_mixed_rows("ridges", 0.25, plains, dark, ""),
         *_mixed_rows(
@@ -297,15 +298,14 @@ def _mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometr
             opposition_effect(law) / opposition_effect(plains),
             2.5,
             1.5,
-            "Helfenstein et al. 1998, as above: between "
-            "those of bright icy terrains, 1, and of the darkest spots, up to 4",
+            f"{_HELFENSTEIN}: between bright icy terrains, 1, and the darkest spots, up to 4",
         ),
         Row(
             f"{preset} on {_CHAOS:.0%} of a disc of `hapke_europa_bright_plains`: Bond albedo",
             disc,
             0.65,
             0.03,
-            "of the whole moon, as above; share: that of chaos, nearly 30 % of the area that Riley et al. 2000 "
+            f"{_GRUNDY}, the whole moon; share: chaos is nearly 30 % of the area that Riley et al. 2000 "
             f"mapped (J. Geophys. Res. 105, 22599, abstract); that chaos is as dark as {name} is a guess",
             why=why,
         ),
@@ -339,15 +339,18 @@ def _compare(bench: Bench) -> list[Row]:
 COMPARISON = Comparison(
     "albedos",
     "Albedos of whole moons",
-    "Albedos that follow from the presets with Hapke's law, by integration. The geometric albedo is the brightness of "
-    "a full disc over that of a white, facing one; the Bond albedo is the share of all sunlight that is returned; the "
-    "equigonal albedo is I/F at i = e = g/2, extrapolated to g = 0 without the surge. `python "
-    "benchmarks/fit_albedos.py` repeats the fits. `surfaces/hapke_europa_ridges` and `_bands` were fitted to mixtures "
-    "of our own, and no measurement of either alone was found to hold them against: Helfenstein et al. 1998 measured "
-    "four materials; Belgacem et al. 2020 (arXiv 2007.11445) and Mergny et al. 2025 (Astron. Astrophys. 693, L21) "
-    "twenty regions, whose numbers were not read. Their rows have the nearest that is "
-    "published. `surfaces/hapke_europa_global` is the published fit to the whole disc and not good for its parts: "
-    "Galileo saw limbs brighter and the middle of the disc darker than this fit at 0.42 and 0.56 µm and a phase of "
+    "Each albedo follows from a preset by integration of Hapke's law. `python benchmarks/fit_albedos.py` "
+    "repeats the fits.\n\n"
+    "* The geometric albedo is the brightness of a full disc over the brightness of a white disc that faces the "
+    "Sun.\n"
+    "* The Bond albedo is the share of all sunlight that is returned.\n"
+    "* The equigonal albedo is I/F at i = e = g/2, extrapolated to g = 0 without the surge.\n\n"
+    "`surfaces/hapke_europa_ridges` and `_bands` were fitted to mixtures of our own. No measurement of either "
+    "alone was found. Helfenstein et al. 1998 measured four materials. Belgacem et al. 2020 (arXiv 2007.11445) "
+    "and Mergny et al. 2025 (Astron. Astrophys. 693, L21) measured twenty regions, whose numbers were not read. "
+    "The rows of both presets have the nearest published number.\n\n"
+    "`surfaces/hapke_europa_global` is the published fit to the whole disc and not good for its parts. Galileo "
+    "saw limbs brighter and the middle of the disc darker than this fit, at 0.42 and 0.56 µm and a phase of "
     "2.1° (Clark et al. 1997, DPS 29, abstract, which has no numbers).",
     _compare,
 )

@@ -78,7 +78,7 @@ def _compare(bench: Bench) -> list[Row]:
 COMPARISON = Comparison(
     "codes",
     "Hapke's formula in other programs",
-    "Values that the tests of other programs state. The table that Icy Moon's own tests use has 50 digits and many "
-    "hundred rows.",
+    "The tests of other programs state these values. Icy Moon's own tests use another table, with 50 digits and "
+    "many hundred rows.",
     _compare,
 )

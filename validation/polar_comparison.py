@@ -180,9 +180,9 @@ def _of_masks(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Hand
             lambda each: overlap(each.our_shadow, each.shadow),
             _SHADOWS,
             (
-                "Likely causes: the scan of the sand is not public, and outlines by hand; those of the "
-                "left eye, seen with the right one by way of the fitted sand, agree with those of the "
-                f"right one to {hand.shadows[position]:.2f}"
+                "Likely causes: the scan of the sand is not public, and outlines by hand; the left "
+                "eye's outlines, carried to the right eye by the fitted sand, agree with the right "
+                f"eye's to {hand.shadows[position]:.2f}"
             ),
         )
     return rows
@@ -190,8 +190,8 @@ def _of_masks(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Hand
 
 def _of_hand(agreement: float) -> str:
     if np.isnan(agreement):
-        return "no two lamps have outlines of their own, so how well those agree is not known"
-    return f"those under one lamp agree with those that were drawn anew under another to {agreement:.2f}"
+        return "no two lamps have separate outlines, so their agreement is not known"
+    return f"outlines under one lamp agree with outlines drawn anew under another to {agreement:.2f}"
 
 
 def _overlap_rows(

@@ -48,9 +48,9 @@ _LAMBERT = {"model": "LAMBERT", "albedo": 0.8}
 _HAPKE, _SNOW = {"model": "HAPKE"}, {"model": "SNOW", "albedo": 0.95}
 _HORIZON = {"rig": {"pitch_deg": 12.0}, "light": {"sun_elevation_deg": 30.0, "sun_azimuth_deg": 250.0}}
 _TURNED_AWAY = (
-    "Cause, by the next scene: Mitsuba draws Lambert's law black where a shading normal turns away from a "
-    "camera that sees the facet; Cycles does not. With a law that is not, 3.4 % become 0.3 % "
-    "(`benchmarks/shading_normals.py`)"
+    "Cause, by the scene with flat facets: Mitsuba draws Lambert's law black where a shading normal turns "
+    "away from a camera that sees the facet; Cycles does not. With a law that is not black there, 3.4 % "
+    "become 0.3 % (`benchmarks/shading_normals.py`)"
 )
 _TURNED_FROM_SUN = (
     "Cause, by the scene with flat facets: on a facet that turns from the Sun, where the smooth normal "
@@ -59,10 +59,10 @@ _TURNED_FROM_SUN = (
 _BEHIND = {"sun_elevation_deg": 40.0, "sun_azimuth_deg": 180.0}
 _LOW = {"light": {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 300.0}}
 _COARSE = (
-    "Cause, by the next scene: shading normals. The renderers differ on facets that turn from the Sun or from "
-    "the camera where the smooth normal does not, and here facets are several pixels wide. With a law that is "
-    "not black there, and without the 16 % of the pixels that see facets turned from the Sun, an RMS of 5.1 % "
-    "becomes 0.8 % (`benchmarks/shading_normals.py`)"
+    "Cause, by the default mesh with flat facets: shading normals. The renderers differ on facets that "
+    "turn from the Sun or from the camera where the smooth normal does not, and here facets are several pixels "
+    "wide. With a law that is not black there, and without the 16 % of the pixels that see facets turned from "
+    "the Sun, an RMS of 5.1 % becomes 0.8 % (`benchmarks/shading_normals.py`)"
 )
 _DARK = (
     "Cause: noise of dark regions. Renders in Mitsuba with other seeds (`mitsuba_render.py SCENE SAMPLES SEED`) "
@@ -307,14 +307,16 @@ def _compare(bench: Bench) -> list[Row]:
 COMPARISON = Comparison(
     "mitsuba",
     "A second renderer",
-    "Scenes rendered in Cycles and, from the export `--format mitsuba`, in Mitsuba 3 (`pip install "
-    "'icymoon[validate]'`): the same meshes, camera, Sun's disc and planet, other code for everything else. Radiance "
-    "is compared in 64 regions of the left image; regions darker than 2 % of the mean are compared with that. Pictures "
-    "of both and of their ratio are written into `pictures`. Hapke's law and that of snow are our own there, so their "
-    "scenes compare geometry and light, not the formula. Triangles are as fine as pixels and the ground is smooth at "
-    "their size, but for the scenes on the default mesh, whose ground also has the default's smallest feature and is "
-    "steeper than the default's. Scenes with flat facets have the ground of the scene before, with vertices of its own "
-    "for each triangle: they show what the shading normals of smooth ground do.",
+    "Cycles and Mitsuba 3 render the same scenes: `--format mitsuba` exports them, and `pip install "
+    '"icymoon[validate]"` installs Mitsuba. Meshes, camera, disc of the Sun and planet are the same; all other code '
+    "differs. Radiance is compared in 64 regions of the left image. A difference is relative to Mitsuba's region, or "
+    "to 2 % of the mean where the region is darker. Pictures of both images and of their ratio are written into "
+    "`pictures`.\n\n"
+    "Hapke's law and the snow law are our own in Mitsuba too, so their scenes compare geometry and light, not "
+    "the formula. Triangles are as fine as pixels, and the ground is smooth at their size. The scenes on the "
+    "default mesh differ: their ground also has the default's smallest feature and is steeper than the "
+    "default's. Scenes with flat facets have the ground of the scene before, with separate vertices for each "
+    "triangle. They show the effect of smooth ground's shading normals.",
     _compare,
     quick=False,
 )

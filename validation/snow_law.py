@@ -117,9 +117,10 @@ def _compare(bench: Bench) -> list[Row]:
 COMPARISON = Comparison(
     "snow",
     "Snow on Earth",
-    "Reflectance factors of a ball, as means over cells of 10° of incidence, emission and azimuth, beside the snow law "
-    "with the same albedo: incidence up to 70°, emission up to 60°, azimuth at least 20° from the plane of the Sun. "
-    "Numbers are relative differences, with the noise of 32 samples. The ball has a radius of a metre. "
-    "`fresh_snow` is without its glints, which a ball of so few pixels does not resolve.",
+    "Reflectance factors of a ball are compared with the snow law for the same albedo. They are means over "
+    "cells of 10° of incidence, emission and azimuth, with incidence up to 70°, emission up to 60° and azimuth "
+    "at least 20° from the plane of the Sun. Numbers are relative differences, with the noise of 32 samples. "
+    "The ball has a radius of a metre. `fresh_snow` is without its glints, because so few pixels do not resolve "
+    "them.",
     _compare,
 )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Sequence
 
 from ..support.number_text import count_of
 from .comparison import AGREES, EXPLAINED, LIKELY, OFF, Comparison, Result, Row
 
-_HEADS = ("quantity", "here", "held against", "allowed", "off by", "verdict", "source")
+_HEADS = ("quantity", "here", "held against", "allowed", "off by", "verdict", "notes")
 
 
 def shown_number(value: float) -> str:
@@ -21,9 +22,8 @@ def _verdict(row: Row) -> str:
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """What a table shows of a row."""
+    """What a table shows of a row, without its source and the cause of a difference."""
     unit = f" {row.unit}" if row.unit else ""
-    source = f"{row.source}. {row.why}" if row.why and row.verdict != AGREES else row.source
     return (
         row.quantity,
         shown_number(row.ours) + unit,
@@ -31,8 +31,17 @@ def cells(row: Row) -> tuple[str, ...]:
         f"± {shown_number(row.allowed)}",
         f"{row.difference:+.2g}",
         _verdict(row),
-        source,
     )
+
+
+def causes(rows: Sequence[Row]) -> list[str]:
+    """The stated causes of what is off, each once."""
+    return list(dict.fromkeys(row.why for row in rows if row.why and row.verdict != AGREES))
+
+
+def sources(rows: Sequence[Row]) -> list[str]:
+    """The sources of the rows, each once."""
+    return list(dict.fromkeys(row.source for row in rows))
 
 
 def summary(result: Result) -> str:
@@ -53,14 +62,31 @@ def markdown_section(result: Result) -> str:
     """The section of a comparison on the page, without what differs from run to run."""
     comparison = result.comparison
     command = f"`{comparison.command}`"
-    lines = [f"## {comparison.title}", "", *textwrap.wrap(comparison.text, 120), "", command, ""]
+    lines = [f"## {comparison.title}", "", *_wrapped(comparison.text), "", command, ""]
     if comparison.figure:
-        lines += [*textwrap.wrap(comparison.figure, 120, break_on_hyphens=False), ""]
+        lines += [*_wrapped(comparison.figure), ""]
     if result.error:
         return "\n".join([*lines, f"Not made: {result.error}", ""])
-    rows = [_HEADS, ("---",) * len(_HEADS), *(cells(row) for row in result.rows)]
-    table = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
-    return "\n".join([*lines, *table, ""])
+    notes = [*sources(result.rows), *causes(result.rows)]
+    numbered = [
+        (*cells(row), ", ".join(str(notes.index(note) + 1) for note in [row.source, *causes([row])]))
+        for row in result.rows
+    ]
+    table = [
+        "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
+        for row in [_HEADS, ("---",) * len(_HEADS), *numbered]
+    ]
+    listed = [line for number, note in enumerate(notes, 1) for line in _wrapped(f"{number}. {note}.")]
+    return "\n".join([*lines, *table, "", *listed, ""])
+
+
+def _wrapped(text: str) -> list[str]:
+    """The lines of a text whose own lines are paragraphs, items of lists or empty."""
+    lines = []
+    for part in map(str.strip, text.split("\n")):
+        indent = "    " if re.match(r"(\*|\d+\.) ", part) else ""
+        lines += textwrap.wrap(part, 120, subsequent_indent=indent, break_on_hyphens=False) or [""]
+    return lines
 
 
 def replace_sections(page: str, results: Sequence[Result]) -> str:

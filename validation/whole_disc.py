@@ -91,9 +91,10 @@ def _compare(bench: Bench) -> list[Row]:
 COMPARISON = Comparison(
     "disc",
     "Whole discs in Cycles",
-    "A ball with the surface of a preset, rendered over phase angles and summed over the image, beside the integral of "
-    "the formula over a sphere. Between the phase angles, the Bond albedo takes the shape of the formula's curve. The "
-    "equigonal albedos are fitted at the same phase angles. The camera is 10 000 radii away: the disc then spans "
-    "phase angles of 0.011°, which takes 0.3 % from the top of Enceladus' surge and is in the numbers.",
+    "A ball with the surface of a preset is rendered over phase angles and summed over the image. The sum is "
+    "compared with the integral of the formula over a sphere. Between the phase angles, the Bond albedo takes "
+    "the shape of the formula's curve. The equigonal albedos are fitted at the same phase angles. The camera is "
+    "10 000 radii away. The disc then spans phase angles of 0.011°, which takes 0.3 % from the top of "
+    "Enceladus' surge; the numbers contain this.",
     _compare,
 )

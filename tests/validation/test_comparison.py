@@ -29,6 +29,11 @@ from icymoon.validation.comparison import (
 )
 from icymoon.validation.tables import cells, markdown_section, replace_sections, summary
 
+#: The page that sums up, and the one with all numbers.
+PAGE, DETAILS = (
+    (ROOT / "docs" / "theory" / name).read_text(encoding="utf-8") for name in ("validation.md", "validation-details.md")
+)
+
 OWN = """
 from icymoon.validation.comparison import Comparison, Row
 COMPARISON = Comparison("mine", "Mine", "Why.", lambda bench: [Row("size", {ours}, 1.0, 0.1, "a ruler")])
@@ -59,7 +64,8 @@ def test_likely_causes_are_not_counted_as_known(tmp_path):
     found = run_comparison(Comparison("a", "A", "", lambda bench: rows), Bench(tmp_path))
     assert found.passes
     assert "1 off with a known cause, 1 off with a likely cause, none off without a cause" in summary(found)
-    assert "| off, likely cause | s. Likely cause: noise |" in markdown_section(found)
+    assert "| off, likely cause | 1, 3 |" in markdown_section(found)
+    assert markdown_section(found).endswith("\n\n1. s.\n2. Cause: known.\n3. Likely cause: noise.\n")
     rows.append(Row("c", 2.0, 1.0, 0.1, "s"))
     failed = run_comparison(Comparison("a", "A", "", lambda bench: rows), Bench(tmp_path))
     assert not failed.passes
@@ -185,6 +191,19 @@ def test_sections_of_a_page_are_renewed_and_the_rest_stays(tmp_path):
     assert replace_sections("# Page\n\n## Last\n\nEnd.\n", [result]) == new.replace("Intro.\n\n", "")
 
 
+def test_lines_of_a_text_are_paragraphs_and_items(tmp_path):
+    text = f"One.\n\n* {'a ' * 70}\n* b\n\nLast."
+    section = markdown_section(
+        run_comparison(Comparison("a", "A", text, lambda bench: [Row("q", 1, 1, 0, "s")]), Bench(tmp_path))
+    )
+    lines = section.splitlines()
+    assert lines[2:4] == ["One.", ""]
+    assert lines[4].startswith("* a a")
+    assert lines[5].startswith("    a a")
+    assert lines[6:9] == ["* b", "", "Last."]
+    assert max(map(len, lines)) <= 120
+
+
 def test_a_figure_is_below_the_command(tmp_path):
     comparison = Comparison("a", "A", "Text.", lambda bench: [Row("q", 1.0, 1.0, 0.0, "s")], figure="![Twins](a.png)")
     section = markdown_section(run_comparison(comparison, Bench(tmp_path)))
@@ -196,21 +215,50 @@ def test_comparisons_that_need_no_blender_pass_and_are_those_of_the_page(tmp_pat
     (comparison,) = choose_comparisons([name], [], True)
     found = run_comparison(comparison, Bench(tmp_path, quick=True))
     assert found.passes
-    page = (ROOT / "docs" / "theory" / "validation.md").read_text(encoding="utf-8")
-    section = page.split(f"\n## {comparison.title}\n")[1].split("\n## ")[0]
+    section = section_of(DETAILS, comparison.title)
     assert " ".join(comparison.text.split()) in " ".join(section.split())
     # What is ours and by how much it is off may differ in the last digit between machines.
-    shown = [line.split(" | ") for line in section.splitlines() if line.startswith("| ")][2:]
-    assert [(quantity[2:], *line[1:3], *line[4:]) for quantity, *line in shown] == [
-        (quantity, *rest[1:3], *rest[4:-1], f"{rest[-1]} |") for quantity, *rest in map(cells, found.rows)
+    assert [(quantity, *line[1:3], line[4]) for quantity, *line in table_of(section)] == [
+        (quantity, *rest[1:3], rest[4]) for quantity, *rest in map(cells, found.rows)
     ]
 
 
-def test_the_manual_has_a_section_of_every_comparison():
-    page = (ROOT / "docs" / "theory" / "validation.md").read_text(encoding="utf-8")
+def section_of(page, title):
+    """The text under a heading of a page."""
+    return page.split(f"\n## {title}\n")[1].split("\n## ")[0]
+
+
+def table_of(section):
+    """The cells of the rows of a section's table."""
+    return [line.strip("| ").split(" | ") for line in section.splitlines() if line.startswith("| ")][2:]
+
+
+@pytest.mark.parametrize("page", [PAGE, DETAILS], ids=["page", "details"])
+def test_the_manual_has_a_section_of_every_comparison(page):
     for each in load_comparisons():
-        assert f"## {each.title}\n" in page
-        assert f"--only {each.name}`" in page
+        assert f"`{each.command}`" in section_of(page, each.title)
+
+
+def test_the_page_counts_the_verdicts_of_the_details():
+    counted = {row[0].split("]")[0][1:]: [int(cell) for cell in row[2:]] for row in table_of(PAGE.split("\n## ")[0])}
+    for each in load_comparisons():
+        verdicts = [row[5] for row in table_of(section_of(DETAILS, each.title))]
+        kinds = [verdicts.count(kind) for kind in (AGREES, "fitted to it", EXPLAINED, LIKELY)]
+        assert counted.pop(each.title) == [len(verdicts), *kinds]
+        assert sum(kinds) == len(verdicts)
+    assert not counted
+
+
+@pytest.mark.parametrize("each", load_comparisons(), ids=lambda each: each.name)
+def test_every_note_of_the_details_is_used_and_every_row_has_its_source(each):
+    section = section_of(DETAILS, each.title)
+    notes = dict(re.findall(r"(?m)^(\d+)\. (.*)$", section))
+    rows = [(row[5], row[6].split(", ")) for row in table_of(section)]
+    assert set(notes) == {number for _, numbers in rows for number in numbers}
+    for verdict, (source, *why) in rows:
+        assert not re.match("Cause|Likely", notes[source])
+        kind = {EXPLAINED: "Cause", LIKELY: "Likely cause"}.get(verdict, "")
+        assert [notes[number].startswith(kind) for number in why] == ([True] if kind else [])
 
 
 @pytest.mark.parametrize("name", ["albedos", "colours", "codes"])
@@ -218,4 +266,4 @@ def test_what_takes_seconds_passes_and_is_in_the_manual(name, tmp_path):
     (comparison,) = (each for each in load_comparisons() if each.name == name)
     found = run_comparison(comparison, Bench(tmp_path, quick=True))
     assert found.passes, summary(found)
-    assert markdown_section(found) in (ROOT / "docs" / "theory" / "validation.md").read_text(encoding="utf-8")
+    assert markdown_section(found) in DETAILS
