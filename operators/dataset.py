@@ -82,9 +82,9 @@ class ICYMOON_OT_choose_plan(dialogs.SearchDialog, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     bl_property = "plan"
 
-    plan: bpy.props.EnumProperty(
+    plan: bpy.props.EnumProperty(  # type: ignore[valid-type]
         items=plan_items,
-        name="Plan",  # type: ignore[valid-type]
+        name="Plan",
         description="Plan to render",
     )
 
@@ -100,9 +100,9 @@ class ICYMOON_OT_open_plan(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_label = "Open Plan"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: bpy.props.StringProperty(
+    filepath: bpy.props.StringProperty(  # type: ignore[valid-type]
         subtype="FILE_PATH",
-        name="File",  # type: ignore[valid-type]
+        name="File",
         description="Plan of a data set",
     )
 

@@ -85,10 +85,10 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
     bl_idname = "icymoon.evaluate"
     bl_label = "Evaluate"
 
-    scope: bpy.props.EnumProperty(
+    scope: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Scope",
         default="SCENE",
-        items=(  # type: ignore[valid-type]
+        items=(
             ("SCENE", "This Scene", "The pairs of the present settings"),
             ("DATASET", "Whole Data Set", "Every pair in the data set folder"),
         ),

@@ -30,9 +30,9 @@ class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
     bl_label = "Import Ground"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: bpy.props.StringProperty(
+    filepath: bpy.props.StringProperty(  # type: ignore[valid-type]
         subtype="FILE_PATH",
-        name="File",  # type: ignore[valid-type]
+        name="File",
         description="Mesh or height map to read",
     )
     filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]

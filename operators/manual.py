@@ -149,10 +149,10 @@ class ICYMOON_OT_open_manual(bpy.types.Operator):
     bl_idname = "icymoon.open_manual"
     bl_label = "Open Manual"
 
-    page: bpy.props.StringProperty(
+    page: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Page",
         default=FIRST_PAGE,
-        options={"SKIP_SAVE"},  # type: ignore[valid-type]
+        options={"SKIP_SAVE"},
         description="Page of the manual, such as tutorial/window",
     )
 

@@ -201,9 +201,9 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     bl_property = "preset"
 
-    preset: bpy.props.EnumProperty(
+    preset: bpy.props.EnumProperty(  # type: ignore[valid-type]
         items=preset_items,
-        name="Preset",  # type: ignore[valid-type]
+        name="Preset",
         description="Preset to load",
     )
     # In a window: show the scene at once, its ground coarsely, then at full resolution.
@@ -262,10 +262,10 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
     bl_label = "Add Preset"
     bl_options = {"UNDO"}
 
-    title: bpy.props.StringProperty(
+    title: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Name",
         default="My Site",
-        maxlen=60,  # type: ignore[valid-type]
+        maxlen=60,
         description="Name of the preset in the menu",
     )
 

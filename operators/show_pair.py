@@ -269,18 +269,18 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
     bl_idname = "icymoon.show_pair"
     bl_label = "Show Stereo Pair"
 
-    view: bpy.props.EnumProperty(
+    view: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="View",
         items=VIEWS,
-        default="SIDE_BY_SIDE",  # type: ignore[valid-type]
+        default="SIDE_BY_SIDE",
         options={"SKIP_SAVE"},
         description="How to show it",
     )
-    number: bpy.props.IntProperty(
+    number: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Pair",
         default=1,
         min=1,
-        options={"SKIP_SAVE"},  # type: ignore[valid-type]
+        options={"SKIP_SAVE"},
         description="Which pair, if the scene has several headings",
     )
     automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]

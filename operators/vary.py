@@ -112,16 +112,16 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     bl_property = "setting"
 
-    setting: bpy.props.EnumProperty(
+    setting: bpy.props.EnumProperty(  # type: ignore[valid-type]
         items=_ITEMS,
-        name="Setting",  # type: ignore[valid-type]
+        name="Setting",
         options={"SKIP_SAVE"},
         description="Which setting varies",
     )
-    values: bpy.props.EnumProperty(
+    values: bpy.props.EnumProperty(  # type: ignore[valid-type]
         items=_choice_items,
         name="Values",
-        options={"ENUM_FLAG", "SKIP_SAVE"},  # type: ignore[valid-type]
+        options={"ENUM_FLAG", "SKIP_SAVE"},
         description="The values of a choice",
     )
 
@@ -368,10 +368,10 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
     bl_idname = "icymoon.render_variations"
     bl_label = "Render These Variations"
 
-    folder: bpy.props.StringProperty(
+    folder: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Folder",
         subtype="DIR_PATH",
-        options={"SKIP_SAVE"},  # type: ignore[valid-type]
+        options={"SKIP_SAVE"},
         description="Folder of the data set; if empty, that of the panel Data Set",
     )
     _asked = False
@@ -449,9 +449,9 @@ class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_idname = "icymoon.save_plan"
     bl_label = "Save Plan"
 
-    filepath: bpy.props.StringProperty(
+    filepath: bpy.props.StringProperty(  # type: ignore[valid-type]
         subtype="FILE_PATH",
-        name="File",  # type: ignore[valid-type]
+        name="File",
         description="TOML file to write",
     )
 
