@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache, partial
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 from icymoon.stereo.inference import scene_means, typical_scene
@@ -45,6 +46,7 @@ SHARES: dict[str, tuple[Draw, float]] = {
     "zero in 0.9, else uniform": (lambda random, shape: random.random(shape) * (random.random(shape) < 0.1), 0.05),
     "yes in 0.05": (lambda random, shape: (random.random(shape) < 0.05) + 0.0, 0.05),
     "yes in 0.5": (lambda random, shape: (random.random(shape) < 0.5) + 0.0, 0.5)}
+Result = TypeVar("Result")
 SCENES_OF_MEANS = (2, 3, 6, 10, 20, 30, 50, 100, 200)
 #: Procedures of the comparisons, see ``wrong``: the bounds, and where methods are called different.
 Procedure = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
@@ -134,7 +136,7 @@ def wrong_mean_differences(cell: tuple[str, float, int, int], runs: int) -> floa
     return misses / runs
 
 
-def timed(work: Callable[[], object]) -> tuple[object, float]:
+def timed(work: Callable[[], Result]) -> tuple[Result, float]:
     """What a cell gives, and its processor seconds."""
     began = time.process_time()
     return work(), time.process_time() - began
