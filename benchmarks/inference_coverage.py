@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache, partial
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 from icymoon.stereo.inference import scene_means, typical_scene
@@ -50,6 +51,7 @@ SHARES: dict[str, tuple[Draw, float]] = {
     "yes in 0.05": (lambda random, shape: (random.random(shape) < 0.05) + 0.0, 0.05),
     "yes in 0.5": (lambda random, shape: (random.random(shape) < 0.5) + 0.0, 0.5),
 }
+Result = TypeVar("Result")
 SCENES_OF_MEANS = (2, 3, 6, 10, 20, 30, 50, 100, 200)
 #: Procedures of the comparisons, see ``wrong``: the bounds, and where methods are called different.
 Procedure = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
@@ -145,7 +147,7 @@ def wrong_mean_differences(cell: tuple[str, float, int, int], runs: int) -> floa
     return misses / runs
 
 
-def timed(work: Callable[[], object]) -> tuple[object, float]:
+def timed(work: Callable[[], Result]) -> tuple[Result, float]:
     """What a cell gives, and its processor seconds."""
     began = time.process_time()
     return work(), time.process_time() - began

@@ -85,10 +85,14 @@ def compare(differences: np.ndarray, seed: int) -> Family:
     """
     columns = [_Column(differences[~np.isnan(differences[:, k]), k]) for k in range(differences.shape[1])]
     scenes = np.array([len(column.sums.values) for column in columns], int)
+    low, high, p, detectable = np.full((4, len(columns)), np.nan)
     found = Family(
         scenes,
         np.array([column.typical for column in columns], float),
-        *(np.full(len(columns), np.nan) for _ in range(4)),
+        low,
+        high,
+        p,
+        detectable,
         scenes_needed(len(columns)),
     )
     tested = np.flatnonzero(scenes >= found.needed)
@@ -99,11 +103,11 @@ def compare(differences: np.ndarray, seed: int) -> Family:
     observed = np.array([columns[k].evidence for k in tested]) / norms
     largest = np.sort(maxima.max(axis=1))
     reached = len(largest) - np.searchsorted(largest, observed * _TIE)
-    found.p[tested] = np.maximum(reached, 1) / len(largest)
+    p[tested] = np.maximum(reached, 1) / len(largest)
     limit = float(largest[math.ceil((1 - LIMIT) * len(largest) - 1e-9) - 1])
     for place, k in enumerate(tested):
-        found.low[k], found.high[k] = low, high = columns[k].bounds(limit * norms[place])
-        found.detectable[k] = (high - low) / 2 * (1 + NormalDist().inv_cdf(POWER) / limit)
+        low[k], high[k] = columns[k].bounds(limit * norms[place])
+        detectable[k] = (high[k] - low[k]) / 2 * (1 + NormalDist().inv_cdf(POWER) / limit)
     return found
 
 
@@ -139,10 +143,7 @@ class _Column:
         outside = math.ceil((self.sums.count - limit) / 2 - 1e-6)
         if outside < 1:
             return -math.inf, math.inf
-        return tuple(
-            self.sums.at(place) * self.unit / 2  # type: ignore[return-value]
-            for place in (outside - 1, self.sums.count - outside)
-        )
+        return (self.sums.at(outside - 1) * self.unit / 2, self.sums.at(self.sums.count - outside) * self.unit / 2)
 
 
 def _centred_ranks(differences: np.ndarray, columns: list[_Column]) -> np.ndarray:
@@ -160,10 +161,12 @@ def _centred_ranks(differences: np.ndarray, columns: list[_Column]) -> np.ndarra
 
 def _flip(ranks: np.ndarray, seed: int) -> np.ndarray:
     """The absolute statistics (flips, comparisons) of random signs of the scenes of signed ranks."""
-    number = np.float32 if len(ranks) < _MOST_SINGLE else np.float64
-    used, signs = ranks.astype(number), _signs(len(ranks), seed)
+    used, signs = ranks.astype(np.float32 if len(ranks) < _MOST_SINGLE else np.float64), _signs(len(ranks), seed)
     return np.concatenate(
-        [np.abs(signs[start : start + _AT_ONCE].astype(number) @ used) for start in range(0, len(signs), _AT_ONCE)]
+        [
+            np.abs(np.matmul(signs[start : start + _AT_ONCE].astype(used.dtype), used))
+            for start in range(0, len(signs), _AT_ONCE)
+        ]
     ).astype(np.float64)
 
 
