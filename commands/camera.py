@@ -24,6 +24,8 @@ _PARALLEL_RAD, _ASIDE = 1e-4, 1e-3
 #: How far two eyes may differ in focal length, principal point and distortion, px over the image, to be alike; and as
 #: shares of the focal length and of the width, to be taken for one lens, their mean.
 _ALIKE_PX, _MOST_FOCAL, _MOST_CENTRE = 0.5, 0.05, 0.05
+#: Smaller coefficients of distortion come from rounding in the file.
+_NO_DISTORTION = 1e-9
 #: By how much the focal lengths along x and y may differ as a share for pixels that are squares.
 _SQUARE = 1e-3
 #: Longest baseline of two eyes on one mount, m; NASA's rovers have at most 0.42, cars 1.5.
@@ -88,7 +90,7 @@ def read_rig(left: Path, right: Path, most_px: float = FIT_LIMIT_PX) -> tuple[Se
             f"{where} have images of {sizes}, and both eyes of a rig here have one size; rectify their images first."
         )
     _check_parallel(
-        first, second, where, "calibrate both eyes as a stereo pair" if of_ros[0] else _how_to_rectify(left, right)
+        first, second, where, "calibrate both eyes as a stereo pair" if of_ros[0] else _how_to_rectify(first, second)
     )
     baseline_m, doubt = _baseline(
         first,
@@ -296,13 +298,20 @@ def _tell_unlike(left: Lens, right: Lens, width_px: int) -> str:
     return f"{focal:.3g} px in focal length, {centre:.3g} px in principal point and {bent:.3g} px in distortion"
 
 
-def _how_to_rectify(left: Path, right: Path) -> str:
-    """What to do with models of two eyes that are not parallel, as our own exports write them beside others."""
-    beside = [path.with_name(path.name.replace("_sensor.", ".")) for path in (left, right)]
-    if all(other != path and other.is_file() for other, path in zip(beside, (left, right), strict=True)):
+def _how_to_rectify(left: _Eye, right: _Eye) -> str:
+    """The fix for models of two eyes that are not parallel, as our own exports write them beside others."""
+    paths = left.path, right.path
+    beside = [path.with_name(path.name.replace("_sensor.", ".")) for path in paths]
+    if all(other != path and other.is_file() for other, path in zip(beside, paths, strict=True)):
+        bent = ", ".join(
+            f"rig.distortion_{name} = {value:.6g}"
+            for name, value in zip(("k1", "k2", "p1", "p2", "k3"), left.lens.k, strict=True)
+            if abs(value) > _NO_DISTORTION
+        )
         return (
             f"give {beside[0].name} and {beside[1].name} beside them, the models of the rectified images, and set "
             "rig.toe_in_deg, to half of that angle, for eyes that are turned toward each other"
+            + (f", and {bent} for their lens" if bent else "")
         )
     return "rectify their images first"
 

@@ -102,7 +102,7 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
         problems += found
     problems += _check_other_files(dataset, planned.keys(), working, has_plan)
     stated = _find_stated_light(shared.light)
-    problems += _check_light(dataset, stated, working)
+    problems += _check_light(dataset, stated, working, _again(has_plan))
     told = {problem.what for problem in problems if problem.kind == "foreign"}  # with the reason why it stays
     for path in dict.fromkeys(problem.path for problem in problems if problem.path) if remove_broken else ():
         if not remove_ours(path, dataset) and path.name not in told:
@@ -212,8 +212,8 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
         yield Problem("foreign", name, text)
 
 
-def _again(planned: PlannedPair | None) -> str:
-    """How a pair is made again, in words."""
+def _again(planned: PlannedPair | bool | None) -> str:
+    """How a pair is made again, in words: by the plan of its data set, or where there is none, as it was."""
     return "run icymoon batch" if planned else "render the pair again"
 
 
@@ -352,8 +352,8 @@ def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> It
         )
 
 
-def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set[str]) -> Iterator[Problem]:
-    """Problems of baked light: of its files, and of the statements of pairs about it."""
+def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set[str], again: str) -> Iterator[Problem]:
+    """Problems of baked light: of its files, and of the statements of pairs about it; ``again`` makes a pair again."""
     folder = dataset / LIGHT
     if folder.is_symlink():
         yield Problem(
@@ -388,7 +388,7 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
                 "light",
                 file.name,
                 f"{folder / file.name} has another content now, and {who} rendered with "
-                f"it; to bake it again, move {which} away and run icymoon batch.",
+                f"it; to bake it again, move {which} away and {again}.",
             )
     for key in sorted({file.key for file in stated}):
         first, *more = sorted((pairs[0], file.checksum) for file, pairs in stated.items() if file.key == key)
@@ -397,7 +397,7 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
                 "light",
                 key,
                 f"Pair {pair} was rendered with other light than pair {first[0]}, although "
-                "their ground and light are the same; move one of them away and run icymoon batch.",
+                f"their ground and light are the same; move one of them away and {again}.",
             )
             for pair, checksum in more
             if checksum != first[1]
@@ -419,7 +419,8 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
         if is_unfinished(path):
             aside = _may_be_intact(path) and not is_complete(path.with_name(name))
             if aside and name not in working:
-                yield Problem("leftover", path.name, f"{path} is a whole pair; icymoon batch puts it into its place.")
+                fix = "icymoon batch puts it into its place" if has_plan else f"rename it to {name}"
+                yield Problem("leftover", path.name, f"{path} is a whole pair; {fix}.")
             elif name not in working:
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif name not in planned and is_of_a_pair(path) and _is_edited(path):

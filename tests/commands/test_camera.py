@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from icymoon.commands.camera import read_rig
@@ -426,8 +428,14 @@ def test_toed_in_models_lead_to_the_rectified_ones_beside_them(tmp_path):
     with pytest.raises(IcyMoonError, match=r"by 1\.15 degrees; rectify their images first\."):
         read_rig(*sensors)
     rectified = [path.rename(path.with_suffix(".cahvor")) for path in written(tmp_path)]
-    with pytest.raises(IcyMoonError, match=r"give left.cahvor and right.cahvor beside.* set rig.toe_in_deg, to half"):
+    told = r"give left.cahvor and right.cahvor beside.* set rig.toe_in_deg, to half"
+    with pytest.raises(IcyMoonError, match=told) as raised:
         read_rig(*sensors)
+    # Rectified images have no distortion, so the sentence states the lens of the sensors.
+    stated = dict(re.findall(r"rig\.(distortion_\w+) = (-?[\d.e-]+\d)", str(raised.value)))
+    bent = {key: value for key, value in RIG.items() if key.startswith("distortion_") and value}
+    assert {key: float(value) for key, value in stated.items()} == pytest.approx(bent, rel=1e-5)
+    assert bent
     assert read_rig(*rectified)[0].rig["baseline_m"] == pytest.approx(0.3)
 
 

@@ -272,6 +272,18 @@ def test_every_fault_of_light_is_reported_and_only_what_is_broken_goes(dataset, 
     assert (before == set(dataset.rglob("*"))) != goes
 
 
+@pytest.mark.parametrize("fault", ["brighter", "empty", "two of one key"])
+def test_light_of_a_set_without_a_plan_has_a_fix_that_needs_none(dataset, fault):
+    (dataset / "plan.jsonl").unlink()
+    if fault == "two of one key":
+        state(PAIRS[1].folder(dataset), bake(dataset, KEYS[0], 8.0))
+    else:
+        LIGHT_FAULTS[fault][0](dataset)
+    (problem,) = [each for each in verify(dataset).problems if each.kind == "light"]
+    assert problem.text.endswith("away and render the pair again.")
+    assert "batch" not in problem.text
+
+
 def test_two_pairs_of_one_key_with_different_light_are_reported(dataset):
     state(PAIRS[1].folder(dataset), bake(dataset, KEYS[0], 8.0))
     problem = the_problem(dataset)
