@@ -46,6 +46,10 @@ def test_what_is_no_finite_number_is_no_mark(text):
     assert trust_boundary.fault("mark", text).startswith(f"is {text!r}, which is no number")
 
 
+def test_of_a_long_mark_the_first_forty_letters_are_shown():
+    assert trust_boundary.fault("mark", 99 * "x").startswith(f"is {40 * 'x'!r}, ")
+
+
 @pytest.mark.parametrize("kind", ["name", "read", "written"])
 def test_a_text_that_is_only_read_may_be_any(kind):
     assert trust_boundary.fault(kind, EVIL) == trust_boundary.fault(kind, "x") == ""
