@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.commands import cli, print_settings
+from icymoon.commands import cli, sources
 from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.render.plans import combine, plan_file
 from icymoon.render.workers.memory import describe_shortage
@@ -311,10 +311,10 @@ def test_these_were_tracebacks(words, place):
 def test_what_the_system_refuses_is_a_sentence(place, monkeypatch, error):
     """Whichever call it is that nobody thought of."""
 
-    def refused(options):
+    def refused(path):
         raise error
 
-    monkeypatch.setattr(print_settings, "_run_sources", refused)
+    monkeypatch.setattr(sources, "read_pair_settings", refused)
     status, said = ended(["sources", "pairs/x"])
     assert status == 1
     assert said.startswith("icymoon: ")

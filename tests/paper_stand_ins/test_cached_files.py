@@ -184,7 +184,7 @@ def test_a_full_disk_is_one_sentence(folder, monkeypatch):
     def write_bytes(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(cached_files, "_write", write_bytes)
+    monkeypatch.setattr(Path, "write_bytes", write_bytes)
     with pytest.raises(IcyMoonError, match=r"^Cannot write \S+: the disk is full; free some space.*ICYMOON_CACHE.*\.$"):
         cached_files.find_texture_files("FIRN")
     assert not list((folder / "firn").iterdir())

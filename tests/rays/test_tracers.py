@@ -201,12 +201,12 @@ def other_engine(world: World) -> Tracer:
     raise LookupError
 
 
-def test_without_embree_another_engine_is_used_or_the_error_states_what_to_install(monkeypatch):
-    monkeypatch.setattr(engine, "_library", lambda folders: None)
+def test_without_embree_another_engine_is_used_or_the_error_states_what_to_install(monkeypatch, tmp_path):
+    monkeypatch.setattr(engine, "load_library", lambda folders: None)
     with pytest.raises(LookupError):
-        engine.open_tracer(World([]), (), other_engine)
+        engine.open_tracer(World([]), (tmp_path,), other_engine)
     with pytest.raises(IcyMoonError, match=r"lacks Embree; run .* -m pip install embreex"):
-        engine.open_tracer(World([]))
+        engine.open_tracer(World([]), (tmp_path,))
 
 
 @pytest.mark.skipif(LIBRARY is None, reason=NO_EMBREE)

@@ -159,3 +159,16 @@ def test_real_relief_that_is_not_in_the_mesh_has_the_id_of_bump():
     }
     assert ids["REAL", 0.001] == ids["BUMP", 0.001] != ids["DISPLACEMENT", 0.001]
     assert len({ids[relief, 0.02] for relief in ("BUMP", "REAL", "DISPLACEMENT")}) == 3
+
+
+@pytest.mark.parametrize(
+    ("topic", "height_m", "bump"),
+    [("surface", 0.001, True), ("surface", 0.02, False), ("rock_surface", 0.001, True), ("rock_surface", 0.02, True)],
+)
+def test_real_relief_of_rocks_is_never_in_the_mesh_and_that_of_the_ground_is_if_it_is_rough(topic, height_m, bump):
+    rough = settings.merged(
+        settings.defaults(),
+        {name: {"relief": "BUMP", "grain_amplitude_m": height_m} for name in ("surface", "rock_surface")},
+    )
+    real = settings.merged(rough, {topic: {"relief": "REAL"}})
+    assert (settings.digest(real) == settings.digest(rough)) == bump

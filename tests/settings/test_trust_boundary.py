@@ -36,6 +36,25 @@ def test_every_text_says_what_it_may_name():
         Setting(label="Number", default=1, description="Something that is counted", effect="run", trust="read")
 
 
+@pytest.mark.parametrize("text", ["", "none", "-9999", "1e20", " 5 ", "-0.0"])
+def test_a_mark_is_a_number_or_nothing(text):
+    assert trust_boundary.fault("mark", text) == ""
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "x", "None", "1,5", " ", "sh -c evil"])
+def test_what_is_no_finite_number_is_no_mark(text):
+    assert trust_boundary.fault("mark", text).startswith(f"is {text!r}, which is no number")
+
+
+def test_of_a_long_mark_the_first_forty_letters_are_shown():
+    assert trust_boundary.fault("mark", 99 * "x").startswith(f"is {40 * 'x'!r}, ")
+
+
+@pytest.mark.parametrize("kind", ["name", "read", "written"])
+def test_a_text_that_is_only_read_may_be_any(kind):
+    assert trust_boundary.fault(kind, EVIL) == trust_boundary.fault(kind, "x") == ""
+
+
 def test_a_matcher_has_no_text_but_those_that_descriptions_may_not_set():
     with pytest.raises(ValueError, match="LOADS"):
         Option("script", "", "Something that is run")
@@ -247,7 +266,7 @@ def test_one_s_own_matcher_is_named_and_takes_harmless_options_from_a_descriptio
     assert (bm.name, bm.options) == ("bm", {})
     assert (mine.label, mine.name) == ("own:mine:timeout_s=5", "external")
     assert mine.options == {"command": r"sh C:\run,me.sh {left} {right} {out}", "format": "pfm", "timeout_s": "5"}
-    assert trust_boundary.own_names("bm, own:a:x=1,own:b,own:a") == ["a", "b"]
+    assert trust_boundary.own_names("bm, own:a:x=1,own:b,own,own:a") == ["a", "b"]
 
 
 @pytest.mark.parametrize(

@@ -296,10 +296,11 @@ def test_nothing_is_written_through_links(tmp_path):
 
 def test_a_disk_that_refuses_is_reported_and_leaves_nothing_half_written(tmp_path, monkeypatch):
     def fill(part: Path, data: bytes) -> None:
-        part.write_bytes(data[:4])
+        with part.open("wb") as stream:
+            stream.write(data[:4])
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(baked_file, "_write_bytes", fill)
+    monkeypatch.setattr(Path, "write_bytes", fill)
     with pytest.raises(IcyMoonError, match="free some space"):
         baked_file.write(tmp_path, KEY, light())
     assert not list((tmp_path / "light").iterdir())

@@ -7,6 +7,7 @@ import os
 import shutil
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from icymoon.commands import batch
@@ -186,6 +187,56 @@ def test_what_a_silent_worker_has_not_begun_is_given_to_another(stand, monkeypat
     hanging.join(60)
     assert not hanging.is_alive()
     stand.assert_done()
+
+
+class Played:
+    """Stands for a worker's process: the first says what it has begun and then nothing, the others do a pair each time
+    that they are asked."""
+
+    pid, returncode, cause = 0, None, ""
+
+    def __init__(self, jobs: list[list[str]], begins: bool, ready: Path, pairs: Path, command: list[str]) -> None:
+        self.left = [pair["id"] for pair in json.loads(Path(command[-1]).read_text())["pairs"]]
+        self.hangs, self.running, self.ready, self.pairs = not jobs, True, ready, pairs
+        self.said = [{"type": "progress", "pair": self.left[0], "of_pair": 0.5}] if begins else []
+        jobs.append(list(self.left))
+
+    def poll(self) -> list[dict]:
+        if self.hangs:
+            said, self.said = self.said, []
+            return said
+        if not self.left:
+            self.running = False
+            return [{"type": "done"}]
+        name = self.left.pop(0)
+        shutil.copytree(self.ready / name, self.pairs / name, dirs_exist_ok=True)
+        return [{"type": "pair", "id": name}]
+
+    def stop(self) -> None:
+        self.running = False
+
+
+@pytest.mark.parametrize("look_s", [0.0, 60.0])
+@pytest.mark.parametrize("begins", [True, False])
+def test_a_silent_worker_gives_each_pair_away_once_and_keeps_the_one_that_it_has_begun(
+    stand, monkeypatch, begins, look_s
+):
+    stand.run()
+    ready = stand.folder / "ready"
+    (stand.dataset / "pairs").rename(ready)
+    monkeypatch.setattr(runner, "_SUSPECT_S", 0.2)
+    monkeypatch.setattr(runner, "_LOOK_S", look_s)
+    jobs: list[list[str]] = []
+    monkeypatch.setattr(
+        runner, "Process", lambda command, environment: Played(jobs, begins, ready, stand.dataset / "pairs", command)
+    )
+    assert stand.run(workers=3, silence_s=1.0) == {}
+    stand.assert_done()
+    hung = jobs[0]
+    assert len(hung) > 1
+    again = [hung[1:], hung[:1]] if begins else [hung]
+    assert jobs[-len(again) :] == again
+    assert sorted(name for job in jobs[: -len(again)] for name in job) == sorted(pair.id for pair in PAIRS)
 
 
 def test_lines_that_are_no_messages_of_a_worker_do_no_harm(stand):

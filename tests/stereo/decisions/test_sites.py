@@ -141,6 +141,37 @@ def test_a_wall_casts_a_shadow_of_its_height_over_the_tangent(toward, step):
     assert np.sign(column.mean() - 79.5) == step[1]
 
 
+@pytest.mark.parametrize(("elevation_deg", "cells"), [(85.0, 0), (80.0, 1), (70.0, 3), (30.0, 17)])
+def test_a_shadow_begins_at_the_next_cell(elevation_deg, cells):
+    """A rock of 20 cm and one cell: 0.2 m / tan(elevation), in whole cells of 2 cm."""
+    height, elevation = level(), np.radians(elevation_deg)
+    height[80, 80] = 0.2
+    lit = cast_light(height, CELL, np.array([np.cos(elevation), 0.0, np.sin(elevation)]))
+    assert np.argwhere(lit == 0.0).tolist() == [[80, column] for column in range(80 - cells, 80)]
+
+
+@pytest.mark.parametrize("shape", [(3, 40), (40, 3)])
+@pytest.mark.parametrize("toward", [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
+def test_a_shadow_ends_with_the_map(shape, toward):
+    """A rock that is much taller than the map is wide: all cells behind it are dark, those beside it are not."""
+    height = np.zeros(shape)
+    height[1, 1] = 50.0
+    lit = cast_light(height, CELL, np.array([*toward, 0.5]) / np.hypot(1, 0.5))
+    row, column = np.indices(shape)
+    ahead = (column - 1) * toward[0] - (row - 1) * toward[1]
+    beside = (column - 1) * toward[1] + (row - 1) * toward[0]
+    np.testing.assert_array_equal(lit == 0.0, (beside == 0) & (ahead < 0))
+
+
+def test_a_hole_in_the_map_casts_no_shadow():
+    height = level()
+    height[60:70, 60:70] = np.nan
+    height[0, 0] = 1.0  # so that shadows are looked for
+    lit = cast_light(height, CELL, np.array([0.8, 0.0, 0.6]))
+    assert np.isnan(lit[60:70, 60:70]).all()
+    assert (lit[50:80][np.isfinite(height[50:80])] == 1.0).all()
+
+
 def test_light_from_above_and_from_below():
     height = np.random.default_rng(2).random((30, 30))
     assert (cast_light(height, CELL, np.array([0.0, 0.0, 1.0])) == 1.0).all()

@@ -56,6 +56,29 @@ def develop_with(folder, k, **sensor):
     return pair, left, develop(pair, left, right, settings)
 
 
+def test_a_place_is_folded_where_the_determinant_of_the_map_is_not_positive():
+    """By differences of the map itself, of strong lenses, at one point each. Many of them fold there."""
+    random = np.random.default_rng(6)
+    folded = 0
+    for point, k in zip(random.uniform(-1.0, 1.0, (400, 2)), random.normal(0.0, 0.6, (400, 5)), strict=True):
+        step = 1e-6 * np.eye(2)
+        slope = (distort(point + step, tuple(k)) - distort(point - step, tuple(k))) / 2e-6
+        if np.linalg.det(slope) > 0:
+            refuse_folds(point, tuple(k))
+            continue
+        folded += 1
+        with pytest.raises(IcyMoonError, match="fold the image"):
+            refuse_folds(point, tuple(k))
+    assert 40 < folded < 360
+
+
+def test_distortion_is_taken_away_up_to_a_tenth_before_the_fold():
+    """Of a fold at r² = -1 / (3 k1), in all directions: the steps there are exact, or they would not arrive."""
+    k, angle = (-0.3, 0.0, 0.0, 0.0, 0.0), np.radians(np.arange(0, 360, 15))
+    points = 0.9 * np.sqrt(-1 / (3 * k[0])) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    np.testing.assert_allclose(undistort(distort(points, k), k), points, atol=1e-9 / 0.19)  # the slope there
+
+
 @pytest.mark.parametrize("k1", [-0.5, -0.2])
 def test_the_far_side_of_a_fold_is_no_answer(k1):
     """x (1 + k1 x²) turns back at x² = -1 / (3 k1), where it is greatest. A greater value has one root, across the
@@ -180,9 +203,13 @@ def test_depth_of_the_sensor_is_of_one_surface_at_an_edge():
 
 
 @pytest.mark.parametrize("k", [BARREL, (-0.2, 0.05, 0.0, 0.0, 0.0), (0.0, 0.0, 0.02, -0.03, 0.0)])
-@pytest.mark.parametrize("shift", [0.0, 9.5])
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.0, 9.5), (0.0, -9.5), (9.5, 0.0), (-9.5, 0.0)])
 def test_the_overscan_that_is_needed_lights_every_pixel_and_less_does_not(k, shift):
-    rig = defaults().rig | lens_settings(k) | {"width_px": 200, "height_px": 160, "principal_y_px": shift}
+    rig = (
+        defaults().rig
+        | lens_settings(k)
+        | {"width_px": 200, "height_px": 160, "principal_x_px": shift[0], "principal_y_px": shift[1]}
+    )
     needed = overscan_needed(rig)
     assert 0 < needed < 0.5
 

@@ -25,9 +25,10 @@ def test_a_program_without_a_number_is_an_error(value, what, tmp_path):
 
 @pytest.mark.parametrize(("value", "what"), [(np.nan, "a number"), (-3.0, "a positive number")])
 def test_a_network_without_a_number_is_an_error(value, what, monkeypatch):
-    network = SimpleNamespace(OPTIONS={}, compute=lambda left, *_: Result(np.full(left.shape[:2], value, np.float32)))
-    monkeypatch.setattr(matchers, "_import_matcher", lambda method: network)
-    monkeypatch.setattr(matchers, "complete_options", lambda method, options: {})
+    network = SimpleNamespace(
+        OPTIONS=(), PRESETS={}, compute=lambda left, *_: Result(np.full(left.shape[:2], value, np.float32))
+    )
+    monkeypatch.setitem(sys.modules, f"{matchers.__name__}.igev", network)
     with pytest.raises(IcyMoonError, match=f"IGEV-Stereo gave no pixel {what}; its checkpoint or program is damaged"):
         match("igev", IMAGE, IMAGE)
 

@@ -42,6 +42,35 @@ def test_no_more_than_1024_disparities_are_searched_unless_they_are_stated():
     assert whole.missed(np.clip(disparity, 100.0, 1100.0)) == 0.0
 
 
+def test_the_range_of_the_truth_leaves_a_neighbour_to_either_side():
+    """A fit between disparities needs one: of 16.5 to 46.5 these are 15 and 48, in blocks of 16."""
+    assert true_range(np.array([[16.5, 46.5] + [np.nan] * 200])) == SearchRange(0, 63, "truth")
+    assert true_range(np.array([[17.5, 45.5] + [np.nan] * 200])) == SearchRange(16, 47, "truth")
+
+
+def test_no_disparity_is_as_wide_as_the_image():
+    assert true_range(np.full((1, 80), 300.0)) == SearchRange(64, 79, "truth")
+
+
+def test_half_a_pixel_beside_a_searched_disparity_is_not_missed():
+    found = SearchRange(16, 47, "truth")
+    assert found.missed(np.array([15.5, 47.5, np.nan])) == 0.0
+    assert found.missed(np.array([15.4, 47.6, 20.0, 30.0])) == 0.5
+
+
+def test_the_far_end_is_that_of_the_rig_with_described_ground_too():
+    level = settings_of("rigs/europa_lander", source={"kind": "PROCEDURAL"}, terrain={"rms_slope_deg": 0.0})
+    described, of_rig = rig_range(level), rig_range(level, described=False)
+    assert (described.source, of_rig.source) == ("settings", "rig")
+    assert described.least_px == of_rig.least_px == 144
+
+
+@pytest.mark.parametrize(("by_hand", "source"), [(False, "settings"), (True, "rig")])
+def test_settings_say_nothing_of_what_was_edited_by_hand(by_hand, source):
+    level = settings_of("rigs/guiss", source={"kind": "PROCEDURAL"}, terrain={"rms_slope_deg": 0.0})
+    assert known_ranges(level, None, by_hand)["auto"].source == source
+
+
 def test_every_shipped_rig_has_its_range():
     assert {
         name: (found.least_px, found.most_px)

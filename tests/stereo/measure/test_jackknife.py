@@ -20,6 +20,18 @@ def test_tiles_without_content_change_neither_the_number_nor_its_error():
         np.testing.assert_allclose(number, alone, rtol=1e-12)
 
 
+def test_numbers_of_several_images_at_once_are_those_of_each_alone():
+    sums = np.random.default_rng(5).random((4, DOWN * ACROSS, 3))
+
+    def shares(total):
+        return total[..., :2] / total[..., 2:]
+
+    for numbers, alone in zip(
+        jackknife(shares, sums), zip(*(jackknife(shares, each) for each in sums), strict=True), strict=True
+    ):
+        np.testing.assert_allclose(numbers, alone, rtol=1e-12)
+
+
 def test_a_tile_that_one_of_two_images_lacks_is_left_out_of_both():
     """Of the difference of two means: each image has tiles that the other lacks, and all of them are observations."""
     random = np.random.default_rng(4)
