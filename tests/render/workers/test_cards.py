@@ -49,8 +49,8 @@ def test_the_option_comes_before_the_environment_and_reaches_what_is_started(mon
 
 
 def test_the_environment_is_refused_by_its_name(monkeypatch):
-    monkeypatch.setenv(ENVIRONMENT, "all")
-    with pytest.raises(IcyMoonError, match=f"^{ENVIRONMENT} is 'all'"):
+    monkeypatch.setenv(ENVIRONMENT, "some")
+    with pytest.raises(IcyMoonError, match=f"^{ENVIRONMENT} is 'some'"):
         read_chosen_cards()
 
 
