@@ -5,6 +5,8 @@ Coordinates are normalised: tangents of the angle to the optical axis, x right, 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ...settings.topics.camera import RigSettings
@@ -67,10 +69,21 @@ def undistort(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
             found[..., 1] -= (slope[..., 0, 0] * step[..., 1] - slope[..., 1, 0] * step[..., 0]) / determinant
         slope = _jacobian(found, k)
         wrong = (np.abs(distort(found, k) - points).max(axis=-1) > 1e-9) | (np.linalg.det(np.nan_to_num(slope)) <= 0)
-        # A root on the far side of a fold is not on the way from the axis.
+        # A root beyond a fold is not on the way from the axis: on its far side, or where the polynomial rises again.
         wrong |= (found * points).sum(axis=-1) < 0
+        wrong |= (found**2).sum(axis=-1) > _beyond_fold(k)
     found[wrong | ~np.isfinite(found).all(axis=-1)] = np.nan
     return found
+
+
+def _beyond_fold(k: tuple[float, ...]) -> float:
+    """A squared radius between the fold of the radial polynomial and the next, where it falls; infinite without them.
+
+    Where it falls no root counts anyway, so tangential terms may move the folds a little.
+    """
+    slope = np.roots([7 * k[4], 5 * k[1], 3 * k[0], 1.0])  # of r (1 + k1 r^2 + k2 r^4 + k3 r^6), by r^2
+    folds = np.sort(slope.real[(np.abs(slope.imag) < 1e-12) & (slope.real > 0)])
+    return float(folds[:2].mean()) if len(folds) > 1 else math.inf
 
 
 def overscan_needed(rig: RigSettings) -> float | None:

@@ -245,3 +245,18 @@ def test_rectification_of_turned_eyes_is_the_homography_of_the_turn(toe_in):
         assert np.isnan(lens.rectified_in_sensor[expected[..., 2] < -1e-3]).all()
         assert lens.sees.mean() == pytest.approx(1.0, abs=1.2 * np.tan(np.radians(toe_in)) + 0.05)
         assert lens.sees.any()
+
+
+@pytest.mark.parametrize("k", [(-0.5, 0.1, 0.0, 0.0, 0.0), (-0.5, 0.1, 1e-3, -1e-3, 0.0), (-0.4, 0.0, 0.0, 0.0, 0.05)])
+def test_a_point_beyond_the_fold_has_no_answer_where_the_polynomial_rises_again(k):
+    """A lens shows what is within the fold: radii up to the first that no larger one is seen nearer than."""
+    radii = np.linspace(0.0, 4.0, 40001)
+    seen = distort(np.stack([radii, np.zeros_like(radii)], axis=-1), k)[:, 0]
+    fold = int(np.argmax(np.diff(seen) <= 0))
+    assert seen.max() > seen[fold]  # it rises again, beyond
+    asked = np.linspace(0.0, 1.5 * seen[fold], 601)
+    found = undistort(np.stack([asked, np.zeros_like(asked)], axis=-1), k)[:, 0]
+    inside = asked < seen[fold] * (1 - 1e-4)
+    assert np.isfinite(found[inside]).all()
+    assert (np.abs(found[inside]) <= radii[fold + 1]).all()
+    assert np.isnan(found[asked > seen[fold] * (1 + 1e-4)]).all()
