@@ -51,6 +51,12 @@ class ICYMOON_OT_layer_move(_OfLayers, MoveEntry, bpy.types.Operator):
     bl_idname = "icymoon.layer_move"
     bl_label = "Move Layer"
 
+    direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Direction",
+        description="Direction in which the layer moves in the list",
+        items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")),
+    )
+
 
 class ICYMOON_OT_show_roughness(bpy.types.Operator):
     """Show the measured RMS deviation and power spectrum of the built ground, and the values from the settings"""

@@ -63,13 +63,10 @@ class RemoveEntry(_ListOperator):
 
 
 class MoveEntry(_ListOperator):
-    """Mix-in: moves the selected entry by one place."""
+    """Mix-in: moves the selected entry by one place. A subclass declares ``direction``: Blender finds no property of a
+    mix-in."""
 
-    direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Direction",
-        description="Direction of the move",
-        items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")),
-    )
+    direction: str  # UP or DOWN
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         edited = self.find(context.scene)

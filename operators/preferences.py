@@ -23,6 +23,9 @@ from ..support.version import ROOT
 #: Packages that the evaluator's Python needs, as shown to the user.
 _NEEDED = ", ".join(name for name, *_ in PACKAGES.values())
 
+#: The name by which Blender knows the add-on: its package, which the room is in.
+ADD_ON = __package__.rpartition(".")[0]
+
 
 def extension_folder() -> Path:
     """The extension's own folder, which upgrades keep.
@@ -30,7 +33,7 @@ def extension_folder() -> Path:
     Raises IcyMoonError if Icy Moon is not an installed extension.
     """
     try:
-        return Path(bpy.utils.extension_path_user(__package__, create=True))
+        return Path(bpy.utils.extension_path_user(ADD_ON, create=True))
     except ValueError:
         raise IcyMoonError(
             "Icy Moon does not run as an installed extension; set ICYMOON_EVALUATOR to the evaluator's Python."
@@ -87,7 +90,7 @@ def find_asset_libraries() -> list[Any]:
 
 
 def _preferences() -> Any:
-    add_on = bpy.context.preferences.addons.get(__package__)
+    add_on = bpy.context.preferences.addons.get(ADD_ON)
     return add_on.preferences if add_on else None
 
 
@@ -263,7 +266,7 @@ class ICYMOON_PG_matcher(bpy.types.PropertyGroup):
 class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
     """Preferences of Icy Moon"""
 
-    bl_idname = __package__
+    bl_idname = ADD_ON
 
     evaluator: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Evaluator's Python",

@@ -262,6 +262,12 @@ class ICYMOON_OT_variation_move(_OfVariations, MoveEntry, bpy.types.Operator):
     bl_idname = "icymoon.variation_move"
     bl_label = "Move Varied Setting"
 
+    direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Direction",
+        description="Direction of the move",
+        items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")),
+    )
+
 
 def lines(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Sentences on the pairs of a scene's variations, their time and size, or on why they are impossible; computed once

@@ -199,7 +199,7 @@ def test_evaluate_for_a_program_without_bpy_or_torch(inputs, tmp_path):
     assert Path(lines[-1]["report"]).is_file()
     assert [row["method"] for row in lines[-1]["rows"]] == ["bm", "sgbm"]
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert (report["format"], report["version"]) == ("icymoon-report", 3)
+    assert (report["format"], report["version"]) == ("icymoon-report", 4)
     assert report["shared_settings"]["sensor"]["bits"] == 12
     assert report["rows"][0]["options"]["window"] == 21
 

@@ -107,7 +107,7 @@ def test_a_worker_that_hangs_after_its_work_is_ended(stand):
 def test_a_worker_that_says_nothing_is_ended(stand):
     bad = PAIRS[2].id
     stand.behave(**{bad: "hang"})
-    failed = stand.run(silence_s=0.5)
+    failed = stand.run(silence_s=1.5)
     assert list(failed) == [bad]
     assert "sent nothing" in failed[bad]
     stand.assert_done(bad)
