@@ -147,7 +147,9 @@ def test_the_preferences_are_named_after_the_package():
         for node in tree.body
         if isinstance(node, ast.ClassDef) and any(ast.unparse(base).endswith("AddonPreferences") for base in node.bases)
     ]
-    assert any(ast.unparse(node) == "bl_idname = __package__" for node in preferences.body)
+    assert any(ast.unparse(node) == "bl_idname = ADD_ON" for node in preferences.body)
+    (name,) = [node for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "ADD_ON"]
+    assert ast.unparse(name.value) == "__package__.rpartition('.')[0]"  # without the room
 
 
 PROGRAM = """

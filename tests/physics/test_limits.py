@@ -63,8 +63,10 @@ def topic(name, *left_out):
             if s.kind in ("int", "float", "bool", "choice") and s.key not in left_out
         },
     )
-    # A filter that passes no wavelength is refused.
-    varied = varied.filter(lambda values: values.get("cut_on_nm", 400.0) < values.get("cut_off_nm", 700.0))
+    # A filter that passes no wavelength is refused, also where it is so in single precision only.
+    varied = varied.filter(
+        lambda values: np.float32(values.get("cut_on_nm", 400.0)) < np.float32(values.get("cut_off_nm", 700.0))
+    )
     return varied.map(
         lambda values: description.merged(description.defaults(), description.check({name: values}, "test"))
     )
