@@ -9,7 +9,22 @@ from typing import Any
 import numpy as np
 
 from ...settings.topics.camera import RigSettings
+from ...support.file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe
 from ..rig.focal_length import focal_px
+
+#: What ``StereoCamera.from_json`` reads of a file, see ``support.file_shapes``.
+CAMERA_SHAPE = {
+    "width_px": PIXELS,
+    "height_px": PIXELS,
+    "focal_px": POSITIVE,
+    "cx_px": NUMBER,
+    "cy_px": NUMBER,
+    "baseline_m": POSITIVE,
+    "margin_x_px": Maybe(COUNT),
+    "margin_y_px": Maybe(COUNT),
+    "toe_in_deg": Maybe(NUMBER),
+    "doffs_px": Maybe(NUMBER),
+}
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...physics.camera.blur import is_blurred
-from ...physics.camera.stereo_camera import StereoCamera
+from ...physics.camera.stereo_camera import CAMERA_SHAPE, StereoCamera
 from ...physics.light.scene_sun import SceneSun, from_json
 from ...settings.changes import response
 from ...settings.description import Restorer, merged, restored
@@ -29,7 +29,6 @@ from ...support.file_shapes import (
     FLAG,
     MATRIX,
     NUMBER,
-    PIXELS,
     POSITIVE,
     SHA256,
     TABLE,
@@ -118,18 +117,7 @@ _SHAPE = {
     "id": TEXT,
     **_SETTINGS_SHAPE,
     **_FILES_SHAPE,
-    "camera": {
-        "width_px": PIXELS,
-        "height_px": PIXELS,
-        "focal_px": POSITIVE,
-        "cx_px": NUMBER,
-        "cy_px": NUMBER,
-        "baseline_m": POSITIVE,
-        "margin_x_px": Maybe(COUNT),
-        "margin_y_px": Maybe(COUNT),
-        "toe_in_deg": Maybe(NUMBER),
-        "doffs_px": Maybe(NUMBER),
-    },
+    "camera": CAMERA_SHAPE,
     "poses_camera_to_world": _BOTH_EYES,
     "poses_rectified_to_world": _BOTH_EYES,
     "edited_by_hand": Maybe(FLAG),

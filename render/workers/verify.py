@@ -174,7 +174,7 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
     if link := _find_link(folder):
         text = (
             f"{link} is a link, which is no part of a pair; put what it leads to in its place, or remove it and "
-            f"{_again(planned)}."
+            f"{_again(planned is not None)}."
         )
         strange = _find_strange(folder) if link.parent == folder else ()
         yield Problem("foreign", name, " ".join([text, *strange]))
@@ -197,7 +197,7 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
         texts = [
             *(() if intact else _find_damage(pair)),
             *(
-                f"{clause}; move the folder away and {_again(planned)}."
+                f"{clause}; move the folder away and {_again(planned is not None)}."
                 for clause in _find_contradictions(pair, planned, shared)
             ),
         ]
@@ -212,9 +212,9 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared
         yield Problem("foreign", name, text)
 
 
-def _again(planned: PlannedPair | bool | None) -> str:
+def _again(has_plan: bool) -> str:
     """How a pair is made again, in words: by the plan of its data set, or where there is none, as it was."""
-    return "run icymoon batch" if planned else "render the pair again"
+    return "run icymoon batch" if has_plan else "render the pair again"
 
 
 def _find_strange(folder: Path) -> Iterator[str]:

@@ -9,9 +9,9 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
-from ...physics.camera.stereo_camera import StereoCamera
+from ...physics.camera.stereo_camera import CAMERA_SHAPE, StereoCamera
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe, read_record
+from ...support.file_shapes import NUMBER, PIXELS, Maybe, read_record
 from ...support.foreign_bytes import read
 from .data_files import numbers_of, read_fields
 
@@ -19,17 +19,7 @@ _CENTRE = 0.5
 #: Two statements of a principal point are one within this: files round to thousandths of a pixel.
 _SAME_PX = 0.1
 _OURS = {
-    "camera": {
-        "width_px": PIXELS,
-        "height_px": PIXELS,
-        "focal_px": POSITIVE,
-        "cx_px": NUMBER,
-        "cy_px": NUMBER,
-        "baseline_m": POSITIVE,
-        "margin_x_px": Maybe(COUNT),
-        "margin_y_px": Maybe(COUNT),
-        "toe_in_deg": Maybe(NUMBER),
-    },
+    "camera": CAMERA_SHAPE,
     "saturation_radiance": Maybe(NUMBER, null=True),
 }
 #: First number of Sintel's files of cameras.

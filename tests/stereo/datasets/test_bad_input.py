@@ -1,5 +1,6 @@
 """What is wrong with foreign data and predictions is one sentence that names the file and the fix."""
 
+import json
 import os
 import re
 import shutil
@@ -12,6 +13,7 @@ import OpenEXR
 import pairs
 import pytest
 from icymoon.physics.camera.stereo_camera import StereoCamera
+from icymoon.stereo.datasets.calibrations import our_camera
 from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map
 from icymoon.stereo.datasets.input_faults import check_prediction
 from icymoon.stereo.evaluate import evaluate
@@ -594,3 +596,12 @@ def test_exports_that_hold_no_truth_say_what_to_export(tmp_path):
     for kind, words in (("png8", "png8 cannot hold it; export it as png16"), ("raw", "not rectified; export it as")):
         assert not export([pair], kind, tmp_path / kind)
         refused(tmp_path / kind, words)
+
+
+@pytest.mark.parametrize("key", ["focal_px", "margin_x_px", "toe_in_deg", "doffs_px"])
+def test_every_number_of_a_camera_of_ours_is_checked(tmp_path, key):
+    camera = StereoCamera(64, 48, 50.0, 32.0, 24.0, 0.1).to_json() | {key: "wide"}
+    path = tmp_path / "calibration.json"
+    path.write_text(json.dumps({"camera": camera}))
+    with pytest.raises(IcyMoonError, match=rf"{key}.*export the pair again"):
+        our_camera(path, 64, 48)
