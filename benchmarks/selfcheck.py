@@ -2,7 +2,7 @@
 
     python benchmarks/selfcheck.py plan PLAN.toml
     python -m icymoon batch PLAN.toml --out DATASET --workers 1
-    python benchmarks/selfcheck.py table DATASET [--rows ROWS]    # the table of docs/theory/metrics.md
+    python benchmarks/selfcheck.py table DATASET [--rows ROWS]    # the table of docs/theory/metrics-details.md
 
 Each pair is a random draw of ground, surface, Sun, toe-in, samples, denoiser and lens. All pairs are sound. Faults are
 added to the data after a pair was read, so they need no renders.
