@@ -444,6 +444,17 @@ def test_texts_without_encoding_are_found(code, found):
     assert bool(texts_without_encoding(ast.parse(code))) == found
 
 
+def test_drivers_of_the_window_name_modules_that_exist():
+    """They find modules of the installed extension by their names, which no import and no type checker follows."""
+    texts = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests" / "gui").glob("*.py"))
+    names = {*re.findall(r'\bmodule\("([a-z_.]+)"\)', texts), *re.findall(r'ADD_ON}\.([a-z_.]+)"', texts)}
+    names.discard("bl_ext.user_default.icymoon")
+    assert len(names) > 20
+    paths = {name: ROOT / name.replace(".", "/") for name in names}
+    missing = [name for name, path in paths.items() if not (path.is_dir() or path.with_suffix(".py").is_file())]
+    assert missing == []
+
+
 DRAWN = [
     path
     for path in SOURCES

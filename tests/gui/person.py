@@ -337,7 +337,7 @@ def open_preferences() -> Waiting:
     with bpy.context.temp_override(window=page, area=page.screen.areas[0]):
         if not addon_utils.module_bl_info(listed)["show_expanded"]:
             bpy.ops.preferences.addon_expand(module=ADD_ON)
-    if not sys.modules[f"{ADD_ON}.preferences"].findings:
+    if not sys.modules[f"{ADD_ON}.operators.preferences"].findings:
         check(bpy.ops.icymoon.check_evaluator() == {"FINISHED"}, "the evaluator is not ready")
     for part in page.screen.areas:
         part.tag_redraw()
