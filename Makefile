@@ -6,7 +6,8 @@ ZIP := dist/icymoon.zip
 # A process more than processors, as some always wait for a disk or a worker, but 4 at most: each has a Blender of its
 # own, about 2 GiB of memory.
 PROCESSES ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
-PYTEST := $(RUN) -m pytest --numprocesses $(PROCESSES) --maxprocesses 4 --dist worksteal
+PYTEST := PYTHONPATH=tests/support $(RUN) -m pytest -p processor_time --numprocesses $(PROCESSES) --maxprocesses 4 \
+  --dist worksteal
 
 .PHONY: demo env test test-ci test-all test-lanes measure-tests test-ends mutants lint zip store lock docs docs-pages clean
 
@@ -28,11 +29,10 @@ test-all: $(VENV)/.tests lint
 test-lanes: $(VENV)/.tests zip
 	$(RUN) tests/lanes.py
 
-# Lists anew in tests/over_a_second.txt the tests that `make test` leaves to CI.
+# Brings tests/over_a_second.txt up to date, the list of the tests that `make test` leaves to CI. The other targets tell
+# which places in it are wrong.
 measure-tests: $(VENV)/.tests
-	rm -f tests/over_a_second.txt; touch tests/over_a_second.txt
-	PYTHONPATH=tests/support $(PYTEST) -p processor_time -m "not long"
-	LC_ALL=C sort -o tests/over_a_second.txt tests/over_a_second.txt
+	$(PYTEST) --measure-tests -m "not long"
 
 # The evaluator's tests with the oldest and with the newest packages that it takes, in environments without Blender.
 test-ends: $(VENV)/bin/python

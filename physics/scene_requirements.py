@@ -16,8 +16,9 @@ from .mesh.fine_relief import nearest_m
 from .rig.focal_length import focal_px
 from .surfaces.principled import lets_light_through
 
-#: Samples of a bake below which its noise makes matchers look better than they are: in ``benchmarks/bake_noise.py``,
-#: with the Sun 24° high, JPLV has 1.4 points less wrong or missing with 64 samples than with 256, and 3.1 with 16.
+#: Samples of a bake below which its noise makes matchers look better than they are: in ``python benchmarks
+#: bake_noise``, with the Sun 24° high, JPLV has 1.4 points less wrong or missing with 64 samples than with 256, and 3.1
+#: with 16.
 FEWEST_BAKE_SAMPLES = 64
 #: Topics that describe a surface.
 SURFACES = ("surface", "rock_surface")

@@ -14,7 +14,8 @@ from ..physics.camera.stereo_camera import StereoCamera
 from ..support.labels import HIDDEN, SKY_DEPTH_M, TRUTH
 from .pairs.pair_folder import EYES
 
-#: From a pixel's centre to the rays between it and the next one. ``benchmarks/occlusion.py`` has what more rays find.
+#: From a pixel's centre to the rays between it and the next one. ``python benchmarks occlusion`` has what more rays
+#: find.
 STEPS_PX = (0.25, 0.5, 0.75)
 
 

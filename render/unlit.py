@@ -13,7 +13,7 @@ import bpy
 
 #: Triangles for each pixel of an eye up to which renders of depth without surfaces save time. Cycles takes a mesh
 #: again when its surface has changed, to none and back: 0.8 µs a triangle together. Without surfaces three renders save
-#: 14 µs a pixel of plain snow, and 33 of rough ice (``benchmarks/truth_cost.py``).
+#: 14 µs a pixel of plain snow, and 33 of rough ice (``python benchmarks truth_cost``).
 MOST_TRIANGLES_A_PIXEL = 16
 #: Nodes of surfaces that rays may pass as if nothing were there, or that may contain one.
 _MAYBE_PASSED = {"ShaderNodeBsdfTransparent", "ShaderNodeHoldout", "ShaderNodeGroup", "ShaderNodeScript"}

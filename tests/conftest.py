@@ -57,8 +57,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker("over_a_second")
 
 
-def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
-    session.config.stash[_status] = int(exitstatus)
+@pytest.hookimpl(trylast=True)  # a plugin may have changed the status
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    session.config.stash[_status] = int(session.exitstatus)
 
 
 @pytest.hookimpl(trylast=True)

@@ -339,7 +339,7 @@ def _compare(bench: Bench) -> list[Row]:
 COMPARISON = Comparison(
     "albedos",
     "Albedos of whole moons",
-    "Each albedo follows from a preset by integration of Hapke's law. `python benchmarks/fit_albedos.py` "
+    "Each albedo follows from a preset by integration of Hapke's law. `python benchmarks fit_albedos` "
     "repeats the fits.\n\n"
     "* The geometric albedo is the brightness of a full disc over the brightness of a white disc that faces the "
     "Sun.\n"

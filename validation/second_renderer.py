@@ -50,7 +50,7 @@ _HORIZON = {"rig": {"pitch_deg": 12.0}, "light": {"sun_elevation_deg": 30.0, "su
 _TURNED_AWAY = (
     "Cause, by the scene with flat facets: Mitsuba draws Lambert's law black where a shading normal turns "
     "away from a camera that sees the facet; Cycles does not. With a law that is not black there, 3.4 % "
-    "become 0.3 % (`benchmarks/shading_normals.py`)"
+    "become 0.3 % (`python benchmarks shading_normals`)"
 )
 _TURNED_FROM_SUN = (
     "Cause, by the scene with flat facets: on a facet that turns from the Sun, where the smooth normal "
@@ -62,7 +62,7 @@ _COARSE = (
     "Cause, by the default mesh with flat facets: shading normals. The renderers differ on facets that "
     "turn from the Sun or from the camera where the smooth normal does not, and here facets are several pixels "
     "wide. With a law that is not black there, and without the 16 % of the pixels that see facets turned from "
-    "the Sun, an RMS of 5.1 % becomes 0.8 % (`benchmarks/shading_normals.py`)"
+    "the Sun, an RMS of 5.1 % becomes 0.8 % (`python benchmarks shading_normals`)"
 )
 _DARK = (
     "Cause: noise of dark regions. Renders in Mitsuba with other seeds (`mitsuba_render.py SCENE SAMPLES SEED`) "

@@ -1,8 +1,8 @@
 """Rocks as instances: one object of points, one node group, a few meshes.
 
 To render 100 000 objects takes half a minute and five gigabytes. The same number of instances takes three seconds and
-0.2 gigabytes (``benchmarks/rocks.py``). An attribute of each instance is its label, which the material of rocks writes
-into a value pass.
+0.2 gigabytes (``python benchmarks rocks``). An attribute of each instance is its label, which the material of rocks
+writes into a value pass.
 """
 
 from __future__ import annotations

@@ -13,8 +13,8 @@ the planet's disc, which is exact in the mean. The first interreflection of this
 
 Only Open Shading Language on the processor can trace in a shader. Nodes are always fast, and treat the planet as a
 point in the middle of its lit part. The law is then within 0.4 % for Jupiter from Europa, and within 2 % for Saturn
-from Enceladus, in 95 % of directions (``benchmarks/hapke.py planet``). A closure has one weight: that for the Sun, or
-for the planet if the Sun is dark. So ``render.separate_lights`` renders them one after the other.
+from Enceladus, in 95 % of directions (``python benchmarks hapke planet``). A closure has one weight: that for the Sun,
+or for the planet if the Sun is dark. So ``render.separate_lights`` renders them one after the other.
 """
 
 from __future__ import annotations

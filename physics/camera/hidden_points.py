@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 #: Disparity, px, by which an occluder must be nearer. Between two rays of the other eye disparity is taken as linear,
-#: and on curved ground it is not. ``benchmarks/occlusion.py`` has what this and other numbers find.
+#: and on curved ground it is not. ``python benchmarks occlusion`` has what this and other numbers find.
 _NEARER_PX = 0.25
 #: The same, as a share of the difference between the two rays. Where one ray meets the occluder and one passes it, the
 #: edge is somewhere between them; a quarter of the way from the ray that passes is taken as outside.

@@ -31,7 +31,7 @@ _SPAN = 4.0
 #: Height from which relief is geometry, in units of the mesh's largest error.
 _LEAST = 0.5
 #: Spacing of the vertices there, in pixels, or in units of the largest error if that is more. With 1.25 the median
-#: angle between shading normal and facet is below 2 degrees, with 1.5 it is 3.5 (``benchmarks/fine_relief.py``).
+#: angle between shading normal and facet is below 2 degrees, with 1.5 it is 3.5 (``python benchmarks fine_relief``).
 _SPACING = 1.25
 #: Displacement that carries less than this share of the height is reported.
 _MOST_CARRIED = 0.95

@@ -3,8 +3,8 @@
 The base colour of the Principled surface is not its albedo: specular reflection adds to it, the random
 walk under the surface has a different albedo, at most 0.92, and transmitted light is lost. The
 bihemispherical reflectance of a flat surface (light from all sides, to all sides) was measured in a white
-furnace (``benchmarks/furnace.py``). It is the same from Blender 4.3 to 5.0; 4.2 loses less light on steep bumps, 5.2
-returns up to 2.4 % less of the light that goes under the surface. So each of the three has its table, which is
+furnace (``python benchmarks furnace``). It is the same from Blender 4.3 to 5.0; 4.2 loses less light on steep bumps,
+5.2 returns up to 2.4 % less of the light that goes under the surface. So each of the three has its table, which is
 interpolated and inverted here.
 """
 

@@ -1,7 +1,7 @@
 """Estimates a plan before it starts: processor time, disk space, and how far off they may be. Imports no Blender.
 
 The processor seconds of a pair are a sum of a few terms, in proportion to pixels, samples and triangles. Their
-coefficients are measured (``benchmarks/plan_cost.py``). Pairs of the data set that are complete correct the sum for
+coefficients are measured (``python benchmarks plan_cost``). Pairs of the data set that are complete correct the sum for
 this machine.
 """
 
@@ -36,20 +36,20 @@ from ..plans.planned_pair import PlannedPair
 from ..plans.triangles import count_triangles
 from .speed import Speed, wall_seconds
 
-#: Processor seconds, 2-core x86 server, Blender 5.0 (``benchmarks/plan_cost.py``): of the process that starts workers,
-#: of starting a worker, of building a scene, of building ground from a file, of a pair.
+#: Processor seconds, 2-core x86 server, Blender 5.0 (``python benchmarks plan_cost``): of the process that starts
+#: workers, of starting a worker, of building a scene, of building ground from a file, of a pair.
 _START_S, _WORKER_S = 1.0, 1.5
 _SCENE_S, _BUILD_S_PER_MTRI, _ROCKS_BUILD_S, _FILE_BUILD_S = 0.2, 0.7, 0.6, 1.15
 _PAIR_S, _PAIR_S_PER_MTRI, _ROCKS_PAIR_S = 0.05, 0.6, 0.4
 _S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 2.06, 3.5
-#: By ``quality.truth_by``; and the trees for rays, once a scene (``benchmarks/truth_cost.py``).
+#: By ``quality.truth_by``; and the trees for rays, once a scene (``python benchmarks truth_cost``).
 _TRUTH_S_PER_MPX, _RAYS_S_PER_MTRI = {"CYCLES": 5.6, "RAYS": 1.7}, 1.0
 
 
 @dataclass(frozen=True)
 class _LightBytes:
-    """Bytes of light per pixel that shows ground, of images of 160 columns (``benchmarks/disk.py``). Light of ice in
-    sunlight is the same in three bands, so it takes a third of its full size; samples add bytes, up to ``most``."""
+    """Bytes of light per pixel that shows ground, of images of 160 columns (``python benchmarks disk``). Light of ice
+    in sunlight is the same in three bands, so it takes a third of its full size; samples add bytes, up to ``most``."""
 
     one_sample: float
     per_doubling: float
@@ -249,7 +249,7 @@ def _sample_cost(settings: Settings, topic: str) -> float:
 def samples_taken(samples: int, threshold: float) -> float:
     """Samples that a pixel takes on the mean where none takes more than ``samples``, under a noise threshold (0: none).
 
-    Measured by ``benchmarks/plan_cost.py``.
+    Measured by ``python benchmarks plan_cost``.
     """
     if threshold <= 0:
         return float(samples)

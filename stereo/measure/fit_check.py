@@ -6,7 +6,7 @@ along the ray, depths for disparities, upside down, mirrored, of exchanged eyes,
 only if it explains places that the stated one misses; if the images have too few common places, nothing is stated.
 
 A prediction is held against the true disparity instead, which knows more places.
-``benchmarks/fit_check.py`` measures false alarms on sound pairs and how often each fault is found.
+``python benchmarks fit_check`` measures false alarms on sound pairs and how often each fault is found.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 A pair that fails counts in no average, so a sound pair must never fail, however difficult it is: a pair fails only by
 more than its own uncertainty. A pixel is seen, sky, or not seen at all (a toed-in eye does not see all that a parallel
-one does); pixels that are not seen are ignored. ``benchmarks/selfcheck.py`` measures how often a sound pair fails and
-which faults are found.
+one does); pixels that are not seen are ignored. ``python benchmarks selfcheck`` measures how often a sound pair fails
+and which faults are found.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from icymoon.benchmarks.furnace import render_pixels
+from icymoon.benchmarks.light.furnace import render_pixels
 from icymoon.render import cycles_settings
 from icymoon.settings.description import defaults
 from icymoon.support.blender import compat

@@ -36,7 +36,7 @@ PLANET = {"light": {"planet": True, "planet_elevation_deg": 40.0}}
     ids=["as it is", "full", "planet", "denoised", "depth alone", "toed in, overscan", "sky above"],
 )
 def test_a_pair_takes_what_is_expected_within_a_tenth(registered, tmp_path: Path, change):
-    """The tenth is what the manual promises; how far each pass varies over scenes stands in benchmarks/disk.txt."""
+    """The tenth is what the manual promises; how far each pass varies over scenes stands in the study ``disk``."""
     pair, _ = render(tmp_path, VIEW, change)
     found = sum(fact["bytes"] for fact in pair.data["files"].values())
     assert estimate.bytes_of(pair.settings) == pytest.approx(found, rel=0.1)

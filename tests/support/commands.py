@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr
 from typing import Any
 
+from icymoon.benchmarks.common import studies
 from icymoon.commands import cli
 from icymoon.settings import description, preset_files
 from icymoon.settings.table import TOPICS
@@ -84,6 +85,8 @@ def _fault(words: list[str]) -> str:
     if program in PYTHONS:
         if rest[0] == "__main__.py":
             rest = ["-m", "icymoon", *rest[1:]]
+        if rest[0] == studies.FOLDER.name:
+            return study_fault(rest[1:])
         if rest[0] != "-m":
             return "" if (ROOT / rest[0]).is_file() else f"there is no {rest[0]}"
         program, rest = rest[1], rest[2:]
@@ -145,6 +148,18 @@ def _parsed(program: str, words: list[str]) -> str:
             key, value = parse_key_value(text, "--option")
             name, dot, key = key.rpartition(".")
             complete_options(name if dot else str(options["method"]), {key: value})
+    return ""
+
+
+def study_fault(words: list[str]) -> str:
+    """What is wrong with the words after ``python benchmarks``; empty if nothing is."""
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            if words:
+                studies.make_parser(words[0]).parse_args(words[1:])
+    except SystemExit as reason:
+        return (said.getvalue().strip() or str(reason)).splitlines()[-1]
     return ""
 
 

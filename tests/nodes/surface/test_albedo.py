@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from icymoon.benchmarks.furnace import albedo as furnace
+from icymoon.benchmarks.light.furnace import albedo as furnace
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.surfaces.principled import real_albedo
 from icymoon.settings.description import check, defaults, merged

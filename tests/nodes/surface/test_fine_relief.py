@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 from extremes import rays
-from icymoon.benchmarks.furnace import plane, radiance
+from icymoon.benchmarks.light.furnace import plane, radiance
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.ground.terrain_mesh import SPACING, leave_unmoved

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.benchmarks.furnace import albedo as furnace
+from icymoon.benchmarks.light.furnace import albedo as furnace
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.stereo.images.exr import read_truth, read_view

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from icymoon.benchmarks import furnace
+from icymoon.benchmarks.light import furnace
 from icymoon.nodes.surface.fractures import VEIL_ALBEDO
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.light.bands import bubbly_ice_bands, clear_ice_absorption_1_m

@@ -5,8 +5,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
-from icymoon.benchmarks.furnace import albedo as furnace
-from icymoon.benchmarks.furnace import plane, radiance
+from icymoon.benchmarks.light.furnace import albedo as furnace
+from icymoon.benchmarks.light.furnace import plane, radiance
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.nodes.surface.images import load_maps

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from icymoon.benchmarks.furnace import radiance
+from icymoon.benchmarks.light.furnace import radiance
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, instanced_objects

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.benchmarks.distinct_grounds import NAMES, correlations, of_pairs
+from icymoon.benchmarks.ground.distinct_grounds import NAMES, correlations, of_pairs
 from icymoon.settings.preset_files import load_preset
 from marks import heavy_but
 

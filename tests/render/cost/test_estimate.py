@@ -121,7 +121,7 @@ def test_off_costs_what_never_on_does(off, never_on):
 
 def test_a_walk_costs_where_it_is_walked():
     out, walked = (estimate.work_of(described(SNOW, {"quality": {"walk_px": limit}})) for limit in (0.1, 0.0))
-    # 8.0 samples of Lambert's law more in benchmarks/plan_cost.py at weight 1, so more than 4 at any large weight.
+    # 8.0 samples of Lambert's law more in python benchmarks plan_cost at weight 1, so more than 4 at any large weight.
     assert walked.relative - out.relative > 4
 
 
@@ -320,7 +320,7 @@ def test_sizes_are_legible():
 
 
 def test_a_noise_threshold_saves_samples_beyond_the_least_that_cycles_takes():
-    """Cycles takes 16 t^-0.3 samples at least (a count of the samples of renders, see benchmarks/plan_cost.py)."""
+    """Cycles takes 16 t^-0.3 samples at least (a count of the samples of renders, see python benchmarks plan_cost)."""
     assert estimate.samples_taken(16, 0.01) == 16
     assert estimate.samples_taken(256, 0.0) == 256
     assert estimate.samples_taken(256, 0.1) == pytest.approx(32, abs=1)

@@ -116,7 +116,7 @@ def test_what_a_pair_bakes_for_itself_is_part_of_its_seconds_and_what_all_share_
 @pytest.mark.parametrize("name", preset_names("qualities"))
 def test_each_quality_states_its_cost_and_its_distance_from_a_converged_render(name):
     measured = read_toml(preset_path(name))["measured"]
-    assert measured["command"] == "python benchmarks/qualities.py --scale 0.25 --reference-samples 1024 --write"
+    assert measured["command"] == "python benchmarks qualities --scale 0.25 --reference-samples 1024 --write"
     assert measured["cpu_s"] > 0
     assert (measured["bake_cpu_s"] > 0) == (load_preset(name).quality.indirect == "AUTO")
     suns = [found for key, found in measured.items() if key.startswith("sun_")]

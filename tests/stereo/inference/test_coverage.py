@@ -1,17 +1,11 @@
 """How often verdicts and intervals are wrong, by the simulation of the manual, in short."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
+from icymoon.benchmarks.stereo import inference_coverage as simulation
 
 pytestmark = pytest.mark.filterwarnings("error")
 
-_FILE = Path(__file__).parents[3] / "benchmarks" / "inference_coverage.py"
-_SPEC = importlib.util.spec_from_file_location("inference_coverage", _FILE)
-simulation = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(simulation)
 
 RUNS = 300
 #: The goals, and 3 standard errors of a share of so many data sets.

@@ -1,6 +1,6 @@
 """The check that both eyes of a pair agree: hard but sound pairs pass it, faults do not. Against the analytic scene.
 
-Rates over rendered pairs are measured by ``benchmarks/selfcheck.py``.
+Rates over rendered pairs are measured by ``python benchmarks selfcheck``.
 """
 
 import dataclasses

@@ -1,0 +1,213 @@
+"""Rows of costs and matcher errors: pairs of a scene, rendered in a process of their own and then matched."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from icymoon.benchmarks.common.guiss_scene import Rung
+from icymoon.benchmarks.common.own_process import call
+from icymoon.settings.topics.rendering import QualitySettings
+from icymoon.settings.topics.scene import Settings, typed
+
+if TYPE_CHECKING:  # a process that renders pays for no evaluator
+    from icymoon.stereo.matchers.methods import Method
+
+# In a process of its own, with Blender.
+
+
+def render(job: dict[str, Any]) -> list[dict[str, Any]]:
+    """Render the pairs of a row: of each its folder, its processor seconds, and those of the process before it."""
+    from icymoon.benchmarks.common.renders import render_planned, start_blender
+    from icymoon.render import cycles_settings, render_pair
+    from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
+
+    start_blender()
+    rung = Rung(**job["rung"])
+    apply = cycles_settings.apply
+
+    def applied(scene: Any, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False) -> None:
+        apply(scene, quality, seed, blurred, through)
+        for name, value in rung.cycles.items():
+            setattr(scene.cycles, name, value)
+
+    cycles_settings.apply = applied
+    apart = _Apart()
+    if rung.apart:
+        render_pair._render_radiance = apart.radiance
+    # Each pair is built anew, so nothing has to be rotated.
+    pairs = [PlannedPair(pair.id, pair.settings, 0.0) for pair in expand_headings(typed(job["settings"]))]
+    render_planned(pairs, Path(job["dataset"]), warn=lambda warning: print(warning, file=sys.stderr))
+    made = []
+    for k, pair in enumerate(pairs):
+        folder = pair.folder(Path(job["dataset"]))
+        stated = json.loads((folder / "pair.json").read_text())
+        cost, indirect = stated["cpu_seconds"], stated.get("indirect", {})
+        # The paper's code writes neither truth nor these files.
+        bake = sum(light["cpu_seconds_of_bake"] for light in indirect.get("lights", {}).values())
+        made.append(
+            {
+                "folder": str(folder),
+                "before": cost["before"],
+                "bake": bake,
+                "shared": pair.settings.quality.bake_area == "GROUND",
+                "noise": indirect.get("noise", 0.0),
+                "share": indirect.get("share", 0.0),
+                "pair": apart.costs[k] if rung.apart else cost["pair"],
+            }
+        )
+    return made
+
+
+class _Apart:
+    """Renders of one eye each, as the public code makes them: nothing shared, depth of the left."""
+
+    def __init__(self) -> None:
+        self.costs: list[float] = []  # processor seconds of each pair
+
+    def radiance(self, scene: Any, built: Any, lights: Any, stem: Path, planned: Any) -> dict[str, Path]:
+        """Stands in for what Icy Moon renders radiance with."""
+        import bpy
+        from icymoon.render import passes
+        from icymoon.support.labels import BEAUTY
+        from mathutils import Matrix
+
+        start = time.process_time()
+        passes.choose_layer(scene, BEAUTY, stem, "FULL")
+        pose, kept = scene.camera.matrix_world.copy(), scene.render.use_persistent_data
+        scene.render.use_multiview = scene.render.use_persistent_data = False
+        files = {}
+        for eye, shift in (("left", 0.0), ("right", scene.camera.data.stereo.interocular_distance)):
+            scene.camera.matrix_world = pose @ Matrix.Translation((shift, 0.0, 0.0))
+            scene.view_layers[0].use_pass_z = eye == "left"
+            scene.render.filepath = str(stem.with_name(f"{stem.name}_{eye}"))
+            bpy.ops.render.render(write_still=True, scene=scene.name)
+            files[eye] = Path(scene.render.filepath + ".exr")
+        self.costs.append(time.process_time() - start)
+        scene.camera.matrix_world = pose
+        scene.render.use_multiview, scene.render.use_persistent_data = True, kept
+        return files
+
+
+# In the evaluator's process.
+
+
+def rendered(rung: Rung, settings: Settings, folder: Path) -> list[dict[str, Any]]:
+    """Render a row in a process of its own; see ``render``."""
+    return list(call(render, {"rung": asdict(rung), "settings": settings, "dataset": str(folder)}))
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What matchers make of a pair: by matcher the disparity error (H, W), px, NaN where nothing is measured, and its
+    sums ``stereo.trade.tally``; where both eyes see, bool (H, W)."""
+
+    off: dict[str, np.ndarray]
+    tallies: dict[str, np.ndarray]
+    seen: np.ndarray
+
+
+def errors(folder: Path, methods: Sequence[Method]) -> Errors:
+    """Of a rendered pair, on images as its own camera exposes and reads them."""
+    from icymoon.stereo.matchers import match
+    from icymoon.stereo.measure.metrics import usable
+    from icymoon.stereo.measure.prepare import load
+    from icymoon.stereo.trade.losses import tally
+
+    pair = load(folder, {})
+    camera = pair.pair.camera
+    left, right = pair.images.for_matchers()
+    true = np.where(pair.visible["left"], camera.disparity(pair.depth["left"]), np.nan)
+    found = {method.label: match(method.name, left, right, method.options, camera)[0] for method in methods}
+    return Errors(
+        {label: np.where(usable(each), np.abs(each - true), np.nan) for label, each in found.items()},
+        {label: tally(each, true) for label, each in found.items()},
+        np.isfinite(true),
+    )
+
+
+def against(pairs: Sequence[Errors], first: Sequence[Errors], label: str) -> dict[str, list[float]]:
+    """How much more error a row has than the first, and its standard error: of the pixels that both measure, px, and
+    of the share that is off or missing."""
+    from icymoon.stereo.measure.jackknife import jackknife, tile_sums
+
+    tiles = []
+    for one, other in zip(pairs, first, strict=True):
+        ours, theirs, seen = one.off[label], other.off[label], one.seen & other.seen
+        both = seen & np.isfinite(ours) & np.isfinite(theirs)
+        tiles.append(
+            tile_sums(np.where(both, ours - theirs, 0.0), both, seen & ~(ours <= 1), seen & ~(theirs <= 1), seen)
+        )
+    value, doubt = jackknife(
+        lambda sums: np.stack([sums[..., 0] / sums[..., 1], (sums[..., 2] - sums[..., 3]) / sums[..., 4]], axis=-1),
+        np.concatenate(tiles),
+    )
+    return {key: [float(value[k]), float(doubt[k])] for k, key in enumerate(("epe_px", "wrong_or_missing"))}
+
+
+def measured(
+    pairs: Sequence[Mapping[str, Any]], found: Sequence[Errors], first: Sequence[Errors], best: Any
+) -> dict[str, Any]:
+    """Costs and errors of a row; ``best`` is the render of many samples of its first pair."""
+    from icymoon.stereo.trade.losses import STEREO, measure, stereo_numbers
+
+    costs = [pair["pair"] for pair in pairs]
+    bake = pairs[0]["bake"]
+    row: dict[str, Any] = {
+        "first": pairs[0]["before"] + bake + costs[0],
+        "bake": bake,
+        "shared": pairs[0]["shared"],
+        "more": float(np.mean(costs[1:] or costs)),
+        "stereo": {
+            label: dict(
+                zip(
+                    STEREO,
+                    np.mean([stereo_numbers(each.tallies[label].sum(axis=0)) for each in found], axis=0).tolist(),
+                    strict=True,
+                )
+            )
+            for label in found[0].off
+        },
+        "against": {label: against(found, first, label) for label in found[0].off} if found is not first else {},
+    }
+    if best is not None:
+        light = measure([Path(pairs[0]["folder"])], best, ())
+        row |= {key: light[key] for key in ("bias", "rmse")}
+    return row
+
+
+def head(images: Sequence[int] = (1,)) -> str:
+    """The line over ``shown``."""
+    ratios = "".join(f"{'ratio' if len(images) == 1 else f'of {n}':>8}" for n in images)
+    return (
+        f"{'':44}{'first':>7}{'bake':>7}{'more':>7}{ratios}{'':8}{'cover':>7}{'EPE':>7}{'bad 1':>7}{'wrong':>7}"
+        f"{'more EPE of both':>19}{'more wrong':>16}{'mean':>9}{'RMS':>7}"
+    )
+
+
+def shown(name: str, row: Mapping[str, Any], most: float, images: Sequence[int] = (1,)) -> str:
+    """The lines of a row, one of each matcher; ``most`` is the cost of the first row, CPU-s a pair."""
+    cost = f"{name:44}{row['first']:7.1f}{row['bake']:7.1f}{row['more']:7.2f}" + "".join(
+        f"{most / (row['more'] + row['bake'] / (n if row['shared'] else 1)):8.1f}" for n in images
+    )
+    light = f"{100 * row['bias']:+8.2f}%{100 * row['rmse']:6.2f}%" if "bias" in row else ""
+    lines = []
+    for k, (label, numbers) in enumerate(row["stereo"].items()):
+        text = (
+            f"{cost if k == 0 else ' ' * len(cost)}{label:>8}"
+            f"{100 * numbers['coverage']:6.1f}%{numbers['epe_px']:7.3f}"
+            + "".join(f"{100 * numbers[key]:6.2f}%" for key in ("bad_1", "wrong_or_missing"))
+        )
+        if row["against"]:
+            (epe, about), (wrong, give) = (row["against"][label][key] for key in ("epe_px", "wrong_or_missing"))
+            text += f"{epe:+12.3f} ±{about:5.3f}{100 * wrong:+9.2f} ±{100 * give:4.2f}%"
+        elif light and k == 0:
+            text += f"{'':35}"
+        lines.append(text + (light if k == 0 else ""))
+    return "\n".join(lines)

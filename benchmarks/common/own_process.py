@@ -1,0 +1,62 @@
+"""A function of a study in a new Python: memory, caches and Blender's state are then its own.
+
+numbers = call(measure, "rocks", 1000)
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from icymoon.benchmarks import FOLDER
+from icymoon.benchmarks.common.processor import seconds_of_all
+
+#: The first word of ``python benchmarks`` for a call from another process.
+CALL = "--call"
+
+
+def command(function: Callable[..., Any], result: Path, *arguments: Any) -> list[str]:
+    """The words of a process that calls a module's function and writes its value to ``result`` as JSON.
+
+    The arguments must be JSON.
+    """
+    name = f"{function.__module__}:{function.__name__}"
+    return [sys.executable, str(FOLDER), CALL, name, json.dumps(arguments), str(result)]
+
+
+def call(function: Callable[..., Any], *arguments: Any) -> Any:
+    """The value of a function, called in a new Python whose standard output is not shown.
+
+    RuntimeError if the process failed; its standard error has told why.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        result = Path(folder) / "result.json"
+        done = subprocess.run(command(function, result, *arguments), stdout=subprocess.DEVNULL, check=False)
+        if done.returncode:
+            raise RuntimeError(f"{function.__name__}{arguments} ended with status {done.returncode}")
+        return json.loads(result.read_text(encoding="utf-8"))
+
+
+def work(dataset: Path, *options: str) -> tuple[float, int]:
+    """Complete a data set by ``icymoon work`` with one worker: processor seconds of all processes, exit status."""
+    words = [sys.executable, "-m", "icymoon", "work", str(dataset), "--workers", "1", "--json", *options]
+    status = 0
+
+    def run() -> None:
+        nonlocal status
+        status = subprocess.run(words, stdout=subprocess.DEVNULL, check=False).returncode
+
+    return seconds_of_all(run), status
+
+
+def answer(name: str, arguments: str, result: str) -> None:
+    """Do in this process what ``command`` asks for."""
+    module, _, function = name.partition(":")
+    value = getattr(import_module(module), function)(*json.loads(arguments))
+    Path(result).write_text(json.dumps(value), encoding="utf-8")

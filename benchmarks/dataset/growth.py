@@ -1,0 +1,152 @@
+"""How costs grow with the pairs of a data set: processor seconds and bytes, beside those of ten pairs.
+
+    python benchmarks growth [--pairs 10 100 1000] [--evaluate]
+
+Each data set has so many tiny pairs of a plan, whose images are copies of one, and whose ``pair.json`` states what a
+rendered one does. Columns are: a start of the command line for its help, ``verify``, ``batch`` on the complete data
+set, one ``work`` shard of it, the job file that has all its pairs (written, read by a worker, and its bytes), and with
+``--evaluate`` ``evaluate --methods bm`` with the bytes of its ``report.json``. Needs no Blender. Times of commands are
+of their processes and all that they start.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from icymoon.benchmarks.common.arguments import scratch
+from icymoon.benchmarks.common.processor import seconds_of_all
+from icymoon.physics.camera.stereo_camera import StereoCamera
+from icymoon.physics.excavation.jitter import jittered_rig
+from icymoon.physics.light.directions import camera_axes
+from icymoon.physics.light.sky import sky, sky_facts
+from icymoon.render.plans.frozen_plan import freeze_plan
+from icymoon.render.plans.order import ordered
+from icymoon.render.plans.plan_file import read_plan
+from icymoon.render.plans.planned_pair import PlannedPair
+from icymoon.render.workers.job import Job, read_job, read_planned_pairs
+from icymoon.support.files import json_text
+from pairs import Scene, write_pair
+
+#: Pairs of one ground under one Sun.
+_HEADINGS = 20
+
+
+PLAN_TEXT = """dataset.headings = {headings}
+[plan]
+title = "Growth"
+seeds = {seeds}
+[terrain]
+resolution = 33
+[mesh]
+kind = "GRID"
+[rig]
+width_px = 64
+height_px = 48
+[quality]
+samples = 2
+"""
+
+
+def poses_of(pair: PlannedPair) -> dict[str, Any]:
+    """The poses of a pair's eyes on ground of height 0."""
+    rig, found = jittered_rig(pair.settings), {}
+    for eye, along in (("left", 0.0), ("right", rig.baseline_m)):
+        axes = camera_axes(rig.heading_deg, rig.pitch_deg)
+        place = [rig.x_m, rig.y_m, rig.height_m] + along * axes[:, 0]
+        found[eye] = [[*axes[row].tolist(), float(place[row])] for row in range(3)] + [[0.0, 0.0, 0.0, 1.0]]
+    return found
+
+
+def write_dataset(folder: Path, count: int) -> tuple[Path, list[PlannedPair]]:
+    """A complete data set of so many pairs: its plan, which is beside it, and its pairs."""
+    plan = folder.with_suffix(".toml")
+    headings = min(count, _HEADINGS)
+    plan.write_text(PLAN_TEXT.format(seeds=count // headings, headings=headings), encoding="utf-8")
+    read = read_plan(plan)
+    pairs = ordered(read.pairs())
+    freeze_plan(folder, pairs, read.text)
+    rig = StereoCamera.from_settings(pairs[0].settings.rig)
+    made = write_pair(folder / "one", Scene(), rig, settings=pairs[0].settings)
+    record = json.loads((made / "pair.json").read_text(encoding="utf-8"))
+    for pair in pairs:
+        copy = pair.folder(folder)
+        copy.mkdir(parents=True)
+        for name in record["files"]:
+            shutil.copy(made / name, copy / name)
+        poses = poses_of(pair)
+        (copy / "pair.json").write_text(
+            json_text(
+                record
+                | {
+                    "id": pair.id,
+                    "settings": pair.settings,
+                    "edited_by_hand": False,
+                    "own_files_sha256": "",
+                    "poses_camera_to_world": poses,
+                    "poses_rectified_to_world": poses,
+                    "eyes": rig.eyes_json(),
+                    "light": sky_facts(sky(pair.settings.light)),
+                    "device": pair.settings.quality.device,
+                    "seeds": {"dataset": pair.settings.dataset.seed, "render": pair.render_seed},
+                }
+            ),
+            encoding="utf-8",
+        )
+    shutil.rmtree(made)
+    return plan, pairs
+
+
+def run(*words: object) -> None:
+    """Run a command of ours."""
+    subprocess.run(
+        [sys.executable, "-m", "icymoon", *map(str, words)],
+        check=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+def measure(folder: Path, count: int, evaluates: bool) -> dict[str, float]:
+    """The costs of so many pairs by name, in processor seconds and megabytes."""
+    dataset = folder / f"set{count}"
+    plan, pairs = write_dataset(dataset, count)
+    found = {
+        "help": seconds_of_all(lambda: run("--help")),
+        "verify": seconds_of_all(lambda: run("verify", dataset)),
+        "resume": seconds_of_all(lambda: run("batch", plan, "--out", dataset, "--json")),
+        "work": seconds_of_all(lambda: run("work", dataset, "--json")),
+    }
+    jobs: list[Job] = []
+    found["job out"] = seconds_of_all(lambda: jobs.append(Job(dataset, pairs=pairs)))
+    found["job in"] = seconds_of_all(lambda: read_planned_pairs(read_job(jobs[0].file)))
+    found["job MB"] = jobs[0].file.stat().st_size / 1e6
+    jobs[0].discard()
+    if evaluates:
+        out = folder / f"report{count}"
+        found["evaluate"] = seconds_of_all(
+            lambda: run("evaluate", dataset, "--methods", "bm", "--jobs", 1, "--out", out)
+        )
+        found["report MB"] = (out / "report.json").stat().st_size / 1e6
+    shutil.rmtree(dataset)
+    return found
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--pairs", type=int, nargs="+", default=(10, 100, 1000))
+    parser.add_argument("--evaluate", action="store_true")
+
+
+def main(options: argparse.Namespace) -> None:
+    """Print a row for each number of pairs."""
+    with scratch() as folder:
+        for k, count in enumerate(options.pairs):
+            found = measure(folder, count, options.evaluate)
+            if k == 0:
+                print(f"{'pairs':>6}" + "".join(f"{name:>11}" for name in found))
+            print(f"{count:6}" + "".join(f"{value:11.3f}" for value in found.values()), flush=True)

@@ -1,0 +1,134 @@
+"""Whether the verdict on noise puts baked and traced renders in the order of their distance from a converged one.
+
+    python benchmarks bake_noise [--scale 0.15] [--suns 24 8] [--headings 0] [--bakes 4 16 64 256]
+        [--traced 16 64] [--converged 1024]
+
+The scene is that of ``guiss_cost``, with relief for the camera alone and a Lambert surface. A row is a pair: the
+verdict with the share of the pixels that noise hides in light or shadow, whichever is more; the same share without the
+error of the bake, from what differs between the eyes alone; the noise of the bake over all light, as ``pair.json``
+states it; the root mean square difference from the converged render over the mean, what of that is one factor for all
+pixels (bias), and by how many points the share changes that each matcher has wrong or missing.
+
+Below each Sun and heading is Kendall's tau between either share and the distance: 1 if the order is the same, -1 if it
+is the opposite. Needs Blender as a module.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from icymoon.benchmarks.common.arguments import add_scale, scratch
+from icymoon.benchmarks.common.guiss_rows import errors
+from icymoon.benchmarks.common.guiss_scene import lambert_snow, planned
+from icymoon.benchmarks.common.renders import render_planned, start_blender
+from icymoon.stereo.images.develop import grey
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.measure.prepare import baked_error, load, noise_free_level
+from icymoon.stereo.measure.render_noise import render_noise
+
+#: Matchers whose errors are compared.
+METHODS = "bm,sgbm,jplv"
+#: Samples of direct light, so that the bake makes most of the noise of baked rows.
+DIRECT = 64
+
+
+def kendall(one: Sequence[float], other: Sequence[float]) -> float:
+    """Kendall's tau-b of two lists: 1 if they are in the same order, -1 if in the opposite one; nan if one is equal."""
+    signs = np.array(
+        [(np.sign(one[i] - one[k]), np.sign(other[i] - other[k])) for i, k in combinations(range(len(one)), 2)]
+    )
+    untied = (signs != 0).sum(axis=0)
+    return float((signs[:, 0] * signs[:, 1]).sum() / np.sqrt(untied[0] * untied[1])) if untied.all() else float("nan")
+
+
+def hidden(noise: Any) -> float:
+    """The share that noise hides in light or in shadow, whichever is more, if it is a twentieth of the image."""
+    return max(float(part.hidden) for part in (noise.lit, noise.shadow) if part.share >= 0.05)
+
+
+def measured(folder: Path, reference: Path | None) -> dict[str, Any]:
+    """What a row shows of a pair, with its distance from the pair of the ``reference``."""
+    pair = load(folder, {})
+    eyes = noise_free_level(pair, "left"), noise_free_level(pair, "right")
+    truth = pair.pair.camera.disparity(pair.depth["left"]), pair.visible["left"]
+    noise, between = render_noise(*eyes, *truth, baked_error(pair)), render_noise(*eyes, *truth)
+    found = errors(folder, parse_methods(METHODS))
+    wrong = {name: float((found.seen & ~(off <= 1)).sum() / found.seen.sum()) for name, off in found.off.items()}
+    light = grey(pair.light["left"].radiance)
+    indirect = json.loads((folder / "pair.json").read_text()).get("indirect", {})
+    row = {
+        "verdict": noise.verdict,
+        "larger": noise.larger,
+        "hidden": hidden(noise),
+        "between": hidden(between),
+        "baked": indirect.get("noise_of_image"),
+        "wrong": wrong,
+        "light": light,
+    }
+    if reference is not None:
+        true = measured(reference, None)
+        row |= {
+            "distance": float(np.sqrt(np.mean((light - true["light"]) ** 2)) / true["light"].mean()),
+            "bias": float(light.mean() / true["light"].mean() - 1),
+            "changed": {name: share - true["wrong"][name] for name, share in wrong.items()},
+        }
+    return row
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scale(parser, 0.15)
+    parser.add_argument("--suns", type=float, nargs="+", default=[24.0, 8.0], help="elevations of the Sun, degrees")
+    parser.add_argument("--headings", type=float, nargs="+", default=[0.0], help="degrees; the Sun is at 0")
+    parser.add_argument("--bakes", type=int, nargs="*", default=[4, 16, 64, 256], help="samples of baked light")
+    parser.add_argument("--traced", type=int, nargs="*", default=[16, 64], help="samples of traced light")
+    parser.add_argument("--converged", type=int, default=1024, help="samples of what all are compared with")
+
+
+def main(options: argparse.Namespace) -> None:
+    """Render and print the tables."""
+    start_blender()
+    with scratch() as dataset:
+        print_tables(options, dataset)
+
+
+def print_tables(options: argparse.Namespace, dataset: Path) -> None:
+    """Render below ``dataset`` and print the tables."""
+    traced = {
+        f"traced {n}": {"indirect": "TRACED", "samples": n, "denoiser": "NONE"}
+        for n in (*options.traced, options.converged)
+    }
+    baked = {
+        f"baked {n}": {"indirect": "BAKED", "bake_area": "VIEW", "bake_samples": n, "direct_samples": DIRECT}
+        for n in options.bakes
+    }
+    for sun_deg in options.suns:
+        scene = lambert_snow(options.scale, {"light": {"sun_elevation_deg": sun_deg}})
+        for heading in options.headings:
+            pairs = {name: planned(scene, quality, heading) for name, quality in (baked | traced).items()}
+            render_planned(list(pairs.values()), dataset)
+            *names, best = pairs
+            rows = {name: measured(pairs[name].folder(dataset), pairs[best].folder(dataset)) for name in names}
+            print(f"Sun {sun_deg:g}°, heading {heading:g}°, against {best}:")
+            for name, row in rows.items():
+                print(
+                    f"  {name:11} {row['verdict']:14} {row['larger'] or '':7} hidden {100 * row['hidden']:5.1f} %, "
+                    f"between the eyes {100 * row['between']:5.1f} %, "
+                    f"bake {'-' if row['baked'] is None else format(100 * row['baked'], '.1f'):>4} %, "
+                    f"distance {100 * row['distance']:5.1f} %, bias {100 * row['bias']:+5.1f} %, "
+                    + ", ".join(f"{label} {100 * change:+5.1f}" for label, change in row["changed"].items())
+                )
+            distances = [row["distance"] for row in rows.values()]
+            print(
+                "  tau with the distance: "
+                + ", ".join(
+                    f"{what} {kendall([row[key] for row in rows.values()], distances):+.2f}"
+                    for what, key in (("hidden", "hidden"), ("between the eyes", "between"))
+                ),
+                flush=True,
+            )

@@ -1,0 +1,101 @@
+"""Whether shading normals are why Cycles and Mitsuba differ, in the two smooth scenes where they differ most.
+
+    python -m icymoon validate --only mitsuba
+    python benchmarks shading_normals out/validation/mitsuba
+
+Mitsuba renders each export as it is, and with a Lambert law that is not black where a shading normal turns away from a
+camera that sees the facet. Then the pixels are left out that see a facet which is turned from the Sun while its shading
+normal is not. What is blamed for a difference takes it away. Prints the share of the pixels that are left, the mean
+radiance of Cycles over that of Mitsuba, and RMS and largest difference of 64 regions.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from icymoon.stereo.adapters.mitsuba_hapke import register_law
+from icymoon.stereo.images.exr import read_view
+from icymoon.validation.comparison import Bench
+from icymoon.validation.second_renderer import SCENES, describe_scene, region_means
+
+SCENE_NAMES = ("grazing view to the horizon", "deep shadow on the default mesh")
+NEVER_BLACK = '<bsdf type="never_black"><float name="albedo" value="0.8"/></bsdf>'
+SAMPLES, FINER = 128, 8
+#: Regions of which less is left are not compared.
+LEAST_LEFT = 0.1
+
+
+def find_turned_from_sun(mi: Any, scene: Any, shape: tuple[int, int], sun: np.ndarray) -> np.ndarray:
+    """Mask (H, W) of pixels that see a facet turned from the Sun whose shading normal is not."""
+    found = np.zeros(shape, bool)
+    offsets = (np.arange(FINER) + 0.5) / FINER
+    for down in offsets:
+        for right in offsets:
+            v, u = np.meshgrid(
+                (np.arange(shape[0]) + down) / shape[0], (np.arange(shape[1]) + right) / shape[1], indexing="ij"
+            )
+            ray, _ = scene.sensors()[0].sample_ray(
+                0.0, 0.5, mi.Point2f(u.ravel().astype(np.float32), v.ravel().astype(np.float32)), mi.Point2f(0.5, 0.5)
+            )
+            hit = scene.ray_intersect(ray)
+            facet, smooth = (sun @ np.array(normal).reshape(3, -1) for normal in (hit.n, hit.sh_frame.n))
+            found |= (np.array(hit.is_valid()) & (smooth > 0) & (facet <= 0)).reshape(shape)
+    return found
+
+
+def report(name: str, ours: np.ndarray, theirs: np.ndarray, left: np.ndarray) -> None:
+    """Print how far two images (H, W) differ in the pixels that are left (H, W)."""
+    share = region_means(left.astype(float))
+    here, there = (region_means(np.where(left, image, 0.0))[share > LEAST_LEFT] for image in (ours, theirs))
+    difference = (here - there) / np.maximum(there, 0.02 * there.mean())
+    print(
+        f"  {name:45s} {left.mean():6.1%} left  mean {ours[left].sum() / theirs[left].sum():.4f}  RMS "
+        f"{np.sqrt(np.mean(difference**2)):.4f}  largest {difference[np.abs(difference).argmax()]:+.4f}",
+        flush=True,
+    )
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, help="what `icymoon validate --only mitsuba` wrote")
+
+
+def main(options: argparse.Namespace) -> None:
+    """Print the differences."""
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_rgb")
+    register_law(
+        "never_black", lambda props: {"albedo": float(props["albedo"])}, lambda q, wi, wo: q["albedo"] / math.pi
+    )
+    folder = options.folder
+    scenes = [scene for scene in SCENES if scene.name in SCENE_NAMES]
+    for scene, pair in zip(scenes, Bench(folder).render(list(map(describe_scene, scenes))), strict=True):
+        ours = read_view(pair.image("left")).radiance[..., 0].astype(np.float64)
+        export = folder / "mitsuba" / pair.folder.name
+        text = (
+            (export / "scene_left.xml")
+            .read_text(encoding="utf-8")
+            .replace("terrain.ply", str((export / "terrain.ply").absolute()))
+        )
+        never_black = re.sub(r'<bsdf type="diffuse">.*?</bsdf>', NEVER_BLACK, text, flags=re.DOTALL)
+        images = [
+            np.array(mi.render(mi.load_string(described), spp=SAMPLES, seed=1))[..., 0].astype(np.float64)
+            for described in (text, never_black)
+        ]
+        turned = find_turned_from_sun(
+            mi,
+            mi.load_string(text),
+            (ours.shape[0], ours.shape[1]),
+            np.array(pair.data["light"]["sun"]["direction_to_world"]),
+        )
+        print(scene.name)
+        whole = np.ones(ours.shape, bool)
+        report("as exported", ours, images[0], whole)
+        report("law not black where normals turn from camera", ours, images[1], whole)
+        report("facets turned from the Sun left out", ours, images[0], ~turned)
+        report("both", ours, images[1], ~turned)

@@ -1,0 +1,96 @@
+"""The cost of metrics compared with matching: every metric at 640 x 480, as a ratio to StereoBM in the same run.
+
+    python benchmarks metrics
+
+CPU seconds are the lowest of three runs in one thread. Memory is the peak that NumPy and Python allocate. Uses one
+synthetic pair.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tracemalloc
+from collections.abc import Callable
+
+import numpy as np
+import pairs
+from icymoon.benchmarks.common.arguments import scratch
+from icymoon.benchmarks.common.processor import least_seconds
+from icymoon.render.pairs.pair_folder import Pair
+from icymoon.stereo.export.points import measured_points
+from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
+from icymoon.stereo.inference.typical_scene import compare
+from icymoon.stereo.matchers import match
+from icymoon.stereo.measure.by_pixel_class import sums_by_class, texture
+from icymoon.stereo.measure.common_pixels import common_numbers
+from icymoon.stereo.measure.depth_order import depth_order_disagreement, sampled_disagreement
+from icymoon.stereo.measure.guiss_reference_code import reference_metrics
+from icymoon.stereo.measure.metrics import (
+    by_confidence,
+    depth_metrics,
+    disparity_metrics,
+    error_curve,
+    sparsification,
+    total_metrics,
+)
+from icymoon.stereo.measure.prepare import load, prepare
+from icymoon.stereo.measure.result_row import depth_of, own_numbers
+
+
+def cost(work: Callable[[], object]) -> tuple[float, float]:
+    """(CPU seconds of the fastest of three runs, MiB at the peak of a fourth)."""
+    seconds = least_seconds(work)
+    tracemalloc.start()
+    work()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return seconds, peak / 2**20
+
+
+def main(options: argparse.Namespace) -> None:
+    """Measure and print a table."""
+    with scratch() as folder:
+        pair = pairs.write_pair(folder / "pair", pairs.Scene(distance_m=3.0), pairs.camera(640, 480), noise=0.02)
+        prepared = prepare(pair, {})
+        loaded = load(pair, {})
+        assert isinstance(prepared.pair, Pair)
+        prepared.pair.data["poses_camera_to_world"] = {"left": np.eye(4).tolist()}
+        disparity, _, _ = match("sgbm", prepared.left, prepared.right)
+        depth, truth, camera = depth_of(prepared, disparity), prepared.truth, prepared.pair.camera
+        true = camera.disparity(truth)
+        both = np.isfinite(depth) & np.isfinite(truth)
+        flat, flat_truth = depth[both], truth[both]
+        noisy = flat_truth * np.random.default_rng(0).normal(1, 0.02, flat_truth.size)
+        error = np.abs(disparity - true)
+        differences = np.random.default_rng(0).normal(0, 1, (500, 15))
+        works: dict[str, Callable[[], object]] = {
+            "StereoBM": lambda: match("bm", prepared.left, prepared.right),
+            "SGBM, 8 directions": lambda: match("sgbm", prepared.left, prepared.right),
+            "exact DOD, measured disparities": lambda: depth_order_disagreement(flat, flat_truth),
+            "exact DOD, continuous depths": lambda: depth_order_disagreement(noisy, flat_truth),
+            "DOD, 300 000 pairs": lambda: sampled_disagreement(flat, flat_truth, 300_000, np.random.default_rng(0)),
+            "depth metrics with exact DOD": lambda: depth_metrics(depth, truth),
+            "disparity metrics": lambda: disparity_metrics(disparity, true),
+            "missing counted as wrong": lambda: total_metrics(depth, truth, disparity, true, 0.0),
+            "reference code's metrics": lambda: reference_metrics(disparity, truth, 4),
+            "cumulative error": lambda: error_curve(depth, truth),
+            "sparsification": lambda: sparsification(error.ravel()[by_confidence(prepared.gradient)]),
+            "errors by stratum": lambda: sums_by_class(
+                prepared.cells, *(values[prepared.known] for values in (depth, truth, disparity, true))
+            ),
+            "texture": lambda: texture(prepared.left),
+            "occlusion of one eye": lambda: visible_in_right(loaded.depth["left"], loaded.depth["right"], camera),
+            "points": lambda: measured_points(prepared, disparity),
+            "a row, its own numbers": lambda: own_numbers(prepared, disparity),
+            "numbers of two methods in common": lambda: common_numbers(prepared, {"a": disparity, "b": disparity}),
+            "a pair: check, read, develop, classify": lambda: prepare(pair, {}),
+            "15 comparisons over 500 scenes": lambda: compare(differences, 0),
+        }
+        print(f"{'':<50}{'CPU s':>9}{'x BM':>8}{'MiB':>8}{'x BM':>8}")
+        base: tuple[float, float] | None = None
+        for name, work in works.items():
+            seconds, memory = cost(work)
+            base = base or (seconds, memory)
+            print(
+                f"{name:<50}{seconds:>9.4f}{seconds / base[0]:>8.1f}{memory:>8.1f}{memory / base[1]:>8.1f}", flush=True
+            )
