@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from ..operators import jobs
 from ..operators.sidebar_text import in_lines, line_length, plain
@@ -28,9 +28,11 @@ class _Field(NamedTuple):
     meaning: str  # of the present choice; empty if it is not explained
 
 
-#: The fields of each part of the sidebar, and the settings for which they were found.
-_fields: dict[tuple[str, tuple[str, ...]], tuple[_Field, ...]] = {}
-_fields_of: Settings | None = None
+class _Found:
+    """The fields of each part of the sidebar, and the settings for which they were found."""
+
+    settings: Settings | None = None
+    fields: ClassVar[dict[tuple[str, tuple[str, ...]], tuple[_Field, ...]]] = {}
 
 
 def find_fields(root: Any, topic: str, keys: tuple[str, ...]) -> tuple[_Field, ...]:
@@ -38,16 +40,15 @@ def find_fields(root: Any, topic: str, keys: tuple[str, ...]) -> tuple[_Field, .
 
     Found once for the same settings, since the window asks at every redraw.
     """
-    global _fields_of
     settings = scene_properties.read_for_display(root)
-    if _fields_of is not settings:
-        _fields.clear()
-        _fields_of = settings
-    if (topic, keys) not in _fields:
-        _fields[topic, keys] = tuple(
+    if _Found.settings is not settings:
+        _Found.settings = settings
+        _Found.fields.clear()
+    if (topic, keys) not in _Found.fields:
+        _Found.fields[topic, keys] = tuple(
             _describe(topic, key, settings) for key in keys if TOPICS[topic].is_shown(key, settings)
         )
-    return _fields[topic, keys]
+    return _Found.fields[topic, keys]
 
 
 def _describe(topic: str, key: str, settings: Settings) -> _Field:
