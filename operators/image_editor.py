@@ -6,13 +6,12 @@ from collections.abc import Iterator
 
 import bpy
 
+from .window import areas
+
 
 def editors(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
     """The Image Editors of all windows."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR":
-                yield window, area
+    return areas("IMAGE_EDITOR")
 
 
 def showing(context: bpy.types.Context, image: bpy.types.Image) -> list[bpy.types.Area]:

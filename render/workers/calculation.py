@@ -29,9 +29,10 @@ class Calculation(threading.Thread):
     def run(self) -> None:
         """Calculate; called in the thread."""
         try:
-            self._messages.append({"type": "result", "value": self._calculate()})
+            message: Message = {"type": "result", "value": self._calculate()}
         except Exception as error:
-            self._messages.append({"type": "error", "message": describe_error(error, self._subject)})
+            message = {"type": "error", "message": describe_error(error, self._subject)}
+        self._messages.append(message)
 
     @property
     def running(self) -> bool:
@@ -40,8 +41,7 @@ class Calculation(threading.Thread):
 
     def poll(self) -> list[Message]:
         """The message, once."""
-        messages, self._messages = self._messages, []
-        return messages
+        return [self._messages.pop() for _ in self._messages[:]]
 
     def cancel(self) -> None:
         """Do not use the value."""
