@@ -14,19 +14,18 @@ from .job_operators import JobOperator
 from .preferences import asset_folder, find_asset_libraries, has_assets
 from .session import session
 from .sidebar_text import in_window
+from .window import areas, inside
 
 _NAME = "Icy Moon"
 
 
 def _show_in_browsers() -> None:
     """Let open Asset Browsers read their libraries again."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.ui_type == "ASSETS":
-                region = next(each for each in area.regions if each.type == "WINDOW")
-                with bpy.context.temp_override(window=window, area=area, region=region):
-                    if bpy.ops.asset.library_refresh.poll():
-                        bpy.ops.asset.library_refresh()
+    for window, area in areas("FILE_BROWSER"):
+        if area.ui_type == "ASSETS":
+            with inside(window, area):
+                if bpy.ops.asset.library_refresh.poll():
+                    bpy.ops.asset.library_refresh()
 
 
 class ICYMOON_OT_make_asset_library(JobOperator, bpy.types.Operator):

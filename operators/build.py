@@ -20,7 +20,7 @@ from .events import call, follow
 from .session import session
 from .sidebar_text import in_window
 from .user_render import prepare_render, restore_render
-from .window import areas
+from .window import areas, inside
 
 
 def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Settings | None = None) -> None:
@@ -98,8 +98,7 @@ def restore_views() -> None:
         if space.region_3d.view_perspective == "CAMERA":
             space.region_3d.view_perspective = before["perspective"]
         if space.local_view is not None and not before["local"]:
-            region = next(r for r in area.regions if r.type == "WINDOW")
-            with bpy.context.temp_override(window=window, area=area, region=region):
+            with inside(window, area):
                 bpy.ops.view3d.localview(frame_selected=False)
     session.views_before.clear()
 
@@ -113,8 +112,7 @@ def _follow_undo() -> None:
         for window, area in list(areas("VIEW_3D")):
             built = scenes.find(window.scene)
             if built is not None and area.spaces.active.as_pointer() in session.views_left:
-                region = next(r for r in area.regions if r.type == "WINDOW")
-                with bpy.context.temp_override(window=window, area=area, region=region):
+                with inside(window, area):
                     show_scene(bpy.context, built)
         session.views_left.clear()
 

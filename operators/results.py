@@ -409,7 +409,7 @@ def show_images(
         image.reload()
         image.name = (names or {}).get(path, image.name)
     area.spaces.active.image = images[0]
-    image_editor.fit(context, area)
+    image_editor.fit(area)
     push_undo("Show Images")
     return True
 

@@ -95,7 +95,7 @@ def _load(image: bpy.types.Image, turn: int) -> None:
     image.filepath_raw = str(_pictures_folder() / f"picture_{turn}.png")
     image.reload()
     image.is_runtime_data = True  # Blender does not write it into the .blend file: its file is temporary
-    for area in image_editor.showing(bpy.context, image):
+    for area in image_editor.showing(image):
         area.tag_redraw()
 
 
@@ -118,13 +118,13 @@ def _show(context: bpy.types.Context, now: ShownPair, open_window: bool) -> None
     size = tuple(image.size)
     _load(image, 0)
     session.shown = now
-    areas = image_editor.showing(context, image)
+    areas = image_editor.showing(image)
     placed = None if areas else image_editor.find_or_open(context, open_window)
     if placed is not None:
         placed.spaces.active.image = image
         areas = [placed]
     for area in areas if placed is not None or size != tuple(image.size) else ():
-        image_editor.fit(context, area)
+        image_editor.fit(area)
     if new or placed is not None:
         push_undo("Show Stereo Pair")
     if now.view == "FLICKER" and areas:
@@ -135,7 +135,7 @@ def _show(context: bpy.types.Context, now: ShownPair, open_window: bool) -> None
 def _flicker() -> float | None:
     """Show the other eye. The timer calls this until another view is chosen or no editor shows the image."""
     image, shown = find_image(), session.shown
-    if shown is None or shown.view != "FLICKER" or image is None or not image_editor.showing(bpy.context, image):
+    if shown is None or shown.view != "FLICKER" or image is None or not image_editor.showing(image):
         return None
     shown.turn = 1 - shown.turn
     _load(image, shown.turn)
@@ -181,6 +181,7 @@ class ShowsPair(WatchingOperator):
     def report_success(self, context: bpy.types.Context) -> None:
         """Show the pair. The view is exposed by a pair that was just read."""
         if self._job is not None:
+            session.reading = None
             self._found = ShownPair(self._folder, self._made_of, self._job.result["value"], self.view)
         _show(context, self._found, self._opens_window(context))
         if self._job is not None and self.automatic:
@@ -254,7 +255,7 @@ def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 def _follow() -> None:
     """Develop the pair that is shown with the present response."""
     image, shown, windows = find_image(), session.shown, bpy.context.window_manager.windows
-    if shown is None or image is None or not image_editor.showing(bpy.context, image):
+    if shown is None or image is None or not image_editor.showing(image):
         return
     found = kept_pairs(windows[0].scene)
     if shown.folder in found:

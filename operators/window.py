@@ -23,6 +23,12 @@ def areas(kind: str) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
                 yield window, area
 
 
+def inside(window: bpy.types.Window, area: bpy.types.Area) -> Any:
+    """A context in which operators run in an area."""
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    return bpy.context.temp_override(window=window, area=area, region=region)
+
+
 def redraw(kind: str) -> None:
     """Redraw all areas of a kind."""
     for _, area in areas(kind):

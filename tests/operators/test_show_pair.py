@@ -29,8 +29,8 @@ def rendered(small):
 def editor(monkeypatch):
     """An Image Editor that shows the image, as in a window; there is none here."""
     areas = [SimpleNamespace(tag_redraw=lambda: None)]
-    monkeypatch.setattr(image_editor, "showing", lambda context, image: areas)
-    monkeypatch.setattr(image_editor, "fit", lambda context, area: None)
+    monkeypatch.setattr(image_editor, "showing", lambda image: areas)
+    monkeypatch.setattr(image_editor, "fit", lambda area: None)
     return areas
 
 

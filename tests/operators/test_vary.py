@@ -332,7 +332,7 @@ def test_a_confirmed_dialog_reports_what_cannot_be(tiny, tmp_path):
     dialog: Any = SimpleNamespace(
         _asked=True, folder=str(tmp_path / "set"), report=lambda kind, text: said.append(text)
     )
-    assert vary.ICYMOON_OT_render_variations.execute(dialog, bpy.context) == {"CANCELLED"}
+    assert render_variations.ICYMOON_OT_render_variations.execute(dialog, bpy.context) == {"CANCELLED"}
     assert len(said) == 1
     assert said[0].startswith(str(tmp_path / "set"))
     assert said[0].endswith("choose another folder.")
