@@ -8,6 +8,7 @@ import importlib.util
 import sys
 import warnings
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, Protocol, Self
 
@@ -174,12 +175,7 @@ class InProcess:
         self._scenes.close()
 
 
-_default: Worker | None = None
-
-
+@cache
 def default_renderer() -> Worker:
     """The worker that renders where none is given: one for all scenes."""
-    global _default
-    if _default is None:
-        _default = Worker()
-    return _default
+    return Worker()

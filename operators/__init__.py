@@ -18,10 +18,10 @@ from . import (
     errors_in_view,
     evaluate,
     evaluator,
+    events,
     expose,
-    first_picture,
     ground,
-    jobs,
+    job_operators,
     layers,
     live_exposure,
     live_preview,
@@ -29,11 +29,15 @@ from . import (
     presets,
     refine,
     render,
+    render_variations,
     results,
+    session,
     settings,
     show_pair,
     trade,
+    variation_curves,
     variation_pictures,
+    variation_plan,
     vary,
     view_exposure,
     view_resolution,
@@ -59,8 +63,11 @@ CLASSES: tuple[Any, ...] = (
     *trade.CLASSES,
     *add.CLASSES,
     *vary.CLASSES,
+    *variation_plan.CLASSES,
+    *render_variations.CLASSES,
+    *variation_curves.CLASSES,
     *variation_pictures.CLASSES,
-    *jobs.CLASSES,
+    *job_operators.CLASSES,
     *manual.CLASSES,
 )
 
@@ -71,42 +78,34 @@ if find_spec(f"{__package__}.install_evaluator"):  # a store build has it not
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
+#: The modules that follow events, in the order in which listeners are told of a change.
+_FOLLOWING: tuple[Any, ...] = (
+    events,
+    session,
+    build,
+    coloured_views,
+    dataset,
+    live_preview,
+    view_exposure,
+    view_resolution,
+    refine,
+    live_exposure,
+    show_pair,
+    errors_in_view,
+    manual,
+)
+
 
 def register() -> None:
-    """Register the operators."""
+    """Register the operators, and follow events."""
     _register()
-    build.register()
-    coloured_views.register()
-    jobs.register()
-    dataset.register()
-    live_preview.register()
-    view_exposure.register()
-    view_resolution.register()
-    first_picture.register()
-    refine.register()
-    live_exposure.register()
-    show_pair.register()
-    vary.register()
-    variation_pictures.register()
-    errors_in_view.register()
-    manual.register()
+    for module in _FOLLOWING:
+        module.register()
 
 
 def unregister() -> None:
-    """Unregister the operators and stop a running job."""
-    manual.unregister()
-    errors_in_view.unregister()
+    """Follow nothing any more, stop running jobs and unregister the operators."""
+    for module in reversed(_FOLLOWING):
+        module.unregister()
     variation_pictures.unregister()
-    vary.unregister()
-    show_pair.unregister()
-    live_exposure.unregister()
-    refine.unregister()
-    first_picture.unregister()
-    view_resolution.unregister()
-    view_exposure.unregister()
-    live_preview.unregister()
-    dataset.unregister()
-    jobs.unregister()
-    coloured_views.unregister()
-    build.unregister()
     _unregister()

@@ -6,49 +6,45 @@ import bpy
 
 from ..formats.asset_library import uninstall
 from ..render.workers.job import blender_command
-from ..render.workers.process import Message, Process
 from ..support.errors import IcyMoonError
 from ..support.number_text import count_of
 from ..support.printer import show_controls
 from . import jobs
+from .job_operators import JobOperator
 from .preferences import asset_folder, find_asset_libraries, has_assets
+from .session import session
 from .sidebar_text import in_window
+from .window import areas, inside
 
 _NAME = "Icy Moon"
 
 
 def _show_in_browsers() -> None:
     """Let open Asset Browsers read their libraries again."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.ui_type == "ASSETS":
-                region = next(each for each in area.regions if each.type == "WINDOW")
-                with bpy.context.temp_override(window=window, area=area, region=region):
-                    if bpy.ops.asset.library_refresh.poll():
-                        bpy.ops.asset.library_refresh()
+    for window, area in areas("FILE_BROWSER"):
+        if area.ui_type == "ASSETS":
+            with inside(window, area):
+                if bpy.ops.asset.library_refresh.poll():
+                    bpy.ops.asset.library_refresh()
 
 
-class ICYMOON_OT_make_asset_library(jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_make_asset_library(JobOperator, bpy.types.Operator):
     """Make assets of the shipped scenes, surfaces, stereo cameras, lights and a black sky, and add them to Blender's Asset Browser. Takes about a minute; Esc stops it"""  # noqa: E501
 
     bl_idname = "icymoon.make_asset_library"
     bl_label = "Make Asset Library"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        self._assets = 0
-        process = Process(blender_command(jobs.this_blender(), "assets", str(asset_folder())))
-        return jobs.Job(self.bl_label, process, self._hear, lambda: None, if_stopped="the library is as it was before")
-
-    def _hear(self, message: Message) -> None:
-        if message["type"] == "done":
-            self._assets = int(message["assets"])
+        command = blender_command(jobs.this_blender(), "assets", str(asset_folder()))
+        kept = "the library is as it was before"
+        return jobs.Job.start(self.bl_label, command, clean=False, if_stopped=kept)
 
     def report_success(self, context: bpy.types.Context) -> None:
         if not find_asset_libraries():
             library = context.preferences.filepaths.asset_libraries.new(name=_NAME, directory=str(asset_folder()))
             library.import_method = "APPEND"  # dropped assets can be edited; Blender 5 would pack them otherwise
         _show_in_browsers()
-        made = count_of(self._assets, "asset")
+        made = count_of(int(self._job.result["assets"]), "asset")
         self.report({"INFO"}, f"Made {made}; choose the library {_NAME} in the Asset Browser")
 
 
@@ -60,8 +56,8 @@ class ICYMOON_OT_remove_asset_library(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if jobs.current is not None:
-            cls.poll_message_set(f"{jobs.current.title} is running")
+        if session.job is not None:
+            cls.poll_message_set(f"{session.job.title} is running")
             return False
         if not has_assets() and not find_asset_libraries():
             cls.poll_message_set("There is no asset library; press Make Asset Library first")

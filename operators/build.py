@@ -14,10 +14,13 @@ from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.number_text import count_of
-from . import first_picture, view_exposure, view_resolution
+from . import view_exposure, view_resolution
 from .coloured_views import hide_errors
+from .events import call, follow
+from .session import session
 from .sidebar_text import in_window
 from .user_render import prepare_render, restore_render
+from .window import areas, inside
 
 
 def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Settings | None = None) -> None:
@@ -34,10 +37,6 @@ def frame_and_expose(scene: bpy.types.Scene, settings: Settings, before: Setting
     view_exposure.expose(scene, settings, anew=before is None)
 
 
-#: What 3D Views were like before they showed a built scene, by their addresses; the window's layout knows no undo.
-_views_before: dict[int, dict[str, Any]] = {}
-#: Addresses of the views that a built scene was taken from, by undo or Clear Scene.
-_left: set[int] = set()
 _SHADING = ("type", "use_scene_lights_render", "use_scene_world_render")
 
 
@@ -49,8 +48,8 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
     space: Any = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
         return
-    _left.discard(space.as_pointer())
-    _views_before.setdefault(
+    session.views_left.discard(space.as_pointer())
+    session.views_before.setdefault(
         space.as_pointer(),
         {
             "shading": {key: getattr(space.shading, key) for key in _SHADING},
@@ -86,16 +85,12 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
 
 def restore_views() -> None:
     """Restore the 3D Views that showed a built scene; undo or redo may show the scene there again."""
-    _left.update(_views_before)
-    places = [
-        (window, area)
-        for window in bpy.context.window_manager.windows
-        for area in window.screen.areas
-        if area.type == "VIEW_3D" and area.spaces.active.as_pointer() in _views_before
-    ]
-    for window, area in places:
+    session.views_left.update(session.views_before)
+    for window, area in list(areas("VIEW_3D")):
         space = area.spaces.active
-        before = _views_before[space.as_pointer()]
+        before = session.views_before.get(space.as_pointer())
+        if before is None:
+            continue
         for key, value in before["shading"].items():
             setattr(space.shading, key, value)
         space.overlay.show_overlays = before["overlays"]
@@ -103,53 +98,35 @@ def restore_views() -> None:
         if space.region_3d.view_perspective == "CAMERA":
             space.region_3d.view_perspective = before["perspective"]
         if space.local_view is not None and not before["local"]:
-            region = next(r for r in area.regions if r.type == "WINDOW")
-            with bpy.context.temp_override(window=window, area=area, region=region):
+            with inside(window, area):
                 bpy.ops.view3d.localview(frame_selected=False)
-    _views_before.clear()
+    session.views_before.clear()
 
 
 def _follow_undo() -> None:
     """Restore the views if undo has removed the built scene, and show it again if redo has brought it back."""
     there = any(scenes.find_collection(scene) for scene in bpy.data.scenes)
-    if _views_before and not there:
+    if session.views_before and not there:
         restore_views()
-    elif _left and there:
-        for window in bpy.context.window_manager.windows:
+    elif session.views_left and there:
+        for window, area in list(areas("VIEW_3D")):
             built = scenes.find(window.scene)
-            if built is None:
-                continue
-            for area in window.screen.areas:
-                if area.type == "VIEW_3D" and area.spaces.active.as_pointer() in _left:
-                    region = next(r for r in area.regions if r.type == "WINDOW")
-                    with bpy.context.temp_override(window=window, area=area, region=region):
-                        show_scene(bpy.context, built)
-        _left.clear()
+            if built is not None and area.spaces.active.as_pointer() in session.views_left:
+                with inside(window, area):
+                    show_scene(bpy.context, built)
+        session.views_left.clear()
 
 
-@bpy.app.handlers.persistent
-def _look_after_undo(*_: Any) -> None:
-    if (_views_before or _left) and not bpy.app.timers.is_registered(_follow_undo):
-        bpy.app.timers.register(_follow_undo, first_interval=0.0)  # no operator runs inside undo
-
-
-@bpy.app.handlers.persistent
-def _forget_views(*_: Any) -> None:
-    _views_before.clear()
-    _left.clear()
+def _look_after_undo() -> None:
+    if session.views_before or session.views_left:
+        call(_follow_undo)  # no operator runs inside undo
 
 
 def views_through(context: bpy.types.Context, camera: bpy.types.Object | None) -> list[Any]:
     """The 3D Views, in all windows, that look through ``camera``."""
-    spaces = [
-        area.spaces.active
-        for window in context.window_manager.windows
-        for area in window.screen.areas
-        if area.type == "VIEW_3D"
-    ]
     return [
         space
-        for space in spaces
+        for space in (area.spaces.active for _, area in areas("VIEW_3D"))
         if camera is not None
         and space.region_3d.view_perspective == "CAMERA"
         and (space.camera if space.use_local_camera else context.scene.camera) is camera
@@ -192,7 +169,7 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
         operator.report({"WARNING"}, in_window(warning))
     frame_and_expose(context.scene, built.settings, before)
     view_resolution.begin(context.scene)
-    first_picture.remove()
+    session.picture.remove()
     if not bpy.app.background:
         if before is None:
             show_scene(context, built)
@@ -248,7 +225,7 @@ class ICYMOON_OT_clear_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         hide_errors(context.scene)
-        first_picture.remove()
+        session.picture.remove()
         collection = scenes.find_collection(context.scene)
         restore_render(context.scene, collection)
         view_resolution.restore(context.scene, collection)
@@ -260,17 +237,4 @@ class ICYMOON_OT_clear_scene(bpy.types.Operator):
 CLASSES = (ICYMOON_OT_build_scene, ICYMOON_OT_clear_scene)
 
 
-def register() -> None:
-    """Follow undo and new files, so that no view stays on a scene that is gone."""
-    bpy.app.handlers.undo_post.append(_look_after_undo)
-    bpy.app.handlers.redo_post.append(_look_after_undo)
-    bpy.app.handlers.load_pre.append(_forget_views)
-
-
-def unregister() -> None:
-    """Stop following them."""
-    bpy.app.handlers.load_pre.remove(_forget_views)
-    if bpy.app.timers.is_registered(_follow_undo):
-        bpy.app.timers.unregister(_follow_undo)
-    bpy.app.handlers.redo_post.remove(_look_after_undo)
-    bpy.app.handlers.undo_post.remove(_look_after_undo)
+register, unregister = follow(timers=(_follow_undo,), undo_post=_look_after_undo, redo_post=_look_after_undo)

@@ -13,23 +13,18 @@ from typing import Any
 import bpy
 
 from ..nodes import measured_surface, painted_errors
+from .events import call, follow
+from .session import session
+from .window import areas
 
 #: Custom property of a scene: the shading of its view before the colours.
 KEPT = "icymoon_view_before_colours"
-#: Shading of 3D Views before they showed colours, by their addresses.
-_before: dict[int, dict[str, str]] = {}
-#: The views that no longer show colours, because undo or a button took the errors away; whether they were in Solid
-#: shading.
-_left: dict[int, bool] = {}
 _KEYS = ("color_type", "light", "type")
 
 
 def _views() -> Iterator[tuple[bpy.types.Scene, Any]]:
     """All 3D Views with their scenes."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                yield window.scene, area.spaces.active
+    return ((window.scene, area.spaces.active) for window, area in areas("VIEW_3D"))
 
 
 def show_colours(context: bpy.types.Context, items: Iterable[bpy.types.Object], solid: bool = False) -> None:
@@ -48,8 +43,8 @@ def show_colours(context: bpy.types.Context, items: Iterable[bpy.types.Object], 
 
 def _colour(scene: bpy.types.Scene, space: Any, solid: bool) -> None:
     shading = space.shading
-    kept = _before.setdefault(space.as_pointer(), {})
-    _left.pop(space.as_pointer(), None)
+    kept = session.shading_before.setdefault(space.as_pointer(), {})
+    session.colours_left.pop(space.as_pointer(), None)
     if solid:
         kept.setdefault("type", shading.type)
         shading.type = "SOLID"  # first: the other two properties belong to Solid shading
@@ -83,41 +78,33 @@ def is_shown(scene: bpy.types.Scene) -> bool:
 def restore_views() -> None:
     """Restore the earlier shading of the views that showed colours."""
     for _, space in _views():
-        kept = _before.get(space.as_pointer(), {})
+        kept = session.shading_before.get(space.as_pointer(), {})
         if kept:
-            _left[space.as_pointer()] = "type" in kept
+            session.colours_left[space.as_pointer()] = "type" in kept
         for key in _KEYS:
             if key in kept:
                 with suppress(TypeError):  # a file may contain any text
                     setattr(space.shading, key, kept[key])
-    _before.clear()
+    session.shading_before.clear()
 
 
 def _follow_undo() -> None:
     """Restore the views if undo has removed the errors, and show the colours again if redo has brought them back."""
     there = any(map(is_shown, bpy.data.scenes))
-    if _before and not there:
+    if session.shading_before and not there:
         restore_views()
-    elif _left and there:
+    elif session.colours_left and there:
         for scene, space in list(_views()):
-            if space.as_pointer() in _left and is_shown(scene):
-                _colour(scene, space, _left[space.as_pointer()])
+            if space.as_pointer() in session.colours_left and is_shown(scene):
+                _colour(scene, space, session.colours_left[space.as_pointer()])
 
 
-@bpy.app.handlers.persistent
-def _look_after_undo(*_: Any) -> None:
-    if (_before or _left) and not bpy.app.timers.is_registered(_follow_undo):
-        bpy.app.timers.register(_follow_undo, first_interval=0.0)  # views of a window may change in a timer only
+def _look_after_undo() -> None:
+    if session.shading_before or session.colours_left:
+        call(_follow_undo)  # views of a window may change in a timer only
 
 
-@bpy.app.handlers.persistent
-def _forget(*_: Any) -> None:
-    _before.clear()
-    _left.clear()
-
-
-@bpy.app.handlers.persistent
-def _remember(*_: Any) -> None:
+def _remember() -> None:
     """Read the earlier shading of the views of an opened file that was saved with the colours shown."""
     for scene, space in _views():
         stored: Any = scene.get(KEPT)
@@ -127,26 +114,9 @@ def _remember(*_: Any) -> None:
             else {}
         )
         if kept and space.shading.color_type == "VERTEX" and ("type" not in kept or space.shading.type == "SOLID"):
-            _before[space.as_pointer()] = kept
+            session.shading_before[space.as_pointer()] = kept
 
 
-_HANDLERS = (
-    (bpy.app.handlers.load_pre, _forget),
-    (bpy.app.handlers.load_post, _remember),
-    (bpy.app.handlers.undo_post, _look_after_undo),
-    (bpy.app.handlers.redo_post, _look_after_undo),
+register, unregister = follow(
+    timers=(_follow_undo,), load_post=_remember, undo_post=_look_after_undo, redo_post=_look_after_undo
 )
-
-
-def register() -> None:
-    """Follow undo and files that are opened."""
-    for handlers, handler in _HANDLERS:
-        handlers.append(handler)
-
-
-def unregister() -> None:
-    """Stop following them."""
-    for handlers, handler in _HANDLERS:
-        handlers.remove(handler)
-    if bpy.app.timers.is_registered(_follow_undo):
-        bpy.app.timers.unregister(_follow_undo)

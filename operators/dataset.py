@@ -15,7 +15,7 @@ from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import find_plan, read_plan_header
 from ..render.workers.detached import Detached, find_left_running
 from ..render.workers.job import blender_command
-from ..render.workers.process import Message, Process, clean_environment
+from ..render.workers.process import Message, clean_environment
 from ..settings.blender import scene_properties
 from ..settings.preset_files import plan_names
 from ..settings.topics.scene import Settings
@@ -24,10 +24,14 @@ from ..support.files import absolute_path
 from ..support.printer import show_controls
 from ..support.system import user_key
 from . import dialogs, evaluate, jobs
+from .events import call, follow
+from .job_operators import JobOperator
 from .preferences import extension_folder, find_evaluator_python, workers
 from .render import dataset_folder
+from .session import session
 from .show_pair import ShowsPair
 from .sidebar_text import in_window
+from .window import push_undo
 
 _TITLE = "Render Data Set"
 _LOOK_S = 0.5
@@ -116,7 +120,7 @@ class ICYMOON_OT_open_plan(dialogs.TomlFileDialog, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_plan_dry_run(JobOperator, bpy.types.Operator):
     """Check the plan without rendering it, and estimate its number of pairs, time and disk space"""
 
     bl_idname = "icymoon.plan_dry_run"
@@ -126,26 +130,12 @@ class ICYMOON_OT_plan_dry_run(jobs.JobOperator, bpy.types.Operator):
         settings = scene_properties.read_settings(context.scene.icymoon)
         plan = chosen_plan(settings)
         readout.update(plan=settings.dataset.plan, lines=[])
-        process = Process(
-            verb_command(
-                "plan",
-                plan,
-                "--dry-run",
-                "--json",
-                "--out",
-                str(dataset_folder(settings)),
-                "--blender",
-                jobs.this_blender(),
-            ),
-            clean_environment(),
-        )
-        return jobs.Job(self.bl_label, process, self._handle, lambda: None)
-
-    def _handle(self, message: Message) -> None:
-        if message["type"] == "result":
-            readout["lines"] = list(message["lines"])
+        blender, folder = jobs.this_blender(), str(dataset_folder(settings))
+        command = verb_command("plan", plan, "--dry-run", "--json", "--out", folder, "--blender", blender)
+        return jobs.Job.start(self.bl_label, command)
 
     def report_success(self, context: bpy.types.Context) -> None:
+        readout["lines"] = list(self._job.result["lines"])
         for line in readout["lines"]:
             self.report({"INFO"}, in_window(line))
 
@@ -174,7 +164,7 @@ class DatasetJob(jobs.Job):
 
     @property
     def failure(self) -> str:
-        if self.done and readout["set_aside"]:
+        if self.result and readout["set_aside"]:
             n = len(readout["set_aside"])
             return f"{n} pair{'s were' if n > 1 else ' was'} set aside, first {readout['set_aside'][0]}"
         return super().failure
@@ -225,7 +215,7 @@ def start_batch(settings: Settings, command: list[str], plan: str) -> Detached:
     )
 
 
-class DatasetOperator(jobs.JobOperator):
+class DatasetOperator(JobOperator):
     """Mix-in: an operator that watches a data set."""
 
     escapes = False
@@ -247,7 +237,7 @@ class DatasetOperator(jobs.JobOperator):
             self._keeper(message)
             _note_pairs(message)
 
-        job = DatasetJob(_TITLE, process, handle, lambda: None, began)
+        job = DatasetJob(_TITLE, process, handle, started=began)
         job.evaluates = bool(process.facts.get("evaluate"))
         return job
 
@@ -283,7 +273,7 @@ class ICYMOON_OT_watch_dataset(DatasetOperator, bpy.types.Operator):
         group, facts = context.scene.icymoon.dataset, process.facts
         group.folder, group.plan, group.evaluate = facts["dataset"], facts["plan"], facts["evaluate"]
         group.leave_running = True
-        jobs.push_undo(self.bl_label)
+        push_undo(self.bl_label)
         return self._job_of(process, context)
 
 
@@ -309,7 +299,7 @@ class ICYMOON_OT_show_last_pair(ShowsPair, bpy.types.Operator):
 def _watch_again() -> None:
     """Watch a data set that an earlier Blender, or this one before it opened another file, left running."""
     manager = bpy.context.window_manager
-    if jobs.current is not None or not manager.windows or not any(state_folder().glob("*.lock")):
+    if session.job is not None or not manager.windows or not any(state_folder().glob("*.lock")):
         return
     with bpy.context.temp_override(window=manager.windows[0]):
         if ICYMOON_OT_watch_dataset.poll(bpy.context):
@@ -320,10 +310,9 @@ def _watch_again() -> None:
                 bpy.ops.icymoon.watch_dataset("INVOKE_DEFAULT")
 
 
-@bpy.app.handlers.persistent
-def _look_after_load(*_: Any) -> None:
+def _look_after_load() -> None:
     if not bpy.app.background:
-        bpy.app.timers.register(_watch_again, first_interval=_LOOK_S)
+        call(_watch_again, _LOOK_S)
 
 
 CLASSES = (
@@ -336,14 +325,10 @@ CLASSES = (
 )
 
 
+_register, unregister = follow(timers=(_watch_again,), load_post=_look_after_load)
+
+
 def register() -> None:
     """Look for a data set that was left running, now and after each file is opened."""
-    bpy.app.handlers.load_post.append(_look_after_load)
+    _register()
     _look_after_load()
-
-
-def unregister() -> None:
-    """Stop looking for data sets."""
-    bpy.app.handlers.load_post.remove(_look_after_load)
-    if bpy.app.timers.is_registered(_watch_again):
-        bpy.app.timers.unregister(_watch_again)

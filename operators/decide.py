@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
 
 from ..render.workers.job import python_command
-from ..render.workers.process import Message, Process, clean_environment
 from ..settings.blender import scene_properties
 from ..support.printer import show_controls
 from . import jobs, own_reports
 from .evaluate import matcher_arguments, response_arguments
+from .job_operators import JobOperator
 from .preferences import find_evaluator_python
 from .render import dataset_folder
 
 
-class ICYMOON_OT_decide(jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_decide(JobOperator, bpy.types.Operator):
     """Find where a lander would dig and stand by each chosen matcher, compare it with the truth and open a report"""
 
     bl_idname = "icymoon.decide"
@@ -39,21 +38,16 @@ class ICYMOON_OT_decide(jobs.JobOperator, bpy.types.Operator):
             str(self._page.parent),
             "--json-lines",
         )
-        return jobs.Job("Decide", Process(command, clean_environment()), self._keep, lambda: None)
-
-    def _keep(self, message: Message) -> None:
-        if message["type"] == "result":
-            own_reports.remember(self._page)
-            self._sentences = message["head"]
+        return jobs.Job.start("Decide", command)
 
     def report_success(self, context: bpy.types.Context) -> None:
-        for sentence in self._sentences:
+        own_reports.remember(self._page)
+        for sentence in self._job.result["head"]:
             self.report({"INFO"}, show_controls(sentence))
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
 
     _page: Path
-    _sentences: Sequence[str]
 
 
 CLASSES = (ICYMOON_OT_decide,)

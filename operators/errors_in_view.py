@@ -21,6 +21,7 @@ from ..support.number_text import count_of
 from ..support.printer import show_controls
 from .build import leave_edit_mode
 from .coloured_views import hide_errors, is_shown, show_colours
+from .events import follow
 from .render import dataset_folder, planned_pairs
 from .results import ResultOperator, disparity_files, methods_with_disparities, methods_with_points, point_files
 from .sidebar_text import in_window
@@ -166,11 +167,4 @@ def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 CLASSES = (ICYMOON_OT_show_surface, ICYMOON_OT_paint_errors, ICYMOON_OT_hide_surface)
 
 
-def register() -> None:
-    """Follow the range of the colours."""
-    change_announcements.listeners.append(listen)
-
-
-def unregister() -> None:
-    """Stop following it."""
-    change_announcements.listeners.remove(listen)
+register, unregister = follow(listen)

@@ -10,7 +10,7 @@ import bpy
 
 from ..render.pairs.pair_folder import is_complete
 from ..render.workers.job import python_command
-from ..render.workers.process import Message, Process, clean_environment
+from ..render.workers.process import Message
 from ..settings.blender import scene_properties
 from ..settings.table import all_settings
 from ..settings.topics.scene import Settings
@@ -21,8 +21,10 @@ from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
 from ..support.printer import show_controls
 from . import jobs, own_reports, results
+from .job_operators import JobOperator
 from .preferences import find_evaluator_python, is_evaluator_missing, own_matcher_arguments, plugin_matcher_names
 from .render import dataset_folder, planned_pairs
+from .window import find_scene, push_undo
 
 
 def rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[Path]:
@@ -57,13 +59,13 @@ class ResultKeeper:
     """Handles the messages of an evaluation, and stores its results with the scene and the settings."""
 
     def __init__(self, scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
-        self._uid = scene.session_uid  # the user may rename or delete the scene, and undo moves it in memory
+        self._uid = scene.session_uid
         self._scope, self._settings, self._pairs = scope, settings, pairs
 
     @property
     def scene(self) -> bpy.types.Scene | None:
         """The scene, if it still exists."""
-        return next((scene for scene in bpy.data.scenes if scene.session_uid == self._uid), None)
+        return find_scene(self._uid)
 
     def __call__(self, message: Message) -> None:
         """Store the results after the evaluator has written its report."""
@@ -72,14 +74,14 @@ class ResultKeeper:
 
     def report(self, operator: bpy.types.Operator, context: bpy.types.Context) -> None:
         """Report the metrics to the user."""
-        jobs.push_undo("Evaluate")  # otherwise undoing the previous step would remove the results too
+        push_undo("Evaluate")  # otherwise undoing the previous step would remove the results too
         for sentence in results.outcomes(results.summary(self.scene) if self.scene is not None else ()):
             operator.report({"INFO"}, show_controls(sentence))
         if self.scene == context.scene:
             results.show_error_image(context, open_window=False)
 
 
-class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
     """Run the chosen stereo matchers on the rendered pairs, compare the result with the truth and write a report"""
 
     bl_idname = "icymoon.evaluate"
@@ -121,13 +123,13 @@ class ICYMOON_OT_evaluate(jobs.JobOperator, bpy.types.Operator):
         found = [] if self.scope == "DATASET" else rendered_pairs(context, settings)
         command = self._command(settings, found or [dataset_folder(settings)])
         self._keeper = ResultKeeper(context.scene, self.scope, settings, [folder.name for folder in found])
-        return jobs.Job("Evaluate", Process(command, clean_environment()), self._keeper, lambda: None)
+        return jobs.Job.start("Evaluate", command, self._keeper)
 
     def report_success(self, context: bpy.types.Context) -> None:
         self._keeper.report(self, context)
 
 
-class ICYMOON_OT_evaluate_folder(jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_evaluate_folder(JobOperator, bpy.types.Operator):
     """Run the chosen stereo matchers on pairs that were not rendered here, such as KITTI, Middlebury or photographs of your own, and open the report"""  # noqa: E501
 
     bl_idname = "icymoon.evaluate_folder"
@@ -172,21 +174,16 @@ class ICYMOON_OT_evaluate_folder(jobs.JobOperator, bpy.types.Operator):
             str(self._page.parent),
             "--json-lines",
         )
-        return jobs.Job("Evaluate", Process(command, clean_environment()), self._keep, lambda: None)
-
-    def _keep(self, message: Message) -> None:
-        if message["type"] == "result":
-            own_reports.remember(self._page)
-            self._rows = message["rows"]
+        return jobs.Job.start("Evaluate", command)
 
     def report_success(self, context: bpy.types.Context) -> None:
-        for sentence in results.outcomes(self._rows):
+        own_reports.remember(self._page)
+        for sentence in results.outcomes(self._job.result["rows"]):
             self.report({"INFO"}, show_controls(sentence))
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
 
     _page: Path
-    _rows: Sequence[Message]
 
 
 class ICYMOON_OT_toggle_matcher(bpy.types.Operator):

@@ -18,40 +18,61 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 
 from ..nodes import scene as scenes
 from ..support.blender import compat
+from .window import redraw
 
 #: How often the view is drawn with the ground at full resolution before the picture goes: once for a light path of each
 #: pixel, or more often where the mouse moves.
 _DRAWN = 8
 
 
-class _Picture:
-    """A picture that is drawn over the view of a scene."""
+class FirstPicture:
+    """The picture that is drawn over the view of a scene, if there is one."""
 
-    def __init__(self, scene: bpy.types.Scene, path: Path) -> None:
-        self.scene = scene.name
-        self.left: int | None = None  # how often it will be drawn; None until the ground is there
-        self.texture = _read(path)
-        self.handler = bpy.types.SpaceView3D.draw_handler_add(self.draw, (), "WINDOW", "POST_PIXEL")
+    def __init__(self) -> None:
+        self._scene = ""
+        self._left: int | None = None  # how often it will be drawn; None until the ground is there
+        self._texture: Any = None
+        self._handler: Any = None
 
-    def draw(self) -> None:
+    def show(self, scene: bpy.types.Scene, path: Path) -> None:
+        """Draw a picture over the view of a built scene, if there are a window and the file."""
+        self.remove()
+        if not bpy.app.background and path.is_file() and scenes.find_collection(scene) is not None:
+            self._scene, self._left, self._texture = scene.name, None, _read(path)
+            self._handler = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL")
+
+    def count(self, scene: bpy.types.Scene) -> None:
+        """The view now shows its final ground: remove the picture once the view is clear."""
+        if self.is_shown(scene) and self._left is None:
+            self._left = _DRAWN
+
+    def is_shown(self, scene: bpy.types.Scene) -> bool:
+        """Whether a picture covers the view of a scene."""
+        return self._handler is not None and self._scene == scene.name
+
+    def remove(self) -> None:
+        """Take the picture away, if there is one."""
+        if self._handler is not None:
+            bpy.types.SpaceView3D.draw_handler_remove(self._handler, "WINDOW")
+            self._handler = self._texture = None
+            redraw("VIEW_3D")
+
+    def _draw(self) -> None:
         context = bpy.context
-        place = _frame(context) if context.scene.name == self.scene else None
+        place = _frame(context) if self.is_shown(context.scene) else None
         if place is None:
             return
         x, y, width, height = place
-        across, up = self.texture.width, self.texture.height
+        across, up = self._texture.width, self._texture.height
         scale = min(width / across, height / up)
         gpu.state.blend_set("NONE")
         compat.draw_linear_texture(
-            self.texture, x + (width - scale * across) / 2, y + (height - scale * up) / 2, scale * across, scale * up
+            self._texture, x + (width - scale * across) / 2, y + (height - scale * up) / 2, scale * across, scale * up
         )
-        if self.left is not None:
-            self.left -= 1
-            if self.left <= 0 and not bpy.app.timers.is_registered(remove):
-                bpy.app.timers.register(remove, first_interval=0.0)  # not while Blender calls its handlers
-
-
-_shown: _Picture | None = None
+        if self._left is not None:
+            self._left -= 1
+            if self._left == 0:
+                bpy.app.timers.register(self.remove, first_interval=0.0)  # not while Blender calls its handlers
 
 
 def _read(path: Path) -> gpu.types.GPUTexture:
@@ -89,57 +110,3 @@ def _frame(context: bpy.types.Context) -> tuple[float, float, float, float] | No
         return None
     x, y = (sorted(corner[axis] for corner in corners) for axis in (0, 1))
     return x[0], y[0], x[-1] - x[0], y[-1] - y[0]
-
-
-def show(scene: bpy.types.Scene, path: Path) -> None:
-    """Draw a picture over the view of a built scene, if there are a window and the file."""
-    global _shown
-    remove()
-    if not bpy.app.background and path.is_file() and scenes.find_collection(scene) is not None:
-        _shown = _Picture(scene, path)
-
-
-def count(scene: bpy.types.Scene) -> None:
-    """The view now shows its final ground: remove the picture once the view is clear."""
-    if _shown is not None and _shown.scene == scene.name and _shown.left is None:
-        _shown.left = _DRAWN
-
-
-def is_shown(scene: bpy.types.Scene) -> bool:
-    """Whether a picture covers the view of a scene."""
-    return _shown is not None and _shown.scene == scene.name
-
-
-def remove() -> None:
-    """Take the picture away, if there is one."""
-    global _shown
-    if _shown is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_shown.handler, "WINDOW")
-        _shown = None
-        for window in bpy.context.window_manager.windows:
-            for area in window.screen.areas:
-                if area.type == "VIEW_3D":
-                    area.tag_redraw()
-
-
-@bpy.app.handlers.persistent
-def _remove(*_: Any) -> None:
-    remove()
-
-
-_HANDLERS = (bpy.app.handlers.undo_pre, bpy.app.handlers.redo_pre, bpy.app.handlers.load_pre)
-
-
-def register() -> None:
-    """Let undo, redo and other files take the picture away."""
-    for handlers in _HANDLERS:
-        handlers.append(_remove)
-
-
-def unregister() -> None:
-    """Stop following them, and take the picture away."""
-    for handlers in _HANDLERS:
-        handlers.remove(_remove)
-    if bpy.app.timers.is_registered(remove):
-        bpy.app.timers.unregister(remove)
-    remove()

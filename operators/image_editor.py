@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import bpy
 
-
-def editors(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
-    """The Image Editors of all windows."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR":
-                yield window, area
+from .window import areas, inside
 
 
-def showing(context: bpy.types.Context, image: bpy.types.Image) -> list[bpy.types.Area]:
+def showing(image: bpy.types.Image) -> list[bpy.types.Area]:
     """The Image Editors that show an image."""
-    return [area for _, area in editors(context) if area.spaces.active.image == image]
+    return [area for _, area in areas("IMAGE_EDITOR") if area.spaces.active.image == image]
 
 
 def find_or_open(context: bpy.types.Context, open_window: bool) -> bpy.types.Area | None:
@@ -25,7 +17,7 @@ def find_or_open(context: bpy.types.Context, open_window: bool) -> bpy.types.Are
 
     Without such an editor, ``open_window`` opens a window with one. The other editors of the user stay as they are.
     """
-    for _, area in editors(context):
+    for _, area in areas("IMAGE_EDITOR"):
         space = area.spaces.active
         if area.ui_type == "IMAGE_EDITOR" and space.mode == "VIEW" and not space.use_image_pin:
             return area
@@ -38,9 +30,8 @@ def find_or_open(context: bpy.types.Context, open_window: bool) -> bpy.types.Are
     return window.screen.areas[0]
 
 
-def fit(context: bpy.types.Context, area: bpy.types.Area) -> None:
+def fit(area: bpy.types.Area) -> None:
     """Zoom an editor so that the whole image is visible."""
-    window = next(window for window, each in editors(context) if each == area)
-    region = next(r for r in area.regions if r.type == "WINDOW")
-    with context.temp_override(window=window, area=area, region=region):
+    window = next(window for window, each in areas("IMAGE_EDITOR") if each == area)
+    with inside(window, area):
         bpy.ops.image.view_all(fit_view=True)

@@ -9,13 +9,15 @@ import bpy
 
 from ..commands.doctor import Finding
 from ..render.workers.job import python_command
-from ..render.workers.process import Process, clean_environment
+from ..render.workers.process import clean_environment
 from ..stereo.environment.install import DISK_MB
 from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
 from ..support.system import find_pythons, is_python, remove_folder, run
 from . import jobs
+from .job_operators import JobOperator
 from .preferences import has_own_evaluator, own_evaluator_python, show_findings
+from .session import session
 
 #: Width of the question before the installation, in pixels of a screen without scaling.
 _DIALOG_PX = 400
@@ -41,7 +43,7 @@ def _makes_environments(python: Path) -> bool:
         return False
 
 
-class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_install_evaluator(JobOperator, bpy.types.Operator):
     """Make a Python environment for the evaluator in the extension's folder, and install its packages from the Internet (390 MB on disk)"""  # noqa: E501
 
     bl_idname = "icymoon.install_evaluator"
@@ -82,7 +84,7 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
         """Called after the question: starts the job."""
         if bpy.app.background:
             return super().execute(context)
-        return jobs.JobOperator.invoke(self, context, None)  # type: ignore[arg-type]
+        return JobOperator.invoke(self, context, None)  # type: ignore[arg-type]
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         if not bpy.app.online_access:
@@ -91,7 +93,7 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
             )
         folder = own_evaluator_python().parents[1]
         command = python_command(base_python(), "install", str(folder))
-        return jobs.Job("Install", Process(command, clean_environment()), lambda message: None, lambda: None)
+        return jobs.Job.start("Install", command)
 
     def report_success(self, context: bpy.types.Context) -> None:
         show_findings([Finding("Evaluator", "ok", "installed")])
@@ -110,7 +112,7 @@ class ICYMOON_OT_remove_evaluator(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         if not has_own_evaluator():
             cls.poll_message_set("No evaluator is installed in the extension's folder")
-        return jobs.current is None and has_own_evaluator()
+        return session.job is None and has_own_evaluator()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return set(context.window_manager.invoke_confirm(self, event))

@@ -12,21 +12,18 @@ import bpy
 
 from ..render.pairs.our_files import folder_of_pair
 from ..render.pairs.pair_folder import is_complete
-from ..render.workers.process import Message
-from ..settings import change_announcements
 from ..settings.blender import scene_properties
 from ..support.errors import IcyMoonError
 from . import jobs, live_preview
+from .events import call, cancel, follow
 from .expose import start_developing
 from .render import dataset_folder
+from .session import session
 from .sidebar_text import plain
+from .window import areas, redraw, redraw_panels
 
 #: Seconds without a change of settings before an image is developed.
 REST_S = 0.3
-_INTERVAL_S = 0.1
-_waiting: set[str] = set()  # names of scenes whose images are to be developed
-_job: jobs.Job | None = None
-_messages: list[str] = []  # warnings of the last development, or why it failed
 
 
 def exposed_folder(scene: bpy.types.Scene) -> Path:
@@ -36,12 +33,7 @@ def exposed_folder(scene: bpy.types.Scene) -> Path:
 
 def shown_paths() -> list[Path]:
     """The image files that Image Editors show."""
-    spaces = [
-        area.spaces.active
-        for window in bpy.context.window_manager.windows
-        for area in window.screen.areas
-        if area.type == "IMAGE_EDITOR"
-    ]
+    spaces = [area.spaces.active for _, area in areas("IMAGE_EDITOR")]
     return [Path(bpy.path.abspath(space.image.filepath)) for space in spaces if space.image and space.image.filepath]
 
 
@@ -49,98 +41,63 @@ def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Schedule a development after a change of the camera response; a listener of ``scene_properties``."""
     if "response" not in effects or scene is None or not live_preview.has_window() or not scene.icymoon.follow:
         return
-    _waiting.add(scene.name)
-    if _job is None:
-        _call_again(REST_S)
-
-
-def _call_again(seconds: float) -> None:
-    if bpy.app.timers.is_registered(work):
-        bpy.app.timers.unregister(work)
-    bpy.app.timers.register(work, first_interval=seconds)
+    session.to_develop.add(scene.name)
+    if session.developing is None:
+        cancel(work)
+        call(work, REST_S)
 
 
 def work() -> float | None:
     """Start a waiting development or handle messages of a running one. The timer calls it until there is neither."""
-    global _job
     try:
-        if _job is None:
-            _job = _start()
-        elif not _job.advance():
-            _finish(_job)
+        if session.developing is None:
+            session.developing = _start()
+        elif not session.developing.poll():
+            _finish(session.developing)
     except IcyMoonError as error:
-        _stop()
-        _show_messages([str(error)])
-    return _INTERVAL_S if _job is not None or _waiting else None
+        _close()
+        _show_notes([str(error)])
+    return jobs.INTERVAL_S if session.developing is not None or session.to_develop else None
 
 
 def _start() -> jobs.Job | None:
     """Start to develop the shown images of a waiting scene; None without such images, or while another job runs."""
-    if jobs.current is not None:
+    if session.job is not None:
         return None  # the other job may be writing the same images
-    scene = bpy.data.scenes.get(_waiting.pop()) if _waiting else None
+    scene = bpy.data.scenes.get(session.to_develop.pop()) if session.to_develop else None
     if scene is None or not scene.icymoon.follow:
         return None
     exposed = exposed_folder(scene)
     names = {path.parent.name for path in shown_paths() if path.parent.parent == exposed}
     folders = [folder_of_pair(exposed.parent, name) for name in sorted(names)]
     pairs = [folder for folder in folders if is_complete(folder)]
-    return start_developing(scene_properties.read_settings(scene.icymoon), pairs, _hear) if pairs else None
-
-
-def _hear(message: Message) -> None:
-    if message["type"] == "result":
-        folders = {Path(folder) for folder in message["folders"]}
-        for image in bpy.data.images:
-            if image.filepath and Path(bpy.path.abspath(image.filepath)).parent in folders:
-                image.reload()
+    return start_developing(scene_properties.read_settings(scene.icymoon), pairs) if pairs else None
 
 
 def _finish(job: jobs.Job) -> None:
-    _stop()
-    _show_messages([job.failure] if job.failure else job.warnings)
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR":
-                area.tag_redraw()
+    _close()
+    folders = {Path(folder) for folder in job.result.get("folders", ())}
+    for image in bpy.data.images:
+        if image.filepath and Path(bpy.path.abspath(image.filepath)).parent in folders:
+            image.reload()
+    _show_notes([job.failure] if job.failure else job.warnings)
+    redraw("IMAGE_EDITOR")
 
 
-def _show_messages(sentences: list[str]) -> None:
-    _messages[:] = sentences
-    jobs.redraw()
+def _show_notes(sentences: list[str]) -> None:
+    session.development_notes = sentences
+    redraw_panels()
 
 
 def lines() -> list[str]:
     """Warnings of the last development, or why it failed."""
-    return [plain(sentence) for sentence in _messages]
+    return [plain(sentence) for sentence in session.development_notes]
 
 
-def _stop() -> None:
-    global _job
-    if _job is not None:
-        _job.process.stop()
-        _job.clean_up()
-        _job = None
+def _close() -> None:
+    if session.developing is not None:
+        session.developing.close()
+        session.developing = None
 
 
-@bpy.app.handlers.persistent
-def _forget(*_: object) -> None:
-    """Stop, and forget what waits, before another file is opened."""
-    _stop()
-    _waiting.clear()
-    _messages.clear()
-    if bpy.app.timers.is_registered(work):
-        bpy.app.timers.unregister(work)
-
-
-def register() -> None:
-    """Listen to changes of settings."""
-    change_announcements.listeners.append(listen)
-    bpy.app.handlers.load_pre.append(_forget)
-
-
-def unregister() -> None:
-    """Stop listening, and stop a running development."""
-    change_announcements.listeners.remove(listen)
-    bpy.app.handlers.load_pre.remove(_forget)
-    _forget()
+register, unregister = follow(listen, timers=(work,))

@@ -13,24 +13,22 @@ import bpy
 
 from ..nodes import preview
 from ..nodes import scene as scenes
-from ..settings import change_announcements, description
+from ..settings import description
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
-from . import first_picture, refine, view_resolution
+from . import refine, view_resolution
 from .build import frame_and_expose
 from .coloured_views import give_back_views
-from .jobs import push_undo
+from .events import call, follow
+from .session import SIDES, session
 from .sidebar_text import plain, sky_fault
+from .window import push_undo
 
 #: Seconds that an update of the ground may take: this allows ten updates a second and leaves time to draw them.
 BUDGET_S = 0.08
-#: Vertices per side of the previewed ground.
-SIDES: tuple[int, ...] = (129, 193, 257)
 _SHOWN = {"geometry", "material", "light", "lander", "camera"}
 _NO_SKY = "The light is as before: see Light"  # the panel that tells why
-_side = SIDES[1]
-_waiting: set[str] = set()  # names of scenes with changes that the timer will show
 
 
 def has_window() -> bool:
@@ -40,7 +38,6 @@ def has_window() -> bool:
 
 def update(scene: bpy.types.Scene) -> bool:
     """Show the settings of a scene in its built objects, or note why not; whether anything has changed."""
-    global _side
     built = scenes.find(scene)
     if built is None:
         return False
@@ -54,14 +51,14 @@ def update(scene: bpy.types.Scene) -> bool:
         preview.set_notes(built, ["Settings have changed; press Build Scene to show them."] if stale else [])
         return False
     start = time.perf_counter()
-    if preview.show_settings(built, settings, _side):
-        _side = next_side(_side, time.perf_counter() - start)
+    if preview.show_settings(built, settings, session.preview_side):
+        session.preview_side = next_side(session.preview_side, time.perf_counter() - start)
         give_back_views(scene)  # the painted errors are gone with the previous ground
     now = description.merged(built.settings, built.preview)
     frame_and_expose(scene, now, before)
     if now != before:
         view_resolution.begin(scene)
-        first_picture.remove()
+        session.picture.remove()
     return now != before
 
 
@@ -85,16 +82,16 @@ def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     if not has_window() or not effects & _SHOWN or scene is None:
         return
     if bpy.app.timers.is_registered(show_waiting):
-        _waiting.add(scene.name)
+        session.to_preview.add(scene.name)
         return
-    bpy.app.timers.register(show_waiting, first_interval=0.0)
+    call(show_waiting)
     update(scene)
 
 
 def show_waiting() -> None:
     """Show the waiting changes. The timer calls this in the next turn of the event loop."""
-    names, shown = sorted(_waiting), False
-    _waiting.clear()
+    names, shown = sorted(session.to_preview), False
+    session.to_preview.clear()
     for scene in (bpy.data.scenes.get(name) for name in names):
         shown |= scene is not None and update(scene)
     if shown:
@@ -114,14 +111,4 @@ def lines(scene: bpy.types.Scene) -> list[str]:
     return [_NO_SKY if sentence == fault else plain(sentence) for sentence in sentences]
 
 
-def register() -> None:
-    """Listen to changes of settings."""
-    change_announcements.listeners.append(listen)
-
-
-def unregister() -> None:
-    """Stop listening."""
-    change_announcements.listeners.remove(listen)
-    _waiting.clear()
-    if bpy.app.timers.is_registered(show_waiting):
-        bpy.app.timers.unregister(show_waiting)
+register, unregister = follow(listen, timers=(show_waiting,))

@@ -24,10 +24,11 @@ from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_atomically, write_text
 from ..support.printer import show_controls
 from ..support.system import name_fault, remove
-from . import dialogs, first_picture, live_preview, refine
+from . import dialogs, live_preview, refine
 from .build import build_and_report
 from .evaluate import rendered_pairs
 from .preferences import extension_folder
+from .session import session
 from .sidebar_text import in_window, line_length, remember
 
 #: Prefix of the names of the user's own presets.
@@ -249,9 +250,9 @@ def _show(operator: bpy.types.Operator, context: bpy.types.Context, picture: Pat
         live_preview.update(scene)
         if built := scenes.find(scene):
             preview.await_ground(built, settings)
-    first_picture.show(scene, picture)
+    session.picture.show(scene, picture)
     if preview.awaits_ground(scene, settings) is None:
-        first_picture.count(scene)
+        session.picture.count(scene)
     refine.begin()
 
 

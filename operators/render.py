@@ -15,15 +15,17 @@ from ..render.plans.planned_pair import PlannedPair, expand_headings
 from ..render.worker import render_pairs
 from ..render.workers.job import Job as JobFiles
 from ..render.workers.job import absolute_folder, blender_command
-from ..render.workers.process import Message, Process
+from ..render.workers.process import Message
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
 from . import jobs
 from .build import frame_and_expose, leave_edit_mode, look_through, views_through
+from .job_operators import JobOperator
 from .sidebar_text import in_window
 from .user_render import prepare_render
+from .window import find_scene, push_undo
 
 
 def dataset_folder(settings: Settings) -> Path:
@@ -66,7 +68,7 @@ def _build_anew(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
     built = scenes.build(scene, settings)
     prepare_render(scene, built)
     frame_and_expose(scene, settings, before)
-    jobs.push_undo("Build Scene")
+    push_undo("Build Scene")
     return built
 
 
@@ -80,7 +82,7 @@ def planned_pairs(scene: bpy.types.Scene, settings: Settings) -> list[PlannedPai
     return expand_headings(settings, scenes.extra(settings))
 
 
-class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
     """Render a stereo pair with exact truth into the data set folder. Runs in a separate process; Esc stops it"""
 
     bl_idname = "icymoon.render_pair"
@@ -110,15 +112,8 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         )
         if as_built:
             bpy.ops.wm.save_as_mainfile(filepath=str(files.blend), copy=True, check_existing=False)
-        try:
-            process = Process(
-                blender_command(jobs.this_blender(), "worker", str(files.file)),
-                jobs.environment_with_cards(settings.quality.device),
-            )
-        except IcyMoonError:
-            files.remove()
-            raise
-        return jobs.Job("Render Stereo Pair", process, self._hear, files.remove)
+        command, device = blender_command(jobs.this_blender(), "worker", str(files.file)), settings.quality.device
+        return jobs.Job.start("Render Stereo Pair", command, self._hear, files.remove, device=device, clean=False)
 
     def _hear(self, message: Message) -> None:
         if message["type"] == "pair":
@@ -146,10 +141,10 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
 
     def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, "Stereo pair rendered; press Evaluate to measure it")
-        scene = next((each for each in bpy.data.scenes if each.session_uid == self._scene_uid), None)
+        scene = find_scene(self._scene_uid)
         if scene is not None:
             scene.icymoon.pairs = " ".join(self._rendered)
-            jobs.push_undo(self.bl_label)  # or undo would take the pair back along with the step before
+            push_undo(self.bl_label)  # or undo would take the pair back along with the step before
         if scene == context.scene:
             bpy.ops.icymoon.show_pair("INVOKE_DEFAULT", automatic=True)
 

@@ -25,9 +25,9 @@ from ..support.files import explain_disk_errors
 from ..support.foreign_bytes import parse_json
 from ..support.number_text import count_of
 from . import image_editor, own_reports
-from .jobs import push_undo
 from .render import dataset_folder
 from .sidebar_text import in_window, place_of
+from .window import push_undo
 
 #: Columns of a matcher's row in a report that the scene keeps.
 METRICS = ("total_bad_1", "coverage", "l1_m", "l1_rate_10", "si_rmse", "dod")
@@ -409,7 +409,7 @@ def show_images(
         image.reload()
         image.name = (names or {}).get(path, image.name)
     area.spaces.active.image = images[0]
-    image_editor.fit(context, area)
+    image_editor.fit(area)
     push_undo("Show Images")
     return True
 

@@ -9,9 +9,9 @@ instead, Blender would ask to save it at the end and would pack it into the .ble
 
 from __future__ import annotations
 
-import threading
+import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -21,21 +21,25 @@ import bpy
 from ..formats.png import encode_png
 from ..nodes.datablocks.fingerprint import TAG
 from ..render.pairs.our_files import checked_id, folder_of_pair
-from ..settings import change_announcements
+from ..render.workers.calculation import Calculation
 from ..settings.blender import scene_properties
 from ..settings.changes import response
 from ..settings.topics.scene import typed
-from ..stereo.pair_views import PairViews, read_pair_views
-from ..support.errors import IcyMoonError, describe_error
+from ..stereo.pair_views import read_pair_views
+from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors
 from ..support.printer import show_controls
 from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
 from . import image_editor, live_preview, view_exposure
 from .evaluate import rendered_pairs
-from .jobs import push_undo, redraw
+from .events import call, cancel, follow
+from .job_operators import WatchingOperator
+from .jobs import INTERVAL_S, Job
 from .render import dataset_folder
-from .sidebar_text import in_window, plain
+from .session import ShownPair, session
+from .sidebar_text import plain
+from .window import push_undo, redraw_panels
 
 VIEWS = (
     ("SIDE_BY_SIDE", "Side by Side", "Left image, right image and true depth"),
@@ -49,39 +53,7 @@ NAME = "Icy Moon Pair"
 ROLE = "pair picture"  # value of the custom property that marks the image
 #: Seconds after the last change of a setting until the pair is developed again.
 REST_S = 0.3
-_INTERVAL_S, _FLICKER_S = 0.05, 1 / 3
-
-
-@dataclass
-class Shown:
-    """The pair and the view that the picture shows."""
-
-    folder: Path
-    made_of: tuple[Any, ...]  # the sources of its development, see ``_made_of``
-    views: PairViews
-    view: str
-    turn: int = 0  # which of a view's pictures
-
-
-class _Reading(threading.Thread):
-    """A pair that is being read and developed."""
-
-    def __init__(self, folder: Path, camera_response: Mapping[str, Mapping[str, Any]]) -> None:
-        super().__init__(name="Icy Moon pair")
-        self.folder, self.made_of = folder, _made_of(folder, camera_response)
-        self._response = camera_response
-        self.views: PairViews | None = None
-        self.error = ""
-
-    def run(self) -> None:
-        try:
-            self.views = read_pair_views(self.folder, self._response)
-        except Exception as error:
-            self.error = describe_error(error, self.folder)
-
-
-shown: Shown | None = None
-_reading: _Reading | None = None  # the latest; the result of an earlier one is not used
+_FLICKER_S = 1 / 3
 
 
 def _made_of(folder: Path, camera_response: Mapping[str, Mapping[str, Any]]) -> tuple[Any, ...]:
@@ -123,7 +95,7 @@ def _load(image: bpy.types.Image, turn: int) -> None:
     image.filepath_raw = str(_pictures_folder() / f"picture_{turn}.png")
     image.reload()
     image.is_runtime_data = True  # Blender does not write it into the .blend file: its file is temporary
-    for area in image_editor.showing(bpy.context, image):
+    for area in image_editor.showing(image):
         area.tag_redraw()
 
 
@@ -135,9 +107,8 @@ def _write(pictures: list[Any]) -> None:
             path.write_bytes(encode_png(pictures[turn % len(pictures)], 0))
 
 
-def _show(context: bpy.types.Context, now: Shown, open_window: bool) -> None:
+def _show(context: bpy.types.Context, now: ShownPair, open_window: bool) -> None:
     """Show a view in an Image Editor, see ``image_editor.find_or_open``."""
-    global shown
     _write(now.views.pictures(now.view))
     image = find_image()
     new = image is None
@@ -146,25 +117,25 @@ def _show(context: bpy.types.Context, now: Shown, open_window: bool) -> None:
         image.name, image[TAG] = NAME, ROLE
     size = tuple(image.size)
     _load(image, 0)
-    shown = now
-    areas = image_editor.showing(context, image)
+    session.shown = now
+    areas = image_editor.showing(image)
     placed = None if areas else image_editor.find_or_open(context, open_window)
     if placed is not None:
         placed.spaces.active.image = image
         areas = [placed]
     for area in areas if placed is not None or size != tuple(image.size) else ():
-        image_editor.fit(context, area)
+        image_editor.fit(area)
     if new or placed is not None:
         push_undo("Show Stereo Pair")
-    if now.view == "FLICKER" and areas and not bpy.app.timers.is_registered(_flicker):
-        bpy.app.timers.register(_flicker, first_interval=_FLICKER_S)
-    redraw()
+    if now.view == "FLICKER" and areas:
+        call(_flicker, _FLICKER_S)
+    redraw_panels()
 
 
 def _flicker() -> float | None:
     """Show the other eye. The timer calls this until another view is chosen or no editor shows the image."""
-    image = find_image()
-    if shown is None or shown.view != "FLICKER" or image is None or not image_editor.showing(bpy.context, image):
+    image, shown = find_image(), session.shown
+    if shown is None or shown.view != "FLICKER" or image is None or not image_editor.showing(image):
         return None
     shown.turn = 1 - shown.turn
     _load(image, shown.turn)
@@ -174,93 +145,51 @@ def _flicker() -> float | None:
 # ---- the operator ---------------------------------------------------------------------------------------------------
 
 
-class ShowsPair:
+class ShowsPair(WatchingOperator):
     """Mix-in: an operator that shows a pair in an Image Editor. It reads and develops it in a thread."""
 
     #: One of VIEWS, and whether it is shown without being asked for: then in the view that is shown already.
     view: Any = VIEWS[0][0]
     automatic: Any = False
-    _timer: Any = None
-    _read: _Reading
+    _found: ShownPair
 
     def find_folder(self, context: bpy.types.Context) -> Path:
         """The folder of the pair to show. Raises IcyMoonError if there is no such pair."""
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            if not self._show_known(context):
-                self._read.start()
-                self._read.join()
-                self._take_up(context)
-        except IcyMoonError as error:
-            return self._fail(error)
-        assert shown is not None
-        self.report({"INFO"}, show_controls("; ".join(shown.views.lines)))  # type: ignore[attr-defined]
-        return {"FINISHED"}
+        result = super().execute(context)
+        if result == {"FINISHED"} and session.shown is not None:
+            self.report({"INFO"}, show_controls("; ".join(session.shown.views.lines)))  # type: ignore[attr-defined]
+        return result
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        global _reading
-        if bpy.app.background:
-            return self.execute(context)
-        try:
-            if self._show_known(context):
-                return {"FINISHED"}
-        except IcyMoonError as error:
-            return self._fail(error)
-        _reading = self._read
-        self._read.start()
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(_INTERVAL_S, window=context.window)
-        manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type != "TIMER" or self._read.is_alive():
-            return {"PASS_THROUGH"}
-        context.window_manager.event_timer_remove(self._timer)
-        if self._read is not _reading:
-            return {"CANCELLED"}
-        try:
-            self._take_up(context)
-        except IcyMoonError as error:
-            return self._fail(error)
-        return {"FINISHED"}
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when the window closes or another file is opened."""
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-
-    def _show_known(self, context: bpy.types.Context) -> bool:
-        """Show the pair if it is already developed; otherwise prepare a thread that reads it, and return False."""
-        if self.automatic and shown is not None:
-            self.view = shown.view
+    def start(self, context: bpy.types.Context) -> Job | None:
+        """Read the pair, unless it is developed already. An earlier reading is given up."""
+        if self.automatic and session.shown is not None:
+            self.view = session.shown.view
         camera_response = response(scene_properties.read_settings(context.scene.icymoon))
-        self._read = _Reading(self.find_folder(context), camera_response)
-        if shown is None or shown.made_of != self._read.made_of:
-            return False
-        _show(context, Shown(shown.folder, shown.made_of, shown.views, self.view), self._opens_window(context))
-        return True
+        folder = self.find_folder(context)
+        self._folder, self._made_of = folder, _made_of(folder, camera_response)
+        if session.shown is not None and session.shown.made_of == self._made_of:
+            self._found = replace(session.shown, view=self.view, turn=0)
+            return None
+        if session.reading is not None:
+            session.reading.cancel()
+        session.reading = Job("Show Stereo Pair", Calculation(lambda: read_pair_views(folder, camera_response), folder))
+        return session.reading
 
-    def _take_up(self, context: bpy.types.Context) -> None:
-        if self._read.views is None:
-            raise IcyMoonError(self._read.error)
-        _show(
-            context,
-            Shown(self._read.folder, self._read.made_of, self._read.views, self.view),
-            self._opens_window(context),
-        )
-        if self.automatic:
-            view_exposure.measure(context.scene, self._read.folder, self._read.views.exposures_s)
+    def report_success(self, context: bpy.types.Context) -> None:
+        """Show the pair. The view is exposed by a pair that was just read."""
+        if self._job is not None:
+            session.reading = None
+            self._found = ShownPair(self._folder, self._made_of, self._job.result["value"], self.view)
+        _show(context, self._found, self._opens_window(context))
+        if self._job is not None and self.automatic:
+            view_exposure.measure(context.scene, self._folder, self._found.views.exposures_s)
 
     def _opens_window(self, context: bpy.types.Context) -> bool:
         """Whether to open a window: after a render only if the user's preference for renders allows it."""
         return not self.automatic or context.preferences.view.render_display_type != "NONE"
-
-    def _fail(self, error: IcyMoonError) -> set[str]:
-        self.report({"ERROR"}, in_window(error))  # type: ignore[attr-defined]
-        return {"CANCELLED"}
 
 
 class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
@@ -298,9 +227,10 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
 # ---- what panels show -----------------------------------------------------------------------------------------------
 
 
-def current(scene: bpy.types.Scene) -> Shown | None:
+def current(scene: bpy.types.Scene) -> ShownPair | None:
     """The pair and view that are shown; None if they are not of this scene."""
-    return shown if shown is not None and shown.folder in kept_pairs(scene) else None
+    now = session.shown
+    return now if now is not None and now.folder in kept_pairs(scene) else None
 
 
 def lines(scene: bpy.types.Scene) -> list[str]:
@@ -318,15 +248,14 @@ def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Follow changes of the camera response."""
     if "response" not in effects or scene is None or not live_preview.has_window() or not scene.icymoon.follow:
         return
-    if bpy.app.timers.is_registered(_follow):
-        bpy.app.timers.unregister(_follow)
-    bpy.app.timers.register(_follow, first_interval=REST_S)
+    cancel(_follow)
+    call(_follow, REST_S)
 
 
 def _follow() -> None:
     """Develop the pair that is shown with the present response."""
-    image, windows = find_image(), bpy.context.window_manager.windows
-    if shown is None or image is None or not image_editor.showing(bpy.context, image):
+    image, shown, windows = find_image(), session.shown, bpy.context.window_manager.windows
+    if shown is None or image is None or not image_editor.showing(image):
         return
     found = kept_pairs(windows[0].scene)
     if shown.folder in found:
@@ -334,33 +263,16 @@ def _follow() -> None:
             bpy.ops.icymoon.show_pair("INVOKE_DEFAULT", automatic=True, number=1 + found.index(shown.folder))
 
 
-@bpy.app.handlers.persistent
-def _forget(*_: object) -> None:
-    """Stop the timers and forget the picture, before another file is opened or Icy Moon is disabled."""
-    global shown, _reading
-    shown = _reading = None
-    for timer in (_flicker, _follow):
-        if bpy.app.timers.is_registered(timer):
-            bpy.app.timers.unregister(timer)
-
-
 CLASSES = (ICYMOON_OT_show_pair,)
 
 
-def register() -> None:
-    """Follow the settings."""
-    change_announcements.listeners.append(listen)
-    bpy.app.handlers.load_pre.append(_forget)
-
-
-def unregister() -> None:
-    """Stop following the settings, and remove the pictures."""
-    reading = _reading
-    change_announcements.listeners.remove(listen)
-    bpy.app.handlers.load_pre.remove(_forget)
-    _forget()
-    if reading is not None and reading.is_alive():
-        reading.join()
+def _remove_pictures() -> None:
+    """Remove the files of the pictures, after a running thread has ended."""
+    while session.reading is not None and session.reading.poll():
+        time.sleep(INTERVAL_S)
     if _pictures_folder.cache_info().currsize:
         remove_folder(_pictures_folder())
         _pictures_folder.cache_clear()
+
+
+register, unregister = follow(listen, timers=(_flicker, _follow), end=_remove_pictures)

@@ -12,7 +12,7 @@ from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..nodes.scene import find
 from ..render.cost import measure_speed, speed, tolerance
 from ..render.workers.job import Job, blender_command, python_command
-from ..render.workers.process import Message, Process, clean_environment
+from ..render.workers.process import Message
 from ..settings import toml_text
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
@@ -24,8 +24,10 @@ from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
 from . import jobs, sidebar_text
 from .evaluate import matcher_arguments
+from .job_operators import JobOperator
 from .preferences import find_evaluator_python
 from .render import dataset_folder
+from .window import find_scene
 
 #: Result of the last measurement or search as lines for the panel, by the name of the scene.
 last_results: dict[str, tuple[str, ...]] = {}
@@ -36,7 +38,7 @@ def _folder(settings: Settings) -> Path:
     return dataset_folder(settings) / "trade"
 
 
-def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *arguments: str) -> jobs.Job:
+def _begin(context: bpy.types.Context, verb: str, title: str, *arguments: str) -> jobs.Job:
     """Start ``icymoon trade`` or ``icymoon auto`` on the settings of the scene. Raises IcyMoonError if it cannot."""
     settings = with_absolute_files(scene_properties.read_settings(context.scene.icymoon))
     built = find(context.scene)
@@ -61,12 +63,7 @@ def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *argu
         "--json-lines",
         *arguments,
     )
-    try:
-        process = Process(command, jobs.environment_with_cards(settings.quality.device, clean_environment()))
-    except IcyMoonError:
-        remove_folder(folder)
-        raise
-    return jobs.Job(title, process, handle, partial(remove_folder, folder))
+    return jobs.Job.start(title, command, clean_up=partial(remove_folder, folder), device=settings.quality.device)
 
 
 class _MeasureDialog:
@@ -98,36 +95,33 @@ class _MeasureDialog:
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Called after the dialog: starts the job."""
         if bpy.app.background:
-            return jobs.JobOperator.execute(self, context)  # type: ignore[arg-type]
-        return jobs.JobOperator.invoke(self, context, None)  # type: ignore[arg-type]
+            return JobOperator.execute(self, context)  # type: ignore[arg-type]
+        return JobOperator.invoke(self, context, None)  # type: ignore[arg-type]
 
 
-class ICYMOON_OT_trade(_MeasureDialog, jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_trade(_MeasureDialog, JobOperator, bpy.types.Operator):
     """Render the scene at cheaper qualities, measure the errors of light, depth and stereo, and write a report. Takes minutes to hours"""  # noqa: E501
 
     bl_idname = "icymoon.trade"
     bl_label = "Compare Qualities"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        name = context.scene.name
+        self._scene = context.scene.name
         # For security, the page that is opened later is this one, not one that a message names.
         self._page = _folder(scene_properties.read_settings(context.scene.icymoon)) / "trade.html"
-
-        def hear(message: Message) -> None:
-            if message["type"] == "result":
-                last_results[name] = tuple(message["advice"])
-
-        return _begin(context, "trade", self.bl_label, hear, *self._common())
+        return _begin(context, "trade", self.bl_label, *self._common())
 
     def report_success(self, context: bpy.types.Context) -> None:
+        last_results[self._scene] = tuple(self._job.result["advice"])
         self.report({"INFO"}, show_controls(f"The report is {self._page}"))
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
 
     _page: Path
+    _scene: str
 
 
-class ICYMOON_OT_auto_quality(_MeasureDialog, jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_auto_quality(_MeasureDialog, JobOperator, bpy.types.Operator):
     """Find and set the cheapest quality whose stereo error is within the tolerance in this scene"""
 
     bl_idname = "icymoon.auto_quality"
@@ -172,30 +166,24 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, jobs.JobOperator, bpy.types.Operat
         layout.prop(self, "reference_samples")
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
-        scene = context.scene
+        self._scene_uid = context.scene.session_uid
         given = {"px": f"{self.tolerance_px:g}", "bad-1": f"{self.tolerance_bad_1:g}%"}
         wanted = ("px", "bad-1") if self.judged_by == "BOTH" else (self.judged_by.lower().replace("_", "-"),)
         tolerances = [word for name in wanted for word in (f"--tolerance-{name}", given[name])]
-
-        def hear(message: Message) -> None:
-            if message["type"] == "result":
-                self._last, self._chosen = message["said"][-1], message["chosen"]
-                last_results[scene.name] = (
-                    self._last,
-                    *(f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in message["tried"]),
-                )
-                scene_properties.write_settings(scene.icymoon, message["settings"])
-
-        return _begin(context, "auto", self.bl_label, hear, *tolerances, *self._common())
+        return _begin(context, "auto", self.bl_label, *tolerances, *self._common())
 
     def report_success(self, context: bpy.types.Context) -> None:
-        self.report({"INFO" if self._chosen else "WARNING"}, sidebar_text.in_window(self._last))
+        found = self._job.result
+        if (scene := find_scene(self._scene_uid)) is not None:
+            steps = (f"{step['name']}: {step['cpu_s']:.1f} CPU s" for step in found["tried"])
+            last_results[scene.name] = (found["said"][-1], *steps)
+            scene_properties.write_settings(scene.icymoon, found["settings"])
+        self.report({"INFO" if found["chosen"] else "WARNING"}, sidebar_text.in_window(found["said"][-1]))
 
-    _last: str = ""
-    _chosen: str | None = None
+    _scene_uid: int
 
 
-class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_measure_machine(JobOperator, bpy.types.Operator):
     """Render a small pair and record its time, to estimate render times on this machine"""
 
     bl_idname = "icymoon.measure_machine"
@@ -216,15 +204,8 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
             job.remove()
             remove_folder(folder)
 
-        try:
-            process = Process(
-                blender_command(jobs.this_blender(), "worker", str(job.file)),
-                jobs.environment_with_cards(self._device, clean_environment()),
-            )
-        except IcyMoonError:
-            clean()
-            raise
-        return jobs.Job(self.bl_label, process, hear, clean)
+        command = blender_command(jobs.this_blender(), "worker", str(job.file))
+        return jobs.Job.start(self.bl_label, command, hear, clean, device=self._device)
 
     def report_success(self, context: bpy.types.Context) -> None:
         speed.remember_speed(self._speed)

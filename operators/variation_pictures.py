@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import bpy.utils.previews
 import numpy as np
 
 from ..nodes import preview
@@ -17,17 +16,19 @@ from ..render.plans.planned_pair import expand_headings
 from ..render.plans.vary_scene import end_settings
 from ..render.workers.job import Job as JobFiles
 from ..render.workers.job import blender_command
-from ..render.workers.process import Message, Process
-from ..settings import change_announcements, changes
+from ..render.workers.process import Message
+from ..settings import changes
 from ..settings.blender import scene_properties
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..stereo.pair_views import read_pair_views
 from ..support.blender import compat
-from ..support.errors import IcyMoonError
 from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
 from . import jobs
+from .events import until_change
+from .job_operators import JobOperator
+from .window import ButtonPictures, redraw_panels
 
 #: Columns or rows of a picture at most, and light paths per pixel, with a denoiser and without. The sidebar shows a
 #: picture 100 px wide, so that fewer columns leave more paths for each in the same seconds.
@@ -36,9 +37,8 @@ SIDE_PX, SAMPLES = (128, 96), (8, 48)
 _WALK_PX = 1.0
 #: Maximum number of scenes whose pictures of both ends are kept.
 _MOST = 32
-_pictures: Any = None  # a preview collection, by the names in ``_made``
+_pictures = ButtonPictures()  # by the names in ``_made``
 _made: dict[str, tuple[str, str]] = {}  # names of the pictures of the ends, by the settings shown
-_keys: dict[int, str] = {}  # by scene, until anything changes
 
 
 def rough(settings: Settings) -> Settings:
@@ -78,10 +78,9 @@ def icons(scene: bpy.types.Scene) -> tuple[int, ...]:
     """Icons of the first and the last pair as they would be rendered now; none if they have not been made."""
     if not _made:
         return ()
-    if scene.session_uid not in _keys:
-        _keys[scene.session_uid] = _key_of(scene, scene_properties.read_for_display(scene.icymoon))
-    names = _made.get(_keys[scene.session_uid], ())
-    return tuple(int(_pictures[name].icon_id) for name in names)
+    settings = scene_properties.read_for_display(scene.icymoon)
+    key = until_change(("ends", scene.session_uid), lambda: _key_of(scene, settings))
+    return tuple(int(_pictures.collection[name].icon_id) for name in _made.get(key, ()))
 
 
 def _key_of(scene: bpy.types.Scene, settings: Settings) -> str:
@@ -103,7 +102,7 @@ def draw_icons(layout: Any, scene: bpy.types.Scene) -> bool:
     return True
 
 
-class ICYMOON_OT_show_ends(jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_show_ends(JobOperator, bpy.types.Operator):
     """Make small, rough pictures of the first and the last pair. Takes some seconds, in a separate process; Esc stops it"""  # noqa: E501
 
     bl_idname = "icymoon.show_ends"
@@ -131,15 +130,12 @@ class ICYMOON_OT_show_ends(jobs.JobOperator, bpy.types.Operator):
             files.remove()
             remove_folder(folder)
 
-        try:
-            process = Process(
-                blender_command(jobs.this_blender(), "worker", str(files.file)),
-                jobs.environment_with_cards(settings.quality.device),
-            )
-        except IcyMoonError:
-            clean_up()
-            raise
-        return _PictureJob(self.bl_label, process, self._hear, clean_up, if_stopped="there are no new pictures")
+        command = blender_command(jobs.this_blender(), "worker", str(files.file))
+        kept = "there are no new pictures"
+        device = settings.quality.device
+        return _PictureJob.start(
+            self.bl_label, command, self._hear, clean_up, device=device, clean=False, if_stopped=kept
+        )
 
     def _hear(self, message: Message) -> None:
         if message["type"] == "pair":
@@ -148,7 +144,7 @@ class ICYMOON_OT_show_ends(jobs.JobOperator, bpy.types.Operator):
 
     def report_success(self, context: bpy.types.Context) -> None:
         _keep(self._key, [self._found[name] for name in self._ids])
-        jobs.redraw()
+        redraw_panels()
 
 
 class _PictureJob(jobs.Job):
@@ -161,15 +157,12 @@ class _PictureJob(jobs.Job):
 
 def _keep(key: str, pictures: list[np.ndarray]) -> None:
     """Keep the pictures, uint8 RGB, of what a key describes."""
-    global _pictures
-    if _pictures is None:
-        _pictures = bpy.utils.previews.new()
     if len(_made) >= _MOST:
-        _pictures.clear()
+        _pictures.collection.clear()
         _made.clear()
     first, last = (f"{len(_made)} {end}" for end in ("first", "last"))
     for name, picture in zip((first, last), pictures, strict=True):
-        shown = _pictures.new(name)
+        shown = _pictures.collection.new(name)
         shown.image_size = picture.shape[1::-1]
         rgba = np.ones((*picture.shape[:2], 4), np.float32)
         rgba[..., :3] = picture[::-1] / np.float32(255)
@@ -177,34 +170,10 @@ def _keep(key: str, pictures: list[np.ndarray]) -> None:
     _made[key] = first, last
 
 
-def _forget_keys(*_: Any) -> None:
-    _keys.clear()
-
-
-@bpy.app.handlers.persistent
-def _forget_after(*_: Any) -> None:
-    _forget_keys()
-
-
 CLASSES = (ICYMOON_OT_show_ends,)
-_HANDLERS = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post, bpy.app.handlers.load_post)
-
-
-def register() -> None:
-    """Look whether there are pictures whenever anything changes."""
-    change_announcements.listeners.append(_forget_keys)
-    for handlers in _HANDLERS:
-        handlers.append(_forget_after)
 
 
 def unregister() -> None:
-    """Forget the pictures."""
-    global _pictures
-    for handlers in _HANDLERS:
-        handlers.remove(_forget_after)
-    change_announcements.listeners.remove(_forget_keys)
-    _forget_keys()
+    """Remove the pictures."""
     _made.clear()
-    if _pictures is not None:
-        bpy.utils.previews.remove(_pictures)
-        _pictures = None
+    _pictures.remove()

@@ -20,13 +20,14 @@ from ..physics.camera.sensor import capacity_e
 from ..physics.light.photons import pixel_pitch_m
 from ..physics.surfaces import albedos
 from ..render.pairs.pair_folder import read_pair
-from ..settings import change_announcements, changes
+from ..settings import changes
 from ..settings.blender import scene_properties
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..stereo.images.develop import Channels
 from ..support.errors import IcyMoonError
 from . import sidebar_text
+from .events import follow
 
 #: View transform that shows light as the images of a camera do.
 TRANSFORM = "Raw"
@@ -142,11 +143,4 @@ def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
         expose(scene, merged(built.settings, built.preview))
 
 
-def register() -> None:
-    """Follow the camera response."""
-    change_announcements.listeners.append(listen)
-
-
-def unregister() -> None:
-    """Stop following it."""
-    change_announcements.listeners.remove(listen)
+register, unregister = follow(listen)

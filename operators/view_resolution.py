@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
-from typing import Any
 
 import bpy
 
 from ..nodes import scene as scenes
+from .events import call, follow
+from .session import session
+from .window import areas
 
 #: Pixels of the screen, across, for one of the view.
 _LARGE = "2"
@@ -24,9 +26,6 @@ _LONGEST_S = 2.0
 _INTERVAL_S = 1.0
 #: A view rests when all of this Blender takes less than this fraction of one processor.
 _RESTING = 0.1
-
-_since_s = 0.0  # when the view began to trace its present picture
-_last = 0.0, 0.0  # the clock's and the processor's seconds at the last look
 
 
 def has_window() -> bool:
@@ -39,7 +38,6 @@ def begin(scene: bpy.types.Scene) -> None:
 
     A choice that the user has made since the last time stays, and so does every choice if a graphics card renders.
     """
-    global _since_s, _last
     collection = scenes.find_collection(scene)
     if collection is None or not has_window() or scene.cycles.device == "GPU":
         return
@@ -51,9 +49,9 @@ def begin(scene: bpy.types.Scene) -> None:
         return
     scene.render.preview_pixel_size = _LARGE
     collection[_NOTE] = f"{users} {_LARGE}"
-    _since_s, _last = time.monotonic(), (time.monotonic(), time.process_time())
-    if not bpy.app.timers.is_registered(_work):
-        bpy.app.timers.register(_work, first_interval=_INTERVAL_S)
+    session.traced_since_s = time.monotonic()
+    session.load_measured_s = time.monotonic(), time.process_time()
+    call(_work, _INTERVAL_S)
 
 
 def restore(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
@@ -80,53 +78,35 @@ def _noted(collection: bpy.types.Collection) -> tuple[str, str]:
 def _is_traced(scene: bpy.types.Scene) -> bool:
     """Whether a 3D View shows the light of the scene."""
     return any(
-        area.type == "VIEW_3D" and area.spaces.active.shading.type == "RENDERED"
-        for window in bpy.context.window_manager.windows
-        if window.scene == scene
-        for area in window.screen.areas
+        window.scene == scene and area.spaces.active.shading.type == "RENDERED" for window, area in areas("VIEW_3D")
     )
 
 
 def _work() -> float | None:
     """Give a view that rests the user's pixels, if they take little time. The timer calls it until the view rests."""
-    global _since_s, _last
     waiting = [scene for scene in bpy.data.scenes if is_coarse(scene)]
     traced = [scene for scene in waiting if _is_traced(scene)]
-    before, _last = _last, (time.monotonic(), time.process_time())
+    before, now = session.load_measured_s, (time.monotonic(), time.process_time())
+    session.load_measured_s = now
     if not traced:  # there is nothing to measure until there is such a view
-        _since_s = time.monotonic()
+        session.traced_since_s = time.monotonic()
         return _INTERVAL_S if waiting else None
-    seconds, busy_s = (now - then for now, then in zip(_last, before, strict=True))
+    seconds, busy_s = (late - early for late, early in zip(now, before, strict=True))
     if busy_s > _RESTING * seconds:
         return _INTERVAL_S
     for scene in traced:
         collection = scenes.find_collection(scene)
-        taken_s, pixels = _last[0] - seconds - _since_s, int(scene.render.preview_pixel_size)
+        taken_s, pixels = now[0] - seconds - session.traced_since_s, int(scene.render.preview_pixel_size)
         if pixels**2 * taken_s / max(1, scene.cycles.preview_samples) <= _LONGEST_S:
             restore(scene, collection)
     return None
 
 
-@bpy.app.handlers.persistent
-def _resume(*_: Any) -> None:
+def _resume() -> None:
     """Undo, redo and opening a file may show larger pixels again."""
     for scene in bpy.data.scenes if has_window() else ():
         if is_coarse(scene):
             begin(scene)
 
 
-_HANDLERS = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post, bpy.app.handlers.load_post)
-
-
-def register() -> None:
-    """Follow undo, redo and files that are opened."""
-    for handlers in _HANDLERS:
-        handlers.append(_resume)
-
-
-def unregister() -> None:
-    """Stop following them, and leave the pixels of the view as they are."""
-    for handlers in _HANDLERS:
-        handlers.remove(_resume)
-    if bpy.app.timers.is_registered(_work):
-        bpy.app.timers.unregister(_work)
+register, unregister = follow(timers=(_work,), undo_post=_resume, redo_post=_resume, load_post=_resume)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
-from ..operators import jobs
+from ..operators.session import session
 from ..operators.sidebar_text import in_lines, line_length, plain
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
@@ -28,9 +28,11 @@ class _Field(NamedTuple):
     meaning: str  # of the present choice; empty if it is not explained
 
 
-#: The fields of each part of the sidebar, and the settings for which they were found.
-_fields: dict[tuple[str, tuple[str, ...]], tuple[_Field, ...]] = {}
-_fields_of: Settings | None = None
+class _Found:
+    """The fields of each part of the sidebar, and the settings for which they were found."""
+
+    settings: Settings | None = None
+    fields: ClassVar[dict[tuple[str, tuple[str, ...]], tuple[_Field, ...]]] = {}
 
 
 def find_fields(root: Any, topic: str, keys: tuple[str, ...]) -> tuple[_Field, ...]:
@@ -38,16 +40,15 @@ def find_fields(root: Any, topic: str, keys: tuple[str, ...]) -> tuple[_Field, .
 
     Found once for the same settings, since the window asks at every redraw.
     """
-    global _fields_of
     settings = scene_properties.read_for_display(root)
-    if _fields_of is not settings:
-        _fields.clear()
-        _fields_of = settings
-    if (topic, keys) not in _fields:
-        _fields[topic, keys] = tuple(
+    if _Found.settings is not settings:
+        _Found.settings = settings
+        _Found.fields.clear()
+    if (topic, keys) not in _Found.fields:
+        _Found.fields[topic, keys] = tuple(
             _describe(topic, key, settings) for key in keys if TOPICS[topic].is_shown(key, settings)
         )
-    return _fields[topic, keys]
+    return _Found.fields[topic, keys]
 
 
 def _describe(topic: str, key: str, settings: Settings) -> _Field:
@@ -79,7 +80,7 @@ def draw_start(layout: Any, operator: str, text: str, icon: str = "NONE", **prop
     Where the sidebar is too narrow for both, it has the words without the icon.
     """
     icon = icon if len(text) <= line_length() - _BESIDE_WORDS else "NONE"
-    if jobs.current is not None:
+    if session.job is not None:
         layout.operator("icymoon.wait", text=text, icon=icon)
         return
     button = layout.operator(operator, text=text, icon=icon)
@@ -119,15 +120,23 @@ def at_zero(setting: Setting) -> str:
     return f"{setting.label} (0: {setting.zero})"
 
 
+def draw_list(layout: Any, kind: str, group: Any, name: str, active: str, *, add: str, verb: str) -> None:
+    """Draw a list of a group by a UIList, with buttons that ``add``, and that remove and move by operators that begin
+    with ``verb``."""
+    row = layout.row()
+    row.template_list(kind, "", group, name, group, active, rows=3)
+    buttons = row.column(align=True)
+    buttons.operator_context = "INVOKE_DEFAULT"
+    buttons.operator(add, text="", icon="ADD")
+    buttons.operator(f"{verb}_remove", text="", icon="REMOVE")
+    for direction in ("UP", "DOWN"):
+        buttons.operator(f"{verb}_move", text="", icon=f"TRIA_{direction}").direction = direction
+
+
 def _draw_list(layout: Any, group: Any, setting: Setting) -> None:
     """Draw a list of tables with its buttons, and the settings of the selected table."""
-    row = layout.row()
-    row.template_list("ICYMOON_UL_layers", "", group, setting.key, group, f"{setting.key}_active", rows=3)
-    buttons = row.column(align=True)
-    buttons.operator("icymoon.layer_add", text="", icon="ADD")
-    buttons.operator("icymoon.layer_remove", text="", icon="REMOVE")
-    buttons.operator("icymoon.layer_move", text="", icon="TRIA_UP").direction = "UP"
-    buttons.operator("icymoon.layer_move", text="", icon="TRIA_DOWN").direction = "DOWN"
-    entries, active = getattr(group, setting.key), getattr(group, f"{setting.key}_active")
-    for each in setting.entries if active < len(entries) else ():
-        _draw_field(layout, entries[active], each)
+    name, active = setting.key, f"{setting.key}_active"
+    draw_list(layout, "ICYMOON_UL_layers", group, name, active, add="icymoon.layer_add", verb="icymoon.layer")
+    entries, index = getattr(group, name), getattr(group, active)
+    for each in setting.entries if index < len(entries) else ():
+        _draw_field(layout, entries[index], each)

@@ -6,9 +6,9 @@ from typing import Any
 
 import bpy
 
-from ..operators import jobs
 from ..operators.preferences import can_install_evaluator
 from ..operators.presets import preset_items
+from ..operators.session import session
 from ..settings.preset_files import KINDS
 
 #: Width of the progress bar in heights of a button. At Blender's default width its text would be cut.
@@ -202,7 +202,7 @@ def _draw_meshes(self: Any, context: bpy.types.Context) -> None:
 
 def _draw_status(self: Any, context: bpy.types.Context) -> None:
     """Draw the running job in the status bar, which is visible without the sidebar too."""
-    job = jobs.current
+    job = session.job
     if job is None:
         return
     _, percent, left = job.shown

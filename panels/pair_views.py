@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ..operators import show_pair
+from ..operators.session import ShownPair
 from .fields import draw_lines
 
 _COLUMNS = 3
@@ -27,7 +28,7 @@ def draw_pair(layout: Any, scene: bpy.types.Scene) -> None:
     draw_lines(layout, show_pair.lines(scene), "IMAGE_DATA")
 
 
-def _draw_views(row: Any, views: Any, now: show_pair.Shown | None, number: int) -> None:
+def _draw_views(row: Any, views: Any, now: ShownPair | None, number: int) -> None:
     for name, label, _ in views:
         button = row.operator("icymoon.show_pair", text=label, depress=now is not None and now.view == name)
         button.view, button.number = name, number

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import bpy.utils.previews
 
 from ..operators.presets import OWN, is_changed, picture_of, preset_items
+from ..operators.window import ButtonPictures
 from ..settings.preset_files import is_whole, preview_path
 
 #: Property of the window manager, which is not saved: the scene preset whose picture the sidebar shows.
@@ -17,13 +17,12 @@ CHOICE = "icymoon_scene_preset"
 _NONE = ("NONE", "Choose a Scene", "The settings are not from one of these scenes")
 _KINDS = ("gallery", "scenes", "own")  # landscapes first
 Item = tuple[str, str, str, int, int]
-_pictures: Any = None
+_pictures = ButtonPictures()
 _items: dict[tuple[tuple[str, int], ...], list[Item]] = {}  # by picture and time; Blender needs the texts kept alive
 
 
 def load_choices(_self: Any = None, _context: Any = None) -> list[Item]:
     """Choices of scenes that have a picture, each picture read once in each state."""
-    global _pictures
     whole = [(item, picture_of(item[0])) for item in preset_items() if is_whole(item[0])]
     shown = sorted(
         (each for each in whole if _exists(each[0][0], each[1])),
@@ -31,8 +30,6 @@ def load_choices(_self: Any = None, _context: Any = None) -> list[Item]:
     )
     state = tuple((item[0], path.stat().st_mtime_ns if item[0].startswith(OWN) else 0) for item, path in shown)
     if state not in _items:
-        if _pictures is None:
-            _pictures = bpy.utils.previews.new()
         items = [(*_NONE, _icon("choose", preview_path("choose")), 0)]
         for (name, changed_ns), (item, path) in zip(state, shown, strict=True):
             items.append((*item, _icon(f"{name} {changed_ns}", path), len(items)))
@@ -41,7 +38,8 @@ def load_choices(_self: Any = None, _context: Any = None) -> list[Item]:
 
 
 def _icon(key: str, path: Path) -> int:
-    return int((_pictures.get(key) or _pictures.load(key, str(path), "IMAGE")).icon_id)
+    known = _pictures.collection
+    return int((known.get(key) or known.load(key, str(path), "IMAGE")).icon_id)
 
 
 def _exists(name: str, picture: Path) -> bool:
@@ -78,9 +76,6 @@ def register() -> None:
 
 def unregister() -> None:
     """Remove the choice and the pictures."""
-    global _pictures
     delattr(bpy.types.WindowManager, CHOICE)
     _items.clear()
-    if _pictures is not None:
-        bpy.utils.previews.remove(_pictures)
-        _pictures = None
+    _pictures.remove()

@@ -9,9 +9,7 @@ import bpy
 from ..nodes import measured_surface, painted_errors
 from ..operators import (
     dataset,
-    first_picture,
     ground,
-    jobs,
     layers,
     live_preview,
     manual,
@@ -22,6 +20,7 @@ from ..operators import (
     view_resolution,
 )
 from ..operators.preferences import own_matcher_names, plugin_matcher_names
+from ..operators.session import session
 from ..settings.blender import scene_properties
 from ..settings.topics.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
@@ -60,7 +59,7 @@ class Sidebar:
 
 def draw_job(layout: Any) -> None:
     """Draw the progress of the running job, with a button that cancels it; nothing if none runs."""
-    job = jobs.current
+    job = session.job
     if job is None:
         return
     text, percent, left = job.shown
@@ -104,7 +103,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
                 scene.render.engine,
                 view_exposure.how_exposed(scene),
                 view_resolution.is_coarse(scene),
-                first_picture.is_shown(scene),
+                session.picture.is_shown(scene),
                 view_exposure.is_without_planetshine(scene),
             )
             draw_sentence(layout, told, "SHADING_RENDERED")

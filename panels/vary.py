@@ -6,11 +6,19 @@ from typing import Any
 
 import bpy
 
-from ..operators import dataset, show_pair, variation_pictures, vary
+from ..operators import (
+    dataset,
+    render_variations,
+    show_pair,
+    variation_curves,
+    variation_pictures,
+    variation_plan,
+    vary,
+)
 from ..render.plans.vary_scene import label_of, names_that_vary
 from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
-from .fields import draw_sentence, draw_settings, draw_start
+from .fields import draw_list, draw_sentence, draw_settings, draw_start
 from .sidebar import Sidebar
 
 _VARY = frozenset(names_that_vary())
@@ -47,14 +55,8 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, root = self.layout, context.scene.icymoon
         group = root.variations
-        row = layout.row()
-        row.template_list("ICYMOON_UL_variations", "", group, "varied", group, "active", rows=3)
-        buttons = row.column(align=True)
-        buttons.operator_context = "INVOKE_DEFAULT"
-        buttons.operator("icymoon.vary", text="", icon="ADD")
-        buttons.operator("icymoon.variation_remove", text="", icon="REMOVE")
-        buttons.operator("icymoon.variation_move", text="", icon="TRIA_UP").direction = "UP"
-        buttons.operator("icymoon.variation_move", text="", icon="TRIA_DOWN").direction = "DOWN"
+        add, verb = "icymoon.vary", "icymoon.variation"
+        draw_list(layout, "ICYMOON_UL_variations", group, "varied", "active", add=add, verb=verb)
         if group.active < len(group.varied):
             _draw_varied(layout, root, group.varied[group.active])
         elif not group.varied:
@@ -77,11 +79,11 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
 def _draw_render(layout: Any, context: bpy.types.Context) -> None:
     """Draw the pairs, time and size of the variations, and the buttons that render and save them."""
     root = context.scene.icymoon
-    total, *cost = vary.lines(context.scene)
+    total, *cost = render_variations.lines(context.scene)
     draw_sentence(layout, total, "RENDER_RESULT" if cost else "ERROR")
     for line in cost:
         draw_sentence(layout, line, "TIME")
-    if why := vary.why_not_a_plan(context.scene):
+    if why := variation_plan.why_not_a_plan(context.scene):
         draw_sentence(layout, why, "ERROR")
     if cost and not variation_pictures.draw_icons(layout, context.scene):
         draw_start(layout, "icymoon.show_ends", "Show First and Last", "IMAGE_REFERENCE")
@@ -125,12 +127,12 @@ def _draw_varied(layout: Any, root: Any, item: Any) -> None:
 
 def _draw_curves(layout: Any, scene: bpy.types.Scene) -> None:
     """Draw a button for each picture of the error against a setting."""
-    found = list(vary.sorted_curves(scene))
+    found = list(variation_curves.sorted_curves(scene))
     if not found:
         return
     column = layout.column(align=True)
     for name in found[:_CURVES]:
-        column.operator("icymoon.show_curve", text=vary.curve_title(name), icon="FCURVE").setting = name
+        column.operator("icymoon.show_curve", text=variation_curves.curve_title(name), icon="FCURVE").setting = name
     column.operator("icymoon.open_report", icon="URL")
 
 

@@ -8,27 +8,34 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 #: The effect of a change of the colours by which errors are shown. No setting has it.
 COLOURS = "colours"
 #: Called with a scene and the effects of the settings that changed in it.
 listeners: list[Callable[[Any, frozenset[str]], None]] = []
-_held: dict[Any, set[str]] | None = None  # effects that ``batch_changes`` holds back, by scene
-_changes = 0
+
+
+@dataclass
+class _State:
+    count: int = 0  # of the changes so far
+    held: dict[Any, set[str]] | None = None  # effects that ``batch_changes`` holds back, by scene
+
+
+_state = _State()
 
 
 def count_changes() -> int:
     """How many changes were announced so far, those that are held back among them."""
-    return _changes
+    return _state.count
 
 
 def announce(scene: Any, effect: str) -> None:
     """Tell the listeners that a setting with this effect has changed."""
-    global _changes
-    _changes += 1
-    if _held is not None:
-        _held.setdefault(scene, set()).add(effect)
+    _state.count += 1
+    if _state.held is not None:
+        _state.held.setdefault(scene, set()).add(effect)
         return
     for listener in listeners:
         listener(scene, frozenset({effect}))
@@ -37,16 +44,14 @@ def announce(scene: Any, effect: str) -> None:
 @contextmanager
 def batch_changes() -> Iterator[None]:
     """Tell the listeners of all changes inside it at once, at its end."""
-    global _held
-    if _held is not None:
+    if _state.held is not None:
         yield
         return
-    held: dict[Any, set[str]] = {}
-    _held = held
+    held = _state.held = dict[Any, set[str]]()
     try:
         yield
     finally:
-        _held = None
+        _state.held = None
         for scene, effects in held.items():
             for listener in listeners:
                 listener(scene, frozenset(effects))

@@ -10,17 +10,21 @@ from .system import cache_folder
 
 #: Names another cache folder, for tests and for users who keep theirs elsewhere.
 FOLDER_VARIABLE = "ICYMOON_CACHE"
-_chosen = ""
+
+
+class _Choice:
+    """The folder that the user chose in the preferences; empty for the user's cache."""
+
+    path = ""
 
 
 def choose_folder(path: str) -> None:
     """Keep the cache in another folder than the user's cache; empty for that cache."""
-    global _chosen
-    _chosen = path
+    _Choice.path = path
 
 
 def own_cache_folder() -> Path:
     """The cache folder of Icy Moon, which may be missing: from the environment, chosen, or the user's own."""
-    if given := os.environ.get(FOLDER_VARIABLE) or _chosen:
+    if given := os.environ.get(FOLDER_VARIABLE) or _Choice.path:
         return parse_path(given, FOLDER_VARIABLE).absolute()
     return cache_folder() / "icymoon"

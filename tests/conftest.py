@@ -114,11 +114,11 @@ def _registered_where_needed(request: pytest.FixtureRequest) -> None:
 def scene(registered: None) -> Iterator[bpy.types.Scene]:
     """The scene of a new, empty file, with Icy Moon registered."""
     import bpy
-    from icymoon.operators import jobs
+    from icymoon.operators.session import session
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     yield bpy.context.scene
-    jobs.stop_current()
+    session.reset()
 
 
 @pytest.fixture

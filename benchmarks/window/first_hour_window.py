@@ -135,10 +135,10 @@ def lower_the_samples() -> Waiting:
 
 def ended(what: str) -> Waiting:
     """Wait until a job has begun and ended, however long it takes; AssertionError with its own words if it failed."""
-    jobs = module("operators.jobs")
-    yield from by_machine(lambda: jobs.current, f"Starting {what}")
-    job = jobs.current
-    yield from by_machine(lambda: jobs.current is not job, what, 1000.0)
+    session = module("operators.session").session
+    yield from by_machine(lambda: session.job, f"Starting {what}")
+    job = session.job
+    yield from by_machine(lambda: session.job is not job, what, 1000.0)
     check(not job.failure, job.failure)
 
 

@@ -20,6 +20,7 @@ from icymoon.benchmarks.common.processor import Stopwatch, seconds_of
 from icymoon.benchmarks.common.renders import open_empty_file, start_blender
 from icymoon.nodes import scene as scenes
 from icymoon.operators import live_preview
+from icymoon.operators.session import session
 from icymoon.settings import preset_files
 from icymoon.settings.blender import scene_properties
 
@@ -65,7 +66,7 @@ def drag(name: str) -> str:
     scene, build = built(name)
     row = f"{name:40}"
     for side in SIDES:
-        live_preview.SIDES, live_preview._side = (side,), side
+        live_preview.SIDES, session.preview_side = (side,), side
         row += cell(seconds(scene, "terrain", "rms_slope_deg"), build)
     return row
 

@@ -89,8 +89,11 @@ class _Prepared:
     series: Series
 
 
-_last: _Prepared | None = None
-_lock = threading.Lock()  # the fine ground of the window is made in a thread
+class _Last:
+    """The ground that was prepared last. One thread at a time uses it: the window makes its fine ground in a thread."""
+
+    prepared: _Prepared | None = None
+    lock = threading.Lock()
 
 
 def mesh_whole_ground(make: Callable[[Settings], Terrain], settings: Settings) -> MeshedGround:
@@ -102,7 +105,7 @@ def mesh_whole_ground(make: Callable[[Settings], Terrain], settings: Settings) -
         return mesh_ground(make(settings), settings)
     if reasons := sites.find_reasons(settings):
         raise IcyMoonError(" ".join(reasons))
-    with _lock:
+    with _Last.lock:
         prepared = _prepare(make, settings)
         return _dig(prepared, int(settings.excavation.state))
 
@@ -114,18 +117,17 @@ def _key(settings: Settings) -> str:
 
 
 def _prepare(make: Callable[[Settings], Terrain], settings: Settings) -> _Prepared:
-    global _last
     settings = with_absolute_files(settings)
     key = _key(settings)
-    if _last is None or _last.key != key:
-        _last = None  # its memory is needed
+    if _Last.prepared is None or _Last.prepared.key != key:
+        _Last.prepared = None  # its memory is needed
         made = mesh_ground(make(settings), settings)
         site = sites.make_site(settings)
         x, y = site.grid.east_m[None, :], site.grid.north_m[:, None]
         before = np.asarray(made.surface.heights(x, y, 2 * site.grid.cell_m), np.float64)
         joined = join(made, site.grid, before)
         level = float(made.surface.heights(np.array([settings.rig.x_m]), np.array([settings.rig.y_m]), 0.0)[0])
-        _last = _Prepared(
+        _Last.prepared = _Prepared(
             key,
             joined,
             Series(
@@ -136,7 +138,7 @@ def _prepare(make: Callable[[Settings], Terrain], settings: Settings) -> _Prepar
                 level if settings.excavation.path == JOINTS else None,
             ),
         )
-    return _last
+    return _Last.prepared
 
 
 def _dig(prepared: _Prepared, state: int) -> DugGround:

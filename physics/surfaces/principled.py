@@ -22,19 +22,23 @@ from ...settings.topics.surfaces import SurfaceSettings
 
 #: The measured tables by the Blender that they were measured with; which one holds, ``use_table`` chooses.
 TABLES = {"4.2": "principled_4_2.json", "5.0": "principled.json", "5.2": "principled_5_2.json"}
-_used = "5.0"
 #: Relative difference from which on the real albedo is reported.
 REPORTED_FROM = 0.01
 
 
+class _Used:
+    """The table in use, a key of ``TABLES``."""
+
+    blender = "5.0"
+
+
 def use_table(blender: str) -> None:
     """Use the table of a Blender, a key of ``TABLES``, from now on. Until this is called, the table of 5.0 is used."""
-    global _used
-    _used = blender
+    _Used.blender = blender
 
 
 def _table() -> dict[str, np.ndarray]:
-    return _read_table(TABLES[_used])
+    return _read_table(TABLES[_Used.blender])
 
 
 @functools.cache

@@ -77,8 +77,8 @@ def module(name: str) -> Any:
     return sys.modules[f"{ADD_ON}.{name}"]
 
 
-def jobs() -> Any:
-    return module("operators.jobs")
+def session() -> Any:
+    return module("operators.session").session
 
 
 def settings() -> bpy.types.PropertyGroup:
@@ -136,7 +136,7 @@ def previewing() -> bool:
 
 def ended() -> Waiting:
     """Wait until no job runs and none of its processes is left."""
-    yield from until(lambda: jobs().current is None, "Ending the job")
+    yield from until(lambda: session().job is None, "Ending the job")
     yield from until(lambda: not children(), f"The end of {children()}")
 
 
@@ -187,14 +187,14 @@ def render_a_data_set() -> Waiting:
     with in_region("WINDOW"):
         check(bpy.ops.icymoon.open_plan(filepath=str(plan)) == {"FINISHED"}, "the plan could not be opened")
         bpy.ops.icymoon.plan_dry_run("INVOKE_DEFAULT")
-    yield from until(lambda: jobs().current is None, "Dry Run")
+    yield from until(lambda: session().job is None, "Dry Run")
     check(operators.readout["lines"][:1] == ["4 pairs"], f"the dry run says {operators.readout['lines']}")
     with in_region("WINDOW"):
         bpy.ops.icymoon.render_dataset("INVOKE_DEFAULT")
     yield from until(lambda: operators.readout["last"], "The first pair")
     yield from key("Escape")
     yield from screenshot("data_set")
-    yield from until(lambda: jobs().current is None, "Render Data Set")
+    yield from until(lambda: session().job is None, "Render Data Set")
     done = len(list(folder.glob("pairs/*/pair.json")))
     check(done == 4, f"{done} of 4 pairs are there")
     check(not children(), f"processes were left: {children()}")
@@ -246,7 +246,7 @@ def vary_by_mouse() -> Waiting:
     yield from scroll(400)  # down to the data set
     yield from screenshot("vary_panel")
     yield from press("icymoon.show_ends")
-    yield from until(lambda: jobs().current, "Starting the pictures of the first and the last pair")
+    yield from until(lambda: session().job, "Starting the pictures of the first and the last pair")
     yield from ended()
     check(all(module("operators.variation_pictures").icons(window().scene)), "there are no pictures of both ends")
     yield from away()
@@ -255,7 +255,7 @@ def vary_by_mouse() -> Waiting:
     yield 15 * TICK_S
     yield from screenshot("vary_render")
     yield from key("Return")
-    yield from until(lambda: jobs().current, "Starting to render the variations")
+    yield from until(lambda: session().job, "Starting to render the variations")
     yield from ended()
     check(len(list(folder.glob("pairs/*/pair.json"))) == 2, "not both variations are there")
     yield from away()
@@ -305,7 +305,7 @@ def evaluate_other_pairs() -> Waiting:
     point(browser.x + accept.x + 0.92 * accept.width, browser.y + accept.y + accept.height / 2)
     yield 5 * TICK_S
     xdotool("click", 1)
-    yield from until(lambda: jobs().current, "Starting the evaluation of other pairs")
+    yield from until(lambda: session().job, "Starting the evaluation of other pairs")
     yield from ended()
     page = folder / "evaluation" / "report.html"
     yield from until(lambda: opened, "Opening the report")
@@ -440,12 +440,12 @@ def render_by_mouse() -> Waiting:
     check(previewing(), "there is no preview that could be rendered by mistake")
     settings().quality.samples = SAMPLES
     yield from press("icymoon.render_pair")
-    yield from until(lambda: jobs().current, "Starting the render")
+    yield from until(lambda: session().job, "Starting the render")
     check(not previewing(), "the scene was not built before the render")
     check(area().spaces.active.region_3d.view_perspective == "CAMERA", "building it anew has moved the view")
     yield from away()
     start, began, fractions, drawing = len(ticks), time.monotonic(), set(), 0.0
-    while job := jobs().current:
+    while job := session().job:
         if job.fraction > 0.02 and not drawing:
             yield from screenshot("rendering")
             drawing = person.drawing_s()  # while the render has the processor, as it had and will have
@@ -506,15 +506,15 @@ def is_other_file(path: str) -> bool:
 def pair_on_the_screen() -> Waiting:
     """The render has ended with its pair on the screen; each view that is chosen is what is seen."""
     show = module("operators.show_pair")
-    yield from until(lambda: show.shown and len(manager().windows) == 2, "Showing the pair")
+    yield from until(lambda: session().shown and len(manager().windows) == 2, "Showing the pair")
     yield 10 * TICK_S
-    views = show.shown.views
+    views = session().shown.views
     differences: list[str] = []
     check(area().type == "VIEW_3D", "the 3D View was taken")
     for view in ("SIDE_BY_SIDE", "DEPTH", "LEFT", "ANAGLYPH", "FLICKER", "SIDE_BY_SIDE"):
         with in_region("UI"):  # not by mouse: the window of the picture may cover the buttons
             bpy.ops.icymoon.show_pair("INVOKE_DEFAULT", view=view)
-        yield from until(partial(holds, view, lambda: show.shown.view), f"Showing {view}")
+        yield from until(partial(holds, view, lambda: session().shown.view), f"Showing {view}")
         if view == "FLICKER":
             path = show.find_image().filepath_raw
             yield from until(partial(is_other_file, path), "Flickering")
@@ -535,7 +535,7 @@ def pair_on_the_screen() -> Waiting:
 def escape_a_render() -> Waiting:
     settings().quality.samples = 60000
     yield from press("icymoon.render_pair")
-    yield from until(lambda: jobs().current and jobs().current.fraction > 0, "Progress")
+    yield from until(lambda: session().job and session().job.fraction > 0, "Progress")
     yield from until(lambda: list(DATASET.glob("pairs/*.part")), "Writing")
     yield from away()
     yield from key("Escape")
@@ -548,7 +548,7 @@ def escape_a_render() -> Waiting:
 
 def evaluate_by_mouse() -> Waiting:
     yield from press("icymoon.evaluate")
-    yield from until(lambda: jobs().current, "Starting the evaluation")
+    yield from until(lambda: session().job, "Starting the evaluation")
     yield from ended()
     yield from away()
     check((DATASET / "evaluation_scene" / "report.html").is_file(), "there is no report")
@@ -644,8 +644,8 @@ def camera_image_follows() -> Waiting:
     for target in (0.6, 0.4, 0.2, 0.1):
         settings().sensor.auto_target = target
         yield TICK_S
-    yield from until(lambda: follow._job is not None, "Starting to follow")
-    yield from until(lambda: follow._job is None and not follow._waiting, "Following")
+    yield from until(lambda: session().developing is not None, "Starting to follow")
+    yield from until(lambda: session().developing is None and not session().to_develop, "Following")
     lasted = time.monotonic() - began
     follow.work = work
     check(sum(image.pixels[:][::4]) < 0.5 * before, "the image did not follow the exposure")
@@ -746,7 +746,7 @@ def choose_by_picture() -> Waiting:
         yield from until(lambda: now() != before, "Choosing a picture")
         chosen = now()
         check(built() and previewing(), "the chosen scene is not shown coarsely at once")
-        covered = partial(module("operators.first_picture").is_shown, window().scene)
+        covered = partial(session().picture.is_shown, window().scene)
         check(covered(), "no picture of the chosen scene covers the view")
         if where == "in the view":
             yield from away()
@@ -925,7 +925,7 @@ def decide_by_mouse() -> Waiting:
         return next((text for text, _ in painted.legend(window().scene)), "")
 
     yield from press("icymoon.render_pair")
-    yield from until(lambda: jobs().current, "Starting the render")
+    yield from until(lambda: session().job, "Starting the render")
     yield from ended()
     yield from until(lambda: len(manager().windows) == 2, "Showing the pair")
     yield 10 * TICK_S
@@ -934,7 +934,7 @@ def decide_by_mouse() -> Waiting:
     yield from to(*middle("UI"))
     yield from scroll(400)
     yield from press("icymoon.decide")
-    yield from until(lambda: jobs().current, "Starting to decide")
+    yield from until(lambda: session().job, "Starting to decide")
     yield from ended()
     yield from until(lambda: opened, "Opening the report")
     webbrowser.open = open_page

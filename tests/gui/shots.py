@@ -153,16 +153,16 @@ def built() -> None:
     module("operators.dataset").readout.update(
         plan=settings().dataset.plan, lines=["12 pairs", "about 3 min and 40 MB on another machine with 1 process"]
     )
-    jobs = module("operators.jobs")
+    jobs, session = module("operators.jobs"), module("operators.session").session
     process = SimpleNamespace(running=True, cancelled=False, stop=lambda: None, cancel=lambda: None)
-    jobs.current = jobs.Job(
+    session.job = jobs.Job(
         "Render Stereo Pair", process, lambda message: None, lambda: None, time.monotonic() - 30, 1 / 3, "Left eye"
     )
 
 
 def otherwise() -> None:
     """Other choices than the defaults: a mesh of one's own, images, planet by date, lens faults, landforms."""
-    module("operators.jobs").current = None
+    module("operators.session").session.job = None
     module("operators.results").clear_results(bpy.context.scene)
     group = settings()
     for topic, key, value in (
@@ -259,17 +259,17 @@ def rendering() -> Waiting:
     yield from to(*middle("UI"))
     yield from person.scroll(-400)
     yield from away()
-    jobs = module("operators.jobs")
-    yield from until(lambda: jobs.current is None or jobs.current.fraction > 0.02, "Progress of a render")
-    check(jobs.current, "the render ended before its picture was taken")
+    session = module("operators.session").session
+    yield from until(lambda: session.job is None or session.job.fraction > 0.02, "Progress of a render")
+    check(session.job, "the render ended before its picture was taken")
 
 
 def cancelled() -> Waiting:
     """The render is stopped."""
-    jobs = module("operators.jobs")
+    session = module("operators.session").session
     with in_region("UI"):
         bpy.ops.icymoon.cancel()
-    yield from until(lambda: jobs.current is None, "Cancelling")
+    yield from until(lambda: session.job is None, "Cancelling")
 
 
 def scene_pictures() -> Waiting:
@@ -392,7 +392,7 @@ def narrow() -> Waiting:
     yield from make_narrow(200)
     print("SHOT narrow", region("UI").width, flush=True)
     built()
-    module("operators.jobs").current = None
+    module("operators.session").session.job = None
     yield 15 * TICK_S
     yield from sheet("narrow_built")
     with in_region("WINDOW"):
@@ -420,11 +420,11 @@ def for_the_manual() -> Waiting:
         yield TICK_S
     yield from screen_picture(FOLDER / "window_built.png", MANUAL_CROP)
     area().spaces.active.shading.type = "SOLID"
-    jobs = module("operators.jobs")
+    session = module("operators.session").session
     for step in ("render_pair", "evaluate"):
         with in_region("WINDOW"):
             getattr(bpy.ops.icymoon, step)("INVOKE_DEFAULT")
-        while jobs.current:
+        while session.job:
             yield TICK_S
         if step == "render_pair":
             yield from until(lambda: len(manager().windows) == 2, "Showing the pair")

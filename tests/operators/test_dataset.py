@@ -10,7 +10,8 @@ from typing import Any
 
 import bpy
 import pytest
-from icymoon.operators import dataset, jobs, results
+from icymoon.operators import dataset, results
+from icymoon.operators.session import session
 from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.support.files import PART
 from stand_ins import stand_in
@@ -47,7 +48,7 @@ def run_until(job, there, seconds=120.0):
     """Watch a job until a condition holds; whether it did."""
     end = time.monotonic() + seconds
     while not there() and time.monotonic() < end:
-        if not job.advance():
+        if not job.poll():
             break
         time.sleep(0.02)
     return there()
@@ -100,7 +101,7 @@ def test_a_data_set_is_rendered_and_the_scene_is_left_alone(described, tmp_path)
     pairs = find_pairs(tmp_path / "set")
     assert {p.settings.light.sun_elevation_deg for p in pairs} == {20.0, 40.0}
     assert [len(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "materials", "scenes", "images")] == before
-    assert jobs.current is None
+    assert session.job is None
     assert dataset.readout["last"].parent == tmp_path / "set" / "pairs"
     # Again: nothing is left to do.
     written = {p.folder: (p.folder / "pair.json").stat().st_mtime_ns for p in pairs}
@@ -131,7 +132,7 @@ def test_it_is_stopped_within_a_sample_and_goes_on_later(described, tmp_path):
     assert run_until(job, lambda: job.fraction > 0.01)
     job.process.cancel()
     start = time.monotonic()
-    while job.advance():
+    while job.poll():
         time.sleep(0.02)
     assert time.monotonic() - start < 10.0  # of minutes
     assert "was stopped" in job.failure
@@ -145,9 +146,9 @@ def test_it_is_left_running_and_found_again(described, tmp_path):
     described.icymoon.dataset.leave_running = True
     operator._job = job
     dataset.ICYMOON_OT_render_dataset.watch(operator, SimpleNamespace(scene=described))
-    jobs.current = job
-    jobs.stop_current()  # as when Blender closes
-    assert jobs.current is None
+    session.job = job
+    session.reset()  # as when Blender closes
+    assert session.job is None
     assert job.process.left
     group = described.icymoon.dataset
     group.folder, group.plan, group.leave_running = "elsewhere", "another", False  # as in a new Blender
@@ -155,7 +156,7 @@ def test_it_is_left_running_and_found_again(described, tmp_path):
     assert (group.folder, group.plan) == (str(tmp_path / "set"), str(tmp_path / "plan.toml"))
     assert group.leave_running
     assert again.started <= job.started + 1.0  # what is left is reckoned from the beginning
-    while again.advance():
+    while again.poll():
         time.sleep(0.02)
     assert again.failure == ""
     assert len(find_pairs(tmp_path / "set")) == 2
@@ -183,9 +184,9 @@ def test_what_is_left_running_is_evaluated_too(described, tmp_path):
 def test_a_data_set_without_its_evaluation_is_not_done():
     said = [{"type": "progress", "fraction": 1.0, "message": "2 of 2 pairs"}, {"type": "done", "pairs": 2}]
     process = stand_in(cancelled=False, poll=lambda: said, running=True, returncode=1, cause="Killed")
-    job = dataset.DatasetJob("Render Data Set", process, dataset._note_pairs, lambda: None)
+    job = dataset.DatasetJob("Render Data Set", process, dataset._note_pairs)
     job.evaluates = True
-    job.advance()
+    job.poll()
     assert job.fraction == 0.0
     assert job.failure == "Render Data Set ended without a result (status 1): Killed"
     job.hear({"type": "result", "report": "report.html"})
@@ -212,8 +213,8 @@ def test_a_pair_that_is_set_aside_is_named_and_does_not_end_the_others():
         running=True,
     )
     dataset.readout.update(set_aside=[], last=None)
-    job = dataset.DatasetJob("Render Data Set", process, dataset._note_pairs, lambda: None)
-    job.advance()
+    job = dataset.DatasetJob("Render Data Set", process, dataset._note_pairs)
+    job.poll()
     assert job.shown[:2] == ("Pair 2 of 3", 50)
     assert job.failure == "1 pair was set aside, first abc: Cycles could not"
     assert dataset.readout["last"] == Path("/set/pairs/b")

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from icymoon.operators import install_evaluator, preferences
+from icymoon.operators import install_evaluator, jobs, preferences
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.system import venv_python
 from stand_ins import stand_in
@@ -94,7 +94,7 @@ def test_the_question_before_installing_offers_online_access_where_it_is_off(mon
 
 def test_nothing_is_installed_without_online_access(extension, monkeypatch):
     monkeypatch.setattr(install_evaluator, "bpy", SimpleNamespace(app=SimpleNamespace(online_access=False)))
-    monkeypatch.setattr(install_evaluator, "Process", None)
+    monkeypatch.setattr(jobs, "Process", None)
     with pytest.raises(IcyMoonError, match="needs online access; allow it in Preferences ▸ System"):
         install_evaluator.ICYMOON_OT_install_evaluator.start(stand_in(), bpy.context)
 

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.operators import jobs, live_exposure, live_preview
+from icymoon.operators.session import session
 from icymoon.panels import CLASSES
 from panel_drawing import drawn
 
@@ -42,7 +43,7 @@ def shown(small, monkeypatch, tmp_path):
     image = bpy.data.images.load(str(path))
     monkeypatch.setattr(live_exposure, "shown_paths", lambda: [Path(bpy.path.abspath(image.filepath))])
     yield image
-    live_exposure._forget()
+    session.reset()
 
 
 def until_rested() -> int:
@@ -51,12 +52,12 @@ def until_rested() -> int:
     end = time.monotonic() + 60
     while bpy.app.timers.is_registered(live_exposure.work) and time.monotonic() < end:
         again = live_exposure.work()
-        started += live_exposure._job is not None and live_exposure._job is not before
-        before = live_exposure._job
+        started += session.developing is not None and session.developing is not before
+        before = session.developing
         if again is None:
             bpy.app.timers.unregister(live_exposure.work)
         time.sleep(0.02)
-    assert live_exposure._job is None
+    assert session.developing is None
     return started
 
 
@@ -103,18 +104,18 @@ def test_nothing_follows_where_it_is_switched_off_or_not_shown_and_failures_are_
 
 def following() -> jobs.Job:
     """The job that makes what is shown follow now."""
-    return live_exposure._job
+    return session.developing
 
 
 def test_it_waits_for_a_running_job_and_is_stopped_by_another_file(small, shown, monkeypatch):
-    monkeypatch.setattr(jobs, "current", object())
+    monkeypatch.setattr(session, "job", object())
     small.icymoon.sensor.auto_target = 0.2
     assert live_exposure.work() is not None
-    assert live_exposure._job is None
-    monkeypatch.setattr(jobs, "current", None)
+    assert session.developing is None
+    monkeypatch.setattr(session, "job", None)
     assert live_exposure.work() is not None
     process = following().process
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert live_exposure._job is None
+    assert session.developing is None
     assert process.returncode is not None
     assert not bpy.app.timers.is_registered(live_exposure.work)

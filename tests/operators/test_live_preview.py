@@ -14,6 +14,7 @@ from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint, parts
 from icymoon.operators import live_preview
 from icymoon.operators.render import bring_up_to_date, planned_pairs
+from icymoon.operators.session import session
 from icymoon.panels import sidebar
 from icymoon.render.worker import render_pairs
 from icymoon.settings import change_announcements, description
@@ -30,7 +31,7 @@ def watched(small, monkeypatch):
     """The small scene, built, as in a window: changes are shown at once and coarsely."""
     monkeypatch.setattr(live_preview, "has_window", lambda: True)
     monkeypatch.setattr(live_preview, "SIDES", (SIDE,))
-    monkeypatch.setattr(live_preview, "_side", SIDE)
+    monkeypatch.setattr(session, "preview_side", SIDE)
     small.icymoon.rocks.coverage = 0.05
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
     _turn()

@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 import pytest
-from icymoon.operators import render
+from icymoon.operators import jobs, render
 from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.workers.job import Job, blender_command, read_job
 from icymoon.settings.blender import scene_properties
@@ -27,7 +27,7 @@ def started(monkeypatch):
         def __init__(self, command, environment=None):
             commands.append(command)
 
-    monkeypatch.setattr(render, "Process", FakeProcess)
+    monkeypatch.setattr(jobs, "Process", FakeProcess)
 
     def start(context):
         operator: Any = SimpleNamespace(again=False, _warn=lambda built: None, _hear=lambda message: None)

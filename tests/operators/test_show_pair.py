@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.operators import dataset, image_editor, live_preview, show_pair
+from icymoon.operators.session import session
 from icymoon.panels import pair_views, sidebar
 from icymoon.stereo.pair_views import read_pair_views
 from panel_drawing import Layout, drawn, texts
@@ -21,15 +22,15 @@ def rendered(small):
     assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
     assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
     yield small
-    show_pair._forget()
+    session.reset()
 
 
 @pytest.fixture
 def editor(monkeypatch):
     """An Image Editor that shows the image, as in a window; there is none here."""
     areas = [SimpleNamespace(tag_redraw=lambda: None)]
-    monkeypatch.setattr(image_editor, "showing", lambda context, image: areas)
-    monkeypatch.setattr(image_editor, "fit", lambda context, area: None)
+    monkeypatch.setattr(image_editor, "showing", lambda image: areas)
+    monkeypatch.setattr(image_editor, "fit", lambda area: None)
     return areas
 
 
@@ -106,7 +107,7 @@ def test_the_pair_stays_with_the_scene(rendered, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert show_pair.kept_pairs(bpy.context.scene) == []
-    assert show_pair.shown is None
+    assert session.shown is None
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
     assert show_pair.kept_pairs(bpy.context.scene) == [folder]
     assert bpy.ops.icymoon.show_pair() == {"FINISHED"}
@@ -130,7 +131,7 @@ def test_what_cannot_be_shown_is_one_sentence(rendered):
     with pytest.raises(RuntimeError, match=r"no rendered pair in .*; press Render Stereo Pair first"):
         bpy.ops.icymoon.show_pair()
     assert show_pair.find_image() is None
-    assert show_pair.shown is None
+    assert session.shown is None
 
 
 def turns() -> int:
@@ -208,9 +209,9 @@ def test_every_pair_of_several_headings_can_be_shown(small):
     assert len(set(folders)) == 2
     for number, folder in enumerate(folders, 1):
         bpy.ops.icymoon.show_pair(number=number)
-        assert show_pair.shown.folder == folder
+        assert session.shown.folder == folder
         assert f"Pair {number} of 2" in texts(drawn(sidebar.ICYMOON_PT_main))
-    show_pair._forget()
+    session.reset()
 
 
 def test_the_picture_follows_the_response_where_it_is_shown(rendered, editor, monkeypatch):
@@ -218,7 +219,7 @@ def test_the_picture_follows_the_response_where_it_is_shown(rendered, editor, mo
     rendered.icymoon.sensor.auto_target = 0.5
     assert bpy.app.timers.is_registered(show_pair._follow)
     show_pair._follow()  # nothing is shown yet
-    assert show_pair.shown is None
+    assert session.shown is None
     bpy.ops.icymoon.show_pair(view="RIGHT")
     bright = pixels().mean()
     rendered.icymoon.sensor.auto_target = 0.1

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.operators import CLASSES, jobs, render
+from icymoon.operators import CLASSES, render
+from icymoon.operators.job_operators import JobOperator
 from icymoon.settings.blender import scene_properties
 
 #: Operators that change files, processes and windows, but nothing that a .blend file holds.
@@ -48,7 +49,7 @@ TAKE_THEIR_OWN = {
 def pushed(monkeypatch):
     """The undo steps that operators take by themselves."""
     steps: list[str] = []
-    monkeypatch.setattr(jobs, "push_undo", steps.append)
+    monkeypatch.setattr(render, "push_undo", steps.append)
     return steps
 
 
@@ -63,7 +64,7 @@ def test_no_operator_that_starts_a_process_can_be_done_again_with_other_options(
     assert [
         cls.bl_idname
         for cls in CLASSES
-        if issubclass(cls, jobs.JobOperator) and "REGISTER" in getattr(cls, "bl_options", ())
+        if issubclass(cls, JobOperator) and "REGISTER" in getattr(cls, "bl_options", ())
     ] == []
 
 

@@ -20,8 +20,10 @@ ELEVATION = "light.sun_elevation_deg"
 
 def mean_brightness() -> list[float]:
     """The mean of each kept picture, of those that are shown now."""
-    names = variation_pictures._made[variation_pictures._keys[bpy.context.scene.session_uid]]
-    return [float(np.mean(variation_pictures._pictures[name].image_pixels_float[:])) for name in names]
+    scene = bpy.context.scene
+    key = variation_pictures._key_of(scene, scene_properties.read_settings(scene.icymoon))
+    names = variation_pictures._made[key]
+    return [float(np.mean(variation_pictures._pictures.collection[name].image_pixels_float[:])) for name in names]
 
 
 def buttons() -> set[str]:
@@ -36,7 +38,6 @@ def varied(scene, tmp_path, monkeypatch):
     bpy.ops.icymoon.vary(setting=ELEVATION, first=60, last=0.5, count=3)
     yield scene
     variation_pictures.unregister()
-    variation_pictures.register()
 
 
 @pytest.mark.heavy
@@ -100,7 +101,7 @@ def test_a_stopped_job_leaves_nothing_and_shows_nothing(varied, tmp_path, monkey
         job.process.stop()
         return False
 
-    monkeypatch.setattr(jobs.Job, "advance", stop)
+    monkeypatch.setattr(jobs.Job, "poll", stop)
     with pytest.raises(RuntimeError, match="was stopped; there are no new pictures"):
         bpy.ops.icymoon.show_ends()
     assert len(started) == 1
@@ -113,4 +114,4 @@ def test_the_pictures_of_many_ends_are_not_all_kept(varied):
     for k in range(variation_pictures._MOST + 1):
         variation_pictures._keep(str(k), [picture, picture])
     assert 1 <= len(variation_pictures._made) <= variation_pictures._MOST
-    assert len(variation_pictures._pictures) == 2 * len(variation_pictures._made)
+    assert len(variation_pictures._pictures.collection) == 2 * len(variation_pictures._made)

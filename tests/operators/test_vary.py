@@ -10,7 +10,18 @@ from typing import Any
 import bpy
 import pytest
 from evaluations import write_evaluation
-from icymoon.operators import dataset, results, show_pair, vary
+from icymoon.nodes import scene as scenes
+from icymoon.operators import (
+    dataset,
+    events,
+    render_variations,
+    results,
+    show_pair,
+    variation_curves,
+    variation_plan,
+    vary,
+)
+from icymoon.operators.variation_plan import fault_of_folder, free_folder
 from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.plans import vary_scene
 from icymoon.render.plans.frozen_plan import freeze_plan
@@ -148,35 +159,35 @@ def test_what_cannot_vary_is_grey_in_the_context_menu(tiny, topic, key, possible
 
 
 def test_the_lines_follow_the_settings_and_the_list(tiny):
-    assert vary.lines(tiny)[0] == "1 pair"
+    assert render_variations.lines(tiny)[0] == "1 pair"
     bpy.ops.icymoon.vary(setting=ELEVATION)
-    assert vary.lines(tiny)[0] == "5 values of Sun Elevation = 5 pairs"
+    assert render_variations.lines(tiny)[0] == "5 values of Sun Elevation = 5 pairs"
     tiny.icymoon.variations.seeds = 3
     tiny.icymoon.dataset.headings = 2
-    told = vary.lines(tiny)
+    told = render_variations.lines(tiny)
     assert told[0] == "5 values of Sun Elevation x 3 seeds x 2 headings = 30 pairs"
     assert told[1].startswith("About ")
     tiny.icymoon.rig.width_px = 3200
-    assert vary.lines(tiny)[1] != told[1]
+    assert render_variations.lines(tiny)[1] != told[1]
     tiny.icymoon.variations.varied[0].last = 200
-    assert "outside -90 to 90 deg" in vary.lines(tiny)[0]
+    assert "outside -90 to 90 deg" in render_variations.lines(tiny)[0]
     tiny.icymoon.variations.varied[0].setting = "light.no_such"
-    assert "unknown setting" in vary.lines(tiny)[0]
+    assert "unknown setting" in render_variations.lines(tiny)[0]
 
 
 def test_lines_that_are_known_cost_nothing(tiny, monkeypatch):
     bpy.ops.icymoon.vary(setting=ELEVATION)
-    vary.lines(tiny)
-    monkeypatch.setattr(vary, "describe", lambda *_: pytest.fail("computed again"))
-    vary.lines(tiny)
+    render_variations.lines(tiny)
+    monkeypatch.setattr(render_variations, "describe", lambda *_: pytest.fail("computed again"))
+    render_variations.lines(tiny)
 
 
 def test_undo_brings_the_lines_back(tiny):
     bpy.ops.icymoon.vary(setting=ELEVATION)
-    vary.lines(tiny)
+    render_variations.lines(tiny)
     for handler in bpy.app.handlers.undo_post:
         handler(tiny)
-    assert not vary._lines
+    assert not events._known
 
 
 def test_the_saved_plan_makes_the_scenes_pairs(tiny, tmp_path):
@@ -208,8 +219,8 @@ def test_a_file_beside_the_blend_is_found_from_the_plan(tiny, tmp_path):
 def test_a_scene_edited_by_hand_is_refused_and_objects_of_ones_own_are_told_at_once(tiny, tmp_path):
     bpy.ops.icymoon.vary(setting=ELEVATION)
     bpy.ops.icymoon.build_scene()
-    assert vary.why_not_a_plan(tiny, thorough=True) == ""
-    built = vary.scenes.find(tiny)
+    assert variation_plan.why_not_a_plan(tiny, thorough=True) == ""
+    built = scenes.find(tiny)
     built.sun.data.energy *= 2
     for call in (
         lambda: bpy.ops.icymoon.save_plan(filepath=str(tmp_path / "mine.toml")),
@@ -219,8 +230,8 @@ def test_a_scene_edited_by_hand_is_refused_and_objects_of_ones_own_are_told_at_o
             call()
     bpy.ops.icymoon.build_scene()
     lander = bpy.data.objects.new("Lander", bpy.data.meshes.new("Lander"))
-    vary.scenes.find_collection(tiny).objects.link(lander)
-    assert "The scene contains Lander, and a plan contains settings only" in vary.why_not_a_plan(tiny)
+    scenes.find_collection(tiny).objects.link(lander)
+    assert "The scene contains Lander, and a plan contains settings only" in variation_plan.why_not_a_plan(tiny)
     with pytest.raises(RuntimeError, match="contains Lander"):
         bpy.ops.icymoon.render_variations()
     assert not (tmp_path / "set").exists()
@@ -241,29 +252,29 @@ def freeze(folder, text):
 
 def test_a_plan_is_rendered_into_an_empty_folder_or_its_own(tiny, tmp_path):
     folder, text = tmp_path / "set", variations_of(tiny, 10, 20)
-    assert vary._fault_of_folder(folder, text) == ""
+    assert fault_of_folder(folder, text) == ""
     freeze(folder, text)
-    assert vary._fault_of_folder(folder, text) == ""
+    assert fault_of_folder(folder, text) == ""
     # The same with other seeds has all pairs of the first.
-    assert vary._fault_of_folder(folder, variations_of(tiny, 10, 20, seeds=2)) == ""
-    assert "other pairs" in vary._fault_of_folder(folder, variations_of(tiny, 10, 30))
+    assert fault_of_folder(folder, variations_of(tiny, 10, 20, seeds=2)) == ""
+    assert "other pairs" in fault_of_folder(folder, variations_of(tiny, 10, 30))
     (folder / "plan.toml").write_text("# mine\n")
-    assert "another plan" in vary._fault_of_folder(folder, text)
+    assert "another plan" in fault_of_folder(folder, text)
 
 
 def test_pairs_of_no_plan_are_not_mixed_with_those_of_one(tiny, tmp_path):
     folder = tmp_path / "set"
     (folder / "pairs" / "0123456789ab").mkdir(parents=True)
-    assert "other pairs" in vary._fault_of_folder(folder, variations_of(tiny, 10, 20))
+    assert "other pairs" in fault_of_folder(folder, variations_of(tiny, 10, 20))
 
 
 def test_a_free_folder_is_named_after_what_varies(tiny, tmp_path):
     folder, text = tmp_path / "set", variations_of(tiny, 10, 20)
-    assert vary._free_folder(folder, text, "Sun Elevation, 3 Seeds") == folder
+    assert free_folder(folder, text, "Sun Elevation, 3 Seeds") == folder
     freeze(folder, variations_of(tiny, 10, 30))
-    assert vary._free_folder(folder, text, "Sun Elevation, 3 Seeds") == tmp_path / "set_sun_elevation_3_seeds"
+    assert free_folder(folder, text, "Sun Elevation, 3 Seeds") == tmp_path / "set_sun_elevation_3_seeds"
     freeze(tmp_path / "set_sun_elevation_3_seeds", variations_of(tiny, 10, 30))
-    assert vary._free_folder(folder, text, "Sun Elevation, 3 Seeds") == tmp_path / "set_sun_elevation_3_seeds_2"
+    assert free_folder(folder, text, "Sun Elevation, 3 Seeds") == tmp_path / "set_sun_elevation_3_seeds_2"
 
 
 def test_another_data_set_is_not_overwritten(tiny, tmp_path):
@@ -309,9 +320,9 @@ def test_variations_are_rendered_evaluated_and_their_curve_is_shown(tiny, tmp_pa
 
 @pytest.mark.parametrize(("count", "shown"), [(1, [0]), (5, [0, 1, 2, 3, 4]), (1000, None)])
 def test_the_first_and_the_last_pair_are_among_those_shown(count, shown):
-    found = vary._spread(list(range(count)))
+    found = render_variations._spread(list(range(count)))
     assert (found[0], found[-1]) == (0, count - 1)
-    assert found == shown if shown else len(set(found)) == len(found) == vary._PICTURES
+    assert found == shown if shown else len(set(found)) == len(found) == render_variations._PICTURES
 
 
 def test_a_confirmed_dialog_reports_what_cannot_be(tiny, tmp_path):
@@ -321,7 +332,7 @@ def test_a_confirmed_dialog_reports_what_cannot_be(tiny, tmp_path):
     dialog: Any = SimpleNamespace(
         _asked=True, folder=str(tmp_path / "set"), report=lambda kind, text: said.append(text)
     )
-    assert vary.ICYMOON_OT_render_variations.execute(dialog, bpy.context) == {"CANCELLED"}
+    assert render_variations.ICYMOON_OT_render_variations.execute(dialog, bpy.context) == {"CANCELLED"}
     assert len(said) == 1
     assert said[0].startswith(str(tmp_path / "set"))
     assert said[0].endswith("choose another folder.")
@@ -351,9 +362,9 @@ def test_only_curves_inside_the_evaluation_are_shown(tiny, tmp_path):
 
 def test_curves_of_settings_in_the_list_come_first(tiny, tmp_path, monkeypatch):
     monkeypatch.setattr(results, "curves", lambda _: {"a.b": tmp_path / "a", ELEVATION: tmp_path / "e"})
-    assert list(vary.sorted_curves(tiny)) == ["a.b", ELEVATION]
+    assert list(variation_curves.sorted_curves(tiny)) == ["a.b", ELEVATION]
     bpy.ops.icymoon.vary(setting=ELEVATION)
-    assert list(vary.sorted_curves(tiny)) == [ELEVATION, "a.b"]
+    assert list(variation_curves.sorted_curves(tiny)) == [ELEVATION, "a.b"]
     shown: list = []
     called: dict = {}
     monkeypatch.setattr(
@@ -368,8 +379,8 @@ def test_curves_of_settings_in_the_list_come_first(tiny, tmp_path, monkeypatch):
 def test_drawing_takes_no_time_once_it_is_known(tiny):
     for name in (ELEVATION, "surface.albedo", "terrain.rms_slope_deg"):
         bpy.ops.icymoon.vary(setting=name)
-    vary.lines(tiny)
+    render_variations.lines(tiny)
     start = time.thread_time()
     for _ in range(100):
-        vary.lines(tiny)
+        render_variations.lines(tiny)
     assert time.thread_time() - start < 0.1

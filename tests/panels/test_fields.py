@@ -9,6 +9,8 @@ import bpy
 import pytest
 from icymoon import operators
 from icymoon.operators import jobs, sidebar_text
+from icymoon.operators.job_operators import JobOperator
+from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import fields
 from icymoon.settings.table import TOPICS, all_settings
@@ -16,7 +18,7 @@ from panel_drawing import Layout, drawn
 from stand_ins import stand_in
 
 #: Operators that start a job from the sidebar.
-STARTING = {cls.bl_idname for cls in operators.CLASSES if issubclass(cls, jobs.JobOperator)} - {
+STARTING = {cls.bl_idname for cls in operators.CLASSES if issubclass(cls, JobOperator)} - {
     "icymoon.watch_dataset",
     "icymoon.install_evaluator",
     "icymoon.make_asset_library",
@@ -28,7 +30,7 @@ OTHER_WORDS = {"icymoon.evaluate", "icymoon.evaluate_folder", "icymoon.trade", "
 @pytest.fixture
 def running(monkeypatch):
     process = stand_in(running=True, cancelled=False, stop=lambda: None, cancel=lambda: None)
-    monkeypatch.setattr(jobs, "current", jobs.Job("Render Data Set", process, lambda message: None, lambda: None))
+    monkeypatch.setattr(session, "job", jobs.Job("Render Data Set", process))
 
 
 def buttons() -> list[tuple[str, str]]:

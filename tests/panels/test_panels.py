@@ -14,6 +14,7 @@ from evaluations import ROW, evaluated
 from icymoon.commands.doctor import PLUGINS, Finding
 from icymoon.operators import evaluate, evaluator, jobs, preferences, sidebar_text
 from icymoon.operators.presets import preset_items
+from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import CLASSES, menu, sidebar
 from icymoon.settings.table import TOPICS, all_settings
@@ -69,9 +70,9 @@ def running(monkeypatch):
     process = stand_in(running=True, cancelled=False, stop=lambda: None, cancel=lambda: None)
     job = jobs.Job("Render Stereo Pair", process, lambda message: None, lambda: None)
     job.fraction, job.text, job.started = 1 / 3, "Pair 1 of 3", 100.0
-    jobs.current = job
+    session.job = job
     yield job
-    jobs.current = None
+    session.job = None
 
 
 def test_an_empty_file_offers_presets_and_the_three_steps(scene):

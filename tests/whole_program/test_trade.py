@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from icymoon.operators import jobs, sidebar_text, trade
+from icymoon.operators import sidebar_text, trade
+from icymoon.operators.job_operators import JobOperator
 from icymoon.render.cost import speed
 from icymoon.render.workers.job import python_command
 from icymoon.settings import description, preset_files
@@ -124,7 +125,7 @@ def test_the_button_sets_what_the_search_finds(tmp_path):
 
 
 def test_a_dialog_that_is_closed_has_nothing_to_stop():
-    jobs.JobOperator().cancel(None)  # as Blender calls it at Esc in the dialog, before any job
+    JobOperator().cancel(None)  # as Blender calls it at Esc in the dialog, before any job
 
 
 def test_this_machine_is_measured_by_a_button_and_shown(tmp_path, monkeypatch):

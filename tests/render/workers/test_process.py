@@ -56,7 +56,7 @@ def test_a_blender_that_fails_to_import_is_told_in_the_error_of_the_job(tmp_path
     program.write_text("import a_module_that_is_not_there\n")
     process = Process([sys.executable, str(program)])
     job = Job("Dry Run", process, lambda message: None, lambda: None)
-    while job.advance():
+    while job.poll():
         pass
     assert job.failure == (
         "Dry Run ended without a result (status 1): ModuleNotFoundError: No module named 'a_module_that_is_not_there'"

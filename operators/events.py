@@ -1,0 +1,86 @@
+"""What the window follows: changes of settings, Blender's handlers and timers. And what is known until any of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from typing import Any, TypeVar
+
+import bpy
+
+from ..settings import change_announcements
+
+_T = TypeVar("_T")
+Function = Callable[[], Any]
+_known: dict[Hashable, Any] = {}
+
+
+def follow(
+    changes: Callable[[Any, frozenset[str]], None] | None = None,
+    timers: tuple[Function, ...] = (),
+    end: Function | None = None,
+    **handlers: Function,
+) -> tuple[Callable[[], None], Callable[[], None]]:
+    """The functions ``register`` and ``unregister`` of a module that follows events.
+
+    ``changes`` is a listener of changed settings. ``handlers`` are called at Blender's events of their names, such as
+    ``load_pre``. ``unregister`` cancels the ``timers`` and then calls ``end``.
+    """
+    added = {name: _persistent(function) for name, function in handlers.items()}
+
+    def register() -> None:
+        if changes is not None:
+            change_announcements.listeners.append(changes)
+        for name, function in added.items():
+            getattr(bpy.app.handlers, name).append(function)
+
+    def unregister() -> None:
+        for name, function in added.items():
+            getattr(bpy.app.handlers, name).remove(function)
+        if changes is not None:
+            change_announcements.listeners.remove(changes)
+        for timer in timers:
+            cancel(timer)
+        if end is not None:
+            end()
+
+    return register, unregister
+
+
+def _persistent(function: Function) -> Callable[..., None]:
+    @bpy.app.handlers.persistent
+    def handle(*_: Any) -> None:
+        function()
+
+    return handle
+
+
+def call(function: Function, seconds: float = 0.0) -> None:
+    """Let Blender call a function after some seconds, and again after the seconds that it returns.
+
+    Does nothing if that will happen already.
+    """
+    if not bpy.app.timers.is_registered(function):
+        bpy.app.timers.register(function, first_interval=seconds)
+
+
+def cancel(function: Function) -> None:
+    """Do not call the function of ``call`` any more."""
+    if bpy.app.timers.is_registered(function):
+        bpy.app.timers.unregister(function)
+
+
+def until_change(key: Hashable, make: Callable[[], _T]) -> _T:
+    """The value of ``make``, which is called once for a key until a setting changes, undo, redo, or another file."""
+    if key not in _known:
+        _known[key] = make()
+    found: _T = _known[key]
+    return found
+
+
+register, unregister = follow(
+    changes=lambda *_: _known.clear(),
+    end=_known.clear,
+    undo_post=_known.clear,
+    redo_post=_known.clear,
+    load_post=_known.clear,
+)

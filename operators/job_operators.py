@@ -1,0 +1,193 @@
+"""Operators that go on until a job beside the window has ended, so that the window stays usable."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..support.errors import IcyMoonError
+from . import jobs
+from .session import session
+from .sidebar_text import in_window
+from .window import redraw_panels
+
+
+class WatchingOperator:
+    """Mix-in: an operator whose work is a job.
+
+    ``start`` returns the job, and ``report_success`` is called after it has succeeded. From a script
+    (``EXEC_DEFAULT``) the operator returns when the job has ended.
+    """
+
+    _timer: Any = None
+    _job: jobs.Job | None = None
+
+    def start(self, context: bpy.types.Context) -> jobs.Job | None:
+        """Start the job; None if there is nothing to wait for. Raises IcyMoonError if it cannot start."""
+        raise NotImplementedError
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        """Use what the job has made. Raises IcyMoonError if that fails."""
+        raise NotImplementedError
+
+    def run_blocking(self, context: bpy.types.Context) -> None:
+        """Run the job to its end. Raises IcyMoonError if it fails."""
+        self._job = self.start(context)
+        if self._job is not None:
+            self._job.run_to_end()
+        self.report_success(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            self.run_blocking(context)
+        except IcyMoonError as error:
+            return self.fail(error)
+        return {"FINISHED"}
+
+    def fail(self, error: Exception) -> set[str]:
+        """Report an error to the user and cancel."""
+        self.report({"ERROR"}, in_window(error))  # type: ignore[attr-defined]
+        return {"CANCELLED"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
+        if bpy.app.background:
+            return self.execute(context)
+        try:
+            self._job = self.start(context)
+            if self._job is None:
+                self.report_success(context)
+                return {"FINISHED"}
+        except IcyMoonError as error:
+            return self.fail(error)
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(jobs.INTERVAL_S, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type != "TIMER" or self.look(context):
+            return {"PASS_THROUGH"}
+        return self.end(context)
+
+    def look(self, context: bpy.types.Context) -> bool:
+        """Look at the job, which is done repeatedly; False when it has ended."""
+        assert self._job is not None
+        return self._job.poll()
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when the window closes, another file is opened, or the user cancels the dialog."""
+        if self._timer is not None:
+            self.end(context)
+
+    def end(self, context: bpy.types.Context) -> set[str]:
+        """Stop the job if it has not ended, and report its success or failure."""
+        assert self._job is not None
+        context.window_manager.event_timer_remove(self._timer)
+        self._job.close()
+        self.report_end(context)
+        if self._job.process.left:
+            return {"FINISHED"}
+        if self._job.process.cancelled:
+            return {"CANCELLED"}
+        try:
+            if self._job.failure:
+                raise IcyMoonError(self._job.failure)
+            self.report_success(context)
+        except IcyMoonError as error:
+            return self.fail(error)
+        return {"FINISHED"}
+
+    def report_end(self, context: bpy.types.Context) -> None:
+        """Called when the job has ended, however it ended."""
+
+
+class JobOperator(WatchingOperator):
+    """Mix-in: an operator whose job the sidebar shows. There is one such job at a time."""
+
+    #: Whether Esc stops the job. It does not stop jobs of hours, during which the user presses Esc for other reasons.
+    escapes = True
+    _job: jobs.Job
+
+    def watch(self, context: bpy.types.Context) -> None:
+        """Called repeatedly while the job runs."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if session.job is not None:
+            cls.poll_message_set(f"{session.job.title} is running")  # type: ignore[attr-defined]
+            return False
+        return True
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
+        result = super().invoke(context, event)
+        if result == {"RUNNING_MODAL"}:
+            session.job = self._job
+            context.window_manager.progress_begin(0, 1000)
+            redraw_panels()
+        return result
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self.escapes and event.type == "ESC" and event.value == "PRESS":
+            self._job.cancel()
+            return {"RUNNING_MODAL"}
+        return super().modal(context, event)
+
+    def look(self, context: bpy.types.Context) -> bool:
+        """Look at the job, and show its progress."""
+        self.watch(context)
+        before = self._job.shown
+        running = super().look(context)
+        if self._job.shown != before:
+            context.window_manager.progress_update(int(1000 * self._job.fraction))
+            redraw_panels()
+        return running
+
+    def report_end(self, context: bpy.types.Context) -> None:
+        """Take the job from the sidebar, and report its warnings."""
+        context.window_manager.progress_end()
+        if session.job is self._job:
+            session.job = None
+        redraw_panels()
+        for warning in self._job.warnings:
+            self.report({"WARNING"}, in_window(warning))  # type: ignore[attr-defined]
+        if self._job.process.cancelled and not self._job.process.left:
+            self.report({"WARNING"}, in_window(self._job.failure))  # type: ignore[attr-defined]
+
+
+class ICYMOON_OT_cancel(bpy.types.Operator):
+    """Stop the running job. Finished pairs are kept"""
+
+    bl_idname = "icymoon.cancel"
+    bl_label = "Cancel"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if session.job is None:
+            cls.poll_message_set("Nothing is running")
+        return session.job is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        assert session.job is not None
+        session.job.cancel()
+        return {"FINISHED"}
+
+
+class ICYMOON_OT_wait(bpy.types.Operator):
+    """Another job is running; wait until it has ended, or cancel it"""
+
+    bl_idname = "icymoon.wait"
+    bl_label = "Wait for the Job"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if session.job is not None:
+            cls.poll_message_set(f"{session.job.title} is running")
+        return False
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return {"CANCELLED"}
+
+
+CLASSES = (ICYMOON_OT_cancel, ICYMOON_OT_wait)

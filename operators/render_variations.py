@@ -1,0 +1,149 @@
+"""Rendering the pairs of Vary This Scene, and an estimate of their time and size."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..render.cost.estimate import duration_text, estimate_roughly, size_text
+from ..render.plans.frozen_plan import PLAN as FROZEN
+from ..render.plans.frozen_plan import read_frozen_plan
+from ..render.plans.vary_scene import (
+    count_pairs,
+    describe,
+    sample_settings,
+    title_of,
+)
+from ..settings.blender import scene_properties
+from ..support.errors import IcyMoonError
+from ..support.files import absolute_path, write_text
+from ..support.printer import show_controls
+from . import dataset, jobs, variation_curves, variation_pictures, variation_plan
+from .events import until_change
+from .render import dataset_folder
+from .sidebar_text import known_speed, plain
+from .window import push_undo
+
+#: Rendered pairs whose pictures the sidebar offers, and characters of a line of the dialog.
+_PICTURES, _DIALOG_LINE = 24, 60
+#: Number of pairs over which the estimate takes the mean.
+_SAMPLE = 16
+
+
+def lines(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """Sentences on the pairs of a scene's variations, their time and size, or on why they are impossible; computed once
+    per change."""
+    key = ("variations", scene.session_uid, known_speed(str(scene.icymoon.quality.device)))
+    return until_change(key, lambda: _make_lines(scene))
+
+
+def _make_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
+    settings = scene_properties.read_unchecked(scene.icymoon)
+    variations = scene_properties.read_variations(scene.icymoon)
+    try:
+        told = describe(settings, variations)
+        some, grounds = sample_settings(settings, variations, _SAMPLE)
+    except IcyMoonError as error:
+        return (str(error),)
+    speed = known_speed(str(settings.quality.device))
+    seconds, size = estimate_roughly(some, count_pairs(settings, variations), grounds, speed)
+    machine = "on this machine" if speed else "on another machine; measure this one under Quality and Speed"
+    return (told, f"About {duration_text(seconds)} and {size_text(size)} {machine}")
+
+
+def _spread(pairs: Sequence[Any]) -> list[Any]:
+    """All pairs, or as many as the sidebar can show: the first, the last and others at equal steps."""
+    count = min(_PICTURES, len(pairs))
+    return [pairs[round(k * (len(pairs) - 1) / max(1, count - 1))] for k in range(count)]
+
+
+class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
+    """Render the pairs of all variations of this scene into a data set folder, in separate processes. Their plan is saved there, so the shell can continue it"""  # noqa: E501
+
+    bl_idname = "icymoon.render_variations"
+    bl_label = "Render These Variations"
+
+    folder: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Folder",
+        subtype="DIR_PATH",
+        options={"SKIP_SAVE"},
+        description="Folder of the data set; if empty, that of the panel Data Set",
+    )
+    _asked = False
+    _told: tuple[str, ...] = ()
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if bpy.app.background or self.folder:
+            return super().invoke(context, event)
+        scene = context.scene
+        try:
+            settings = scene_properties.read_settings(scene.icymoon)
+            title = title_of(scene_properties.read_variations(scene.icymoon))
+            self.folder = str(
+                variation_plan.free_folder(
+                    dataset_folder(settings), variation_plan.text_of_plan(scene, settings), title
+                )
+            )
+        except IcyMoonError as error:
+            return self.fail(error)
+        self._asked = True
+        return set(context.window_manager.invoke_props_dialog(self, width=420, confirm_text="Render"))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column, group = self.layout.column(), context.scene.icymoon.dataset
+        for sentence in lines(context.scene):
+            for line in textwrap.wrap(plain(sentence), _DIALOG_LINE):
+                column.label(text=line)
+        variation_pictures.draw_icons(column, context.scene)
+        column.prop(self, "folder")
+        column.prop(group, "evaluate")
+        if group.evaluate:
+            column.prop(group, "methods")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if not self._asked:
+            return super().execute(context)
+        # A dialog runs it as a script does, which would wait until all pairs are there; and Blender does not free an
+        # operator that becomes modal when its dialog is confirmed. So another operator does the work.
+        try:
+            bpy.ops.icymoon.render_variations("INVOKE_DEFAULT", folder=self.folder)
+        except RuntimeError as error:  # with the operator's report
+            self.report({"ERROR"}, show_controls(str(error).removeprefix("Error: ").strip()))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        group = context.scene.icymoon.dataset
+        settings = scene_properties.read_settings(context.scene.icymoon)
+        text = variation_plan.text_of_plan(context.scene, settings)
+        if self.folder:
+            settings.dataset.folder = str(absolute_path(self.folder, "dataset.folder"))
+        folder = dataset_folder(settings)
+        if fault := variation_plan.fault_of_folder(folder, text):
+            raise IcyMoonError(fault)
+        plan = str(folder / variation_plan.PLAN)
+        command = dataset.batch_command(settings, plan)  # which is refused before anything is written
+        if (folder / FROZEN).is_file():
+            self.report({"INFO"}, show_controls(f"Continuing the data set in {folder}"))
+        write_text(folder / variation_plan.PLAN, text)
+        process = dataset.start_batch(settings, command, plan)
+        if group.folder != settings.dataset.folder:
+            group.folder = settings.dataset.folder
+            push_undo(self.bl_label)
+        return self._job_of(process, context)
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        scene = self._keeper.scene
+        if scene is not None:
+            pairs = read_frozen_plan(Path(self._process.facts["dataset"])).pairs
+            scene.icymoon.pairs = " ".join(pair.id for pair in _spread(pairs))
+            push_undo(self.bl_label)
+        super().report_success(context)
+        variation_curves.show_curves(context, open_window=False)
+
+
+CLASSES = (ICYMOON_OT_render_variations,)

@@ -1,0 +1,74 @@
+"""What the window holds of the open file: jobs, the shown pair, the first picture, and views as they were before."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..settings.topics.scene import Settings
+from ..stereo.pair_views import PairViews
+from .events import follow
+from .first_picture import FirstPicture
+from .jobs import Job
+from .window import redraw_panels
+
+#: Vertices per side of the ground that follows a slider.
+SIDES: tuple[int, ...] = (129, 193, 257)
+
+
+@dataclass
+class ShownPair:
+    """The pair and the view that the picture in the Image Editor shows."""
+
+    folder: Path
+    made_of: tuple[Any, ...]  # the sources of its development
+    views: PairViews
+    view: str
+    turn: int = 0  # which of a view's pictures
+
+
+@dataclass
+class Session:
+    """The state of the window. Names of scenes and addresses of views hold for the open file only."""
+
+    job: Job | None = None  # the one that the sidebar shows
+    reading: Job | None = None  # of the pair that is shown next
+    shown: ShownPair | None = None
+    developing: Job | None = None  # of the camera images that Image Editors show
+    to_develop: set[str] = field(default_factory=set)  # scenes
+    development_notes: list[str] = field(default_factory=list)  # warnings of the last one, or why it failed
+    meshing: Job | None = None  # of the ground at full resolution
+    meshed_settings: Settings | None = None  # of that ground
+    to_preview: set[str] = field(default_factory=set)  # scenes with changes that the timer will show
+    preview_side: int = SIDES[1]
+    traced_since_s: float = field(default_factory=time.monotonic)  # when the view began its present picture
+    #: The clock's and the processor's seconds when the load of this Blender was measured last.
+    load_measured_s: tuple[float, float] = field(default_factory=lambda: (time.monotonic(), time.process_time()))
+    views_before: dict[int, dict[str, Any]] = field(default_factory=dict)  # 3D Views before they showed a built scene
+    views_left: set[int] = field(default_factory=set)  # views that a built scene was taken from
+    shading_before: dict[int, dict[str, str]] = field(default_factory=dict)  # of 3D Views before they showed colours
+    #: The views that show colours no more because undo or a button took the errors away; whether they were in Solid
+    #: shading.
+    colours_left: dict[int, bool] = field(default_factory=dict)
+    picture: FirstPicture = field(default_factory=FirstPicture)
+
+    def reset(self) -> None:
+        """Stop all jobs and forget the open file, before another is opened or Icy Moon is disabled."""
+        running = [job for job in (self.job, self.reading, self.developing, self.meshing) if job is not None]
+        for job in running:
+            job.close()
+        self.picture.remove()
+        vars(self).update(vars(Session()))
+        if running:
+            redraw_panels()
+
+
+session = Session()
+register, unregister = follow(
+    load_pre=session.reset,
+    undo_pre=lambda: session.picture.remove(),
+    redo_pre=lambda: session.picture.remove(),
+    end=session.reset,
+)

@@ -1,0 +1,127 @@
+"""The plan of the variations of a scene: whether it shows the scene, where it can be rendered, and its file."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import bpy
+
+from ..nodes import scene as scenes
+from ..nodes.datablocks.blend_file_paths import with_absolute_files
+from ..nodes.datablocks.fingerprint import added_objects
+from ..render.pairs.our_files import folder_of_pairs
+from ..render.plans.frozen_plan import PLAN as FROZEN
+from ..render.plans.frozen_plan import read_frozen_plan
+from ..render.plans.plan_file import parse_plan
+from ..render.plans.vary_scene import (
+    plan_text,
+)
+from ..settings.blender import scene_properties
+from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
+from ..support.files import read_text, write_text
+from ..support.number_text import count_of
+from ..support.printer import show_controls
+from . import dialogs
+from .sidebar_text import in_window
+
+#: File of the plan in the folder of its data set.
+PLAN = "plan.toml"
+#: Maximum number of pairs whose ids are compared with an existing data set: it takes a second.
+_COMPARED = 500
+_EDITED = (
+    "The scene was edited by hand, and a plan contains settings only, so its pairs would not show the edits; "
+    "press Build Scene to undo them."
+)
+
+
+def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
+    """Why the pairs of a plan would not show the scene, in a sentence; empty if they would.
+
+    Only a ``thorough`` look finds edits of built objects; it reads all meshes.
+    """
+    collection = scenes.find_collection(scene)
+    if collection is None:
+        return ""
+    names = [item.name for item in added_objects(collection)]
+    if names:
+        more = f" and {count_of(len(names) - 1, 'more object')} of yours" if len(names) > 1 else ""
+        return (
+            f"The scene contains {names[0]}{more}, and a plan contains settings only, so its pairs would not show "
+            f"{'them' if more else 'it'}; move {'them' if more else 'it'} out of the collection "
+            f"{collection.name}."
+        )
+    built = scenes.find(scene) if thorough else None
+    return _EDITED if built is not None and not built.outdated and built.edited_parts() else ""
+
+
+def text_of_plan(scene: bpy.types.Scene, settings: Settings) -> str:
+    """The plan that varies a scene. Raises IcyMoonError for what cannot be, and for a scene edited by hand."""
+    if why := why_not_a_plan(scene, thorough=True):
+        raise IcyMoonError(why)
+    variations = scene_properties.read_variations(scene.icymoon)
+    if not variations.varied and variations.seeds == 1:
+        raise IcyMoonError("Nothing varies yet; press + under Vary This Scene, or raise Variations by Seed.")
+    return plan_text(with_absolute_files(settings), variations)
+
+
+def fault_of_folder(folder: Path, text: str) -> str:
+    """Why a plan cannot be rendered into a folder, in a sentence; empty if it can.
+
+    A folder fits if it has neither plan nor pairs, if it is the plan's own data set, or if the plan contains all of its
+    pairs.
+    """
+    path, pairs = folder / PLAN, folder_of_pairs(folder)
+    try:
+        there = read_text(path) if os.path.lexists(path) else ""
+        if there == text:
+            return ""
+        frozen = read_frozen_plan(folder) if os.path.lexists(folder / FROZEN) else None
+        rendered = {each.name for each in pairs.iterdir()} if pairs.is_dir() else set()
+    except (OSError, ValueError, IcyMoonError):
+        return f"{folder} contains files that cannot be read; choose another folder."
+    if there and (frozen is None or frozen.text != there):
+        return f"{folder} contains another plan, {PLAN}; choose another folder."
+    rendered |= {pair.id for pair in frozen.pairs} if frozen else set()
+    if rendered and (len(rendered) > _COMPARED or not rendered <= {p.id for p in parse_plan(path, text).pairs()}):
+        return f"{folder} contains other pairs than those of these variations; choose another folder."
+    return ""
+
+
+def free_folder(folder: Path, text: str, title: str) -> Path:
+    """The folder if the plan can be rendered into it, or one beside it, named after what varies."""
+    stem = f"{folder.name}_{re.sub(r'[^a-z0-9]+', '_', title.lower()).strip('_')}"
+    candidates = [folder, folder.with_name(stem), *(folder.with_name(f"{stem}_{k}") for k in range(2, 100))]
+    return next((each for each in candidates if not fault_of_folder(each, text)), folder)
+
+
+class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
+    """Save the plan of these variations as a TOML file, for icymoon batch in a shell or on another machine"""
+
+    bl_idname = "icymoon.save_plan"
+    bl_label = "Save Plan"
+
+    filepath: bpy.props.StringProperty(  # type: ignore[valid-type]
+        subtype="FILE_PATH",
+        name="File",
+        description="TOML file to write",
+    )
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self.filepath = self.filepath or PLAN
+        return super().invoke(context, event)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".toml")
+        try:
+            write_text(path, text_of_plan(context.scene, scene_properties.read_settings(context.scene.icymoon)))
+        except IcyMoonError as error:
+            self.report({"ERROR"}, in_window(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, show_controls(f"Saved {path}"))
+        return {"FINISHED"}
+
+
+CLASSES = (ICYMOON_OT_save_plan,)

@@ -1,0 +1,72 @@
+"""The window's areas, its redrawing and its undo, and pictures that buttons show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Any
+
+import bpy
+import bpy.utils.previews
+
+
+def find_scene(uid: int) -> bpy.types.Scene | None:
+    """The scene with a ``session_uid``, if it exists still: the user may rename or delete it, and undo moves it."""
+    return next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
+
+
+def areas(kind: str) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
+    """All areas of a kind, such as VIEW_3D, with their windows."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == kind:
+                yield window, area
+
+
+def inside(window: bpy.types.Window, area: bpy.types.Area) -> Any:
+    """A context in which operators run in an area."""
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    return bpy.context.temp_override(window=window, area=area, region=region)
+
+
+def redraw(kind: str) -> None:
+    """Redraw all areas of a kind."""
+    for _, area in areas(kind):
+        area.tag_redraw()
+
+
+def redraw_panels() -> None:
+    """Redraw sidebars, status bar and preferences, which show the job. Views are left alone: they may take seconds."""
+    for window in bpy.context.window_manager.windows:
+        window.workspace.status_text_set(None)  # redraws the status bar
+    for kind, shown in (("VIEW_3D", "UI"), ("PREFERENCES", "WINDOW")):
+        for _, area in areas(kind):
+            for region in area.regions:
+                if region.type == shown:
+                    region.tag_redraw()
+
+
+def push_undo(message: str) -> None:
+    """Push an undo step after a change outside Blender's own steps.
+
+    Without it, undoing the previous step would revert this change too. Does nothing without a window, where there is
+    no undo.
+    """
+    windows = bpy.context.window_manager.windows
+    if windows and not bpy.app.background:
+        with bpy.context.temp_override(window=bpy.context.window or windows[0]):
+            bpy.ops.ed.undo_push(message=message)
+
+
+class ButtonPictures:
+    """Pictures for buttons: a collection of Blender's, made at its first use."""
+
+    @cached_property
+    def collection(self) -> Any:
+        """The collection, by the names of its pictures."""
+        return bpy.utils.previews.new()
+
+    def remove(self) -> None:
+        """Free the pictures, before Icy Moon is disabled."""
+        if (made := vars(self).pop("collection", None)) is not None:
+            bpy.utils.previews.remove(made)

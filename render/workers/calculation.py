@@ -1,0 +1,52 @@
+"""A function that runs in a thread, and is watched like another process. Imports no Blender."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from ...support.errors import describe_error
+from .process import Message
+
+
+class Calculation(threading.Thread):
+    """A running function. Its only message is a ``result`` with its ``value``, or an ``error``.
+
+    A thread cannot be stopped, so ``cancel`` means that nobody uses its value. Python waits for it before it ends.
+    """
+
+    left, returncode, cause = False, 0, ""
+
+    def __init__(self, calculate: Callable[[], Any], subject: object) -> None:
+        """Start ``calculate``; ``subject`` is the file or thing that an error names."""
+        super().__init__(name=f"Icy Moon {subject}")
+        self.cancelled = False
+        self._calculate, self._subject = calculate, subject
+        self._messages: list[Message] = []
+        self.start()
+
+    def run(self) -> None:
+        """Calculate; called in the thread."""
+        try:
+            message: Message = {"type": "result", "value": self._calculate()}
+        except Exception as error:
+            message = {"type": "error", "message": describe_error(error, self._subject)}
+        self._messages.append(message)
+
+    @property
+    def running(self) -> bool:
+        """Whether there may be more messages."""
+        return self.is_alive()
+
+    def poll(self) -> list[Message]:
+        """The message, once."""
+        return [self._messages.pop() for _ in self._messages[:]]
+
+    def cancel(self) -> None:
+        """Do not use the value."""
+        self.cancelled = True
+
+    def stop(self) -> None:
+        """The same, if it has not ended."""
+        self.cancelled = self.cancelled or self.is_alive()
