@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -209,8 +209,7 @@ def _fit(
             f"rig.distortion_p1, p2 and k3 have no equal in CAHVOR: the nearest model is off by up to "
             f"{residual:.2g} px, more than {most_px:g} px; export raw, or lower them."
         )
-    made = _made(p, rotation, centre_m, size_px)
-    return Cahvor(made.c, made.a, made.h, made.v, *size_px, made.o, made.r, residual_px=residual)
+    return replace(_made(p, rotation, centre_m, size_px), residual_px=residual)
 
 
 @dataclass(frozen=True)

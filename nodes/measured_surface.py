@@ -173,15 +173,7 @@ def build_material(colour_attribute: str) -> bpy.types.Material:
     material[TAG] = ROLE
     tree = Tree(compat.ensure_nodes(material))
     colour = tree.node("ShaderNodeVertexColor", "Error", layer_name=colour_attribute)
-    glow = tree.node(
-        "ShaderNodeEmission", "Unlit", {"Color": colour.outputs["Color"], "Strength": 1.0}, leave=("Weight",)
-    )
-    tree.node(
-        "ShaderNodeOutputMaterial",
-        "Output",
-        {"Surface": glow.outputs[0]},
-        leave=("Volume", "Displacement", "Thickness"),
-    )
+    tree.surface(tree.emission("Unlit", colour.outputs["Color"], 1.0), "Output")
     tree.arrange()
     return material
 

@@ -7,7 +7,9 @@ so whatever is made of fields continues across the edges of an image. Lengths ar
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -63,13 +65,14 @@ def warp(field: np.ndarray, rows_px: np.ndarray, columns_px: np.ndarray) -> np.n
 @dataclass(frozen=True)
 class Cells:
     """Cells around random points: distances to the nearest point and to the second nearest, the way from the nearest
-    (``x`` right, ``y`` up), all in cells, and the number of each cell. All are (n, n)."""
+    (``x`` right, ``y`` up), all in cells, and the number of the cell, all (n, n); and the count of the cells."""
 
     first: np.ndarray
     second: np.ndarray
     x: np.ndarray
     y: np.ndarray
     number: np.ndarray
+    count: int
 
 
 class Draw:
@@ -82,9 +85,13 @@ class Draw:
         """A field that is the same everywhere."""
         return np.full((self.n, self.n), value)
 
-    def per_cell(self, cells: Cells, low: float = 0.0, high: float = 1.0) -> np.ndarray:
-        """A random number for each cell, evenly between two numbers."""
-        return np.asarray((low + (high - low) * self.random.random(int(cells.number.max()) + 1))[cells.number])
+    def per_cell(self, cells: Cells) -> np.ndarray:
+        """A random number for each cell, evenly from 0 to 1."""
+        return self.random.random(cells.count)[cells.number]
+
+    def normal_per_cell(self, cells: Cells) -> np.ndarray:
+        """A random number for each cell, with a normal distribution of unit deviation."""
+        return self.random.standard_normal(cells.count)[cells.number]
 
     def waves(
         self, slope: float, shortest: float, longest: float, elongation: float = 1.0, angle: float = 0.0
@@ -111,41 +118,27 @@ class Draw:
         """
         random, n = self.random, self.n
         jitter = 0.5 * regular + (1.0 - regular) * random.random((across, across, 2))
-        axis = (np.arange(n) + 0.5) * across / n
-        x, y = np.broadcast_to(axis[None, :], (n, n)), np.broadcast_to(axis[:, None], (n, n))
-        if shift is not None:
-            y, x = y + shift[0], x + shift[1]
-        column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
         first, second = np.full((n, n), np.inf), np.full((n, n), np.inf)
         number, from_x, from_y = np.zeros((n, n), np.int64), np.zeros((n, n)), np.zeros((n, n))
-        for j in (-1, 0, 1):
-            for i in (-1, 0, 1):
-                where = (row + j) % across, (column + i) % across
-                dx, dy = x - column - i - jitter[where][..., 0], y - row - j - jitter[where][..., 1]
-                distance = np.hypot(dx, dy)
-                nearer = distance < first
-                second = np.where(nearer, first, np.minimum(second, distance))
-                number = np.where(nearer, where[0] * across + where[1], number)
-                from_x, from_y = np.where(nearer, dx, from_x), np.where(nearer, dy, from_y)
-                first = np.where(nearer, distance, first)
-        return Cells(first, second, from_x, from_y, number)
+        for where, dx, dy in _nearby_points(n, jitter, shift):
+            distance = np.hypot(dx, dy)
+            nearer = distance < first
+            second = np.where(nearer, first, np.minimum(second, distance))
+            number = np.where(nearer, where[0] * across + where[1], number)
+            from_x, from_y = np.where(nearer, dx, from_x), np.where(nearer, dy, from_y)
+            first = np.where(nearer, distance, first)
+        return Cells(first, second, from_x, from_y, number, across**2)
 
     def facets(self, across: int, tilt: float) -> np.ndarray:
         """Heights of tilted flat facets, one for each cell: slopes up to ``tilt``, random levels from 0 to 1."""
         random, n = self.random, self.n
         jitter = random.random((across, across, 2))
         level, slope = random.random((across, across)), tilt * (2.0 * random.random((across, across, 2)) - 1.0)
-        axis = (np.arange(n) + 0.5) * across / n
-        x, y = np.broadcast_to(axis[None, :], (n, n)), np.broadcast_to(axis[:, None], (n, n))
-        column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
         top = np.full((n, n), -np.inf)
-        for j in (-1, 0, 1):
-            for i in (-1, 0, 1):
-                where = (row + j) % across, (column + i) % across
-                dx, dy = x - column - i - jitter[where][..., 0], y - row - j - jitter[where][..., 1]
-                facet = level[where] + slope[where][..., 0] * dx + slope[where][..., 1] * dy
-                # A plate ends at half a cell and falls off steeply.
-                top = np.maximum(top, facet - 8.0 * np.maximum(np.hypot(dx, dy) - 0.55, 0.0))
+        for where, dx, dy in _nearby_points(n, jitter):
+            facet = level[where] + slope[where][..., 0] * dx + slope[where][..., 1] * dy
+            # A plate ends at half a cell and falls off steeply.
+            top = np.maximum(top, facet - 8.0 * np.maximum(np.hypot(dx, dy) - 0.55, 0.0))
         return top
 
     def lines(self, count: int, length: float, width_px: float, bend: float, branches: int = 0) -> np.ndarray:
@@ -208,6 +201,24 @@ class Draw:
             bubble = np.clip(radius + 0.5 - apart, 0.0, 1.0) * (1.0 - 0.6 * apart / radius).clip(0)
             found[part] = np.maximum(found[part], bubble)
         return found
+
+
+def _nearby_points(
+    n: int, jitter: np.ndarray, shift: tuple[np.ndarray, np.ndarray] | None = None
+) -> Iterator[tuple[tuple[np.ndarray, np.ndarray], np.ndarray, np.ndarray]]:
+    """The nine random points around each pixel: row and column in ``jitter`` (k, k, 2), and the way from the point.
+
+    A square of the grid has one point each, at ``jitter`` in it. Ways, all (n, n), are in squares.
+    """
+    across = len(jitter)
+    axis = (np.arange(n) + 0.5) * across / n
+    x, y = np.broadcast_to(axis[None, :], (n, n)), np.broadcast_to(axis[:, None], (n, n))
+    if shift is not None:
+        y, x = y + shift[0], x + shift[1]
+    column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    for j, i in product((-1, 0, 1), repeat=2):
+        where = (row + j) % across, (column + i) % across
+        yield where, x - column - i - jitter[where][..., 0], y - row - j - jitter[where][..., 1]
 
 
 def gradients(height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -22,7 +22,7 @@ from . import fields
 from .fields import Draw
 from .ice_colours import ice_albedo, snow_albedo
 from .items import MESH_PIXELS
-from .texture_maps import DIRT, SEED, mix
+from .texture_maps import DIRT, SEED, bent, mix
 from .triangulation import triangulate
 
 #: Pixels along a side of the true ground; the mesh is made of every second of its points.
@@ -188,7 +188,7 @@ def _photograph(draw: Draw, ground: _Ground, pixel_m: float, surveyed: bool) -> 
     if surveyed:
         shift = (0.2 * draw.waves(4.0, 1 / 20, 1 / 3), 0.2 * draw.waves(4.0, 1 / 20, 1 / 3))
         cells = draw.cells(4, shift, 0.4)
-        exposure = np.exp(0.05 * draw.random.standard_normal(16))[cells.number]
+        exposure = np.exp(0.05 * draw.normal_per_cell(cells))
         picture = picture * fields.blur(exposure, 4.0)[..., None]
     large = np.repeat(np.repeat(picture, MESH_PIXELS // n, axis=0), MESH_PIXELS // n, axis=1)
     large = np.stack([fields.blur(large[..., k], 0.9) for k in range(3)], axis=-1)
@@ -198,10 +198,6 @@ def _photograph(draw: Draw, ground: _Ground, pixel_m: float, surveyed: bool) -> 
 
 
 # What each ground looks like
-
-
-def _bent(draw: Draw, cells: float) -> tuple[np.ndarray, np.ndarray]:
-    return (cells * draw.waves(5.0, 1 / 16, 1 / 2), cells * draw.waves(5.0, 1 / 16, 1 / 2))
 
 
 def _away_from_sites(n: int, item: MeshItem) -> np.ndarray:
@@ -218,17 +214,16 @@ def _even(colour: np.ndarray, n: int) -> np.ndarray:
 def _boulders(draw: Draw, across: int, share: float, there: np.ndarray | None = None) -> np.ndarray:
     """Heights of angular boulders in cells, 0 between them; ``there`` raises and lowers their number."""
     n = draw.n
-    cells = draw.cells(across, _bent(draw, 0.05))
-    count = across**2
-    size = (0.12 + 0.4 * draw.random.random(count) ** 3)[cells.number]
-    turn = 2 * math.pi * draw.random.random(count)[cells.number]
+    cells = draw.cells(across, bent(draw, 0.05))
+    size = 0.12 + 0.4 * draw.per_cell(cells) ** 3
+    turn = 2 * math.pi * draw.per_cell(cells)
     top = np.full((n, n), np.inf)
     for k in range(5):
-        angle = turn + 1.257 * k + 0.5 * draw.random.standard_normal(count)[cells.number]
+        angle = turn + 1.257 * k + 0.5 * draw.normal_per_cell(cells)
         top = np.minimum(top, size - (np.cos(angle) * cells.x + np.sin(angle) * cells.y))
     lean = 0.25 * (np.cos(turn) * cells.x + np.sin(turn) * cells.y)
     shape = np.minimum(1.5 * top, 0.7 * size + lean)
-    chance = draw.random.random(count)[cells.number] - (0.0 if there is None else 0.3 * there)
+    chance = draw.per_cell(cells) - (0.0 if there is None else 0.3 * there)
     return np.where((chance < share) & (cells.first < 0.6), np.maximum(shape, 0.0), 0.0) / across
 
 
@@ -312,9 +307,9 @@ def _bloodfalls(draw: Draw, item: MeshItem) -> _Ground:
 def _seaice(draw: Draw, item: MeshItem) -> _Ground:
     # Floes pressed together: ridges of blocks along their edges, snow dunes with the wind, frozen ponds.
     w = item.size_m
-    cells = draw.cells(4, _bent(draw, 0.16))
+    cells = draw.cells(4, bent(draw, 0.16))
     edge = cells.second - cells.first
-    level = 0.12 * draw.random.random(16)[cells.number]
+    level = 0.12 * draw.per_cell(cells)
     pressed = np.exp(-((edge / 0.10) ** 2)) * fields.smooth_step(draw.waves(3.4, 1 / 10, 1 / 2), -0.5, 1.0)
     blocks = np.maximum(_boulders(draw, 56, 0.75), 0.7 * _boulders(draw, 100, 0.7))
     dunes = np.maximum(draw.waves(3.4, 1 / 60, 1 / 6, 3.5, 0.2), -0.4)
@@ -411,8 +406,8 @@ def _gaea_rocky(draw: Draw, item: MeshItem) -> _Ground:
     n = draw.n
     height = 0.5 * draw.waves(4.4, 1 / 8, 1.0) + 0.012 * draw.waves(2.8, 1 / 200, 1 / 20)
     for across, rise in ((6, 0.8), (15, 0.35), (34, 0.12)):  # slabs, each tilted
-        cells = draw.cells(across, _bent(draw, 0.08))
-        level = draw.random.random(across**2)[cells.number]
+        cells = draw.cells(across, bent(draw, 0.08))
+        level = draw.per_cell(cells)
         tilt = draw.random.standard_normal((across**2, 2))[cells.number]
         slab = level + 0.5 * (tilt[..., 0] * cells.x + tilt[..., 1] * cells.y)
         height = height + rise * slab * fields.smooth_step(cells.second - cells.first, 0.0, 0.10)

@@ -92,15 +92,14 @@ def mix(a: np.ndarray, b: np.ndarray, share: np.ndarray) -> np.ndarray:
     return a + (b - a) * share[..., None]
 
 
-def _grain(draw: Draw, longest: float = 1 / 40) -> np.ndarray:
+def _grain(draw: Draw) -> np.ndarray:
     """Fine grain of snow: the smallest waves that an image can hold."""
-    n = draw.n
-    return draw.waves(1.0, 2.5 / n, longest)
+    return draw.waves(1.0, 2.5 / draw.n, 1 / 40)
 
 
-def _bent(draw: Draw, cells: float, longest: float = 0.5, shortest: float = 1 / 16) -> tuple[np.ndarray, np.ndarray]:
+def bent(draw: Draw, cells: float) -> tuple[np.ndarray, np.ndarray]:
     """A smooth random shift (rows, columns) of ``cells`` cells."""
-    return (cells * draw.waves(5.0, shortest, longest), cells * draw.waves(5.0, shortest, longest))
+    return cells * draw.waves(5.0, 1 / 16, 1 / 2), cells * draw.waves(5.0, 1 / 16, 1 / 2)
 
 
 def _snow_crystals(draw: Draw, item: TextureItem) -> _Made:
@@ -127,8 +126,8 @@ def _hoar_frost(draw: Draw, item: TextureItem) -> _Made:
     n = draw.n
     # Feathers of hoar: barbs slant away from a quill on both sides, the direction changing from feather to feather.
     across = 7
-    cells = draw.cells(across, _bent(draw, 0.2))
-    turn, place = 2 * math.pi * draw.random.random(across**2)[cells.number], draw.random.random(across**2)[cells.number]
+    cells = draw.cells(across, bent(draw, 0.2))
+    turn, place = 2 * math.pi * draw.per_cell(cells), draw.per_cell(cells)
     x, y = cells.x / across, cells.y / across
     spread = 0.085
     quill = np.abs(
@@ -163,13 +162,12 @@ def _snow_drift(draw: Draw, item: TextureItem) -> _Made:
 def _crusted_snow(draw: Draw, item: TextureItem) -> _Made:
     n = draw.n
     # A wind crust, broken: smooth plates at several levels over a rough layer of lumps.
-    cells = draw.cells(7, _bent(draw, 0.22))
-    first, second, number = cells.first, cells.second, cells.number
-    level = draw.random.random(49)[number]
+    cells = draw.cells(7, bent(draw, 0.22))
+    level = draw.per_cell(cells)
     lumps = draw.waves(2.6, 5 / n, 1 / 20) + 0.5 * fields.normalise(draw.facets(40, 0.6).clip(-0.2))
     ragged = 0.10 * draw.waves(2.6, 5 / n, 1 / 8)
     plate = fields.smooth_step(level + ragged, 0.40, 0.43)
-    crack = fields.smooth_step(second - first + 0.25 * ragged, 0.0, 0.06)
+    crack = fields.smooth_step(cells.second - cells.first + 0.25 * ragged, 0.0, 0.06)
     crust = 0.005 + 0.010 * level + 0.0022 * draw.waves(3.6, 1 / 40, 1 / 4)
     whole = plate * crack
     height = (
@@ -221,15 +219,14 @@ def _powder_snow(draw: Draw, item: TextureItem) -> _Made:
 def _ground_snow(draw: Draw, item: TextureItem) -> _Made:
     n = draw.n
     # Thin snow that leaves stones and silt bare on raised ground.
-    cells = draw.cells(24, _bent(draw, 0.15))
-    first, number = cells.first, cells.number
-    big = draw.random.random(576)[number] ** 3
-    stones = np.sqrt(np.clip(0.32 - first**2, 0.0, 1.0)) * big
+    cells = draw.cells(24, bent(draw, 0.15))
+    big = draw.per_cell(cells) ** 3
+    stones = np.sqrt(np.clip(0.32 - cells.first**2, 0.0, 1.0)) * big
     soil = 0.02 * draw.waves(3.4, 1 / 60, 1 / 2) + 0.03 * stones + 0.0008 * draw.waves(2.0, 4 / n, 1 / 40)
     cover = fields.blur(soil, 14.0) + 0.004 + 0.006 * draw.waves(3.4, 1 / 40, 1 / 3)
     snow = fields.smooth_step(cover - soil, -0.0015, 0.0015)
     height = np.maximum(soil, cover + 0.0006 * draw.waves(2.4, 4 / n, 1 / 30))
-    tint = np.exp(0.35 * draw.waves(1.6, 3 / n, 1 / 8) + 0.6 * (draw.random.random(576)[number] - 0.5))
+    tint = np.exp(0.35 * draw.waves(1.6, 3 / n, 1 / 8) + 0.6 * (draw.per_cell(cells) - 0.5))
     return _Made(
         fields.blur(height, 0.7),
         mix(1.6 * DIRT * tint[..., None], snow_albedo(draw.even(0.0003)), snow),
@@ -243,10 +240,9 @@ def _lumpy_snow(draw: Draw, item: TextureItem) -> _Made:
     # Snow that fell in clumps, from a roof or a slope: round lumps of all sizes, half sunk.
     height = 0.020 * draw.waves(4.4, 1 / 12, 1.0)
     for across, share in ((8, 0.30), (17, 0.35), (36, 0.4), (70, 0.4)):
-        cells = draw.cells(across, _bent(draw, 0.05))
-        first, number = cells.first, cells.number
-        size = draw.random.random(across**2)[number] ** 2.2
-        lump = np.sqrt(np.clip((0.6 * size) ** 2 - first**2, 0.0, None))
+        cells = draw.cells(across, bent(draw, 0.05))
+        size = draw.per_cell(cells) ** 2.2
+        lump = np.sqrt(np.clip((0.6 * size) ** 2 - cells.first**2, 0.0, None))
         height = height + share * item.width_m / across * lump
     height = fields.blur(height, 2.5) + 0.0007 * draw.waves(2.8, 5 / n, 1 / 20) + 0.0002 * _grain(draw)
     return _Made(height, snow_albedo(draw.even(0.0003)), draw.even(0.75))
@@ -255,30 +251,26 @@ def _lumpy_snow(draw: Draw, item: TextureItem) -> _Made:
 def _firn(draw: Draw, item: TextureItem) -> _Made:
     # Coarse round grains that froze together, and pits where they melted out.
     cells = draw.cells(64)
-    first, second, number = cells.first, cells.second, cells.number
-    cells = draw.cells(128)
-    small = cells.first
-    grains = np.sqrt(np.clip(0.6 - first**2, 0.0, 1.0)) * (0.6 + 0.6 * draw.random.random(4096)[number])
+    small = draw.cells(128).first
+    grains = np.sqrt(np.clip(0.6 - cells.first**2, 0.0, 1.0)) * (0.6 + 0.6 * draw.per_cell(cells))
     pits = fields.smooth_step(draw.waves(3.4, 1 / 24, 1 / 5), 0.7, 2.4)
     height = (
         0.0026 * grains * (1.0 - 0.5 * pits) - 0.0006 * small - 0.011 * pits + 0.006 * draw.waves(3.4, 1 / 24, 1 / 2)
     )
-    radius = 0.0012 * np.exp(0.5 * (draw.random.random(4096)[number] - 0.5))
-    wet = fields.smooth_step(second - first, 0.0, 0.2)
+    radius = 0.0012 * np.exp(0.5 * (draw.per_cell(cells) - 0.5))
+    wet = fields.smooth_step(cells.second - cells.first, 0.0, 0.2)
     return _Made(fields.blur(height, 1.0), snow_albedo(radius) * (0.88 + 0.12 * wet)[..., None], 0.5 - 0.2 * wet)
 
 
 def _glacier_ice(draw: Draw, item: TextureItem) -> _Made:
     n = draw.n
     # Bare glacier ice, scalloped by melt: crystals the size of a hand, foliation of bubbles, healed cracks, grit.
-    cells = draw.cells(15, _bent(draw, 0.2))
-    first, second, number = cells.first, cells.second, cells.number
-    edge = fields.smooth_step(second - first, 0.02, 0.08)
+    cells = draw.cells(15, bent(draw, 0.2))
+    edge = fields.smooth_step(cells.second - cells.first, 0.02, 0.08)
     healed = draw.lines(5, 0.8, 4.0, 0.25, 2)
     foliation = draw.waves(2.6, 1 / 80, 1 / 3, 8.0, 0.5)
     band = fields.smooth_step(foliation, -0.4, 1.6)
-    cells = draw.cells(6, _bent(draw, 0.2), 0.2)
-    scallop = cells.first
+    scallop = draw.cells(6, bent(draw, 0.2), 0.2).first
     height = (
         0.05 * np.minimum(scallop, 0.9) ** 2
         + 0.0016 * edge
@@ -287,7 +279,7 @@ def _glacier_ice(draw: Draw, item: TextureItem) -> _Made:
         + 0.0012 * foliation
         + 0.0007 * draw.waves(2.6, 5 / n, 1 / 20)
     )
-    share = 0.004 * np.exp(0.5 * (draw.random.random(225)[number] - 0.5)) + 0.03 * band**2
+    share = 0.004 * np.exp(0.5 * (draw.per_cell(cells) - 0.5)) + 0.03 * band**2
     white = np.clip(0.8 * healed + 0.3 * (1 - edge) * (0.4 + band) + 0.18 * band, 0.0, 1.0)
     colour = mix(ice_albedo(share), snow_albedo(draw.even(0.0005)), white)
     low = fields.smooth_step(0.35 - scallop, 0.0, 0.35)  # grit gathers in the bowls
@@ -303,18 +295,17 @@ def _mixed_snow(draw: Draw, item: TextureItem) -> _Made:
     colour, rough, clear = snow_albedo(draw.even(0.0004)), draw.even(0.8), draw.even(0.1)
     there = draw.waves(3.0, 1 / 16, 1 / 2)
     for across, kept in ((11, 0.30), (24, 0.28), (50, 0.2)):
-        cells = draw.cells(across, _bent(draw, 0.04))
-        first, second, number = cells.first, cells.second, cells.number
-        chance, tilt = draw.random.random(across**2)[number], draw.random.standard_normal((across**2, 2))[number]
+        cells = draw.cells(across, bent(draw, 0.04))
+        chance, tilt = draw.per_cell(cells), draw.random.standard_normal((across**2, 2))[cells.number]
         # A convex chip: the lowest of three planes over each cell, cut off where it meets the snow.
-        turn = 2 * math.pi * draw.random.random(across**2)[number]
+        turn = 2 * math.pi * draw.per_cell(cells)
         grown = np.full((n, n), np.inf)
         for k in range(3):
             angle = turn + 2.1 * k + 0.3 * tilt[..., 0]
             grown = np.minimum(grown, 0.34 - np.cos(angle) * cells.x - np.sin(angle) * cells.y)
         chip = np.minimum(grown, 0.16 + 0.25 * (np.cos(turn) * cells.x + np.sin(turn) * cells.y))
-        chip = np.where((chance < kept + 0.12 * there) & (first < 0.6), chip, -1.0) * item.width_m / across
-        chip = np.minimum(chip, (second - first) * 0.5 * item.width_m / across)
+        chip = np.where((chance < kept + 0.12 * there) & (cells.first < 0.6), chip, -1.0) * item.width_m / across
+        chip = np.minimum(chip, (cells.second - cells.first) * 0.5 * item.width_m / across)
         shown = fields.smooth_step(chip, 0.0, 0.0015)
         height = height + 0.55 * np.maximum(chip, 0.0)
         share = 0.006 * np.exp(0.8 * tilt[..., 1])
@@ -334,7 +325,7 @@ def _mixed_snow(draw: Draw, item: TextureItem) -> _Made:
 def _settled_snow(draw: Draw, item: TextureItem) -> _Made:
     n = draw.n
     # Windless settled snow: one smooth surface, dimpled where it sank.
-    cells = draw.cells(5, _bent(draw, 0.2))
+    cells = draw.cells(5, bent(draw, 0.2))
     dimple = cells.first
     height = (
         0.022 * draw.waves(4.6, 1 / 20, 1.0)
@@ -348,16 +339,15 @@ def _settled_snow(draw: Draw, item: TextureItem) -> _Made:
 def _suncups(draw: Draw, item: TextureItem) -> _Made:
     n = draw.n
     # Bowls side by side with sharp rims between them; dust gathers on the rims.
-    cells = draw.cells(8, _bent(draw, 0.1), 0.3)
-    first, second, number = cells.first, cells.second, cells.number
-    depth = 0.15 + 0.09 * draw.random.random(64)[number]
+    cells = draw.cells(8, bent(draw, 0.1), 0.3)
+    depth = 0.15 + 0.09 * draw.per_cell(cells)
     height = (
-        fields.blur(np.minimum(first, 0.85) ** 2 * depth, 3.0)
+        fields.blur(np.minimum(cells.first, 0.85) ** 2 * depth, 3.0)
         + 0.006 * draw.waves(4.0, 1 / 24, 1 / 4)
         + 0.0008 * draw.waves(3.0, 5 / n, 1 / 24)
         + 0.00015 * _grain(draw)
     )
-    rim = 1.0 - fields.smooth_step(second - first, 0.0, 0.16)
+    rim = 1.0 - fields.smooth_step(cells.second - cells.first, 0.0, 0.16)
     dust = rim * fields.smooth_step(draw.waves(2.0, 4 / n, 1 / 12), -0.6, 1.6)
     colour = mix(snow_albedo(draw.even(0.0007)), np.broadcast_to(3.5 * DIRT, (n, n, 3)), 0.12 * dust)
     return _Made(height, colour, 0.65 + 0.1 * rim, 0.3 - 0.1 * rim)

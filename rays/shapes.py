@@ -117,11 +117,6 @@ class World:
             tops += (np.maximum(rows[:, :3] * low, rows[:, :3] * high).sum(axis=1) + rows[:, 3]).tolist()
         return max(tops)
 
-    @property
-    def triangle_count(self) -> int:
-        """Number of triangles in the world; a shape counts at each of its places."""
-        return sum(len(each.shape.triangles) * len(each.places) for each in self.placed)
-
 
 @dataclass(frozen=True)
 class Hits:

@@ -20,9 +20,8 @@ from typing import Any
 import bpy
 import numpy as np
 from icymoon.benchmarks.common.renders import only_own_words, open_empty_file
-from icymoon.nodes.surface.ice_material import WHITE, add_bump
 from icymoon.nodes.surface.patches_and_grain import add_grain
-from icymoon.nodes.tree.builder import Tree
+from icymoon.nodes.tree.builder import WHITE, Tree
 from icymoon.support.blender import compat
 from mathutils import Vector
 
@@ -148,7 +147,7 @@ def bumpy(steepness: float) -> bpy.types.Material:
     tree, wavelength_m = Tree(material.node_tree, keep=True), 0.02
     where = tree.node("ShaderNodeNewGeometry", "Geometry").outputs["Position"]
     height = add_grain(tree, where, wavelength_m, (0.0, 0.0, 0.0))
-    bump = add_bump(tree, height, steepness * wavelength_m)
+    bump = tree.bump("Relief", height, steepness * wavelength_m)
     tree.tree.links.new(bump, tree.tree.nodes["Principled BSDF"].inputs["Normal"])
     return material
 

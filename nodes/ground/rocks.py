@@ -28,15 +28,9 @@ SHAPE, ROTATION, SCALE = "shape", "rotation", "scale"
 def label_instances(material: bpy.types.Material) -> None:
     """Make a material write the label of its instance into the value pass ``INSTANCE_AOV``."""
     tree = Tree(material.node_tree, keep=True)
-    label = tree.node("ShaderNodeAttribute", "Instance", attribute_type="INSTANCER", attribute_name=INSTANCE_ATTRIBUTE)
     # The Vector output is exact; Factor is the mean of three equal numbers, which rounding changes above 2^23.
-    exact = tree.node("ShaderNodeSeparateXYZ", "Exact", {"Vector": label.outputs["Vector"]})
-    tree.node(
-        "ShaderNodeOutputAOV",
-        "Instance Label",
-        {"Color": (0.0, 0.0, 0.0, 1.0), "Value": exact.outputs["X"]},
-        aov_name=INSTANCE_AOV,
-    )
+    label = tree.attribute("Instance", INSTANCE_ATTRIBUTE, "Vector", "INSTANCER")
+    tree.value_pass("Instance Label", INSTANCE_AOV, value=tree.separated("Exact", label)[0])
     tree.arrange()
 
 
@@ -100,7 +94,7 @@ def _build_group(name: str, shapes: bpy.types.Collection) -> bpy.types.NodeTree:
             "Scale": _add_named_attribute(tree, "Scale", SCALE, "FLOAT_VECTOR"),
         },
     )
-    tree.node("NodeGroupOutput", "Geometry", {result: instances.outputs[0]}, leave=("__extend__",))
+    tree.node("NodeGroupOutput", "Geometry", {result: instances.outputs[0], "__extend__": None})
     tree.arrange()
     return group
 

@@ -22,8 +22,6 @@ from ..surface.patches_and_grain import add_noise, threshold_for_share
 from ..tree.builder import Tree, output
 from ..tree.formula import Number
 
-_WHITE = (1.0, 1.0, 1.0, 1.0)
-
 
 @dataclass(frozen=True)
 class _Finish:
@@ -63,24 +61,9 @@ def _build(name: str, finish: _Finish, frost_share: float) -> bpy.types.Material
     shader = _add_finish(tree, name.title(), finish, _add_creases(tree, finish, place))
     if frost_share > 0.0:
         frost = _add_finish(tree, "Frost", _FROST, None)
-        shader = tree.node(
-            "ShaderNodeMixShader",
-            "Frosted",
-            {"Fac": _add_frost(tree, geometry, place, frost_share), "Shader": shader, "Shader_001": frost},
-        ).outputs[0]
-    tree.node(
-        "ShaderNodeOutputMaterial",
-        "Surface",
-        {"Surface": shader},
-        leave=("Volume", "Displacement", "Thickness"),
-        target="ALL",
-    )
-    tree.node(
-        "ShaderNodeOutputAOV",
-        "Geometric Normal",
-        {"Color": geometry.outputs["True Normal"], "Value": 0.0},
-        aov_name=NORMAL_AOV,
-    )
+        shader = tree.over("Frosted", _add_frost(tree, geometry, place, frost_share), shader, frost)
+    tree.surface(shader)
+    tree.value_pass("Geometric Normal", NORMAL_AOV, geometry.outputs["True Normal"])
     tree.arrange()
     return material
 
@@ -105,20 +88,13 @@ def _add_creases(tree: Tree, finish: _Finish, place: Any) -> Any:
         distance="EUCLIDEAN",
         normalize=False,
     ).outputs[0]
-    return tree.node(
-        "ShaderNodeBump",
-        "Creases",
-        {"Strength": 1.0, "Distance": finish.creases_m, "Height": cells},
-        if_present={"Filter Width": 0.1},
-        leave=("Normal",),
-        invert=False,
-    ).outputs[0]
+    return tree.bump("Creases", cells, finish.creases_m)
 
 
 def _add_frost(tree: Tree, geometry: Any, place: Any, share: float) -> Any:
     """Socket of the share of frost: patches on what looks up, none on what does not."""
-    parts = tree.node("ShaderNodeSeparateXYZ", "Which Way Up", {"Vector": geometry.outputs["Normal"]})
-    up = (Number(tree, output(parts, "Z")) - _LEAST_UP) / (1.0 - _LEAST_UP)
+    parts = tree.separated("Which Way Up", geometry.outputs["Normal"])
+    up = (Number(tree, parts[2]) - _LEAST_UP) / (1.0 - _LEAST_UP)
     noise = Number(tree, add_noise(tree, "Frost Patches", place, _PATCH_M, 17.0, 5.0))
     least = threshold_for_share(share)
     patch = ((noise - least) * 12.0 + 0.5).at_least(0.0).at_most(1.0)
@@ -127,44 +103,4 @@ def _add_frost(tree: Tree, geometry: Any, place: Any, share: float) -> Any:
 
 def _add_finish(tree: Tree, label: str, finish: _Finish, normal: Any) -> Any:
     """Shader socket of a finish."""
-    return tree.node(
-        "ShaderNodeBsdfPrincipled",
-        label,
-        {
-            "Base Color": (*finish.colour, 1.0),
-            "Metallic": finish.metal,
-            "Roughness": finish.roughness,
-            "IOR": 1.5,
-            "Alpha": 1.0,
-            **({} if normal is None else {"Normal": normal}),
-            "Subsurface Weight": 0.0,
-            "Subsurface Radius": (1.0, 1.0, 1.0),
-            "Subsurface Scale": 0.0,
-            "Subsurface Anisotropy": 0.0,
-            "Specular IOR Level": 0.5,
-            "Specular Tint": _WHITE,
-            "Anisotropic": 0.0,
-            "Anisotropic Rotation": 0.0,
-            "Transmission Weight": 0.0,
-            "Coat Weight": 0.0,
-            "Coat Roughness": 0.0,
-            "Coat IOR": 1.5,
-            "Coat Tint": _WHITE,
-            "Sheen Weight": 0.0,
-            "Sheen Roughness": 0.5,
-            "Sheen Tint": _WHITE,
-            "Emission Color": _WHITE,
-            "Emission Strength": 0.0,
-        },
-        if_present={
-            "Weight": 0.0,
-            "Diffuse Roughness": 0.0,
-            "Thin Film Thickness": 0.0,
-            "Thin Film IOR": 1.33,
-            "Subsurface IOR": 1.4,
-            "Thin Wall": False,
-        },
-        leave=["Coat Normal", "Tangent", *(["Normal"] if normal is None else [])],
-        distribution="MULTI_GGX",
-        subsurface_method="RANDOM_WALK",
-    ).outputs[0]
+    return tree.principled(label, (*finish.colour, 1.0), finish.roughness, Metallic=finish.metal, Normal=normal)

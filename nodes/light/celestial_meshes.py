@@ -19,7 +19,7 @@ from ...physics.light.saturn_rings import RingMesh
 from ...physics.light.stars import Stars
 from ...support.blender import compat
 from ...support.labels import PLANET
-from ..tree.builder import Tree, output
+from ..tree.builder import Tree
 from .planet_material import build_planet_material
 
 #: Distance of the planet from the camera in metres. The planet follows the camera and is so far away that both eyes see
@@ -135,30 +135,14 @@ def _build_shining_material(name: str, colour: np.ndarray, attributes: Mapping[s
     """A material that emits a colour times an attribute, and is transparent if there is an attribute for that."""
     material = bpy.data.materials.new(name)
     tree = Tree(compat.ensure_nodes(material))
-
-    def attribute(label: str, key: str, identifier: str) -> Any:
-        node = tree.node("ShaderNodeAttribute", label, attribute_type="GEOMETRY", attribute_name=key)
-        return output(node, identifier)
-
     if attributes[RADIANCE].ndim == 1:
-        light = {"Color": (*map(float, colour), 1.0), "Strength": attribute("Radiance", RADIANCE, "Fac")}
+        light: tuple[Any, Any] = (*map(float, colour), 1.0), tree.attribute("Radiance", RADIANCE)
     else:
-        light = {"Color": attribute("Radiance", RADIANCE, "Color"), "Strength": 1.0}
-    surface = tree.node("ShaderNodeEmission", "Shine", light, if_present={"Weight": 0.0}).outputs[0]
+        light = tree.attribute("Radiance", RADIANCE, "Color"), 1.0
+    surface = tree.emission("Shine", *light)
     if TRANSMISSION in attributes:
-        behind = tree.node(
-            "ShaderNodeBsdfTransparent",
-            "Behind",
-            {"Color": attribute("Transmission", TRANSMISSION, "Fac")},
-            if_present={"Weight": 0.0},
-        ).outputs[0]
+        behind = tree.transparent("Behind", tree.attribute("Transmission", TRANSMISSION))
         surface = tree.node("ShaderNodeAddShader", "Both", {"Shader": surface, "Shader_001": behind}).outputs[0]
-    tree.node(
-        "ShaderNodeOutputMaterial",
-        "Surface",
-        {"Surface": surface},
-        leave=("Volume", "Displacement", "Thickness"),
-        target="ALL",
-    )
+    tree.surface(surface)
     tree.arrange()
     return material

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+from functools import partial
 from typing import Any
 
 import bpy
@@ -19,7 +20,7 @@ from ...physics.light.planetshine import Planet, ellipsoid, lit_chords, mean_dir
 from ...support.blender import compat
 from ...support.file_shapes import NUMBER, Each
 from ..datablocks.stored_json import read_stored
-from ..tree.builder import Tree
+from ..tree.builder import WHITE, Tree
 
 SHAPE = "icymoon_shape"  # property of the lamp: inputs of ``hapke.osl`` on the planet, without its radiance
 _INPUTS = {
@@ -43,13 +44,8 @@ def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.typ
     lamp.angle = math.radians(planet.angular_diameter_deg)
     lamp.energy = ellipsoid(planet).full_radiance * unshaded_share(planet) * math.pi * math.sin(lamp.angle / 2) ** 2
     tree = Tree(compat.ensure_light_nodes(lamp))
-    light = tree.node(
-        "ShaderNodeEmission",
-        "Planet",
-        {"Color": (1.0, 1.0, 1.0, 1.0), "Strength": _add_sunlit(tree, planet)},
-        if_present={"Weight": 0.0},
-    )
-    tree.node("ShaderNodeOutputLight", "Light", {"Surface": light.outputs[0]}, target="ALL")
+    light = tree.emission("Planet", WHITE, _add_sunlit(tree, planet))
+    tree.node("ShaderNodeOutputLight", "Light", {"Surface": light}, target="ALL")
     tree.arrange()
     item = bpy.data.objects.new(name, lamp)
     item.rotation_euler = Vector(planet.direction).to_track_quat("Z", "Y").to_euler()
@@ -95,31 +91,24 @@ def _add_sunlit(tree: Tree, planet: Planet) -> Any:
     The ray o + t w meets an ellipsoid, which is the unit sphere after space is stretched along the pole.
     """
     shape = ellipsoid(planet)
-
-    def vector(operation: str, label: str, a: Any, b: Any = (0.0, 0.0, 0.0), output: str = "Vector") -> Any:
-        inputs = {"Vector": a} if operation == "NORMALIZE" else {"Vector": a, "Vector_001": b}
-        if operation == "SCALE":
-            inputs = {"Vector": a, "Scale": b}
-        return tree.node("ShaderNodeVectorMath", label, inputs, operation=operation).outputs[output]
-
-    def dot(label: str, a: Any, b: Any) -> Any:
-        return vector("DOT_PRODUCT", label, a, b, "Value")
+    vector, scaled = tree.vector, tree.scaled
+    dot = partial(vector, "DOT_PRODUCT")
 
     def stretched(label: str, a: Any) -> Any:
         along = dot(f"{label} along Pole", a, tuple(planet.pole))
-        more = vector("SCALE", f"{label} Stretch", tuple(planet.pole * (1 / (1 - planet.flattening) - 1)), along)
+        more = scaled(f"{label} Stretch", tuple(planet.pole * (1 / (1 - planet.flattening) - 1)), along)
         return vector("ADD", f"{label} Stretched", a, more)
 
     observer = tuple(shape.observer)
     back = tree.node("ShaderNodeNewGeometry", "From the Planet").outputs["Incoming"]
-    view = vector("SCALE", "Direction", back, -1.0)
-    ray = vector("SCALE", "Ray", stretched("Direction", view), 1 / shape.radius)
+    view = scaled("Direction", back, -1.0)
+    ray = scaled("Ray", stretched("Direction", view), 1 / shape.radius)
     a, b = dot("a", ray, ray), dot("b", ray, observer)
     c = float(shape.observer @ shape.observer) - 1
     inside = tree.math("SUBTRACT", "b² - a c", tree.math("MULTIPLY", "b²", b, b), tree.math("MULTIPLY", "a c", a, c))
     root = tree.math("POWER", "Root", tree.math("MAXIMUM", "Real", inside, 0.0), 0.5)
     time = tree.math("DIVIDE", "t", tree.math("SUBTRACT", "-b - Root", tree.math("MULTIPLY", "-b", b, -1.0), root), a)
-    point = vector("ADD", "Point", vector("SCALE", "Way", ray, time), observer)
+    point = vector("ADD", "Point", scaled("Way", ray, time), observer)
     normal = vector("NORMALIZE", "Normal", stretched("Point", point))
     sunlit = tree.math("MAXIMUM", "Sunlit", dot("cos i", normal, tuple(planet.sun)), 0.0)
     hit = tree.math(

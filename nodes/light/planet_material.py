@@ -42,16 +42,7 @@ def build_planet_material(name: str, planet: Planet, colour: np.ndarray, distanc
         shade = globe.add_passed()
         light = _add_face(globe, face, np.array(face_scale(planet)) * colour)
     strength = tree.math("MULTIPLY", "Radiance", shade, ellipsoid(planet).full_radiance)
-    shine = tree.node(
-        "ShaderNodeEmission", "Shine", {"Color": light, "Strength": strength}, if_present={"Weight": 0.0}
-    ).outputs[0]
-    tree.node(
-        "ShaderNodeOutputMaterial",
-        "Surface",
-        {"Surface": shine},
-        leave=("Volume", "Displacement", "Thickness"),
-        target="ALL",
-    )
+    tree.surface(tree.emission("Shine", light, strength))
     tree.arrange()
     return material
 
@@ -63,14 +54,14 @@ class _Globe:
         self.tree, self.planet = tree, planet
         shape = ellipsoid(planet)
         place = output(tree.node("ShaderNodeTexCoord", "From the Camera", from_instancer=False), "Object")
-        self.toward = self.vector("NORMALIZE", "Toward the Camera", self.scaled("Back", place, -1.0))
-        centred = self.vector(
-            "SUBTRACT", "From the Centre", self.scaled("Distances", place, 1 / distance_m), tuple(planet.direction)
+        self.toward = tree.vector("NORMALIZE", "Toward the Camera", tree.scaled("Back", place, -1.0))
+        centred = tree.vector(
+            "SUBTRACT", "From the Centre", tree.scaled("Distances", place, 1 / distance_m), tuple(planet.direction)
         )
-        radii = self.scaled("Radii", centred, 1 / shape.radius)
+        radii = tree.scaled("Radii", centred, 1 / shape.radius)
         # The mesh is flat between its vertices, the globe is not.
-        self.sphere = self.vector("NORMALIZE", "Sphere", self.along_pole("Stretched", radii, self._stretch))
-        self.normal = self.vector("NORMALIZE", "Normal", self.along_pole("Upright", self.sphere, self._stretch))
+        self.sphere = tree.vector("NORMALIZE", "Sphere", self.along_pole("Stretched", radii, self._stretch))
+        self.normal = tree.vector("NORMALIZE", "Normal", self.along_pole("Upright", self.sphere, self._stretch))
         self.incidence = tree.math(
             "MAXIMUM", "Cosine of Incidence", self.dot("To the Sun", self.normal, planet.sun), 0.0
         )
@@ -79,33 +70,19 @@ class _Globe:
     def _stretch(self) -> float:
         return 1 / (1 - self.planet.flattening) - 1
 
-    def vector(self, operation: str, label: str, a: Any, b: Any = None) -> Any:
-        """Output socket of a Vector Math node."""
-        inputs = {"Vector": a} if b is None else {"Vector": a, "Vector_001": b}
-        return output(self.tree.node("ShaderNodeVectorMath", label, inputs, operation=operation), "Vector")
-
-    def scaled(self, label: str, a: Any, factor: Any) -> Any:
-        """A vector times a number."""
-        return output(
-            self.tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Scale": factor}, operation="SCALE"), "Vector"
-        )
-
     def dot(self, label: str, a: Any, b: Any) -> Any:
         """The dot product of a socket and another or a vector."""
         b = b if isinstance(b, bpy.types.NodeSocket) else tuple(map(float, b))
-        return output(
-            self.tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Vector_001": b}, operation="DOT_PRODUCT"),
-            "Value",
-        )
+        return self.tree.vector("DOT_PRODUCT", label, a, b)
 
     def along_pole(self, label: str, a: Any, more: float) -> Any:
         """A vector whose part along the pole is longer by a factor 1 + ``more``."""
-        up = self.scaled(
+        up = self.tree.scaled(
             f"{label} Pole",
             tuple(map(float, self.planet.pole)),
             self.dot(f"{label} Height", a, self.planet.pole * more),
         )
-        return self.vector("ADD", label, a, up)
+        return self.tree.vector("ADD", label, a, up)
 
     def add_passed(self) -> Any:
         """The share of the sunlight that the rings let through, or 1."""
@@ -114,12 +91,8 @@ class _Globe:
             return 1.0
         tree, place = self.tree, self.along_pole("On the Globe", self.sphere, -self.planet.flattening)
         way = self.dot("Way to the Ring Plane", place, -self.planet.pole / rise)
-        sunward = self.scaled("Sunward", tuple(map(float, self.planet.sun)), way)
-        crossing = self.vector("ADD", "Crossing", place, sunward)
-        radius = output(
-            tree.node("ShaderNodeVectorMath", "Radius of the Crossing", {"Vector": crossing}, operation="LENGTH"),
-            "Value",
-        )
+        sunward = tree.scaled("Sunward", tuple(map(float, self.planet.sun)), way)
+        radius = tree.vector("LENGTH", "Radius of the Crossing", tree.vector("ADD", "Crossing", place, sunward))
         ahead = tree.math("GREATER_THAN", "Toward the Sun", way, 0.0)
         passed: Any = 1.0
         for number, ring in enumerate(self.planet.rings):
@@ -143,19 +116,18 @@ def _add_face(globe: _Globe, face: Face, factors: np.ndarray) -> Any:
         "MAXIMUM", "Cosine of Emission", globe.dot("To the Camera", globe.normal, globe.toward), LEAST_COSINE
     )
     both = tree.math("MULTIPLY", "Both Cosines", globe.incidence, emission)
-    limb = tree.node(
-        "ShaderNodeCombineXYZ",
+    limb = tree.combined(
         "Limb Darkening",
-        {
-            axis: tree.math("DIVIDE", f"Minnaert {band}", tree.math("POWER", f"Power {band}", both, exponent), emission)
-            for axis, band, exponent in zip("XYZ", "RGB", face.limb, strict=True)
-        },
-    ).outputs[0]
+        *(
+            tree.math("DIVIDE", f"Minnaert {band}", tree.math("POWER", f"Power {band}", both, exponent), emission)
+            for band, exponent in zip("RGB", face.limb, strict=True)
+        ),
+    )
     pattern = _add_bands(globe, face)
     if face.spot is not None:
         pattern = _add_spot(globe, face.spot, pattern)
-    return globe.vector(
-        "MULTIPLY", "Colour", globe.vector("MULTIPLY", "Shaded Pattern", pattern, limb), tuple(factors.tolist())
+    return tree.vector(
+        "MULTIPLY", "Colour", tree.vector("MULTIPLY", "Shaded Pattern", pattern, limb), tuple(factors.tolist())
     )
 
 
@@ -165,21 +137,7 @@ def _add_bands(globe: _Globe, face: Face) -> Any:
     sine = globe.dot("Sine of Latitude", globe.normal, globe.planet.pole)
     if face.ripple_deg > 0:
         stretched = globe.along_pole("Ripple Place", globe.sphere, _RIPPLE_STRETCH - 1)
-        noise = tree.node(
-            "ShaderNodeTexNoise",
-            "Ripples",
-            {
-                "Vector": stretched,
-                "Scale": 1 / _RIPPLE_LENGTH,
-                "Detail": 2.0,
-                "Roughness": 0.5,
-                "Lacunarity": 2.0,
-                "Distortion": 0.0,
-            },
-            noise_dimensions="3D",
-            noise_type="FBM",
-            normalize=True,
-        ).outputs[0]
+        noise = tree.noise("Ripples", {"Vector": stretched}, 1 / _RIPPLE_LENGTH, 2.0).outputs[0]
         # Blender's noise is around 0.5, with a standard deviation of about 0.1.
         wave = tree.math(
             "MULTIPLY", "Ripple", tree.math("SUBTRACT", "Around 0", noise, 0.5), math.radians(face.ripple_deg) / 0.1
@@ -198,55 +156,15 @@ def _add_bands(globe: _Globe, face: Face) -> Any:
 def _add_spot(globe: _Globe, spot: Spot, pattern: Any) -> Any:
     """A pattern with an oval in its collar."""
     tree, (middle, east, north) = globe.tree, spot_axes(globe.planet, spot)
-    away = output(
-        tree.node(
-            "ShaderNodeVectorMath",
-            "Radii from the Spot",
-            {
-                "Vector": tree.node(
-                    "ShaderNodeCombineXYZ",
-                    "Place in the Spot",
-                    {
-                        "X": globe.dot("East of the Spot", globe.normal, east / spot.half_length),
-                        "Y": globe.dot("North of the Spot", globe.normal, north / spot.half_height),
-                        "Z": 0.0,
-                    },
-                ).outputs[0]
-            },
-            operation="LENGTH",
-        ),
-        "Value",
+    place = tree.combined(
+        "Place in the Spot",
+        globe.dot("East of the Spot", globe.normal, east / spot.half_length),
+        globe.dot("North of the Spot", globe.normal, north / spot.half_height),
     )
+    away = tree.vector("LENGTH", "Radii from the Spot", place)
     here = tree.math("GREATER_THAN", "On its Side", globe.dot("Toward the Spot", globe.normal, middle), 0.0)
     for label, edge, colour in zip(("Collar", "Spot"), SPOT_EDGES[::-1], (spot.collar, spot.reflectance), strict=True):
-        inside = tree.node(
-            "ShaderNodeMapRange",
-            f"In the {label}",
-            {
-                "Value": away,
-                "From Min": edge + SPOT_SOFTNESS / 2,
-                "From Max": edge - SPOT_SOFTNESS / 2,
-                "To Min": 0.0,
-                "To Max": 1.0,
-            },
-            data_type="FLOAT",
-            interpolation_type="LINEAR",
-            clamp=True,
-        )
-        pattern = output(
-            tree.node(
-                "ShaderNodeMix",
-                label,
-                {
-                    "Factor_Float": tree.math("MULTIPLY", f"{label} Here", output(inside, "Result"), here),
-                    "A_Color": pattern,
-                    "B_Color": (*colour, 1.0),
-                },
-                data_type="RGBA",
-                blend_type="MIX",
-                clamp_factor=True,
-                clamp_result=False,
-            ),
-            "Result_Color",
-        )
+        inside = tree.ramp(f"In the {label}", away, edge + SPOT_SOFTNESS / 2, edge - SPOT_SOFTNESS / 2)
+        covered = tree.math("MULTIPLY", f"{label} Here", inside, here)
+        pattern = tree.mixed(label, covered, pattern, (*colour, 1.0))
     return pattern

@@ -82,6 +82,6 @@ def build_sky(name: str) -> bpy.types.World:
     black = tree.node(
         "ShaderNodeBackground", "Space", {"Color": (0.0, 0.0, 0.0, 1.0), "Strength": 0.0}, if_present={"Weight": 0.0}
     )
-    tree.node("ShaderNodeOutputWorld", "Sky", {"Surface": black.outputs[0]}, leave=("Volume",), target="ALL")
+    tree.node("ShaderNodeOutputWorld", "Sky", {"Surface": black.outputs[0], "Volume": None}, target="ALL")
     tree.arrange()
     return world

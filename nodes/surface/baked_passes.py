@@ -22,77 +22,37 @@ def add_baked_passes(tree: Tree, reflectance: Any, rock: bool) -> None:
     terms = _add_terms(tree) if rock else []
     for group, attribute in BAKED_ATTRIBUTES.items():
         light = _add_sum(tree, group, attribute, terms) if rock else _attribute(tree, group, "GEOMETRY", attribute)
-        seen = tree.node(
-            "ShaderNodeVectorMath",
-            f"Reflected Baked Light of {group}",
-            {"Vector": light, "Vector_001": level},
-            operation="MULTIPLY",
-        ).outputs[0]
-        tree.node(
-            "ShaderNodeOutputAOV", f"Baked Pass of {group}", {"Color": seen, "Value": 0.0}, aov_name=BAKED_AOVS[group]
-        )
+        seen = tree.vector("MULTIPLY", f"Reflected Baked Light of {group}", light, level)
+        tree.value_pass(f"Baked Pass of {group}", BAKED_AOVS[group], seen)
         if not rock:
             _add_error(tree, group, level)
 
 
 def _add_error(tree: Tree, group: str, level: Any) -> None:
     error = _attribute(tree, f"{group}, Error", "GEOMETRY", BAKED_ERROR_ATTRIBUTES[group])
-    seen = tree.node(
-        "ShaderNodeVectorMath",
-        f"Error of Baked Light of {group}",
-        {"Vector": error, "Vector_001": level},
-        operation="MULTIPLY",
-    ).outputs[0]
-    mean = tree.node(
-        "ShaderNodeVectorMath",
-        f"Mean Error of {group}",
-        {"Vector": seen, "Vector_001": (1 / 3,) * 3},
-        operation="DOT_PRODUCT",
-    ).outputs["Value"]
-    tree.node(
-        "ShaderNodeOutputAOV",
-        f"Error Pass of {group}",
-        {"Color": (0.0,) * 4, "Value": mean},
-        aov_name=BAKED_ERROR_AOVS[group],
-    )
+    seen = tree.vector("MULTIPLY", f"Error of Baked Light of {group}", error, level)
+    mean = tree.vector("DOT_PRODUCT", f"Mean Error of {group}", seen, (1 / 3,) * 3)
+    tree.value_pass(f"Error Pass of {group}", BAKED_ERROR_AOVS[group], (0.0,) * 4, mean)
 
 
 def _attribute(tree: Tree, group: str, kind: str, name: str) -> Any:
-    return tree.node(
-        "ShaderNodeAttribute", f"Baked Light of {group}", attribute_type=kind, attribute_name=name
-    ).outputs["Vector"]
+    return tree.attribute(f"Baked Light of {group}", name, "Vector", kind)
 
 
 def _add_terms(tree: Tree) -> list[Any]:
     """The terms of ``physics.light.baked_rocks`` but for the first, which is 1."""
-    normal = tree.node(
-        "ShaderNodeSeparateXYZ",
-        "Normal of Rock",
-        {"Vector": tree.node("ShaderNodeNewGeometry", "Faces of Rock").outputs["Normal"]},
-    )
-    place = tree.node(
-        "ShaderNodeSeparateXYZ",
-        "Place on Rock",
-        {"Vector": tree.node("ShaderNodeTexCoord", "Shape of Rock").outputs["Object"]},
-    )
-    x, y, z = (Number(tree, normal.outputs[axis]) for axis in "XYZ")
+    faces = tree.node("ShaderNodeNewGeometry", "Faces of Rock").outputs["Normal"]
+    normal = tree.separated("Normal of Rock", faces)
+    place = tree.separated("Place on Rock", tree.node("ShaderNodeTexCoord", "Shape of Rock").outputs["Object"])
+    x, y, z = (Number(tree, part) for part in normal)
     of_normal = (x, y, z, x * y, y * z, z * x, x * x - y * y, 3.0 * (z * z) - 1.0)
-    return [*(term.value for term in of_normal), *(place.outputs[axis] for axis in "XYZ")]
+    return [*(term.value for term in of_normal), *place]
 
 
 def _add_sum(tree: Tree, group: str, attribute: str, terms: list[Any]) -> Any:
     """The light of a rock: the sum of its numbers times terms, at least 0."""
     total = _attribute(tree, group, "INSTANCER", f"{attribute}_0")
     for k, term in enumerate(terms, start=1):
-        part = tree.node(
-            "ShaderNodeVectorMath",
-            f"Part {k}",
-            {"Vector": _attribute(tree, group, "INSTANCER", f"{attribute}_{k}"), "Scale": term},
-            operation="SCALE",
-        )
-        total = tree.node(
-            "ShaderNodeVectorMath", f"Sum {k}", {"Vector": total, "Vector_001": part.outputs[0]}, operation="ADD"
-        ).outputs[0]
-    return tree.node(
-        "ShaderNodeVectorMath", "At Least None", {"Vector": total, "Vector_001": (0.0, 0.0, 0.0)}, operation="MAXIMUM"
-    ).outputs[0]
+        part = tree.scaled(f"Part {k}", _attribute(tree, group, "INSTANCER", f"{attribute}_{k}"), term)
+        total = tree.vector("ADD", f"Sum {k}", total, part)
+    return tree.vector("MAXIMUM", "At Least None", total, (0.0, 0.0, 0.0))

@@ -6,7 +6,7 @@ from typing import Any
 
 from ...settings.topics.excavation import ExcavationSettings
 from ..ground.dug_ground import DEPTH, SPOIL
-from ..tree.builder import Tree, output
+from ..tree.builder import Tree
 from ..tree.formula import Number
 
 #: Depths in metres between which ground becomes fresh.
@@ -30,18 +30,8 @@ def add_dug_brightness(tree: Tree, excavation: ExcavationSettings) -> Any:
     Depth changes evenly along a wall, however few vertices it has, so layers have sharp edges on it. Spoil is a mixture
     and has the albedo of fresh ground.
     """
-    depth, spoil = (
-        output(tree.node("ShaderNodeAttribute", label, attribute_type="GEOMETRY", attribute_name=name), "Fac")
-        for label, name in (("Depth", DEPTH), ("Spoil", SPOIL))
-    )
-    fresh = tree.node(
-        "ShaderNodeMapRange",
-        "Dug Open",
-        {"Value": depth, "From Min": _SURFACE_M, "From Max": _FRESH_M, "To Min": 0.0, "To Max": 1.0},
-        data_type="FLOAT",
-        interpolation_type="LINEAR",
-        clamp=True,
-    ).outputs[0]
+    depth, spoil = tree.attribute("Depth", DEPTH), tree.attribute("Spoil", SPOIL)
+    fresh = tree.ramp("Dug Open", depth, _SURFACE_M, _FRESH_M)
     level: Any = Number(tree, excavation.fresh_albedo)
     if excavation.layer_thickness_m > 0.0:
         level = level + Number(tree, _add_layer(tree, excavation, depth)) * (

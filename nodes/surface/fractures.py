@@ -20,7 +20,7 @@ from ...physics.surfaces.fractures import gap_reflectance, sight_m
 from ...settings.topics.surfaces import SurfaceSettings
 from ..tree.builder import Tree, output
 from ..tree.formula import Number, Vector
-from .patches_and_grain import NOISE_DEVIATION, add_noise, add_share, threshold_for_share
+from .patches_and_grain import NOISE_DEVIATION, add_noise, threshold_for_share
 
 #: Normals of the sets: two steep ones that cross, and one that is nearly level.
 _SETS = ((0.83, 0.52, 0.20), (-0.46, 0.87, -0.17), (0.24, -0.12, 0.963))
@@ -56,21 +56,21 @@ def add_fracture_share(tree: Tree, surface: SurfaceSettings, geometry: Any, four
 
 
 def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> _View:
-    inward = _add_scaled(tree, "View", geometry.outputs["Incoming"], -1.0)
+    inward = tree.scaled("View", geometry.outputs["Incoming"], -1.0)
     into = tree.node(
         "ShaderNodeVectorMath",
         "View in the Ice",
         {"Vector": inward, "Vector_001": geometry.outputs["Normal"], "Scale": 1.0 / surface.refractive_index},
         operation="REFRACT",
     ).outputs[0]
-    place = _add_scaled(tree, "Place in Spacings", geometry.outputs["Position"], 1.0 / surface.fracture_spacing_m)
+    place = tree.scaled("Place in Spacings", geometry.outputs["Position"], 1.0 / surface.fracture_spacing_m)
     place = _add_bent(tree, place, fourth)
     if not of_rocks:
         return _View(Vector(tree, place), Vector(tree, into), Number(tree, fourth))
     # Each rock has its own planes.
     chance = tree.node("ShaderNodeObjectInfo", "Fractured Rock").outputs["Random"]
     drawn = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Rock", {"W": chance}, noise_dimensions="1D")
-    angles = _add_scaled(tree, "Turn of a Rock", output(drawn, "Color"), 2.0 * math.pi)
+    angles = tree.scaled("Turn of a Rock", output(drawn, "Color"), 2.0 * math.pi)
     turned = [
         Vector(
             tree,
@@ -87,42 +87,16 @@ def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float
     return _View(turned[0], turned[1], Number(tree, chance) * 512.0 + fourth)
 
 
-def _add_scaled(tree: Tree, label: str, vector: Any, by: float) -> Any:
-    return tree.node("ShaderNodeVectorMath", label, {"Vector": vector, "Scale": by}, operation="SCALE").outputs[0]
-
-
 def _add_bent(tree: Tree, place: Any, fourth: float) -> Any:
     """Output socket of a place moved so that planes are bent. The view's way to them stays straight: they bend little
     over a spacing."""
-    field = tree.node(
-        "ShaderNodeTexNoise",
-        "Bent Planes",
-        {
-            "Vector": place,
-            "W": fourth,
-            "Scale": 1.0 / _BEND,
-            "Detail": 1.0,
-            "Roughness": 0.5,
-            "Lacunarity": 2.0,
-            "Distortion": 0.0,
-        },
-        noise_dimensions="4D",
-        noise_type="FBM",
-        normalize=True,
-    ).outputs["Color"]
-    return tree.node(
-        "ShaderNodeVectorMath",
-        "Bent Place",
-        {"Vector": field, "Vector_001": (_BEND_BY,) * 3, "Vector_002": place},
-        operation="MULTIPLY_ADD",
-    ).outputs[0]
+    field = tree.noise("Bent Planes", {"Vector": place, "W": fourth}, 1.0 / _BEND, 1.0).outputs["Color"]
+    return tree.vector("MULTIPLY_ADD", "Bent Place", field, (_BEND_BY,) * 3, place)
 
 
 def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, normal: tuple[float, ...]) -> Number:
     """Share of the visible light that a veil on the next plane of a set gives."""
-    across = Vector(
-        tree, tree.node("ShaderNodeCombineXYZ", f"Set {which + 1}", dict(zip("XYZ", normal, strict=True))).outputs[0]
-    )
+    across = Vector(tree, tree.combined(f"Set {which + 1}", *normal))
     slope = view.into.dot(across)
     forward = slope.exceeds(0.0) * 2.0 - 1.0
     cosine = (forward * slope).at_least(_GRAZING)
@@ -131,15 +105,11 @@ def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, nor
     behind = (forward * (along - cell - _add_offset(tree, cell, which))).exceeds(0.0)
     plane = cell + behind * forward
     distance = (plane + _add_offset(tree, plane, which) - along) * forward / cosine
-    hit = tree.node(
-        "ShaderNodeVectorMath",
-        "Met",
-        {"Vector": view.into.socket, "Vector_001": _add_same(tree, distance), "Vector_002": view.place.socket},
-        operation="MULTIPLY_ADD",
-    ).outputs[0]
+    along_view = tree.combined("Distance", *[distance.value] * 3)
+    hit = tree.vector("MULTIPLY_ADD", "Met", view.into.socket, along_view, view.place.socket)
     field = add_noise(tree, f"Patches of Set {which + 1}", hit, _PATCH, (plane * 7.31 + view.fourth).value, 3.0)
     limit, edge = threshold_for_share(surface.fracture_share), _EDGE * NOISE_DEVIATION
-    is_open = Number(tree, add_share(tree, "Open", field, limit - edge, limit + edge, smooth=True))
+    is_open = Number(tree, tree.ramp("Open", field, limit - edge, limit + edge, smooth=True))
     gap = Number(
         tree,
         tree.curve("Reflected by a Gap", cosine.value, _COSINES, gap_reflectance(_COSINES, surface.refractive_index)),
@@ -154,7 +124,3 @@ def _add_offset(tree: Tree, plane: Number, which: int) -> Number:
         "ShaderNodeTexWhiteNoise", "Chance of a Plane", {"W": (plane + 1013.0 * which).value}, noise_dimensions="1D"
     ).outputs["Value"]
     return Number(tree, chance).times_plus(_ASTRAY, 0.5 - 0.5 * _ASTRAY)
-
-
-def _add_same(tree: Tree, value: Number) -> Any:
-    return tree.node("ShaderNodeCombineXYZ", "Distance", dict.fromkeys("XYZ", value.value)).outputs[0]

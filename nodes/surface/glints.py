@@ -57,17 +57,13 @@ def add_glints(
             "Anisotropy": 0.0,
             "Rotation": 0.0,
             "Normal": facet,
+            "Tangent": None,
         },
         if_present={"Weight": 0.0},
-        leave=("Tangent",),
         distribution="MULTI_GGX",
     ).outputs[0]
     ray = Number(tree, tree.node("ShaderNodeLightPath", "Glints for Whom").outputs["Is Camera Ray"])
-    return tree.node(
-        "ShaderNodeMixShader",
-        "Snow or Facet",
-        {"Fac": (ray * share).named("Share of Facets").value, "Shader": snow, "Shader_001": glint},
-    ).outputs[0]
+    return tree.over("Snow or Facet", (ray * share).named("Share of Facets").value, snow, glint)
 
 
 def _add_level(tree: Tree, geometry: Any, size_m: float, pixel_rad: float, seed: float) -> Number:
@@ -89,10 +85,7 @@ def _add_level(tree: Tree, geometry: Any, size_m: float, pixel_rad: float, seed:
 
 def _add_facet(tree: Tree, place: Any, normal: Any, level: Number, cell_m: Number, seed: float) -> Any:
     """Output socket of the normal of the facet of the cell that a place is in."""
-    cells = tree.node(
-        "ShaderNodeVectorMath", "Place in Cells", {"Vector": place, "Scale": (1.0 / cell_m).value}, operation="SCALE"
-    ).outputs[0]
-    cell = tree.node("ShaderNodeVectorMath", "Cell", {"Vector": cells}, operation="FLOOR").outputs[0]
+    cell = tree.vector("FLOOR", "Cell", tree.scaled("Place in Cells", place, (1.0 / cell_m).value))
     chance = tree.node(
         "ShaderNodeTexWhiteNoise",
         "Chance of a Facet",
@@ -102,14 +95,7 @@ def _add_facet(tree: Tree, place: Any, normal: Any, level: Number, cell_m: Numbe
     drawn = Number(tree, chance.outputs["Value"]) * _LESS_STEEP
     slope = (drawn / (1.0 - drawn)).sqrt() * _SLOPES
     # The direction of the slope: a random vector, less its part along the normal.
-    random = tree.node(
-        "ShaderNodeVectorMath",
-        "About 0",
-        {"Vector": output(chance, "Color"), "Vector_001": (0.5, 0.5, 0.5)},
-        operation="SUBTRACT",
-    )
-    across = Vector(tree, normal).cross(Vector(tree, random.outputs[0])).unit()
-    tilted = tree.node(
-        "ShaderNodeVectorMath", "Sloping", {"Vector": across.socket, "Scale": slope.value}, operation="SCALE"
-    ).outputs[0]
+    random = tree.vector("SUBTRACT", "About 0", output(chance, "Color"), (0.5, 0.5, 0.5))
+    across = Vector(tree, normal).cross(Vector(tree, random)).unit()
+    tilted = tree.scaled("Sloping", across.socket, slope.value)
     return (Vector(tree, normal) + Vector(tree, tilted)).unit().socket

@@ -13,7 +13,7 @@ from ...physics.light.bands import material_bands, snow_bands
 from ...physics.surfaces.albedos import albedos
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
-from ..tree.builder import Tree, output
+from ..tree.builder import Tree
 from .patches_and_grain import add_clean_share, add_stained_share
 
 _WHITE = (1.0, 1.0, 1.0)
@@ -80,9 +80,7 @@ def add_ground_colour(
         stained = add_stained_share(tree, surface, geometry, salt_at)
         salt: Any = salt_colour(surface, albedo)
         if ice is not None and surface.salt == "OWN":  # a factor on the ice
-            salt = tree.node(
-                "ShaderNodeVectorMath", "Salt on Ice", {"Vector": ice, "Vector_001": salt}, operation="MULTIPLY"
-            ).outputs[0]
+            salt = tree.vector("MULTIPLY", "Salt on Ice", ice, salt)
         colour = _add_mix(tree, "Salt Colour", stained, tint, salt)
     clean: Any = 1.0
     if surface.dirt != "BLACK":
@@ -91,7 +89,7 @@ def add_ground_colour(
         dirt = _over(material_bands(surface.dirt), albedo)
         return _add_mix(tree, "Dirt Colour", clean, dirt, tint if colour is None else colour)
     if isinstance(colour, tuple):
-        return tree.node("ShaderNodeCombineXYZ", "Ice Colour", dict(zip("XYZ", colour, strict=True))).outputs[0]
+        return tree.combined("Ice Colour", *colour)
     return colour
 
 
@@ -103,15 +101,4 @@ def _over(bands: tuple[float, float, float], albedo: float) -> tuple[float, floa
 def _add_mix(tree: Tree, label: str, share: Any, a: Any, b: Any) -> Any:
     """Output socket of a colour that is ``b`` in this share of the area, and else ``a``."""
     a, b = ((*colour, 1.0) if isinstance(colour, tuple) else colour for colour in (a, b))
-    return output(
-        tree.node(
-            "ShaderNodeMix",
-            label,
-            {"Factor_Float": share, "A_Color": a, "B_Color": b},
-            data_type="RGBA",
-            blend_type="MIX",
-            clamp_factor=True,
-            clamp_result=False,
-        ),
-        "Result_Color",
-    )
+    return tree.mixed(label, share, a, b)

@@ -15,18 +15,16 @@ from typing import Any
 from ...physics.light.bands import bubbly_ice_bands, clear_ice_absorption_1_m
 from ...physics.surfaces.principled import diffuse_fresnel_reflectance
 from ...settings.topics.surfaces import SurfaceSettings
-from ..tree.builder import Tree
+from ..tree.builder import WHITE, Tree
 from ..tree.formula import Number
 from .patches_and_grain import (
     NOISE_DEVIATION,
     NOISE_MEAN,
     add_noise,
     add_patch_noise,
-    add_share,
     threshold_for_share,
 )
 
-WHITE, _RGB = (1.0, 1.0, 1.0, 1.0), ("Red", "Green", "Blue")
 #: Whitest and bluest bands have this many times the bubbles of the mean and this part of them; the most bubbles of all.
 _BAND_CONTRAST, _MOST_BUBBLES = 4.0, 0.6
 #: Direction across the bands of the ground, as of veins that refroze; distance over which they bend, in bands, and by
@@ -56,40 +54,28 @@ def add_bubbly_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, fourt
     """
     bands = bubbly_ice_bands(surface.bubble_radius_m, surface.bubble_share)
     if surface.bubble_band_m == 0.0:
-        parts: dict[str, Any] = dict(zip(_RGB, bands, strict=True))
-        return tree.node("ShaderNodeCombineColor", "Bubbly Ice", parts, mode="RGB").outputs[0]
+        return tree.colour("Bubbly Ice", *bands)
     share = _add_bubble_share(tree, surface, geometry, fourth, of_rocks)
     mean = math.sqrt((1.0 - surface.bubble_share) / surface.bubble_share)
     exponent = ((1.0 - share) / share).sqrt() * (1.0 / mean)
-    parts = {
-        key: tree.math("POWER", f"Bubbly Ice {key}", band, exponent.value)
-        for key, band in zip(_RGB, bands, strict=True)
-    }
-    return tree.node("ShaderNodeCombineColor", "Bubbly Ice", parts, mode="RGB").outputs[0]
+    parts = (
+        tree.math("POWER", f"Bubbly Ice {key}", band, exponent.value)
+        for key, band in zip(("Red", "Green", "Blue"), bands, strict=True)
+    )
+    return tree.colour("Bubbly Ice", *parts)
 
 
 def _add_bubble_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> Number:
     """The share of bubbles at a place."""
     place = geometry.outputs["Position"]
-    across = tree.node(
-        "ShaderNodeVectorMath",
-        "Across the Bands",
-        {"Vector": place, "Vector_001": tuple(part / surface.bubble_band_m for part in _ACROSS)},
-        operation="DOT_PRODUCT",
-    ).outputs["Value"]
+    steepest = tuple(part / surface.bubble_band_m for part in _ACROSS)
+    across = tree.vector("DOT_PRODUCT", "Across the Bands", place, steepest)
     bend = Number(tree, add_noise(tree, "Bend", place, _BEND * surface.bubble_band_m, fourth, 1.0))
     along = Number(tree, across) + bend * (2.0 * _BEND_BY) + math.fmod(fourth, 97.0)
     if of_rocks:  # each is a piece from elsewhere
         chance = tree.node("ShaderNodeObjectInfo", "Piece").outputs["Random"]
         along = along + Number(tree, chance) * 512.0
-    band = tree.node(
-        "ShaderNodeTexNoise",
-        "Bands",
-        {"W": along.value, "Scale": 1.0, "Detail": 2.0, "Roughness": 0.6, "Lacunarity": 2.0, "Distortion": 0.0},
-        noise_dimensions="1D",
-        noise_type="FBM",
-        normalize=True,
-    ).outputs[0]
+    band = tree.noise("Bands", {"W": along.value}, 1.0, 2.0, roughness=0.6).outputs[0]
     step = ((Number(tree, band) - NOISE_MEAN) * (1.0 / (2.0 * NOISE_DEVIATION))).at_least(-1.0).at_most(1.0)
     return ((step * math.log(_BAND_CONTRAST)).exp() * surface.bubble_share).at_most(_MOST_BUBBLES)
 
@@ -100,33 +86,19 @@ def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Any) -> tuple[An
     What sees it directly or through a mirror sees it refract. Light for other ground passes straight through, as no
     lamp is found through a refracting surface. As much of it is reflected, to all sides, as of even light.
     """
-    about = {} if normal is None else {"Normal": normal}
     glass = tree.node(
         "ShaderNodeBsdfGlass",
         "Clear Ice",
-        {"Color": WHITE, "Roughness": surface.roughness, "IOR": surface.refractive_index, **about},
+        {"Color": WHITE, "Roughness": surface.roughness, "IOR": surface.refractive_index, "Normal": normal},
         if_present={"Weight": 0.0, "Thin Film Thickness": 0.0, "Thin Film IOR": 1.33},
-        leave=() if about else ("Normal",),
         distribution="MULTI_GGX",
     ).outputs[0]
-    straight = tree.node(
-        "ShaderNodeBsdfTransparent", "Straight Through", {"Color": WHITE}, if_present={"Weight": 0.0}
-    ).outputs[0]
-    back = tree.node(
-        "ShaderNodeBsdfDiffuse",
-        "Reflected",
-        {"Color": WHITE, "Roughness": 0.0},
-        if_present={"Weight": 0.0},
-        leave=("Normal",),
-    ).outputs[0]
-    straight = add_over(
-        tree, "Straight or Reflected", diffuse_fresnel_reflectance(surface.refractive_index), straight, back
-    )
+    straight = tree.transparent("Straight Through", WHITE)
+    back = tree.diffuse("Reflected", WHITE)
+    straight = tree.over("Straight or Reflected", diffuse_fresnel_reflectance(surface.refractive_index), straight, back)
     path = tree.node("ShaderNodeLightPath", "Clear Ice for Whom").outputs
     lighting = Number(tree, path["Is Shadow Ray"]).at_least(Number(tree, path["Is Diffuse Ray"]))
-    shader = tree.node(
-        "ShaderNodeMixShader", "Refracted or Straight", {"Fac": lighting.value, "Shader": glass, "Shader_001": straight}
-    ).outputs[0]
+    shader = tree.over("Refracted or Straight", lighting.value, glass, straight)
     absorption = clear_ice_absorption_1_m()
     most = max(absorption)
     volume = tree.node(
@@ -142,18 +114,18 @@ def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth:
     """Output socket of the share of a place that is frost: much on level ground and on top of rocks, none on steep
     faces."""
     field = add_patch_noise(tree, surface, "Frost", geometry.outputs["Position"], surface.frost_patch_m, fourth)
-    upright = tree.node("ShaderNodeSeparateXYZ", "Up", {"Vector": geometry.outputs["True Normal"]}).outputs["Z"]
+    upright = tree.separated("Up", geometry.outputs["True Normal"])[2]
     rise = _NEVER * NOISE_DEVIATION / (_FROST_FULL - _FROST_FREE)
     steep = (_FROST_FULL - Number(tree, upright)).at_least(0.0) * rise
     limit, edge = threshold_for_share(surface.frost_share), _FROST_EDGE * NOISE_DEVIATION
-    return add_share(tree, "Frosted", (Number(tree, field) - steep).value, limit - edge, limit + edge, smooth=True)
+    return tree.ramp("Frosted", (Number(tree, field) - steep).value, limit - edge, limit + edge, smooth=True)
 
 
 def add_crust_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
     """Output socket of the share of a place that is crust: 0 or 1 but for its edge."""
     field = add_noise(tree, "Crust", geometry.outputs["Position"], surface.crust_patch_m, fourth, 5.0)
     limit, edge = threshold_for_share(surface.crust_share), _CRUST_EDGE * NOISE_DEVIATION
-    return add_share(tree, "Crusted", field, limit - edge, limit + edge)
+    return tree.ramp("Crusted", field, limit - edge, limit + edge)
 
 
 def add_smoothed(tree: Tree, crusted: Any, height: Any) -> Any:
@@ -166,8 +138,3 @@ def add_smoothed(tree: Tree, crusted: Any, height: Any) -> Any:
 def add_crust_height(tree: Tree, surface: SurfaceSettings, crusted: Any) -> Any:
     """Output socket of the height in metres of a crust above the snow beside it."""
     return (Number(tree, crusted) * surface.crust_height_m).value
-
-
-def add_over(tree: Tree, label: str, share: Any, under: Any, layer: Any) -> Any:
-    """Shader socket of ``layer`` over its share of ``under``."""
-    return tree.node("ShaderNodeMixShader", label, {"Fac": share, "Shader": under, "Shader_001": layer}).outputs[0]

@@ -27,7 +27,6 @@ from .baked_passes import add_baked_passes
 from .fractures import VEIL_ALBEDO, add_fracture_share
 from .glints import add_glints
 from .ground_colour import add_ground_colour
-from .ice_layers import WHITE
 from .patches_and_grain import (
     GRAIN_FARTHEST,
     add_brightness,
@@ -49,7 +48,7 @@ def _add_product(tree: Tree, label: str, a: Any, b: Any) -> Any:
     """Output socket of the product of two colours. None is white."""
     if a is None or b is None:
         return b if a is None else a
-    return tree.node("ShaderNodeVectorMath", label, {"Vector": a, "Vector_001": b}, operation="MULTIPLY").outputs[0]
+    return tree.vector("MULTIPLY", label, a, b)
 
 
 def _add_reflectance(tree: Tree, surface: SurfaceSettings, grey: Any, colour: Any) -> Any:
@@ -59,27 +58,8 @@ def _add_reflectance(tree: Tree, surface: SurfaceSettings, grey: Any, colour: An
         return albedo * grey
     grey = albedo * grey if isinstance(grey, float) else tree.math("MULTIPLY", "Reflectance", grey, albedo)
     if colour is None:
-        return tree.node(
-            "ShaderNodeCombineColor", "Grey", {"Red": grey, "Green": grey, "Blue": grey}, mode="RGB"
-        ).outputs[0]
-    return tree.node("ShaderNodeVectorMath", "Coloured", {"Vector": colour, "Scale": grey}, operation="SCALE").outputs[
-        0
-    ]
-
-
-def add_bump(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> Any:
-    """Output socket of the normal with bumps, which are ``distance_m`` high where ``height`` is 1.
-
-    The bumps are on the surface's own normal, or on ``normal``.
-    """
-    return tree.node(
-        "ShaderNodeBump",
-        "Relief",
-        {"Strength": 1.0, "Distance": distance_m, "Height": height, **({} if normal is None else {"Normal": normal})},
-        if_present={"Filter Width": 0.1},
-        leave=("Normal",),
-        invert=False,
-    ).outputs[0]
+        return tree.colour("Grey", grey, grey, grey)
+    return tree.scaled("Coloured", colour, grey)
 
 
 def _add_fine_height(
@@ -104,7 +84,7 @@ def _add_image_height(tree: Tree, pieces: Sampler | None, textured: Textured | N
     if pieces is None or textured is None or "height" not in textured.maps:
         return None
     of = textured.maps["height"]
-    sampled = pieces.separated("Map Height", pieces.sample("height", of))[0]
+    sampled = tree.separated("Map Height", pieces.sample("height", of))[0]
     centred = tree.math("SUBTRACT", "Map About 0", sampled, of.mean[0])
     return tree.math("MULTIPLY", "Map Height in Metres", centred, textured.settings.height_m)
 
@@ -117,58 +97,31 @@ def _add_sum(tree: Tree, a: Any, b: Any) -> Any:
 
 
 def _add_snow(
-    tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any], relief: Mapping[str, Any]
+    tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any], normal: Any
 ) -> Any:
     """Shader socket of a Principled surface with the reflectance ``wanted``, a number or a socket.
 
-    ``varied`` and ``relief`` contain sockets for some of its inputs.
+    ``varied`` has sockets for some of its inputs, ``normal`` is one or None.
     """
     radius = surface.subsurface_radius_m
     if isinstance(wanted, (int, float)):
         base: Any = (*[principled.base_colour(surface, wanted)] * 3, 1.0)
     else:
         base = tree.curve(f"Base of {label}", wanted, *principled.inverse_curve(surface))
-    return tree.node(
-        "ShaderNodeBsdfPrincipled",
+    return tree.principled(
         label,
-        {
-            "Base Color": base,
-            "Metallic": 0.0,
-            "Roughness": varied.get("roughness", surface.roughness),
+        base,
+        varied.get("roughness", surface.roughness),
+        surface.subsurface_method,
+        **{
             "IOR": surface.refractive_index,
-            "Alpha": 1.0,
-            **relief,
             "Subsurface Weight": surface.subsurface_weight if radius > 0.0 else 0.0,
-            "Subsurface Radius": (1.0, 1.0, 1.0),
             "Subsurface Scale": radius,
             "Specular IOR Level": surface.specular,
-            "Specular Tint": WHITE,
-            "Anisotropic": 0.0,
-            "Anisotropic Rotation": 0.0,
             "Transmission Weight": varied.get("transmission", surface.transmission),
-            "Coat Weight": 0.0,
-            "Coat Roughness": 0.0,
-            "Coat IOR": 1.5,
-            "Coat Tint": WHITE,
-            "Sheen Weight": 0.0,
-            "Sheen Roughness": 0.5,
-            "Sheen Tint": WHITE,
-            "Emission Color": WHITE,
-            "Emission Strength": 0.0,
+            "Normal": normal,
         },
-        if_present={
-            "Weight": 0.0,
-            "Diffuse Roughness": 0.0,
-            "Subsurface Anisotropy": 0.0,
-            "Thin Film Thickness": 0.0,
-            "Thin Film IOR": 1.33,
-            "Subsurface IOR": 1.4,
-            "Thin Wall": False,
-        },
-        leave=["Coat Normal", "Tangent"] + ([] if relief else ["Normal"]),
-        distribution="MULTI_GGX",
-        subsurface_method=surface.subsurface_method,
-    ).outputs[0]
+    )
 
 
 def _add_principled(
@@ -177,15 +130,15 @@ def _add_principled(
     surface: SurfaceSettings,
     wanted: Any,
     varied: Mapping[str, Any],
-    relief: Mapping[str, Any],
+    normal: Any,
     smooth: bool,
 ) -> Any:
     """Shader socket of Principled ice. If ``smooth``, it has its relief for camera rays only."""
-    seen = _add_snow(tree, label, surface, wanted, varied, relief)
-    if not smooth or not relief:
+    seen = _add_snow(tree, label, surface, wanted, varied, normal)
+    if not smooth or normal is None:
         return seen
     bare = surface | {"grain_amplitude_m": 0.0}  # its albedo needs no correction for light lost between bumps
-    return reflectance_laws.add_seen_or_not(tree, seen, _add_snow(tree, f"Smooth {label}", bare, wanted, varied, {}))
+    return reflectance_laws.add_seen_or_not(tree, seen, _add_snow(tree, f"Smooth {label}", bare, wanted, varied, None))
 
 
 @dataclass(frozen=True)
@@ -223,7 +176,7 @@ class _Ice:
     surface: SurfaceSettings
     wanted: Any
     varied: Mapping[str, Any]
-    relief: Mapping[str, Any]
+    normal: Any
     smooth: bool
     geometry: Any
     pixel_rad: float
@@ -231,10 +184,10 @@ class _Ice:
 
     def add(self, label: str, surface: SurfaceSettings, glints: bool = False) -> Any:
         """Shader socket of ice with ``surface`` settings, but for their albedo."""
-        shader = _add_principled(self.tree, label, surface, self.wanted, self.varied, self.relief, self.smooth)
+        shader = _add_principled(self.tree, label, surface, self.wanted, self.varied, self.normal, self.smooth)
         if not glints or surface.glint_share == 0.0 or self.pixel_rad == 0.0:
             return shader
-        normal = self.relief.get("Normal", self.geometry.outputs["Normal"])
+        normal = self.geometry.outputs["Normal"] if self.normal is None else self.normal
         return add_glints(
             self.tree,
             shader,
@@ -257,13 +210,13 @@ def _add_layers(ice: _Ice, crusted: Any, of_rocks: bool) -> tuple[Any, Any]:
         surface = surface | {"transmission": 0.0}
     shader = ice.add("Snow", surface, glints=surface.frost_share == 0.0)
     if through:
-        clear, volume = ice_layers.add_clear_ice(tree, surface, ice.relief.get("Normal"))
-        shader = ice_layers.add_over(tree, "Clear Share", ice.surface.transmission, shader, clear)
+        clear, volume = ice_layers.add_clear_ice(tree, surface, ice.normal)
+        shader = tree.over("Clear Share", ice.surface.transmission, shader, clear)
     if has_fractures(ice.surface):
         veil = surface | {"roughness": 1.0, "specular": 0.0, "transmission": 0.0, "subsurface_weight": 0.0}
         veiled = add_fracture_share(tree, ice.surface, ice.geometry, ice.at.fractures, of_rocks)
-        shader = ice_layers.add_over(
-            tree, "Fractures Within", veiled, shader, replace(ice, wanted=VEIL_ALBEDO, varied={}).add("Veil", veil)
+        shader = tree.over(
+            "Fractures Within", veiled, shader, replace(ice, wanted=VEIL_ALBEDO, varied={}).add("Veil", veil)
         )
     if crusted is not None:
         crust = surface | {
@@ -271,12 +224,12 @@ def _add_layers(ice: _Ice, crusted: Any, of_rocks: bool) -> tuple[Any, Any]:
             "specular": _CRUST_SPECULAR,
             "grain_amplitude_m": surface.grain_amplitude_m * ice_layers.CRUST_GRAIN,
         }
-        shader = ice_layers.add_over(tree, "Crust on Snow", crusted, shader, ice.add("Crust", crust))
+        shader = tree.over("Crust on Snow", crusted, shader, ice.add("Crust", crust))
     if surface.frost_share > 0.0:
         frost = surface | {"roughness": 1.0, "specular": 0.0, "transmission": 0.0, "subsurface_weight": 0.0}
         frosted = ice_layers.add_frost_share(tree, surface, ice.geometry, ice.at.frost)
         over = replace(ice, wanted=surface.frost_albedo, varied={}).add("Frost", frost, glints=True)
-        shader = ice_layers.add_over(tree, "Frost on Ice", frosted, shader, over)
+        shader = tree.over("Frost on Ice", frosted, shader, over)
     return shader, volume
 
 
@@ -365,8 +318,8 @@ class _Material:
             else None
         )
         self._varied: dict[str, Any] = {}  # sockets of the law's inputs that vary over the ground, by their names
-        self._relief: dict[str, Any] = {}  # the socket of the normal with relief, if there is relief
-        self._displacement: dict[str, Any] = {}  # the socket of moved vertices, if vertices are moved
+        self._normal: Any = None  # the socket of the normal with relief, if there is relief
+        self._displacement: Any = None  # the socket of moved vertices, if vertices are moved
         self._crusted: Any = None
         self._volume: Any = None
 
@@ -380,7 +333,8 @@ class _Material:
             if self._pieces is not None and kind in self._maps:
                 of = self._maps[kind]
                 self._surface = self._surface | {kind: of.mean[of.channel]}
-                self._varied[kind] = self._pieces.separated(kind.title(), self._pieces.sample(kind, of))[of.channel]
+                sampled = self._pieces.sample(kind, of)
+                self._varied[kind] = self.tree.separated(kind.title(), sampled)[of.channel]
 
     def add_brightness(self, dug: bool) -> None:
         """Multiply the albedo by patches, by ground that was dug open, and by the faces of rocks."""
@@ -411,12 +365,8 @@ class _Material:
         )
         if self._pieces is not None and "albedo" in self._maps:
             image = self._maps["albedo"]
-            of_mean = self._pieces.vector(
-                "SCALE",
-                "Albedo over Mean",
-                self._pieces.sample("albedo", image),
-                scale=1 / max(sum(image.mean) / 3, 1e-6),
-            )
+            sampled = self._pieces.sample("albedo", image)
+            of_mean = tree.scaled("Albedo over Mean", sampled, 1 / max(sum(image.mean) / 3, 1e-6))
             self._colour = _add_product(tree, "Stained Map", of_mean, self._colour)
 
     def add_relief(self, by_fineness: bool) -> None:
@@ -432,16 +382,15 @@ class _Material:
             )
             moved = ice_layers.add_smoothed(tree, self._crusted, moved)
         if self._pieces is not None and "normal" in self._maps:
-            self._relief["Normal"] = self._pieces.sample_normal(self._maps["normal"])
+            self._normal = self._pieces.sample_normal(self._maps["normal"])
         if height is not None:
-            self._relief["Normal"] = add_bump(tree, height, 1.0, self._relief.get("Normal"))
+            self._normal = tree.bump("Relief", height, 1.0, self._normal)
         self.material.displacement_method = "BUMP" if moved is None else "DISPLACEMENT"
         if moved is not None:
-            self._displacement["Displacement"] = tree.node(
+            self._displacement = tree.node(
                 "ShaderNodeDisplacement",
                 "Moved",
-                {"Height": moved, "Midlevel": 0.0, "Scale": 1.0},
-                leave=("Normal",),
+                {"Height": moved, "Midlevel": 0.0, "Scale": 1.0, "Normal": None},
                 space="OBJECT",
             ).outputs[0]
 
@@ -457,19 +406,9 @@ class _Material:
     def add_surface(self) -> None:
         """Add the reflectance law and connect it to the outputs of the renderers."""
         shaders = {"ALL": self._add_layers()} if self._is_principled else self._add_law()
-        volume = {} if self._volume is None else {"Volume": self._volume}
-        unused = [
-            "Thickness",
-            *(name for name in ("Displacement", "Volume") if name not in self._displacement | volume),
-        ]
         for target, shader in shaders.items():
-            self.tree.node(
-                "ShaderNodeOutputMaterial",
-                "Surface in EEVEE" if target == "EEVEE" else "Surface",
-                {"Surface": shader, **self._displacement, **volume},
-                leave=unused,
-                target=target,
-            )
+            label = "Surface in EEVEE" if target == "EEVEE" else "Surface"
+            self.tree.surface(shader, label, target, Displacement=self._displacement, Volume=self._volume)
 
     def _add_layers(self) -> Any:
         settings = self._settings
@@ -480,7 +419,7 @@ class _Material:
             self._surface,
             _add_reflectance(self.tree, plain, self._grey, self._colour),
             self._varied,
-            self._relief,
+            self._normal,
             self._is_smooth,
             self._geometry,
             1.0 / focal_px(settings.rig) if settings is not None else 0.0,
@@ -495,7 +434,7 @@ class _Material:
             if self._settings is not None and "roughness" in self._varied
             else None
         )
-        ground = reflectance_laws.Ground(self.tree, self._relief.get("Normal"), self._grey, self._colour, slopes)
+        ground = reflectance_laws.Ground(self.tree, self._normal, self._grey, self._colour, slopes)
         return _add_law(self.material, self._surface, self._settings, ground, self._is_smooth, self._least)
 
     @property
@@ -506,12 +445,7 @@ class _Material:
     def add_passes(self, albedo_pass: bool) -> None:
         """Add the outputs of the passes: the geometric normal, and if asked the albedo, and baked light."""
         tree, surface, settings = self.tree, self._surface, self._settings
-        tree.node(
-            "ShaderNodeOutputAOV",
-            "Geometric Normal",
-            {"Color": self._geometry.outputs["True Normal"], "Value": 0.0},
-            aov_name=NORMAL_AOV,
-        )
+        tree.value_pass("Geometric Normal", NORMAL_AOV, self._geometry.outputs["True Normal"])
         if albedo_pass:
             by_grains = surface.model == "HAPKE"
             reflectance = _add_reflectance(

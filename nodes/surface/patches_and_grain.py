@@ -48,22 +48,7 @@ _MOST_ELEVATION = 3.0
 
 def add_noise(tree: Tree, label: str, where: Any, wavelength_m: float, fourth: float, octaves: float) -> Any:
     """Output socket of Blender's noise, around 0.5, with a longest wavelength. ``fourth`` selects the field."""
-    return tree.node(
-        "ShaderNodeTexNoise",
-        label,
-        {
-            "Vector": where,
-            "W": fourth,
-            "Scale": 1.0 / wavelength_m,
-            "Detail": octaves,
-            "Roughness": 0.5,
-            "Lacunarity": 2.0,
-            "Distortion": 0.0,
-        },
-        noise_dimensions="4D",
-        noise_type="FBM",
-        normalize=True,
-    ).outputs[0]
+    return tree.noise(label, {"Vector": where, "W": fourth}, 1.0 / wavelength_m, octaves).outputs[0]
 
 
 def add_patchy(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float], height: Any) -> Any:
@@ -89,36 +74,15 @@ def add_grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float
     every hit, so the noise has three dimensions, which take half as long as four.
     """
     askew = _add_grain_place(tree, where, wavelength_m, place)
-    field = tree.node(
-        "ShaderNodeTexNoise",
-        "Grain",
-        {
-            "Vector": askew,
-            "Scale": 1.0,
-            "Detail": OCTAVES - 1.0,
-            "Roughness": 0.5,
-            "Lacunarity": 2.0,
-            "Distortion": 0.0,
-        },
-        noise_dimensions="3D",
-        noise_type="FBM",
-        normalize=True,
-    ).outputs[0]
+    field = tree.noise("Grain", {"Vector": askew}, 1.0, OCTAVES - 1.0).outputs[0]
     centred = tree.math("SUBTRACT", "Grain About 0", field, NOISE_MEAN)
     return tree.math("MULTIPLY", "Grain of Span 1", centred, _GRAIN_SPAN)
 
 
 def _add_grain_place(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float]) -> Any:
     """Output socket of the place in the noise, in wavelengths, askew to its lattice."""
-    shifted = tree.node(
-        "ShaderNodeVectorMath",
-        "Grain Place",
-        {"Vector": where, "Vector_001": (1.0 / wavelength_m,) * 3, "Vector_002": place},
-        operation="MULTIPLY_ADD",
-    ).outputs[0]
-    return tree.node(
-        "ShaderNodeVectorMath", "Off the Lattice", {"Vector": shifted, "Vector_001": _OFF_LATTICE}, operation="REFLECT"
-    ).outputs[0]
+    shifted = tree.vector("MULTIPLY_ADD", "Grain Place", where, (1.0 / wavelength_m,) * 3, place)
+    return tree.vector("REFLECT", "Off the Lattice", shifted, _OFF_LATTICE)
 
 
 def add_grain_by_fineness(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float]) -> tuple[Any, Any]:
@@ -129,16 +93,11 @@ def add_grain_by_fineness(tree: Tree, surface: SurfaceSettings, where: Any, plac
     So each hit looks up the octaves that are bump there, and no others.
     """
     askew = _add_grain_place(tree, where, surface.grain_size_m, place)
-    spacing = Number(
-        tree,
-        output(
-            tree.node("ShaderNodeAttribute", "Vertex Spacing", attribute_type="GEOMETRY", attribute_name=SPACING), "Fac"
-        ),
-    )
+    spacing = Number(tree, tree.attribute("Vertex Spacing", SPACING))
     first = _partly_carried(surface, spacing)
     part_scale = Number(tree, 2.0).power(first).named("Scale of the Octave in Part")
     waves = spacing * part_scale * (1.0 / surface.grain_size_m)
-    share = Number(tree, add_share(tree, "Carried of It", waves.value, 1.0, CARRIED))
+    share = Number(tree, tree.ramp("Carried of It", waves.value, 1.0, CARRIED))
     partly = _add_octaves(tree, "Octave in Part", askew, part_scale, 0.0)
     shorter = _add_octaves(tree, "Shorter Octaves", askew, part_scale * 2.0, OCTAVES - 2.0 - first)
     longer = _add_octaves(tree, "Longer Octaves", askew, 1.0, first - 1.0)
@@ -153,29 +112,14 @@ def add_grain_by_fineness(tree: Tree, surface: SurfaceSettings, where: Any, plac
 def _partly_carried(surface: SurfaceSettings, spacing: Number) -> Number:
     """The longest octave, from 0, that vertices do not carry whole; the last one if they carry all."""
     whole = 1.0 - (spacing.at_least(1e-9) / (CARRIED * surface.grain_size_m)).log() * (1.0 / math.log(2.0))
-    return (
-        Number(spacing.tree, spacing.tree.math("FLOOR", "Octaves Carried", whole.value))
-        .at_least(0.0)
-        .at_most(OCTAVES - 1.0)
-    )
+    carried = Number(spacing.tree, spacing.tree.math("FLOOR", "Octaves Carried", whole.value))
+    return carried.at_least(0.0).at_most(OCTAVES - 1.0)
 
 
 def _add_octaves(tree: Tree, label: str, where: Any, scale: Number | float, detail: Number | float) -> Number:
     """The sum of ``detail`` + 1 octaves of noise, the first with a span of about 2 and each other with half of that."""
-    given: dict[str, Any] = {
-        key: each.value if isinstance(each, Number) else each for key, each in (("Scale", scale), ("Detail", detail))
-    }
-    return Number(
-        tree,
-        tree.node(
-            "ShaderNodeTexNoise",
-            label,
-            {"Vector": where, **given, "Roughness": 0.5, "Lacunarity": 2.0, "Distortion": 0.0},
-            noise_dimensions="3D",
-            noise_type="FBM",
-            normalize=False,
-        ).outputs[0],
-    )
+    scale, detail = (each.value if isinstance(each, Number) else each for each in (scale, detail))
+    return Number(tree, tree.noise(label, {"Vector": where}, scale, detail, normalize=False).outputs[0])
 
 
 def mark_elevation(
@@ -207,18 +151,6 @@ def mark_elevation(
 def _add_kept(tree: Tree, label: str, share: Any, dirt: float) -> Any:
     """Output socket of 1 - dirt x share."""
     return tree.math("SUBTRACT", f"{label} Kept", 1.0, tree.math("MULTIPLY", f"{label} Darkening", share, dirt))
-
-
-def add_share(tree: Tree, label: str, value: Any, clean: float, dirty: float, smooth: bool = False) -> Any:
-    """Output socket: 0 where ``value`` is ``clean``, 1 where it is ``dirty``, limited to that range."""
-    return tree.node(
-        "ShaderNodeMapRange",
-        label,
-        {"Value": value, "From Min": clean, "From Max": dirty, "To Min": 0.0, "To Max": 1.0},
-        data_type="FLOAT",
-        interpolation_type="SMOOTHSTEP" if smooth else "LINEAR",
-        clamp=True,
-    ).outputs[0]
 
 
 def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, elevated: bool) -> Any:
@@ -267,7 +199,7 @@ def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth:
     below = (1.0 / ((deviations * -1.702).exp() + 1.0)).named("Share of Noise Below")
     # With soft edges all of the ground is still free at 1, and none at 0.
     ahead = Number(tree, clean).times_plus(1 + 2 * _EDGE, -_EDGE) - below
-    return add_share(tree, "Between Patches", ahead.value, -_EDGE, _EDGE, smooth=True)
+    return tree.ramp("Between Patches", ahead.value, -_EDGE, _EDGE, smooth=True)
 
 
 def _add_factors(tree: Tree, label: str, factors: Sequence[Any]) -> Any:
@@ -281,14 +213,14 @@ def _clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Any, elevated:
     """Output sockets of the shares of the area that dirt in troughs and dirt on slopes leave free."""
     factors: list[Any] = []
     if surface.trough_dirt != 0.0 and elevated:
-        height = tree.node("ShaderNodeAttribute", "Elevation", attribute_type="GEOMETRY", attribute_name=ELEVATION)
+        height = tree.attribute("Elevation", ELEVATION)
         clean = math.copysign(1.0, surface.trough_dirt)
-        troughs = add_share(tree, "Trough Share", output(height, "Fac"), clean, -clean)
+        troughs = tree.ramp("Trough Share", height, clean, -clean)
         factors.append(_add_kept(tree, "Trough", troughs, abs(surface.trough_dirt)))
     if surface.slope_dirt != 0.0:
-        normal = tree.node("ShaderNodeSeparateXYZ", "Upright", {"Vector": geometry.outputs["True Normal"]})
+        upright = tree.separated("Upright", geometry.outputs["True Normal"])[2]
         ends = (1.0, 1.0 - _STEEP) if surface.slope_dirt > 0 else (1.0 - _STEEP, 1.0)
-        slopes = add_share(tree, "Slope Share", normal.outputs["Z"], *ends)
+        slopes = tree.ramp("Slope Share", upright, *ends)
         factors.append(_add_kept(tree, "Slope", slopes, abs(surface.slope_dirt)))
     return factors
 
@@ -298,12 +230,11 @@ def add_faces(tree: Tree, surface: SurfaceSettings) -> tuple[Any, Any]:
 
     Their means are 1 - v/2 and 0, with v the setting ``face_variation``.
     """
-    face = tree.node("ShaderNodeAttribute", "Face", attribute_type="GEOMETRY", attribute_name=FACE_ATTRIBUTE)
+    face = tree.attribute("Face", FACE_ATTRIBUTE)
     rock = tree.node("ShaderNodeObjectInfo", "Rock").outputs["Random"]
-    place = tree.node("ShaderNodeCombineXYZ", "Face of a Rock", {"X": output(face, "Fac"), "Y": 0.0, "Z": 0.0})
-    chance = tree.node(
-        "ShaderNodeTexWhiteNoise", "Chance of a Face", {"Vector": place.outputs[0], "W": rock}, noise_dimensions="4D"
-    )
+    place = tree.combined("Face of a Rock", face, 0.0)
+    at = {"Vector": place, "W": rock}
+    chance = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Face", at, noise_dimensions="4D")
     parts = tree.node("ShaderNodeSeparateColor", "Chances", {"Color": output(chance, "Color")}, mode="RGB").outputs
     rough = (Number(tree, parts["Green"]) * 2.0 - 1.0) * surface.face_variation
     return _add_kept(tree, "Face", parts["Red"], surface.face_variation), rough.value
@@ -326,4 +257,4 @@ def add_stained_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourt
     field = add_noise(tree, "Salt", geometry.outputs["Position"], surface.salt_patch_m, fourth, 4.0)
     deviation = _DEVIATION_OF_OWN_SALT if surface.salt == "OWN" else NOISE_DEVIATION
     threshold = threshold_for_share(share, deviation)
-    return add_share(tree, "Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)
+    return tree.ramp("Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)

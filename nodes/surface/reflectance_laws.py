@@ -131,20 +131,11 @@ def _add_sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
     """Normal, direction to the Sun, and direction to the viewer."""
     tree = ground.tree
     geometry = tree.node("ShaderNodeNewGeometry", "Sight")
-    toward_sun = tree.node("ShaderNodeCombineXYZ", DIRECTION, dict(zip("XYZ", sun.direction, strict=True))).outputs[0]
+    toward_sun = tree.combined(DIRECTION, *sun.direction)
     if sun.distance_m:
-        lamp = tree.node(
-            "ShaderNodeVectorMath", "Lamp", {"Vector": toward_sun, "Scale": sun.distance_m}, operation="SCALE"
-        ).outputs[0]
-        way = tree.node(
-            "ShaderNodeVectorMath",
-            "Way to the Lamp",
-            {"Vector": lamp, "Vector_001": geometry.outputs["Position"]},
-            operation="SUBTRACT",
-        ).outputs[0]
-        toward_sun = tree.node(
-            "ShaderNodeVectorMath", "Toward the Lamp", {"Vector": way}, operation="NORMALIZE"
-        ).outputs[0]
+        lamp = tree.scaled("Lamp", toward_sun, sun.distance_m)
+        way = tree.vector("SUBTRACT", "Way to the Lamp", lamp, geometry.outputs["Position"])
+        toward_sun = tree.vector("NORMALIZE", "Toward the Lamp", way)
     return (
         Vector(tree, geometry.outputs["Normal"] if ground.normal is None else ground.normal),
         Vector(tree, toward_sun),
@@ -156,27 +147,13 @@ def _add_reflectance(ground: Ground, label: str, weight: Number) -> Any:
     """A reflectance times the ground's colour: a colour, or its output socket."""
     value = weight.value
     if ground.colour is not None:
-        return ground.tree.node(
-            "ShaderNodeVectorMath", f"{label} Colour", {"Vector": ground.colour, "Scale": value}, operation="SCALE"
-        ).outputs[0]
+        return ground.tree.scaled(f"{label} Colour", ground.colour, value)
     return (*[float(value)] * 3, 1.0) if isinstance(value, (int, float)) else value
-
-
-def _add_closure(tree: Tree, label: str, colour: Any, normal: Any) -> Any:
-    """Shader socket of Lambert's law with a normal; None is the mesh's own."""
-    about = {} if normal is None else {"Normal": normal}
-    return tree.node(
-        "ShaderNodeBsdfDiffuse",
-        label,
-        {"Color": colour, "Roughness": 0.0, **about},
-        if_present={"Weight": 0.0},
-        leave=("Normal",) if normal is None else (),
-    ).outputs[0]
 
 
 def _add_diffuse(ground: Ground, label: str, weight: Number) -> Any:
     """Shader socket of Lambert's law with this reflectance times the ground's colour."""
-    return _add_closure(ground.tree, label, _add_reflectance(ground, label, weight), ground.normal)
+    return ground.tree.diffuse(label, _add_reflectance(ground, label, weight), ground.normal)
 
 
 def _add_lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> Any:
@@ -184,15 +161,12 @@ def _add_lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> 
 
     Cycles does not evaluate the nodes of the side that it does not need.
     """
-    return ground.tree.node(
-        "ShaderNodeMixShader",
+    return ground.tree.over(
         "Sunlit or Not",
-        {
-            "Fac": mu0.exceeds(0.0).value,
-            "Shader": _add_diffuse(ground, "Shaded", other),
-            "Shader_001": _add_diffuse(ground, "Sunlit", lit),
-        },
-    ).outputs[0]
+        mu0.exceeds(0.0).value,
+        _add_diffuse(ground, "Shaded", other),
+        _add_diffuse(ground, "Sunlit", lit),
+    )
 
 
 def add_seen_or_not(tree: Tree, seen: Any, other: Any) -> Any:
@@ -201,16 +175,16 @@ def add_seen_or_not(tree: Tree, seen: Any, other: Any) -> Any:
     Cycles does not evaluate the nodes of the side that it does not need.
     """
     ray = tree.node("ShaderNodeLightPath", "Light Path").outputs["Is Camera Ray"]
-    return tree.node("ShaderNodeMixShader", "Seen or Not", {"Fac": ray, "Shader": other, "Shader_001": seen}).outputs[0]
+    return tree.over("Seen or Not", ray, other, seen)
 
 
 def add_lambert(ground: Ground, albedo: float, smooth: bool) -> Any:
     """Shader socket of Lambert's law. If ``smooth``, only camera rays see the ground's normal with its relief."""
     colour = _add_reflectance(ground, "Lambert", Number(ground.tree, ground.grey) * albedo)
-    seen = _add_closure(ground.tree, "Lambert", colour, ground.normal)
+    seen = ground.tree.diffuse("Lambert", colour, ground.normal)
     if not smooth or ground.normal is None:
         return seen
-    return add_seen_or_not(ground.tree, seen, _add_closure(ground.tree, "Smooth Lambert", colour, None))
+    return add_seen_or_not(ground.tree, seen, ground.tree.diffuse("Smooth Lambert", colour))
 
 
 def add_lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> Any:
@@ -350,8 +324,7 @@ def _add_vector(tree: Tree, label: str, numbers: list[Number]) -> Any:
     """Three constants, or the output socket of a node that combines the numbers."""
     if all(number.known is not None for number in numbers):
         return tuple(number.known for number in numbers)
-    values = dict(zip("XYZ", (number.value for number in numbers), strict=True))
-    return tree.node("ShaderNodeCombineXYZ", label, values).outputs[0]
+    return tree.combined(label, *(number.value for number in numbers))
 
 
 def add_hapke_of_osl(ground: Ground, grains: Grains, sun: Sun, level: str) -> Any:

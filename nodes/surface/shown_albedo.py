@@ -12,7 +12,7 @@ from ...physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
 from ...support.labels import ALBEDO_AOV
-from ..tree.builder import Tree, output
+from ..tree.builder import Tree
 
 #: Factors on w at which the albedo of Hapke's law is computed; between them it is linear, within 0.002.
 _STEPS = 17
@@ -37,29 +37,12 @@ def add_albedo_pass(
     if surface.model == "HAPKE" and settings is not None:
         factors, bond = hapke_curve(settings, 1.0 if isinstance(grey, float) else least)
         level: Any = float(bond[-1]) if isinstance(grey, float) else tree.curve("Albedo of w", grey, factors, bond)
-        found = _add_product(tree, found, (level,) * 3 if isinstance(level, float) else level)
+        vector = found[:3] if isinstance(found, tuple) else found
+        found = tree.vector("MULTIPLY", "Albedo by Band", vector, (level,) * 3 if isinstance(level, float) else level)
     if frosted is not None:
         frost = (*[float(surface.frost_albedo)] * 3, 1.0)
-        found = output(
-            tree.node(
-                "ShaderNodeMix",
-                "Albedo with Frost",
-                {"Factor_Float": frosted, "A_Color": found, "B_Color": frost},
-                data_type="RGBA",
-                blend_type="MIX",
-                clamp_factor=True,
-                clamp_result=False,
-            ),
-            "Result_Color",
-        )
-    tree.node("ShaderNodeOutputAOV", "Albedo", {"Color": found, "Value": 0.0}, aov_name=ALBEDO_AOV)
-
-
-def _add_product(tree: Tree, colour: Any, level: Any) -> Any:
-    vector = colour[:3] if isinstance(colour, tuple) else colour
-    return tree.node(
-        "ShaderNodeVectorMath", "Albedo by Band", {"Vector": vector, "Vector_001": level}, operation="MULTIPLY"
-    ).outputs[0]
+        found = tree.mixed("Albedo with Frost", frosted, found, frost)
+    tree.value_pass("Albedo", ALBEDO_AOV, found)
 
 
 def hapke_curve(settings: Settings, least: float) -> tuple[np.ndarray, np.ndarray]:

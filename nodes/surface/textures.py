@@ -58,25 +58,6 @@ class Sampler:
         self.tree = tree
         self.pieces: list[tuple[Any, Any, Any]] = []
 
-    def vector(self, operation: str, label: str, a: Any, b: Any = None, *, scale: Any = None) -> Any:
-        """Output socket of a Vector Math node."""
-        inputs = {"Vector": a}
-        if scale is not None:
-            inputs["Scale"] = scale
-        elif b is not None:
-            inputs["Vector_001"] = b
-        node = self.tree.node("ShaderNodeVectorMath", label, inputs, operation=operation)
-        return output(node, "Value" if operation in ("DOT_PRODUCT", "LENGTH") else "Vector")
-
-    def combined(self, label: str, x: Any, y: Any, z: Any = 0.0) -> Any:
-        """Output socket of a vector of three numbers."""
-        return self.tree.node("ShaderNodeCombineXYZ", label, {"X": x, "Y": y, "Z": z}).outputs[0]
-
-    def separated(self, label: str, vector: Any) -> tuple[Any, Any, Any]:
-        """Output sockets of a vector's three numbers."""
-        node = self.tree.node("ShaderNodeSeparateXYZ", label, {"Vector": vector})
-        return node.outputs[0], node.outputs[1], node.outputs[2]
-
     def _images(self, kind: str, of: Map) -> list[Any]:
         """Output sockets of the image's colour at each piece."""
         return [
@@ -100,14 +81,10 @@ class Sampler:
             return values[0]
         total: Any = mean
         for k, (value, (_, share, _)) in enumerate(zip(values, self.pieces, strict=True)):
-            apart = self.vector("SUBTRACT", f"{kind.title()} {k} Apart", value, mean)
-            total = self.vector(
-                "ADD",
-                f"{kind.title()} Sum {k}",
-                total,
-                self.vector("SCALE", f"{kind.title()} {k} Part", apart, scale=share),
-            )
-        return self.vector("MAXIMUM", "At Least Black", total, (0.0, 0.0, 0.0)) if kind == "albedo" else total
+            apart = self.tree.vector("SUBTRACT", f"{kind.title()} {k} Apart", value, mean)
+            part = self.tree.scaled(f"{kind.title()} {k} Part", apart, share)
+            total = self.tree.vector("ADD", f"{kind.title()} Sum {k}", total, part)
+        return self.tree.vector("MAXIMUM", "At Least Black", total, (0.0, 0.0, 0.0)) if kind == "albedo" else total
 
     def sample(self, kind: str, of: Map) -> Any:
         """Output socket of the blended colour of a map."""
@@ -122,7 +99,7 @@ class Mean(Sampler):
     """The mean of an image everywhere."""
 
     def sample(self, kind: str, of: Map) -> Any:
-        return self.combined(f"Mean {kind.title()}", *of.mean)
+        return self.tree.combined(f"Mean {kind.title()}", *of.mean)
 
 
 class ByUV(Sampler):
@@ -141,8 +118,9 @@ class ByUV(Sampler):
             self.tree.node("ShaderNodeNormalMap", label, {"Strength": 1.0, "Color": colour}, **self._TANGENT).outputs[0]
             for label, colour in (("Normal Map", self._images("normal", of)[0]), ("Level Map", (0.5, 0.5, 1.0, 1.0)))
         )
-        tilt = self.vector("SUBTRACT", "Tilt", mapped, level)
-        return self.vector("NORMALIZE", "Mapped Normal", self.vector("ADD", "Tilted", self.normal, tilt))
+        tree = self.tree
+        tilt = tree.vector("SUBTRACT", "Tilt", mapped, level)
+        return tree.vector("NORMALIZE", "Mapped Normal", tree.vector("ADD", "Tilted", self.normal, tilt))
 
 
 class Pieces(Sampler):
@@ -172,41 +150,41 @@ class Pieces(Sampler):
 
     def _place(self, geometry: Any, textures: TexturesSettings, offset: tuple[float, float]) -> None:
         """Set ``plane``, the position in image widths as seen from above, or from the side on walls."""
-        math_ = self.tree.math
-        at = self.vector("SCALE", "Image Widths", geometry.outputs["Position"], scale=1.0 / textures.width_m)
-        x, y, z = self.separated("Place", self.vector("ADD", "Shifted", at, (*offset, 0.0)))
+        tree = self.tree
+        at = tree.scaled("Image Widths", geometry.outputs["Position"], 1.0 / textures.width_m)
+        x, y, z = tree.separated("Place", tree.vector("ADD", "Shifted", at, (*offset, 0.0)))
         self.normal = geometry.outputs["Normal"]
-        size = self.vector("ABSOLUTE", "Normal Size", geometry.outputs["True Normal"])
-        east, north, up = self.separated("Facing", size)
-        self.is_wall = math_("LESS_THAN", "Wall", up, _WALL)
-        self.faces_east = math_("GREATER_THAN", "Faces East", east, north)
-        side = self.chosen("Side", self.faces_east, self.combined("From South", x, z), self.combined("From East", y, z))
-        self.plane = self.chosen("Seen From", self.is_wall, self.combined("From Above", x, y), side)
+        size = tree.vector("ABSOLUTE", "Normal Size", geometry.outputs["True Normal"])
+        east, north, up = tree.separated("Facing", size)
+        self.is_wall = tree.math("LESS_THAN", "Wall", up, _WALL)
+        self.faces_east = tree.math("GREATER_THAN", "Faces East", east, north)
+        side = self.chosen("Side", self.faces_east, tree.combined("From South", x, z), tree.combined("From East", y, z))
+        self.plane = self.chosen("Seen From", self.is_wall, tree.combined("From Above", x, y), side)
 
     def _hexagons(self, turned: bool) -> None:
-        math_, k = self.tree.math, _HEXAGONS
-        skewed = self.combined(
+        tree, math_, k = self.tree, self.tree.math, _HEXAGONS
+        skewed = tree.combined(
             "Skewed",
-            self.vector("DOT_PRODUCT", "Skewed X", self.plane, (k, -k / _ROOT_3, 0.0)),
-            self.vector("DOT_PRODUCT", "Skewed Y", self.plane, (0.0, 2 * k / _ROOT_3, 0.0)),
+            tree.vector("DOT_PRODUCT", "Skewed X", self.plane, (k, -k / _ROOT_3, 0.0)),
+            tree.vector("DOT_PRODUCT", "Skewed Y", self.plane, (0.0, 2 * k / _ROOT_3, 0.0)),
         )
-        base = self.vector("FLOOR", "Rhombus", skewed)
-        x, y, _ = self.separated("In Rhombus", self.vector("FRACTION", "Rest", skewed))
+        base = tree.vector("FLOOR", "Rhombus", skewed)
+        x, y, _ = tree.separated("In Rhombus", tree.vector("FRACTION", "Rest", skewed))
         rest = math_("SUBTRACT", "Below Diagonal", 1.0, math_("ADD", "Sum", x, y))
         upper = math_("LESS_THAN", "Upper Triangle", rest, 0.0)
         beyond = math_("MULTIPLY", "Beyond Diagonal", upper, rest)
         corners = (
-            ("A", self.combined("Corner A", upper, upper), math_("ABSOLUTE", "Weight A", rest)),
+            ("A", tree.combined("Corner A", upper, upper), math_("ABSOLUTE", "Weight A", rest)),
             ("B", (0.0, 1.0, 0.0), math_("ADD", "Weight B", y, beyond)),
             ("C", (1.0, 0.0, 0.0), math_("ADD", "Weight C", x, beyond)),
         )
-        total = self.vector("LENGTH", "Root of Squares", self.combined("Weights", *(w for _, _, w in corners)))
+        total = tree.vector("LENGTH", "Root of Squares", tree.combined("Weights", *(w for _, _, w in corners)))
         for name, step, weight in corners:
-            corner = self.vector("ADD", f"Corner {name} At", base, step)
-            middle = self.combined(
+            corner = tree.vector("ADD", f"Corner {name} At", base, step)
+            middle = tree.combined(
                 f"Middle {name}",
                 *(
-                    self.vector("DOT_PRODUCT", f"Middle {name} {axis}", corner, row)
+                    tree.vector("DOT_PRODUCT", f"Middle {name} {axis}", corner, row)
                     for axis, row in (("X", (1 / k, 0.5 / k, 0.0)), ("Y", (0.0, _ROOT_3 / (2 * k), 0.0)))
                 ),
             )
@@ -218,7 +196,7 @@ class Pieces(Sampler):
             if turned:
                 angle = math_("MULTIPLY", f"Angle {name}", output(random, "Value"), 2 * math.pi)
                 place = self.rotated(f"Turned {name}", place, angle, middle)
-            moved = self.vector("ADD", f"Piece {name}", place, output(random, "Color"))
+            moved = tree.vector("ADD", f"Piece {name}", place, output(random, "Color"))
             self.pieces.append((moved, math_("DIVIDE", f"Share {name}", weight, total), angle))
 
     def rotated(self, label: str, vector: Any, angle: Any, centre: Any = (0.0, 0.0, 0.0), back: bool = False) -> Any:
@@ -233,29 +211,29 @@ class Pieces(Sampler):
 
     def sample_normal(self, of: Map) -> Any:
         """Output socket of the surface's normal tilted as a normal map states (x right, y up, z out; OpenGL)."""
-        slopes = []
+        tree, slopes = self.tree, []
         for k, colour in enumerate(self._images("normal", of)):
-            scaled = self.vector("SCALE", f"Normal {k} Doubled", colour, scale=2.0)
-            x, y, z = self.separated(f"Normal {k} Axes", self.vector("SUBTRACT", f"Normal {k}", scaled, (1.0,) * 3))
-            level = self.tree.math("MAXIMUM", f"Normal {k} Out", z, 0.05)
-            slope = self.combined(
+            scaled = tree.scaled(f"Normal {k} Doubled", colour, 2.0)
+            x, y, z = tree.separated(f"Normal {k} Axes", tree.vector("SUBTRACT", f"Normal {k}", scaled, (1.0,) * 3))
+            level = tree.math("MAXIMUM", f"Normal {k} Out", z, 0.05)
+            slope = tree.combined(
                 f"Slope {k}",
-                self.tree.math("DIVIDE", f"Slope {k} X", x, level),
-                self.tree.math("DIVIDE", f"Slope {k} Y", y, level),
+                tree.math("DIVIDE", f"Slope {k} X", x, level),
+                tree.math("DIVIDE", f"Slope {k} Y", y, level),
             )
             angle = self.pieces[k][2]
             slopes.append(
                 slope if isinstance(angle, float) else self.rotated(f"Slope {k} Turned", slope, angle, back=True)
             )
-        x, y, _ = self.separated("Slopes", self._blended("normal", slopes, (0.0, 0.0, 0.0)))
+        x, y, _ = tree.separated("Slopes", self._blended("normal", slopes, (0.0, 0.0, 0.0)))
         side = self.chosen(
             "Side Slopes",
             self.faces_east,
-            self.combined("South Slopes", x, 0.0, y),
-            self.combined("East Slopes", 0.0, x, y),
+            tree.combined("South Slopes", x, 0.0, y),
+            tree.combined("East Slopes", 0.0, x, y),
         )
-        tilt = self.chosen("Tilt", self.is_wall, self.combined("Top Slopes", x, y), side)
-        return self.vector("NORMALIZE", "Mapped Normal", self.vector("ADD", "Tilted", self.normal, tilt))
+        tilt = self.chosen("Tilt", self.is_wall, tree.combined("Top Slopes", x, y), side)
+        return tree.vector("NORMALIZE", "Mapped Normal", tree.vector("ADD", "Tilted", self.normal, tilt))
 
 
 class OverPatch(Pieces):
@@ -267,7 +245,8 @@ class OverPatch(Pieces):
         super().__init__(tree, textures | {"repeat": "PLAIN", "width_m": patch_m}, geometry, (0.5, 0.5))
 
     def _place(self, geometry: Any, textures: TexturesSettings, offset: tuple[float, float]) -> None:
-        at = self.vector("SCALE", "Patch Widths", geometry.outputs["Position"], scale=1.0 / textures.width_m)
-        x, y, _ = self.separated("Place", self.vector("ADD", "From Corner", at, (*offset, 0.0)))
+        tree = self.tree
+        at = tree.scaled("Patch Widths", geometry.outputs["Position"], 1.0 / textures.width_m)
+        x, y, _ = tree.separated("Place", tree.vector("ADD", "From Corner", at, (*offset, 0.0)))
         self.normal, self.is_wall, self.faces_east = geometry.outputs["Normal"], 0.0, 0.0
-        self.plane = self.combined("From Above", x, y)
+        self.plane = tree.combined("From Above", x, y)

@@ -1,18 +1,57 @@
 """Builds node trees, one call for each node.
 
 A call must set every input of the node, because Blender's defaults differ between versions (Displacement Scale changed
-from 1.0 to 0.01). An input that is neither given nor named in ``leave`` is an error. Sockets are found by their
+from 1.0 to 0.01). An input that is missing is an error; None leaves it unconnected. Sockets are found by their
 identifiers, which no version has renamed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import bpy
 
 COLUMN, ROW = 220.0, 260.0
+BLACK = (0.0, 0.0, 0.0, 1.0)
+WHITE = (1.0, 1.0, 1.0, 1.0)
+#: Inputs of a Principled surface that has only its own colour and Fresnel's reflection, and those of some versions.
+_PRINCIPLED = {
+    "Metallic": 0.0,
+    "IOR": 1.5,
+    "Alpha": 1.0,
+    "Normal": None,
+    "Subsurface Weight": 0.0,
+    "Subsurface Radius": (1.0, 1.0, 1.0),
+    "Subsurface Scale": 0.0,
+    "Specular IOR Level": 0.5,
+    "Specular Tint": WHITE,
+    "Anisotropic": 0.0,
+    "Anisotropic Rotation": 0.0,
+    "Tangent": None,
+    "Transmission Weight": 0.0,
+    "Coat Weight": 0.0,
+    "Coat Roughness": 0.0,
+    "Coat IOR": 1.5,
+    "Coat Tint": WHITE,
+    "Coat Normal": None,
+    "Sheen Weight": 0.0,
+    "Sheen Roughness": 0.5,
+    "Sheen Tint": WHITE,
+    "Emission Color": WHITE,
+    "Emission Strength": 0.0,
+}
+_PRINCIPLED_IN_SOME = {
+    "Weight": 0.0,
+    "Diffuse Roughness": 0.0,
+    "Subsurface Anisotropy": 0.0,
+    "Thin Film Thickness": 0.0,
+    "Thin Film IOR": 1.33,
+    "Subsurface IOR": 1.4,
+    "Thin Wall": False,
+}
+#: Operations on vectors that give a number.
+_TO_NUMBER = ("DOT_PRODUCT", "LENGTH", "DISTANCE")
 
 
 def non_socket_values(node: Any) -> list[Any]:
@@ -42,16 +81,14 @@ class Tree:
         label: str,
         inputs: Mapping[str, Any] | None = None,
         *,
-        leave: Iterable[str] = (),
         if_present: Mapping[str, Any] | None = None,
         **properties: Any,
     ) -> Any:
         """Add a node and return it. Raises ValueError if an input is missing or unknown.
 
-        ``inputs`` maps identifiers of sockets to values, or to output sockets that are linked to them. ``if_present``
-        is the same for sockets that only some versions of Blender have. ``leave`` names inputs that stay unconnected,
-        such as a Normal input that then is the surface's own normal. ``properties`` are set first, since the sockets
-        depend on them.
+        ``inputs`` maps identifiers of sockets to values, or to output sockets that are linked to them; None leaves a
+        socket unconnected, such as a Normal input that then is the surface's own normal. ``if_present`` is the same for
+        sockets that only some versions of Blender have. ``properties`` are set first, since the sockets depend on them.
         """
         node = self.tree.nodes.new(kind)
         node.name = node.label = label
@@ -60,7 +97,8 @@ class Tree:
         given = dict(inputs or {})
         present = {s.identifier: s for s in node.inputs if s.enabled}
         given |= {k: v for k, v in (if_present or {}).items() if k in present}
-        missing = present.keys() - given.keys() - set(leave)
+        missing = present.keys() - given.keys()
+        given = {k: v for k, v in given.items() if v is not None}
         unknown = given.keys() - present.keys()
         if missing or unknown:
             raise ValueError(f"{kind} {label!r}: inputs not set {sorted(missing)}, unknown {sorted(unknown)}")
@@ -76,6 +114,142 @@ class Tree:
         operands = zip(("Value", "Value_001", "Value_002"), (a, b, c), strict=True)
         inputs = {key: value for key, value in operands if value is not None}
         return self.node("ShaderNodeMath", label, inputs, operation=operation, use_clamp=False).outputs[0]
+
+    def vector(self, operation: str, label: str, a: Any, b: Any = None, c: Any = None) -> Any:
+        """Output socket of a Vector Math node of one vector, two or three."""
+        operands = {"Vector": a, "Vector_001": b, "Vector_002": c}
+        inputs = {key: value for key, value in operands.items() if value is not None}
+        node = self.node("ShaderNodeVectorMath", label, inputs, operation=operation)
+        return output(node, "Value" if operation in _TO_NUMBER else "Vector")
+
+    def scaled(self, label: str, vector: Any, factor: Any) -> Any:
+        """Output socket of a vector times a number."""
+        inputs = {"Vector": vector, "Scale": factor}
+        return self.node("ShaderNodeVectorMath", label, inputs, operation="SCALE").outputs[0]
+
+    def combined(self, label: str, x: Any, y: Any, z: Any = 0.0) -> Any:
+        """Output socket of a vector of three numbers."""
+        return self.node("ShaderNodeCombineXYZ", label, {"X": x, "Y": y, "Z": z}).outputs[0]
+
+    def separated(self, label: str, vector: Any) -> Sequence[Any]:
+        """Output sockets of a vector's three numbers."""
+        return self.node("ShaderNodeSeparateXYZ", label, {"Vector": vector}).outputs
+
+    def colour(self, label: str, red: Any, green: Any, blue: Any) -> Any:
+        """Output socket of a colour of three bands."""
+        inputs = {"Red": red, "Green": green, "Blue": blue}
+        return self.node("ShaderNodeCombineColor", label, inputs, mode="RGB").outputs[0]
+
+    def mixed(self, label: str, share: Any, a: Any, b: Any) -> Any:
+        """Output socket of a colour that is ``b`` to this share and else ``a``."""
+        return output(
+            self.node(
+                "ShaderNodeMix",
+                label,
+                {"Factor_Float": share, "A_Color": a, "B_Color": b},
+                data_type="RGBA",
+                blend_type="MIX",
+                clamp_factor=True,
+                clamp_result=False,
+            ),
+            "Result_Color",
+        )
+
+    def ramp(self, label: str, value: Any, zero: float, one: float, smooth: bool = False) -> Any:
+        """Output socket: 0 where ``value`` is ``zero``, 1 where it is ``one``, limited to that range."""
+        return self.node(
+            "ShaderNodeMapRange",
+            label,
+            {"Value": value, "From Min": zero, "From Max": one, "To Min": 0.0, "To Max": 1.0},
+            data_type="FLOAT",
+            interpolation_type="SMOOTHSTEP" if smooth else "LINEAR",
+            clamp=True,
+        ).outputs[0]
+
+    def noise(
+        self,
+        label: str,
+        where: Mapping[str, Any],
+        scale: Any,
+        detail: Any,
+        *,
+        roughness: float = 0.5,
+        normalize: bool = True,
+    ) -> Any:
+        """Noise node of ``detail`` + 1 octaves. ``where`` is its place: a Vector, a W, or both."""
+        return self.node(
+            "ShaderNodeTexNoise",
+            label,
+            {
+                **where,
+                "Scale": scale,
+                "Detail": detail,
+                "Roughness": roughness,
+                "Lacunarity": 2.0,
+                "Distortion": 0.0,
+            },
+            noise_dimensions=f"{3 * ('Vector' in where) + ('W' in where)}D",
+            noise_type="FBM",
+            normalize=normalize,
+        )
+
+    def attribute(self, label: str, name: str, identifier: str = "Fac", kind: str = "GEOMETRY") -> Any:
+        """Output socket of an attribute of the mesh, or of the instance."""
+        return output(self.node("ShaderNodeAttribute", label, attribute_type=kind, attribute_name=name), identifier)
+
+    def bump(self, label: str, height: Any, distance_m: float, normal: Any = None) -> Any:
+        """Output socket of the normal with bumps, which are ``distance_m`` high where ``height`` is 1.
+
+        The bumps are on the surface's own normal, or on ``normal``.
+        """
+        return self.node(
+            "ShaderNodeBump",
+            label,
+            {"Strength": 1.0, "Distance": distance_m, "Height": height, "Normal": normal},
+            if_present={"Filter Width": 0.1},
+            invert=False,
+        ).outputs[0]
+
+    def diffuse(self, label: str, colour: Any, normal: Any = None) -> Any:
+        """Shader socket of Lambert's law with a normal; None is the mesh's own."""
+        inputs = {"Color": colour, "Roughness": 0.0, "Normal": normal}
+        return self.node("ShaderNodeBsdfDiffuse", label, inputs, if_present={"Weight": 0.0}).outputs[0]
+
+    def principled(
+        self, label: str, colour: Any, roughness: Any, subsurface: str = "RANDOM_WALK", **others: Any
+    ) -> Any:
+        """Shader socket of a Principled surface. ``others`` are inputs that differ from ``_PRINCIPLED``."""
+        return self.node(
+            "ShaderNodeBsdfPrincipled",
+            label,
+            {"Base Color": colour, "Roughness": roughness} | _PRINCIPLED | others,
+            if_present=_PRINCIPLED_IN_SOME,
+            distribution="MULTI_GGX",
+            subsurface_method=subsurface,
+        ).outputs[0]
+
+    def emission(self, label: str, colour: Any, strength: Any) -> Any:
+        """Shader socket of a surface that emits light."""
+        inputs = {"Color": colour, "Strength": strength}
+        return self.node("ShaderNodeEmission", label, inputs, if_present={"Weight": 0.0}).outputs[0]
+
+    def transparent(self, label: str, colour: Any) -> Any:
+        """Shader socket of a surface that light passes straight through."""
+        return self.node("ShaderNodeBsdfTransparent", label, {"Color": colour}, if_present={"Weight": 0.0}).outputs[0]
+
+    def over(self, label: str, share: Any, under: Any, layer: Any) -> Any:
+        """Shader socket of ``layer`` over its share of ``under``. Where that is 0 or 1, Cycles evaluates only one."""
+        inputs = {"Fac": share, "Shader": under, "Shader_001": layer}
+        return self.node("ShaderNodeMixShader", label, inputs).outputs[0]
+
+    def surface(self, shader: Any, label: str = "Surface", target: str = "ALL", **others: Any) -> None:
+        """Connect a shader, and others such as ``Volume``, to a material's output."""
+        inputs = {"Surface": shader, "Displacement": None, "Volume": None, "Thickness": None} | others
+        self.node("ShaderNodeOutputMaterial", label, inputs, target=target)
+
+    def value_pass(self, label: str, name: str, colour: Any = BLACK, value: Any = 0.0) -> None:
+        """Write a colour and a value into a pass."""
+        self.node("ShaderNodeOutputAOV", label, {"Color": colour, "Value": value}, aov_name=name)
 
     def curve(self, label: str, colour: Any, x: Any, y: Any) -> Any:
         """Output socket of a colour after linear interpolation of each band between points (x, y)."""

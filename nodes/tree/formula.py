@@ -39,13 +39,7 @@ class Number:
         values = [term.known for term in terms]
         if known is not None and None not in values:
             return Number(self.tree, known(*values))
-        inputs = dict(zip(("Value", "Value_001", "Value_002"), (term.value for term in terms), strict=False))
-        return Number(
-            self.tree,
-            self.tree.node(
-                "ShaderNodeMath", operation.capitalize(), inputs, operation=operation, use_clamp=False
-            ).outputs[0],
-        )
+        return Number(self.tree, self.tree.math(operation, operation.capitalize(), *(term.value for term in terms)))
 
     def __add__(self, other: Number | float) -> Number:
         other = self._of(other)
@@ -147,29 +141,29 @@ class Vector:
     def __init__(self, tree: Tree, socket: bpy.types.NodeSocket) -> None:
         self.tree, self.socket = tree, socket
 
-    def _node(self, operation: str, other: Vector | None = None) -> Any:
-        inputs = {"Vector": self.socket} | ({"Vector_001": other.socket} if other else {})
-        return self.tree.node("ShaderNodeVectorMath", operation.capitalize(), inputs, operation=operation)
+    def _node(self, operation: str, *others: Vector) -> Any:
+        sockets = (each.socket for each in (self, *others))
+        return self.tree.vector(operation, operation.capitalize(), *sockets)
 
     def __add__(self, other: Vector) -> Vector:
-        return Vector(self.tree, self._node("ADD", other).outputs["Vector"])
+        return Vector(self.tree, self._node("ADD", other))
 
     def cross(self, other: Vector) -> Vector:
         """The cross product with another vector."""
-        return Vector(self.tree, self._node("CROSS_PRODUCT", other).outputs["Vector"])
+        return Vector(self.tree, self._node("CROSS_PRODUCT", other))
 
     def unit(self) -> Vector:
         """The vector of length one in this direction; zero for the zero vector."""
-        return Vector(self.tree, self._node("NORMALIZE").outputs["Vector"])
+        return Vector(self.tree, self._node("NORMALIZE"))
 
     def dot(self, other: Vector) -> Number:
         """The scalar product with another vector."""
-        return Number(self.tree, self._node("DOT_PRODUCT", other).outputs["Value"])
+        return Number(self.tree, self._node("DOT_PRODUCT", other))
 
     def distance(self, other: Vector) -> Number:
         """The length of the difference from another vector."""
-        return Number(self.tree, self._node("DISTANCE", other).outputs["Value"])
+        return Number(self.tree, self._node("DISTANCE", other))
 
     def length(self) -> Number:
         """The length of the vector."""
-        return Number(self.tree, self._node("LENGTH").outputs["Value"])
+        return Number(self.tree, self._node("LENGTH"))

@@ -62,23 +62,23 @@ def pad_centres(lander: LanderSettings) -> tuple[tuple[float, float], tuple[floa
     return (lander.pad_ahead_m, lander.pad_apart_m / 2), (lander.pad_ahead_m, -lander.pad_apart_m / 2)
 
 
+def _upright(material: str, outline: Sequence[tuple[float, float]], at: Sequence[float], sides: int = 40) -> Solid:
+    """A solid of revolution about the upright axis through a place, from (height, radius) of its outline."""
+    return moved(lathe(material, outline, sides), pose(_ABOUT_Z[:3, :3], at))
+
+
 def _drum(material: str, radius: float, width: float, bevel: float = 0.012) -> Solid:
     """The motor of a pitch joint: a drum about y."""
     half = width / 2
-    return moved(
-        lathe(
-            material,
-            [
-                (-half, 0.0),
-                (-half, radius - bevel),
-                (bevel - half, radius),
-                (half - bevel, radius),
-                (half, radius - bevel),
-                (half, 0.0),
-            ],
-        ),
-        _ABOUT_Y,
-    )
+    outline = [
+        (-half, 0.0),
+        (-half, radius - bevel),
+        (bevel - half, radius),
+        (half - bevel, radius),
+        (half, radius - bevel),
+        (half, 0.0),
+    ]
+    return moved(lathe(material, outline), _ABOUT_Y)
 
 
 def _joint(radius: float, width: float) -> list[Solid]:
@@ -104,21 +104,16 @@ def _joint(radius: float, width: float) -> list[Solid]:
 def _turret(arm: ArmSettings) -> Solid:
     offset = max(arm.offset_m, 1e-3)
     below = min(0.22, arm.shoulder_z_m - 0.05)
-    drum = moved(
-        lathe(
-            METAL,
-            [
-                (-below, 0.0),
-                (-below, 0.07),
-                (-below + 0.01, 0.08),
-                (-0.09, 0.08),
-                (-0.075, 0.065),
-                (-0.06, 0.065),
-                (-0.05, 0.0),
-            ],
-        ),
-        _ABOUT_Z,
-    )
+    outline = [
+        (-below, 0.0),
+        (-below, 0.07),
+        (-below + 0.01, 0.08),
+        (-0.09, 0.08),
+        (-0.075, 0.065),
+        (-0.06, 0.065),
+        (-0.05, 0.0),
+    ]
+    drum = moved(lathe(METAL, outline), _ABOUT_Z)
     band = moved(lathe(BLACK, [(-0.16, 0.0), (-0.16, 0.083), (-0.13, 0.083), (-0.13, 0.0)]), _ABOUT_Z)
     cheeks = [
         box(METAL, (offset + 0.09, 0.014, 0.12), (offset / 2 + 0.005, side * 0.062, -0.005), 0.006) for side in (-1, 1)
@@ -155,17 +150,10 @@ def _segment(length: float, radius: float, joint: float, side: int) -> Solid:
         (length - 0.04, 0.02 * side, joint * 0.75),
     ]
     parts += [rod(BLACK, a, b, 0.009, bevel=0.0, sides=12) for a, b in itertools.pairwise(cable)]
-    parts += [
-        moved(
-            lathe(WHITE, [(-0.012, 0.0), (-0.012, radius + 0.004), (0.012, radius + 0.004), (0.012, 0.0)]),
-            pose(place=(x, 0.0, 0.0)),
-        )
-        for x in np.linspace(inner + 0.12, end - 0.12, 3)
-    ]
-    parts += [
-        box(STEEL, (0.022, 0.03, 0.02), (x, 0.014 * side, high - 0.003), 0.003)
-        for x in np.linspace(inner + 0.12, end - 0.12, 3)
-    ]
+    places = np.linspace(inner + 0.12, end - 0.12, 3)
+    ring = lathe(WHITE, [(-0.012, 0.0), (-0.012, radius + 0.004), (0.012, radius + 0.004), (0.012, 0.0)])
+    parts += [moved(ring, pose(place=(x, 0.0, 0.0))) for x in places]
+    parts += [box(STEEL, (0.022, 0.03, 0.02), (x, 0.014 * side, high - 0.003), 0.003) for x in places]
     return join(parts)
 
 
@@ -181,11 +169,11 @@ def _hand(arm: ArmSettings) -> Solid:
     return join(parts)
 
 
-def _plate(corners: Sequence[tuple[float, float]], y: float, thick: float, material: str = METAL) -> Solid:
-    """A flat plate with an outline of (x, z), between y - thick / 2 and y + thick / 2."""
+def _plate(corners: Sequence[tuple[float, float]], y: float, thick: float) -> Solid:
+    """A flat plate of metal with an outline of (x, z), between y - thick / 2 and y + thick / 2."""
     # prism makes its outline in x and y, with z as the height.
     turn = pose(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
-    return moved(prism(material, corners, -y - thick / 2, -y + thick / 2), turn)
+    return moved(prism(METAL, corners, -y - thick / 2, -y + thick / 2), turn)
 
 
 def _scoop(arm: ArmSettings) -> Solid:
@@ -261,17 +249,13 @@ def _deck_parts(front: float, half: float, corner: float, top: float) -> list[So
         rod(METAL, (front - 0.03, at, top - 0.005), (front - 0.03, at, top + 0.045), 0.007, sides=12)
         for at in np.linspace(-y, y, 5)
     ]
-    funnel = moved(
-        lathe(METAL, [(0.0, 0.0), (0.0, 0.05), (0.05, 0.05), (0.1, 0.085), (0.104, 0.085), (0.06, 0.045), (0.02, 0.0)]),
-        pose(_ABOUT_Z[:3, :3], (front - 0.17, 0.32 * half, top)),
-    )
+    cone = [(0.0, 0.0), (0.0, 0.05), (0.05, 0.05), (0.1, 0.085), (0.104, 0.085), (0.06, 0.045), (0.02, 0.0)]
+    funnel = _upright(METAL, cone, (front - 0.17, 0.32 * half, top))
+    chip = [(0.0, 0.0), (0.0, 0.022), (0.016, 0.022), (0.016, 0.0)]
     target = [
         box(BLACK, (0.12, 0.12, 0.012), (front - 0.13, -0.45 * half, top + 0.006), 0.003),
         *(
-            moved(
-                lathe(name, [(0.0, 0.0), (0.0, 0.022), (0.016, 0.022), (0.016, 0.0)], 24),
-                pose(_ABOUT_Z[:3, :3], (front - 0.13 + dx, -0.45 * half + dy, top)),
-            )
+            _upright(name, chip, (front - 0.13 + dx, -0.45 * half + dy, top), 24)
             for name, dx, dy in ((WHITE, 0.03, 0.03), (FOIL, 0.03, -0.03), (METAL, -0.03, 0.03), (TUBE, -0.03, -0.03))
         ),
     ]
@@ -298,10 +282,8 @@ def _boom(settings: Settings, front: float, top: float) -> list[Solid]:
         )
         for side in (-1, 1)
     ]
-    plate = moved(
-        lathe(METAL, [(-0.03, 0.0), (-0.03, 0.085), (-0.024, 0.092), (0.0, 0.092), (0.0, 0.0)]),
-        pose(_ABOUT_Z[:3, :3], (x, y, low)),
-    )
+    rim = [(-0.03, 0.0), (-0.03, 0.085), (-0.024, 0.092), (0.0, 0.092), (0.0, 0.0)]
+    plate = _upright(METAL, rim, (x, y, low))
     cable = [
         (back, y + 0.17, top + 0.012),
         (front + 0.02, y + 0.16, top + 0.004),
@@ -360,7 +342,7 @@ def _leg(
         (0.42 * r, 0.2 * r),
         (0.42 * r, 0.0),
     ]
-    return [*parts, moved(lathe(METAL, dish, 56), pose(_ABOUT_Z[:3, :3], (x, y, z)))]
+    return [*parts, _upright(METAL, dish, foot, 56)]
 
 
 def head_solid(settings: Settings) -> Solid:

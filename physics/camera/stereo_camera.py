@@ -98,14 +98,6 @@ class StereoCamera:
             self.margin_y_px : self.margin_y_px + self.height_px, self.margin_x_px : self.margin_x_px + self.width_px
         ]
 
-    @property
-    def field_of_view_deg(self) -> tuple[float, float]:
-        """Horizontal and vertical field of view in degrees."""
-        return (
-            math.degrees(2 * math.atan(self.width_px / 2 / self.focal_px)),
-            math.degrees(2 * math.atan(self.height_px / 2 / self.focal_px)),
-        )
-
     def disparity(self, depth_m: np.ndarray) -> np.ndarray:
         """Disparity in px of planar depths in metres; NaN stays NaN (sky)."""
         return self.focal_baseline_px_m / np.asarray(depth_m, np.float64) - self.doffs_px

@@ -147,7 +147,7 @@ def _reflectance(face: Face, planet: Planet, normal: np.ndarray) -> np.ndarray:
     return found
 
 
-def _over_zenith(face: Face, planet: Planet, normal: np.ndarray, toward: np.ndarray) -> np.ndarray:
+def over_zenith(face: Face, planet: Planet, normal: np.ndarray, toward: np.ndarray) -> np.ndarray:
     """Unscaled radiance (..., 3) relative to a place of an even globe with the Sun in its zenith; without ripples.
 
     ``normal`` and ``toward`` (..., 3) are unit vectors, the second toward the observer.
@@ -169,24 +169,7 @@ def face_scale(planet: Planet) -> tuple[float, float, float]:
     nodes = cap_nodes(seen)
     facing = nodes.solid_angle * np.maximum(nodes.ray @ planet.direction, 0.0)
     normal, shaded = seen.normal(nodes.sphere), facing * seen.passed(nodes.sphere)
-    total = (_over_zenith(face, planet, normal, -nodes.ray) * shaded[..., None]).sum(axis=(0, 1))
+    total = (over_zenith(face, planet, normal, -nodes.ray) * shaded[..., None]).sum(axis=(0, 1))
     even = float((np.maximum(normal @ planet.sun, 0.0) * shaded).sum())
     r, g, b = (tint * even / band if band > 0 else tint for tint, band in zip(face.tint, total.tolist(), strict=True))
     return r, g, b
-
-
-def face_radiance(planet: Planet, position: np.ndarray) -> np.ndarray:
-    """Radiance (..., 3) in W/(m² sr) of places of the planet (..., 3) relative to the observer, in R, G, B of sunlight.
-
-    Edges of bands waver in an image, which is left out here.
-    """
-    seen = VisibleCap(planet)
-    sphere = seen.sphere_of(position)
-    even = seen.radiance(sphere)
-    if planet.face not in FACES:
-        return np.repeat(even[..., None], 3, axis=-1)
-    normal = seen.normal(sphere)
-    toward = -position / np.linalg.norm(position, axis=-1, keepdims=True)
-    passed = seen.passed(sphere)[..., None]
-    face = _over_zenith(FACES[planet.face], planet, normal, toward)
-    return np.asarray(seen.shape.full_radiance * face * passed * face_scale(planet))

@@ -98,16 +98,6 @@ def lambert_albedo(law: str, geometric_albedo: float, phase_deg: float) -> float
     return 1.5 * geometric_albedo * phase_function(law, min(phase_deg, 179.0)) / lambert
 
 
-def far_field_irradiance_wm2(planet: Planet) -> float:
-    """Irradiance of a facing surface by the formula for a distant point; to compare with ``irradiance_wm2``."""
-    return (
-        planet.geometric_albedo
-        * phase_function(planet.phase_law, planet.phase_deg)
-        * planet.sun_irradiance_wm2
-        * math.sin(math.radians(planet.angular_diameter_deg / 2)) ** 2
-    )
-
-
 @dataclass(frozen=True)
 class Ellipsoid:
     """A planet as the unit sphere of a space that is stretched along its pole, its centre the origin."""
@@ -153,11 +143,6 @@ class VisibleCap:
     def position(self, sphere: np.ndarray) -> np.ndarray:
         """Relative to the observer."""
         return self.planet.direction + self.shape.radius * sphere @ self.shrink
-
-    def sphere_of(self, position: np.ndarray) -> np.ndarray:
-        """Unit vectors of the stretched space at places relative to the observer, or near to the globe there."""
-        found = (position - self.planet.direction) @ self.shape.stretch
-        return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
 
     def normal(self, sphere: np.ndarray) -> np.ndarray:
         """Unit normals of the planet."""

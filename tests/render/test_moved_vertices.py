@@ -60,11 +60,10 @@ def moving(name, height_m):
     moved = tree.node(
         "ShaderNodeDisplacement",
         "Moved",
-        {"Height": height, "Midlevel": 0.0, "Scale": 1.0},
-        leave=("Normal",),
+        {"Height": height, "Midlevel": 0.0, "Scale": 1.0, "Normal": None},
         space="OBJECT",
     ).outputs[0]
-    tree.node("ShaderNodeOutputMaterial", "Surface", {"Displacement": moved}, leave=("Surface", "Volume", "Thickness"))
+    tree.surface(None, Displacement=moved)
     return material
 
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
-from icymoon.physics.light.planet_face import face_radiance, face_tint
+from icymoon.physics.light.planet_face import face_tint
 from icymoon.physics.light.planetshine import irradiance_wm2
 from icymoon.physics.light.sky import sky
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.labels import PLANET
+from planet_radiance import face_radiance
 from rendering import complete, empty_scene, render
 
 FLAT = {"terrain": {"rms_slope_deg": 0.0, "size_m": 40.0}, "mesh": {"kind": "GRID"}, "quality": {"samples": 16}}

@@ -266,19 +266,8 @@ def test_vertices_carry_the_octaves_that_the_law_names(spacing_m):
         *add_grain_by_fineness(tree, surface, where, (1.0, 2.0, 3.0)),
         add_grain(tree, where, 0.1, (1.0, 2.0, 3.0)),
     ]
-    above = dict(zip(("X", "Y", "Z"), (tree.math("ADD", "Over -9", each, 9.0) for each in heights), strict=True))
-    shown = tree.node(
-        "ShaderNodeEmission",
-        "Shown",
-        {"Color": tree.node("ShaderNodeCombineXYZ", "All", above).outputs[0], "Strength": 1.0},
-        if_present={"Weight": 0.0},
-    )
-    tree.node(
-        "ShaderNodeOutputMaterial",
-        "Surface",
-        {"Surface": shown.outputs[0]},
-        leave=("Volume", "Displacement", "Thickness"),
-    )
+    above = [tree.math("ADD", "Over -9", each, 9.0) for each in heights]
+    tree.surface(tree.emission("Shown", tree.combined("All", *above), 1.0))
     bpy.context.scene.render.engine, bpy.context.scene.cycles.samples = "CYCLES", 1
     plane(bpy.context.scene, "Ground", 0.0, 20.0, material)
     mesh = bpy.data.objects["Ground"].data

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.light.baked_rocks import TERMS, Points, draw_points, fit, light_of
+from icymoon.physics.light.baked_rocks import TERMS, Points, draw_points, fit, terms_of
 from icymoon.physics.rocks.shapes import icosphere
 
 DIAMETER_M, CENTRES = 0.5, np.array([[1.0, 2.0, 0.0], [-3.0, 1.0, 2.0]])
@@ -15,6 +15,11 @@ def balls(count: int, seed: int = 1) -> Points:
     vertices, triangles = icosphere(4)
     matrices = np.stack([np.eye(3) * DIAMETER_M] * 2)
     return draw_points(vertices / 2, triangles, np.array([4, 2]), matrices, CENTRES, count, np.random.default_rng(seed))
+
+
+def light_of(numbers: np.ndarray, points: Points) -> np.ndarray:
+    """The light (n, 3) of the numbers (rocks, 12, 3) at points, at least 0."""
+    return np.maximum(np.einsum("nt,ntb->nb", terms_of(points.normal, points.place), numbers[points.rock]), 0.0)
 
 
 def of_a_hemisphere(normal: np.ndarray) -> np.ndarray:

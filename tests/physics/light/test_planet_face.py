@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from icymoon.physics.light.planet_face import FACES, face_radiance, face_tint, spot_axes
+from icymoon.physics.light.planet_face import FACES, face_tint, spot_axes
 from icymoon.physics.light.planetshine import Planet, irradiance_wm2
 from icymoon.physics.light.saturn_rings import RINGS
 from icymoon.physics.mesh.horizon import dip_deg
+from planet_radiance import face_radiance
 
 NORTH = np.array([0.0, 1.0, 0.0])
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from icymoon.physics.light.planet_face import face_radiance
 from icymoon.physics.light.planetshine import Planet, Ring, disc_mesh, irradiance_wm2, unshaded_share
 from icymoon.physics.light.saturn_rings import RINGS, brightness, phase_function, ring_mesh, shadow_half_angle
 from icymoon.physics.light.sky import sky
 from icymoon.settings import description, preset_files
+from planet_radiance import face_radiance
 
 pytestmark = pytest.mark.filterwarnings("error")
 

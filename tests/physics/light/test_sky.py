@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from icymoon.physics.light.eclipse import hidden_share
-from icymoon.physics.light.planet_face import face_radiance
 from icymoon.physics.light.planetshine import (
     Planet,
     Ring,
     disc_mesh,
-    far_field_irradiance_wm2,
     irradiance_wm2,
     lambert_phase,
     phase_function,
@@ -22,6 +20,7 @@ from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings
 from icymoon.support.errors import IcyMoonError
+from planet_radiance import face_radiance
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -84,6 +83,16 @@ def test_colour_is_white_for_the_sun_and_warm_below():
 def test_irradiance_by_phase_is_the_tabulated_one(values, expected):
     found = [irradiance_wm2(planet(phase, values)) for phase in (0, 30, 60, 90, 120)]
     np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+def far_field_irradiance_wm2(planet: Planet) -> float:
+    """Irradiance of a facing surface by the formula for a distant point."""
+    return (
+        planet.geometric_albedo
+        * phase_function(planet.phase_law, planet.phase_deg)
+        * planet.sun_irradiance_wm2
+        * math.sin(math.radians(planet.angular_diameter_deg / 2)) ** 2
+    )
 
 
 def test_far_away_the_integral_is_the_formula():
