@@ -21,7 +21,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import read_checksum
 from ..support.version import version
 from .artefacts import check_output_folder, files_exist, remove_leftovers
-from .datasets.predictions import PREDICTION, find_prediction, options_of, parse_predictions
+from .datasets.predictions import PREDICTION, find_prediction, parse_predictions
 from .environment import packages
 from .matchers import files_of, release_of
 from .matchers.methods import Method, describe_method
@@ -282,19 +282,20 @@ def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
 def method_inputs(method: Method) -> list[Any]:
     """Everything besides the images that a method's disparity depends on: its options, the files that they name, and
     versions."""
-    options = options_of(method)
     files = {
         key: read_checksum(Path(value))
-        for key, value in options.items()
+        for key, value in method.options.items()
         if isinstance(value, str) and os.path.isfile(value)
     }
     if method.name != PREDICTION:
-        files |= {text: read_checksum(Path(text)) for text in files_of(method.name, options) if os.path.isfile(text)}
+        files |= {
+            text: read_checksum(Path(text)) for text in files_of(method.name, method.options) if os.path.isfile(text)
+        }
     versions = packages.find_versions()
     release = release_of(method.name)  # a plug-in's; our methods have the version of Icy Moon
     return [
         method.name,
-        options,
+        method.options,
         files,
         {name: versions[name] for name in ("numpy", "cv2", "torch")},
         *([release] if release else []),

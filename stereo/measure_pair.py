@@ -15,10 +15,10 @@ from ..support.errors import DiskError, describe_error
 from ..support.files import write_json
 from .artefacts import write_method_pictures, write_pair_pictures
 from .datasets.foreign_pair import PhotographedPair
-from .datasets.predictions import PREDICTION, options_of, read_prediction
+from .datasets.predictions import PREDICTION, read_prediction
 from .export.points import add_points, pose_of
 from .images.disparity_files import read_disparity
-from .matchers import match
+from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.search_range import AUTO, SearchRange, known_ranges
 from .measure.common_pixels import common_numbers
@@ -137,7 +137,7 @@ def _match(
 ) -> tuple[np.ndarray, dict[str, Any]]:
     if method.name == PREDICTION:
         return read_prediction(method, prepared)
-    disparity, _, info = match(
+    disparity, _, info = match_checked(
         method.name, prepared.left, prepared.right, method.options, prepared.pair.camera, ranges()
     )
     return disparity, info
@@ -181,7 +181,7 @@ def failed_row(task: Task, method: Method, message: str) -> Row:
         "strata": {},
         "histograms": {},
         "common": {},
-        "options": options_of(method),
+        "options": method.options,
         "search": None,
         "counts": {},
         "facts": {},

@@ -15,7 +15,6 @@ from ...support.errors import IcyMoonError
 from ...support.file_shapes import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ...support.files import escape_cell, write_atomically, write_json
 from ...support.number_text import count_of
-from ..datasets.predictions import options_of
 from ..environment import packages
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN
 from ..matchers.methods import Method
@@ -247,7 +246,7 @@ def _provenance(
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         **source,
         "methods": [
-            {"label": method.label, "name": method.name, "options": options_of(method), "facts": facts[method.label]}
+            {"label": method.label, "name": method.name, "options": method.options, "facts": facts[method.label]}
             for method in methods
         ],
         "versions": packages.find_versions(),

@@ -16,6 +16,7 @@ from icymoon.settings.description import defaults, merged
 from icymoon.settings.shared_settings import with_shared
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.colours import INVALID_GREY, SKY_GREY, depth_scale, error_picture, with_bar
+from icymoon.stereo.matchers import check_options
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.costs import COSTS
 from icymoon.stereo.report.row_log import RowLog
@@ -340,8 +341,8 @@ def test_wrong_methods_are_refused_before_anything_runs(text, options, reason):
 
 def test_methods_with_options():
     plain, own = parse_methods(" bm , bm:window=21:disparities=128", ["bm.window=9", "bm.uniqueness=5"])
-    assert plain.options == {"window": "9", "uniqueness": "5"}
-    assert own.options == {"window": "21", "uniqueness": "5", "disparities": "128"}
+    assert plain.options == check_options("bm", {"window": 9, "uniqueness": 5})
+    assert own.options == check_options("bm", {"window": 21, "uniqueness": 5, "disparities": 128})
     assert own.file_name == "bm_window_21_disparities_128"
 
 
