@@ -93,8 +93,3 @@ def fit(points: Points, light: np.ndarray, used: np.ndarray, rocks: int) -> np.n
         some = terms[rows]
         found[rock] = np.linalg.solve(some.T @ some + count * np.diag(_RIDGE), some.T @ light[rows])
     return found
-
-
-def light_of(numbers: np.ndarray, points: Points) -> np.ndarray:
-    """The light (n, 3) of the numbers (rocks, 12, 3) at points, at least 0."""
-    return np.maximum(np.einsum("nt,ntb->nb", terms_of(points.normal, points.place), numbers[points.rock]), 0.0)

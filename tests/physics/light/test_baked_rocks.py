@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.light.baked_rocks import TERMS, Points, draw_points, fit, light_of
+from icymoon.physics.light.baked_rocks import TERMS, Points, draw_points, fit, terms_of
 from icymoon.physics.rocks.shapes import icosphere
 
 DIAMETER_M, CENTRES = 0.5, np.array([[1.0, 2.0, 0.0], [-3.0, 1.0, 2.0]])
@@ -41,6 +41,11 @@ def test_points_are_all_over_the_rock_just_above_its_surface_and_face_outward():
     assert np.linalg.norm(sides, axis=2).max() < 0.01 * DIAMETER_M
     for axis in range(3):  # the mean square of a coordinate of a sphere is a third
         assert np.mean(points.normal[:, axis] ** 2) == pytest.approx(1 / 3, abs=0.05)
+
+
+def light_of(numbers, points):
+    """The light at points: the sum of the terms, each with its number of the point's rock."""
+    return np.maximum((terms_of(points.normal, points.place)[..., None] * numbers[points.rock]).sum(axis=1), 0.0)
 
 
 @pytest.mark.parametrize("count", [16, 64])
