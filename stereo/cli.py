@@ -29,6 +29,7 @@ from .environment import packages
 from .export import EXPORTS
 
 if TYPE_CHECKING:
+    from .report.schema import Report
     from .report.table_columns import Column
 
 PROGRAM = "icymoon.stereo"
@@ -564,7 +565,7 @@ def _print_means(
     printer.print_table(("Method", *(column.title for column in columns)), rows, title, narrowest=narrowest)
 
 
-def _print_summary(report: dict[str, Any]) -> None:
+def _print_summary(report: Report) -> None:
     """Print the summary of ``evaluate`` as two tables: over all pixels with the ranks, and over the measured ones.
 
     The best rank is bold where the scenes allow it.

@@ -27,6 +27,7 @@ from .measure.plug_in import plugin_numbers
 from .measure.prepare import Prepared
 from .measure.result_row import NUMBERS, own_numbers
 from .report.row_log import Row
+from .report.schema import Failure
 from .sources import Source
 
 
@@ -55,7 +56,7 @@ def measure_pair(source: Source, run: Run, task: Task) -> Iterator[dict[str, Any
 
     * {"type": "row", "row"} for each method, also for one that failed and for one that an earlier run has made;
     * {"type": "update", "row"} for a row that has changed since;
-    * {"type": "failed", "pair", "message"} and, if only one method failed, "method"; {"type": "warning", "message"};
+    * {"type": "failed", "failure"} and {"type": "warning", "message"};
     * {"type": "facts", "facts"} if the pair can be used.
 
     Raises DiskError if the disk refuses.
@@ -64,7 +65,7 @@ def measure_pair(source: Source, run: Run, task: Task) -> Iterator[dict[str, Any
         prepared = source.prepare(run.response)
     except Exception as error:
         why = describe_error(error, source.folder)
-        yield {"type": "failed", "pair": source.name, "message": why}
+        yield _failed_event({"pair": source.name, "message": why})
         for method in run.methods:
             yield _row_event(task.rows.get(method.label) or failed_row(task, method, why))
         return
@@ -72,6 +73,10 @@ def measure_pair(source: Source, run: Run, task: Task) -> Iterator[dict[str, Any
     write_json(run.out / "pairs" / source.name / "facts.json", facts)
     yield from _measure(prepared, run, task)
     yield {"type": "facts", "facts": facts}
+
+
+def _failed_event(failure: Failure) -> dict[str, Any]:
+    return {"type": "failed", "failure": failure}
 
 
 def _row_event(row: Row, kind: str = "row") -> dict[str, Any]:
@@ -99,7 +104,7 @@ def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any
             raise
         except Exception as error:
             why = describe_error(error, f"{prepared.pair.folder} by {describe_method(label)}")
-            yield {"type": "failed", "pair": prepared.pair.name, "method": label, "message": why}
+            yield _failed_event({"pair": prepared.pair.name, "method": label, "message": why})
             yield _row_event(failed_row(task, method, why))
             continue
         disparities[label] = disparity

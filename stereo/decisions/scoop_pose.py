@@ -52,8 +52,8 @@ def sample_surface(vertices: np.ndarray, triangles: np.ndarray, count: int, rand
 def find_pose(
     model: np.ndarray, points: np.ndarray, commanded: np.ndarray, eye: np.ndarray, random: np.random.Generator
 ) -> np.ndarray | None:
-    """The pose (4, 4) of a link whose surface is ``model`` (n, 6: points and normals in its own frame), from the points (m, 3)
-    that an ``eye`` (3,) sees of it, starting at the ``commanded`` pose (4, 4). None if there are too few points.
+    """The pose (4, 4) of a link whose surface is ``model`` (n, 6: points and normals in its own frame), from the points
+    (m, 3) that an ``eye`` (3,) sees of it, starting at the ``commanded`` pose (4, 4). None if there are too few points.
     """
     if len(points) < FEWEST_POINTS:
         return None

@@ -5,7 +5,9 @@ import csv
 import json
 import shutil
 import sys
+from collections.abc import Mapping, Sequence
 from html.parser import HTMLParser
+from typing import get_origin, get_type_hints
 
 import cv2
 import numpy as np
@@ -19,8 +21,10 @@ from icymoon.stereo.images.colours import INVALID_GREY, SKY_GREY, depth_scale, e
 from icymoon.stereo.matchers import check_options
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.costs import COSTS
+from icymoon.stereo.report import schema
 from icymoon.stereo.report.row_log import RowLog
 from icymoon.support.errors import IcyMoonError
+from icymoon.support.file_shapes import find_fault
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -84,6 +88,24 @@ def test_everything_is_evaluated_and_written(result):
     for entry in (*report["rows"], *report["pairs"]):
         assert all((out / path).stat().st_size > 0 for path in entry["images"].values())
     assert not list(out.rglob("*.part"))
+
+
+def test_a_written_report_is_of_its_type(result):
+    _, out, _ = result
+    written = strict_json(out / "report.json")
+    assert list(written) == [*schema.Report.__annotations__, "shared_settings"]
+    kinds = {name: get_origin(hint) or hint for name, hint in get_type_hints(schema.Report).items()}
+    for name, kind in kinds.items():
+        assert isinstance(written[name], {Sequence: list, Mapping: dict}.get(kind, kind)), name
+    hints = get_type_hints(schema.Comparison)
+    for entry in written["comparisons"]:
+        assert entry.keys() == hints.keys()
+        assert all(isinstance(entry[name], hint) for name, hint in hints.items()), entry
+    row = {key: shape for key, shape in schema.ROW.items() if key not in schema.LONG}
+    for kept, shape in (("rows", row), ("pairs", schema.FACTS)):
+        assert [find_fault(each, shape) for each in written[kept]] == [""] * len(written[kept])
+    summary = strict_json(out / "summary.json")
+    assert summary.keys() == written.keys() - {"rows", "pairs", "shared_settings"} | {"shown"}
 
 
 def test_rows_hold_what_follows_from_disparity_and_analytic_truth(result):
