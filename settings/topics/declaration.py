@@ -40,7 +40,8 @@ LANDFORMS = "Landforms"
 class Section:
     """A sub-panel of a topic's panel, closed at first. ``switch`` is the setting whose tick is in its header.
 
-    ``shown`` is the condition of all settings in it that state none. Sub-panels stand in the order in which they are made.
+    ``shown`` is the condition of all settings in it that state none. Sub-panels stand in the order in which they are
+    made.
     """
 
     key: str
