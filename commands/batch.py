@@ -29,7 +29,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import remove_leftover_parts, shorten
 from ..support.number_text import count_of
 from ..support.system import call_ours, count_processors, kill_all, set_stop_handler, start
-from ..support.terminal import as_path, show_progress
+from ..support.terminal import add_list, add_own_matchers, as_path, check_least, show_progress
 from .renderer_options import add_blender_option, add_cards_option
 
 Say = Callable[..., None]
@@ -44,20 +44,10 @@ def add_batch_options(parser: argparse.ArgumentParser) -> None:
         metavar="METHODS",
         help="match its pairs with these, separated by commas: each while others are rendered, and then what is left",
     )
-    parser.add_argument(
-        "--own",
-        action="append",
-        default=[],
-        metavar="NAME:METHOD:KEY=VALUE",
-        help="option of your own matcher, which --evaluate then names as own:NAME; may repeat",
-    )
+    add_own_matchers(parser, "--evaluate")
     parser.add_argument("--evaluator", metavar="PYTHON", help="Python that matches them (this Python)")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="sensor.KEY=VALUE",
-        help="another camera response to match them with than they were rendered for",
+    add_list(
+        parser, "--set", "sensor.KEY=VALUE", "another camera response to match them with than they were rendered for"
     )
     parser.add_argument(
         "--dask",
@@ -86,13 +76,7 @@ def add_slurm_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cpus", type=int, default=8, metavar="N", help="processors of each (%(default)s)")
     parser.add_argument("--memory", default="8G", help="memory of each (%(default)s)")
     parser.add_argument("--time", default="04:00:00", help="time of each; what is left then is requeued (%(default)s)")
-    parser.add_argument(
-        "--sbatch",
-        action="append",
-        default=[],
-        metavar="OPTION",
-        help="further option of sbatch, as in --sbatch=--partition=long; may repeat",
-    )
+    add_list(parser, "--sbatch", "OPTION", "further option of sbatch, as in --sbatch=--partition=long; may repeat")
     parser.add_argument("--python", default=sys.executable, help="Python on the cluster's machines (this Python)")
     parser.add_argument("--blender", default=sys.executable, help="Blender there, or a Python with bpy (this Python)")
     parser.set_defaults(run=_run_slurm)
@@ -127,10 +111,7 @@ def _add_worker_options(parser: argparse.ArgumentParser) -> None:
 
 def parse_workers(options: argparse.Namespace) -> WorkerOptions:
     """How to render, from the options of ``_add_worker_options``. Raises IcyMoonError for what cannot be."""
-    for name in ("workers", "threads_per_worker", "scenes_per_worker"):
-        value = getattr(options, name)
-        if value is not None and value < 1:
-            raise IcyMoonError(f"--{name.replace('_', '-')} is {value}; give 1 or more.")
+    check_least(options, 1, "workers", "threads_per_worker", "scenes_per_worker")
     cards = choose_cards(options.cards)
     count = options.workers or (len(cards.numbers) if options.cards else 0) or usual_workers()
     threads = options.threads_per_worker or max(1, count_processors() // count)
@@ -298,9 +279,7 @@ def _run_work(options: argparse.Namespace) -> int:
 
 
 def _run_slurm(options: argparse.Namespace) -> int:
-    for name in ("shards", "cpus"):
-        if getattr(options, name) < 1:
-            raise IcyMoonError(f"--{name} is {getattr(options, name)}; give 1 or more.")
+    check_least(options, 1, "shards", "cpus")
     dataset = options.out.absolute()
     frozen = _freeze_plan(options.plan, dataset)
     request = SlurmRequest(

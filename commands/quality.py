@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable
-from contextlib import nullcontext
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from ..render.cost.abilities import Abilities, ask_abilities
 from ..render.cost.tolerance import PX, checked_tolerance, parse_fraction
-from ..render.workers.process import Message, report_errors
+from ..render.workers.process import report_errors
 from ..settings import description, toml_text
 from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.scratch import scratch_folder
-from ..support.terminal import as_path, named, show_counted_progress, show_progress
+from ..support.terminal import (
+    add_json_lines,
+    add_own_matchers,
+    as_path,
+    named,
+    only_progress,
+    show_progress,
+    tell_events,
+)
 from .renderer_options import add_blender_option
 from .scene_options import add_scene_options, read_settings
 
@@ -46,7 +53,7 @@ def add_trade_options(parser: argparse.ArgumentParser) -> None:
         "indirect, shortcuts, files, subsurface, glints, mesh, relief, hapke (all that the scene has)",
     )
     parser.add_argument("--repeats", type=int, default=2, help="renders of each variant (%(default)s)")
-    parser.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+    add_json_lines(parser)
     parser.set_defaults(run=_run_trade)
 
 
@@ -67,7 +74,7 @@ def add_auto_options(parser: argparse.ArgumentParser) -> None:
         metavar="SHARE",
         help="share of pixels that may be added to those missing or off by more than 1 px, as 0.5%% or 0.005 (any)",
     )
-    parser.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+    add_json_lines(parser)
     parser.set_defaults(run=_run_auto)
 
 
@@ -80,13 +87,7 @@ def _parse_count(text: str) -> int:
 
 def _add_bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--methods", default="sgbm,bm,jplv", help="matchers, separated by commas (%(default)s)")
-    parser.add_argument(
-        "--own",
-        action="append",
-        default=[],
-        metavar="NAME:METHOD:KEY=VALUE",
-        help="option of your own matcher, which --methods then names as own:NAME; may repeat",
-    )
+    add_own_matchers(parser)
     parser.add_argument(
         "--reference-samples", type=int, default=1024, help="light paths per pixel of the reference (%(default)s)"
     )
@@ -113,12 +114,7 @@ def _run_quality(options: argparse.Namespace) -> int:
         speed = None if options.measure else recall_speed(device)
         if speed is None:
             with scratch_folder() as folder, show_progress("Measuring this machine") as show:
-                speed = measure_speed(
-                    options.blender,
-                    device,
-                    folder,
-                    lambda message: show(message) if message["type"] == "progress" else None,
-                )
+                speed = measure_speed(options.blender, device, folder, only_progress(show))
         found = list_qualities(settings, count_triangles(settings), speed, _ask_abilities(options.blender))
     if options.json:
         printer.emit("result", speed=asdict(speed), qualities=[asdict(each) for each in found])
@@ -142,10 +138,6 @@ def _ask_abilities(blender: str) -> Abilities:
         return Abilities()
 
 
-def _emit_event(event: Message) -> None:
-    printer.emit_json(event)
-
-
 def _run_bench(
     options: argparse.Namespace,
     title: str,
@@ -156,8 +148,7 @@ def _run_bench(
     """Do ``work`` with a bench as the options describe it, showing progress, then ``show`` its result."""
     from ..stereo.trade.measure_variants import Bench, scaled_view
 
-    told = nullcontext(_emit_event) if options.json_lines else show_counted_progress(title)
-    with report_errors(options.json_lines), told as on_event:
+    with report_errors(options.json_lines), tell_events(title, options.json_lines) as on_event:
         view = description.merged(read_settings(options), {"dataset": {"headings": 1}})
         found = work(
             Bench(

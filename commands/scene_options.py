@@ -6,21 +6,14 @@ import argparse
 
 from ..settings import description, preset_files
 from ..settings.topics.scene import Settings
-from ..support.terminal import as_path
+from ..support.terminal import add_list, as_path
 
 
 def add_scene_options(parser: argparse.ArgumentParser) -> None:
     """Add ``--preset``, ``--settings`` and ``--set``."""
-    parser.add_argument("--preset", action="append", default=[], help="shipped preset, see icymoon presets; may repeat")
-    parser.add_argument("--settings", type=as_path, action="append", default=[], help="TOML file; may repeat")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="TOPIC.KEY=VALUE",
-        dest="overrides",
-        help="one setting; may repeat",
-    )
+    add_list(parser, "--preset", None, "shipped preset, see icymoon presets; may repeat")
+    add_list(parser, "--settings", None, "TOML file; may repeat", type=as_path)
+    add_list(parser, "--set", "TOPIC.KEY=VALUE", "one setting; may repeat", dest="overrides")
 
 
 def read_settings(options: argparse.Namespace) -> Settings:

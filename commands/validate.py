@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..support.terminal import as_path
+from ..support.terminal import add_list, as_path
 from ..validation.all_comparisons import MODULES
 from .renderer_options import add_blender_option
 
@@ -13,18 +13,15 @@ from .renderer_options import add_blender_option
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``validate``."""
     names = ", ".join(MODULES)
-    parser.add_argument(
-        "--only", action="append", default=[], metavar="NAME", help=f"one comparison; may repeat ({names}; all)"
-    )
+    add_list(parser, "--only", "NAME", f"one comparison; may repeat ({names}; all)")
     parser.add_argument("--quick", action="store_true", help="only what takes a minute, with fewer cases")
-    parser.add_argument(
+    add_list(
+        parser,
         "--own",
-        action="append",
-        default=[],
+        "FILE.py",
+        "Python file with a comparison of your own, which is run; may repeat",
         type=as_path,
-        metavar="FILE.py",
         dest="own_files",
-        help="Python file with a comparison of your own, which is run; may repeat",
     )
     parser.add_argument(
         "--polar",

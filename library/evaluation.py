@@ -85,7 +85,7 @@ def evaluate(
 
     packages.require(*packages.PACKAGES)
     from ..stereo.evaluate import evaluate as evaluate_folders
-    from ..stereo.matchers.methods import parse_methods, parse_named_methods
+    from ..stereo.matchers.methods import parse_methods
     from ..support.scratch import scratch_folder
 
     folders = [
@@ -94,8 +94,8 @@ def evaluate(
     ]
     response = response_of(presets, changes)
     ours, named, functions = _sort(matchers)
-    methods = parse_methods(",".join(ours)) if ours else []
-    methods += parse_named_methods([f"{name}={text}" for name, text in named.items()])
+    stated = [f"{name}={text}" for name, text in named.items()]
+    methods = parse_methods(",".join(ours), named=stated) if ours or named else []
     with scratch_folder() as scratch:
         predictions = [
             f"{name}={_predict(name, function, folders, response, scratch)}" for name, function in functions.items()

@@ -107,11 +107,6 @@ def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: 
     scene.icymoon.results = json.dumps(kept)
 
 
-def clear_results(scene: bpy.types.Scene) -> None:
-    """Forget the last evaluation of a scene."""
-    scene.icymoon.results = ""
-
-
 def kept_results(scene: bpy.types.Scene) -> Kept | None:
     """The last evaluation of a scene; None if there was none, or if it cannot be read."""
     return _parsed(scene.icymoon.results)

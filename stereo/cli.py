@@ -6,16 +6,31 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..plugins.installed import Found, find
 from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.number_text import count_of
-from ..support.terminal import Parser, as_path, run_verb, show_counted_progress, show_progress
+from ..support.terminal import (
+    Parser,
+    add_json_lines,
+    add_list,
+    add_own_matchers,
+    as_path,
+    check_least,
+    only_progress,
+    run_verb,
+    show_counted_progress,
+    show_progress,
+    tell_events,
+)
 from .environment import packages
 from .export import EXPORTS
+
+if TYPE_CHECKING:
+    from .report.schema import Report
+    from .report.table_columns import Column
 
 PROGRAM = "icymoon.stereo"
 
@@ -31,27 +46,28 @@ def _emit_error(parsed: argparse.Namespace, error: IcyMoonError) -> None:
         printer.emit("error", message=" ".join(str(error).split()))
 
 
-def _add_check(command: argparse.ArgumentParser) -> None:
-    command.set_defaults(run=_run_check)
+def _add_paths(command: argparse.ArgumentParser, words: str = "pair folder or data set") -> None:
+    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help=words)
 
 
-def _add_methods(command: argparse.ArgumentParser) -> None:
-    command.add_argument("method", nargs="?", help="only this one")
-    command.set_defaults(run=_run_methods)
+def _add_report_folder(command: argparse.ArgumentParser, in_data_set: str) -> None:
+    """Add ``--out``, which may be left out if a folder of the data set is meant then."""
+    beside = f" ({in_data_set} in the data set)" if in_data_set else ""
+    words = f"folder for the report{beside}"
+    command.add_argument("--out", required=not in_data_set, type=as_path, help=words)
+
+
+def _report_failures(messages: Sequence[str], what: str) -> None:
+    """Raise IcyMoonError with the first of the messages, if there are any."""
+    if messages:
+        raise IcyMoonError(f"{len(messages)} of the {what}, the first one: {messages[0]}")
 
 
 def _add_match(command: argparse.ArgumentParser) -> None:
     command.add_argument("--method", required=True, help="one of those that the command methods lists")
     command.add_argument("--left", required=True, type=as_path, help="left image, 8- or 16-bit PNG")
     command.add_argument("--right", required=True, type=as_path, help="right image, 8- or 16-bit PNG")
-    command.add_argument(
-        "--option",
-        action="append",
-        default=[],
-        nargs="+",
-        metavar="KEY=VALUE",
-        help="option of the method, such as window=21 or preset=guiss",
-    )
+    add_list(command, "--option", "KEY=VALUE", "option of the method, such as window=21 or preset=guiss", nargs="+")
     command.add_argument(
         "--camera",
         type=as_path,
@@ -64,7 +80,6 @@ def _add_match(command: argparse.ArgumentParser) -> None:
         type=as_path,
         help="npz to write: disparity, float32 px, NaN where invalid, and other arrays of the method",
     )
-    command.set_defaults(run=_run_match)
 
 
 def _add_metrics(command: argparse.ArgumentParser) -> None:
@@ -88,27 +103,15 @@ def _add_metrics(command: argparse.ArgumentParser) -> None:
         help="with --guiss: the disparity is of StereoBM, with this least disparity (4 in the paper); "
         "an npz of match states it",
     )
-    command.set_defaults(run=_run_metrics)
-
-
-def _add_evaluate(command: argparse.ArgumentParser) -> None:
-    add_evaluate_options(command)
-    command.set_defaults(run=run_evaluate)
-
-
-def _add_decide(command: argparse.ArgumentParser) -> None:
-    add_decide_options(command)
-    command.set_defaults(run=run_decide)
 
 
 def _add_truth(command: argparse.ArgumentParser) -> None:
-    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
+    _add_paths(command)
     command.add_argument("--out", required=True, type=as_path, help="folder for <pair>/truth.npz")
-    command.set_defaults(run=_run_truth)
 
 
 def _add_export(command: argparse.ArgumentParser) -> None:
-    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
+    _add_paths(command)
     what = command.add_mutually_exclusive_group(required=True)
     exports = find("export", EXPORTS)
     what.add_argument(
@@ -122,13 +125,7 @@ def _add_export(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="write only what a method on another machine needs: images and camera of each pair, foreign ones too",
     )
-    command.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="sensor.KEY=VALUE",
-        help="change the camera response that the pairs were rendered for",
-    )
+    add_list(command, "--set", "sensor.KEY=VALUE", "change the camera response that the pairs were rendered for")
     command.add_argument("--out", required=True, type=as_path, help="folder for the files")
     command.add_argument(
         "--blender",
@@ -139,58 +136,19 @@ def _add_export(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--cell-m", type=float, metavar="METRES", help="side of a cell of dem (a 1024th of the ground)"
     )
-    command.set_defaults(run=_run_export)
 
 
 def _add_develop(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "path",
-        type=as_path,
-        nargs="+",
-        metavar="PAIR_OR_DATASET",
-        help="pair folder, or data set of pairs; may be several",
-    )
-    command.add_argument(
-        "--preset", action="append", default=[], metavar="sensors/NAME", help="a camera response that Icy Moon ships"
-    )
-    command.add_argument(
+    _add_paths(command, "pair folder, or data set of pairs; may be several")
+    add_list(command, "--preset", "sensors/NAME", "a camera response that Icy Moon ships")
+    add_list(
+        command,
         "--set",
-        action="append",
-        default=[],
-        metavar="sensor.KEY=VALUE",
-        help="one setting of the camera response, light.sun_scale or light.planet_scale; may repeat",
+        "sensor.KEY=VALUE",
+        "one setting of the camera response, light.sun_scale or light.planet_scale; may repeat",
     )
     command.add_argument("--out", required=True, type=as_path, help="folder for the images, a folder per pair in it")
-    command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
-    command.set_defaults(run=_run_develop)
-
-
-#: Each verb, its meaning, and the function that adds its arguments.
-_VERBS: tuple[tuple[str, str, Callable[[argparse.ArgumentParser], None]], ...] = (
-    ("check", "report as one line of JSON whether this Python can evaluate", _add_check),
-    ("methods", "list the matchers with their options", _add_methods),
-    ("match", "match two images", _add_match),
-    ("metrics", "measure a depth or disparity map and print JSON; undefined metrics are null", _add_metrics),
-    ("evaluate", "match and measure pairs, and write a report", _add_evaluate),
-    ("decide", "measure what a lander would decide by each matcher: heights, sites, landing pads", _add_decide),
-    (
-        "truth",
-        "write disparity, depth and visibility of both eyes, check that they fit the images, and print a line of "
-        "JSON per pair",
-        _add_truth,
-    ),
-    ("export", "write pairs and their truth in another layout", _add_export),
-    ("develop", "expose rendered pairs again as PNG, without a new render", _add_develop),
-)
-
-
-def make_parser() -> argparse.ArgumentParser:
-    """The parser of the command line."""
-    parser = Parser(prog=f"python -m {PROGRAM}", description="Evaluate stereo on rendered pairs.")
-    verbs = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, meaning, add_arguments in _VERBS:
-        add_arguments(verbs.add_parser(name, help=meaning))
-    return parser
+    add_json_lines(command)
 
 
 def _not_refused(name: str, found: Found) -> str:
@@ -282,64 +240,38 @@ def _run_metrics(parsed: argparse.Namespace) -> int:
 
 def _add_method_options(command: argparse.ArgumentParser) -> None:
     """Add the options beside ``--methods`` that state methods and their camera response."""
-    command.add_argument(
+    add_list(
+        command,
         "--method",
-        action="append",
-        default=[],
-        metavar="NAME=MATCHER:KEY=VALUE",
-        help="one more method, with a name of yours, as in mynet=resident:command=PROGRAM; may repeat",
+        "NAME=MATCHER:KEY=VALUE",
+        "one more method, with a name of yours, as in mynet=resident:command=PROGRAM; may repeat",
     )
-    command.add_argument(
-        "--option",
-        action="append",
-        default=[],
-        metavar="METHOD.KEY=VALUE",
-        help="option for every use of a matcher, such as bm.window=21",
-    )
-    command.add_argument(
-        "--own",
-        action="append",
-        default=[],
-        metavar="NAME:METHOD:KEY=VALUE",
-        help="option of your own matcher, which --methods then names as own:NAME; may repeat",
-    )
-    command.add_argument(
+    add_list(command, "--option", "METHOD.KEY=VALUE", "option for every use of a matcher, such as bm.window=21")
+    add_own_matchers(command)
+    add_list(
+        command,
         "--set",
-        action="append",
-        default=[],
-        metavar="sensor.KEY=VALUE",
-        help="change the camera response that the pairs were rendered for, or light.sun_scale",
+        "sensor.KEY=VALUE",
+        "change the camera response that the pairs were rendered for, or light.sun_scale",
     )
 
 
 def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
     """Add the arguments of ``evaluate``; ``run_evaluate`` runs it. ``python -m icymoon`` has the same verb."""
-    command.add_argument(
-        "path",
-        type=as_path,
-        nargs="+",
-        metavar="PAIR_OR_DATASET",
-        help="pair folder, data set of pairs, or foreign data such as KITTI's; may be several",
-    )
+    _add_paths(command, "pair folder, data set of pairs, or foreign data such as KITTI's; may be several")
     command.add_argument(
         "--methods",
         help="matchers, separated by commas, with their own options, as in bm:window=21; "
         "or none, which --predictions alone mean (bm,sgbm)",
     )
     _add_method_options(command)
-    command.add_argument(
+    add_list(
+        command,
         "--predictions",
-        action="append",
-        default=[],
-        metavar="NAME=FOLDER",
-        help="disparities computed elsewhere: PAIR.pfm, .png, .npy or .exr for each pair; may repeat",
+        "NAME=FOLDER",
+        "disparities computed elsewhere: PAIR.pfm, .png, .npy or .exr for each pair; may repeat",
     )
-    command.add_argument(
-        "--out",
-        required=out_needed,
-        type=as_path,
-        help="folder for the report" + ("" if out_needed else " (evaluation in the data set)"),
-    )
+    _add_report_folder(command, "" if out_needed else "evaluation")
     command.add_argument("--seed", type=int, default=0, help="seed of the tests that compare methods (%(default)s)")
     where = command.add_mutually_exclusive_group()
     where.add_argument(
@@ -364,7 +296,7 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
         action="store_true",
         help="also write the measured surfaces, as point clouds (ply) coloured by signed error",
     )
-    command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+    add_json_lines(command)
     command.add_argument(
         "--follow",
         action="store_true",
@@ -386,10 +318,8 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
     some = chosen or parsed.method or not parsed.predictions
     methods = parse_methods(chosen, parsed.option, parsed.own, parsed.method) if some else []
     response = _read_response([], parsed.set)
-    if parsed.seed < 0:
-        raise IcyMoonError(f"--seed is {parsed.seed}; give a whole number of 0 or more.")
-    if parsed.jobs is not None and parsed.jobs < 1:
-        raise IcyMoonError(f"--jobs is {parsed.jobs}; give 1 or more.")
+    check_least(parsed, 0, "seed")
+    check_least(parsed, 1, "jobs")
     if parsed.follow:
         if len(parsed.path) > 1 or parsed.predictions or parsed.dask or (parsed.jobs or 1) > 1:
             raise IcyMoonError(
@@ -398,8 +328,7 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
             )
         follow_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points)
         return 0
-    progress = nullcontext(printer.emit_json) if parsed.json_lines else show_counted_progress("Evaluating")
-    with progress as on_event:
+    with tell_events("Evaluating", parsed.json_lines) as on_event:
         report = evaluate(
             parsed.path,
             methods,
@@ -420,22 +349,13 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
         if any(entry["pairs"] for entry in report["summary"]):
             _print_summary(report)
         printer.say(str(path))
-    if report["failed"]:
-        raise IcyMoonError(
-            f"{len(report['failed'])} of the evaluations failed, the first one: {report['failed'][0]['message']}"
-        )
+    _report_failures([entry["message"] for entry in report["failed"]], "evaluations failed")
     return 0
 
 
 def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
     """Add the arguments of ``decide``; ``run_decide`` runs it. ``python -m icymoon`` has the same verb."""
-    command.add_argument(
-        "path",
-        type=as_path,
-        nargs="+",
-        metavar="PAIR_OR_DATASET",
-        help="pair folder or data set of pairs; may be several",
-    )
+    _add_paths(command, "pair folder or data set of pairs; may be several")
     command.add_argument(
         "--methods", default="bm,sgbm", help="matchers, separated by commas, as in evaluate (%(default)s)"
     )
@@ -459,19 +379,14 @@ def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True
     command.add_argument(
         "--pose-error-deg", type=float, default=0.0, metavar="DEG", help="the same of its direction (%(default)s)"
     )
-    command.add_argument(
-        "--out",
-        required=out_needed,
-        type=as_path,
-        help="folder for the report" + ("" if out_needed else " (decisions in the data set)"),
-    )
+    _add_report_folder(command, "" if out_needed else "decisions")
     command.add_argument(
         "--seed",
         type=int,
         default=0,
         help="seed of the errors of poses, and of the tests that compare matchers (%(default)s)",
     )
-    command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+    add_json_lines(command)
 
 
 def run_decide(parsed: argparse.Namespace) -> int:
@@ -481,15 +396,12 @@ def run_decide(parsed: argparse.Namespace) -> int:
     from .decisions.rules import read_rules
     from .matchers.methods import parse_methods
 
-    for name in ("pose_error_mm", "pose_error_deg", "seed"):
-        if not (math.isfinite(getattr(parsed, name)) and getattr(parsed, name) >= 0):
-            raise IcyMoonError(f"--{name.replace('_', '-')} is {getattr(parsed, name)}; give 0 or more.")
+    check_least(parsed, 0, "pose_error_mm", "pose_error_deg", "seed")
     if parsed.cell_m is not None and not (math.isfinite(parsed.cell_m) and parsed.cell_m > 0):
         raise IcyMoonError(f"--cell-m is {parsed.cell_m}; give metres above 0.")
     methods = parse_methods(parsed.methods, parsed.option, parsed.own, parsed.method)
     response = _read_response([], parsed.set)
-    progress = nullcontext(printer.emit_json) if parsed.json_lines else show_counted_progress("Deciding")
-    with progress as on_event:
+    with tell_events("Deciding", parsed.json_lines) as on_event:
         report = decide_pairs(
             parsed.path,
             methods,
@@ -515,28 +427,16 @@ def run_decide(parsed: argparse.Namespace) -> int:
     else:
         _print_decisions(report)
         printer.say(str(path))
-    if report["failed"]:
-        raise IcyMoonError(
-            f"{len(report['failed'])} of the decisions failed, the first one: {report['failed'][0]['message']}"
-        )
+    _report_failures([entry["message"] for entry in report["failed"]], "decisions failed")
     return 0
 
 
 def _print_decisions(report: dict[str, Any]) -> None:
     """Print the summary of ``decide`` as a table, with its limits."""
     from .decisions.report import DEM, OTHERS, SITES, format_cell
-    from .matchers.methods import describe_method
 
     columns = (*SITES[:6], DEM[1], DEM[3], DEM[4], *OTHERS[2:])
-    printer.print_table(
-        ("Method", *(column.title for column in columns)),
-        [
-            (describe_method(entry["method"]), *(format_cell(entry, column) for column in columns))
-            for entry in report["summary"]
-        ],
-        "Means over pairs",
-        narrowest=160,
-    )
+    _print_means("Means over pairs", report["summary"], columns, format_cell, narrowest=160)
     for sentence in (*report["head"], *report["notes"]):
         printer.say(sentence)
 
@@ -575,8 +475,7 @@ def _run_export(parsed: argparse.Namespace) -> int:
             if parsed.for_prediction
             else export(parsed.path, parsed.format, parsed.out, response, on_event)
         )
-    if failed:
-        raise IcyMoonError(f"{len(failed)} of the pairs could not be exported, the first one: {failed[0]}")
+    _report_failures(failed, "pairs could not be exported")
     printer.say(str(parsed.out.resolve()))
     return 0
 
@@ -592,9 +491,7 @@ def _export_mitsuba(parsed: argparse.Namespace) -> int:
         for sentence in find_left_out(pair.settings, sky(pair.settings.light)):
             printer.warn(f"pair {pair.id}: {sentence}")
     with show_progress("Starting Blender") as show:
-        export_mitsuba(
-            pairs, parsed.out, parsed.blender, lambda message: show(message) if message["type"] == "progress" else None
-        )
+        export_mitsuba(pairs, parsed.out, parsed.blender, only_progress(show))
     printer.say(str(parsed.out.resolve()))
     return 0
 
@@ -614,7 +511,7 @@ def _export_ground(parsed: argparse.Namespace) -> int:
             parsed.format,
             parsed.blender,
             parsed.cell_m,
-            lambda message: show(message) if message["type"] == "progress" else None,
+            only_progress(show),
         )
     for folder in folders:
         for sentence in read_geometry(folder)["left_out"]:
@@ -628,8 +525,7 @@ def _run_develop(parsed: argparse.Namespace) -> int:
     from .reexpose import reexpose
 
     response = _read_response(parsed.preset, parsed.set)
-    progress = nullcontext(printer.emit_json) if parsed.json_lines else show_counted_progress("Developing")
-    with progress as on_event:
+    with tell_events("Developing", parsed.json_lines) as on_event:
         folders = reexpose(parsed.path, parsed.out, response, on_event)
     if parsed.json_lines:
         printer.emit_json({"type": "result", "folders": [str(folder.resolve()) for folder in folders]})
@@ -655,7 +551,21 @@ def _read_response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str
     return settings
 
 
-def _print_summary(report: dict[str, Any]) -> None:
+def _print_means(
+    title: str,
+    summary: Sequence[dict[str, Any]],
+    columns: Sequence[Column],
+    cell: Callable[[dict[str, Any], Column], str],
+    narrowest: int = 120,
+) -> None:
+    """Print a table with a row for each method of a summary."""
+    from .matchers.methods import describe_method
+
+    rows = [(describe_method(entry["method"]), *(cell(entry, column) for column in columns)) for entry in summary]
+    printer.print_table(("Method", *(column.title for column in columns)), rows, title, narrowest=narrowest)
+
+
+def _print_summary(report: Report) -> None:
     """Print the summary of ``evaluate`` as two tables: over all pixels with the ranks, and over the measured ones.
 
     The best rank is bold where the scenes allow it.
@@ -693,18 +603,52 @@ def _print_summary(report: dict[str, Any]) -> None:
             title,
             narrowest=120,
         )
-    if report["plug_ins"]:
-        of_plugins = columns_of_plugins(report["plug_ins"])
-        printer.print_table(
-            ("Method", *(column.title for column in of_plugins)),
-            [
-                (describe_method(entry["method"]), *(format_plugin(entry, column) for column in of_plugins))
-                for entry in summary
-            ],
-            f"{means}, metrics of plug-ins",
-            narrowest=120,
-        )
+    if of_plugins := columns_of_plugins(report["plug_ins"]):
+        _print_means(f"{means}, metrics of plug-ins", summary, of_plugins, format_plugin)
     if report["verdicts"]:
         printer.say(report["verdicts"])
     for note in report["notes"]:
         printer.say(note)
+
+
+def _add_methods(command: argparse.ArgumentParser) -> None:
+    command.add_argument("method", nargs="?", help="only this one")
+
+
+#: Each verb: its meaning, the function that adds its arguments, if it has any, and the one that runs it.
+_VERBS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None] | None, Callable[[argparse.Namespace], int]]] = {
+    "check": ("report as one line of JSON whether this Python can evaluate", None, _run_check),
+    "methods": ("list the matchers with their options", _add_methods, _run_methods),
+    "match": ("match two images", _add_match, _run_match),
+    "metrics": (
+        "measure a depth or disparity map and print JSON; undefined metrics are null",
+        _add_metrics,
+        _run_metrics,
+    ),
+    "evaluate": ("match and measure pairs, and write a report", add_evaluate_options, run_evaluate),
+    "decide": (
+        "measure what a lander would decide by each matcher: heights, sites, landing pads",
+        add_decide_options,
+        run_decide,
+    ),
+    "truth": (
+        "write disparity, depth and visibility of both eyes, check that they fit the images, and print a line of "
+        "JSON per pair",
+        _add_truth,
+        _run_truth,
+    ),
+    "export": ("write pairs and their truth in another layout", _add_export, _run_export),
+    "develop": ("expose rendered pairs again as PNG, without a new render", _add_develop, _run_develop),
+}
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The parser of the command line."""
+    parser = Parser(prog=f"python -m {PROGRAM}", description="Evaluate stereo on rendered pairs.")
+    verbs = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, (meaning, add_options, run) in _VERBS.items():
+        command = verbs.add_parser(name, help=meaning)
+        command.set_defaults(run=run)
+        if add_options:
+            add_options(command)
+    return parser

@@ -42,7 +42,7 @@ from .decisions.workspace import (
 )
 from .evaluate import digest_of, method_inputs
 from .images.image_files import write_bytes, write_png
-from .matchers import match
+from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.prepare import Prepared
@@ -284,7 +284,7 @@ def _match(workspace: Workspace, method: Method) -> tuple[np.ndarray, float]:
     """The depth of a method, and the processor seconds that it took."""
     prepared = workspace.prepared
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-    disparity, _, info = match(
+    disparity, _, info = match_checked(
         method.name,
         prepared.left,
         prepared.right,

@@ -21,7 +21,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import read_checksum
 from ..support.version import version
 from .artefacts import check_output_folder, files_exist, remove_leftovers
-from .datasets.predictions import PREDICTION, find_prediction, options_of, parse_predictions
+from .datasets.predictions import PREDICTION, find_prediction, parse_predictions
 from .environment import packages
 from .matchers import files_of, release_of
 from .matchers.methods import Method, describe_method
@@ -30,8 +30,9 @@ from .measure.plug_in import metrics_of_plugins
 from .measure_pair import Run, Task, failed_row, measure_pair
 from .measuring_cluster import measure_on_cluster
 from .measuring_processes import Processes, choose_count
-from .report.results import ROW, find_facts, write_results
+from .report.results import find_facts, write_results
 from .report.row_log import Row, RowLog
+from .report.schema import ROW, Failure, Report
 from .sources import Source, check_response, find_sources, sort_by_ground
 
 Event = Callable[[dict[str, Any]], None]
@@ -52,7 +53,7 @@ def evaluate(
     predictions: Sequence[str] = (),
     jobs: int | None = None,
     dask: str | None = None,
-) -> dict[str, Any]:
+) -> Report:
     """Evaluate pairs and all pairs of data sets, including data sets in other layouts (see ``datasets.layouts``);
     return the content of ``report.json``.
 
@@ -72,29 +73,6 @@ def evaluate(
     each failure, {"type": "warning", "message"} for each suspect pair and each doubt about the images of a pair, and
     {"type": "note", "message"} for facts about pairs of other data sets. Raises IcyMoonError if there is no pair, if
     ``out`` cannot be written, or if it contains files that no evaluation wrote.
-
-    The report is {"format", "version", "summary", "comparisons", "verdicts", "typical_differences", "rare_failures",
-    "rows", "pairs", "failed", "suspect", "notes", "briefs", "doubts", "plug_ins", "provenance"}; ``notes`` are
-    sentences on what limits the comparison, ``briefs`` their first parts, for where there is little room, ``doubts``
-    the notes that make results doubtful; an undefined value is null. ``rows`` and ``pairs`` are read from the disk on
-    demand.
-
-    * ``summary``: one entry per method, see ``summary.summarise_method``, with its ``ranks``; ``comparisons``: see
-      ``summary.compare_methods``; ``verdicts``: their conclusions, in words; ``typical_differences``: how every two
-      methods differ in the typical scene, in words; ``rare_failures``: the verdicts that say which methods fail heavily
-      in few pairs.
-    * ``plug_ins``: the metrics of plug-ins, see ``plug_in.PluginMetric.to_json``; the numbers are in ``plug_ins`` of
-      each row, and their means with intervals in ``plug_ins`` of each entry of the summary.
-    * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``row.NUMBERS``,
-      ``error_curve``, ``sparsification``, ``strata``, ``histograms``, ``common`` (numbers beside each other method,
-      see ``common_pixels``, and that method's key), the complete ``options``, ``search`` (the disparities that were
-      searched, where they come from, and the share of true ones outside), ``counts`` of pixels per outcome and
-      ``facts`` on the method's run (if it states them), ``error`` (why it failed), ``key`` (a hash of everything
-      that the row depends on) and ``images``: paths, relative to ``out``, of the pictures ``depth`` and ``error``, of
-      ``disparity`` (npz, with the other arrays of the method) and, if asked for, of ``points`` (ply).
-    * ``pairs``: the facts of each usable pair, and its ``images`` ``left``, ``right`` and ``true_depth``.
-    * ``failed``: ``pair``, ``message`` and, if only one method failed, ``method``; ``suspect``: ``pair`` and
-      ``message``.
     """
     sources = find_sources(paths)
     check_response(sources, response or {})
@@ -152,8 +130,8 @@ class Evaluation:
         self.sources = {source.name: source for source in sources}
         self.log = RowLog(run.out / "results.jsonl", ROW)
         self._run, self._tell, self._total, self._done = run, on_event, len(sources) * len(run.methods), 0
-        self._failed: list[dict[str, Any]] = []
-        self._suspect: list[dict[str, Any]] = []
+        self._failed: list[Failure] = []
+        self._suspect: list[Failure] = []
         self._warned: set[str] = set()
         metrics, self.faults = metrics_of_plugins()
         self._metrics = [metric.inputs() for metric in metrics]
@@ -221,14 +199,14 @@ class Evaluation:
             elif kind == "warning":
                 self._tell(event)
             elif kind == "failed":
-                self._tell_failure(event["message"], **{key: event[key] for key in ("pair", "method") if key in event})
+                self._tell_failure(event["failure"])
             else:
                 self._give_up(task, event["message"], done.pop(task.pair, set()))
 
     def _give_up(self, task: Task, message: str, done: set[str]) -> None:
         """Record the undone methods of a process that ended as failed."""
         why = f"{self.sources[task.pair].folder}: {message}."
-        self._tell_failure(why, pair=task.pair)
+        self._tell_failure({"pair": task.pair, "message": why})
         for method in self._run.methods:
             if method.label not in done:
                 row = task.rows.get(method.label) or failed_row(task, method, why)
@@ -260,11 +238,11 @@ class Evaluation:
             }
         )
 
-    def _tell_failure(self, message: str, **what: str) -> None:
-        self._failed.append({**what, "message": message})
-        self._tell({"type": "error", "message": message})
+    def _tell_failure(self, failure: Failure) -> None:
+        self._failed.append(failure)
+        self._tell({"type": "error", "message": failure["message"]})
 
-    def sorted_messages(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    def sorted_messages(self) -> tuple[list[Failure], list[Failure]]:
         """The messages about failed and about suspect pairs, in the order of the pairs."""
         place = {name: k for k, name in enumerate(self.sources)}
         failed, suspect = (
@@ -282,19 +260,20 @@ def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
 def method_inputs(method: Method) -> list[Any]:
     """Everything besides the images that a method's disparity depends on: its options, the files that they name, and
     versions."""
-    options = options_of(method)
     files = {
         key: read_checksum(Path(value))
-        for key, value in options.items()
+        for key, value in method.options.items()
         if isinstance(value, str) and os.path.isfile(value)
     }
     if method.name != PREDICTION:
-        files |= {text: read_checksum(Path(text)) for text in files_of(method.name, options) if os.path.isfile(text)}
+        files |= {
+            text: read_checksum(Path(text)) for text in files_of(method.name, method.options) if os.path.isfile(text)
+        }
     versions = packages.find_versions()
     release = release_of(method.name)  # a plug-in's; our methods have the version of Icy Moon
     return [
         method.name,
-        options,
+        method.options,
         files,
         {name: versions[name] for name in ("numpy", "cv2", "torch")},
         *([release] if release else []),

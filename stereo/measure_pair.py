@@ -15,10 +15,10 @@ from ..support.errors import DiskError, describe_error
 from ..support.files import write_json
 from .artefacts import write_method_pictures, write_pair_pictures
 from .datasets.foreign_pair import PhotographedPair
-from .datasets.predictions import PREDICTION, options_of, read_prediction
+from .datasets.predictions import PREDICTION, read_prediction
 from .export.points import add_points, pose_of
 from .images.disparity_files import read_disparity
-from .matchers import match
+from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.search_range import AUTO, SearchRange, known_ranges
 from .measure.common_pixels import common_numbers
@@ -27,6 +27,7 @@ from .measure.plug_in import plugin_numbers
 from .measure.prepare import Prepared
 from .measure.result_row import NUMBERS, own_numbers
 from .report.row_log import Row
+from .report.schema import Failure
 from .sources import Source
 
 
@@ -55,7 +56,7 @@ def measure_pair(source: Source, run: Run, task: Task) -> Iterator[dict[str, Any
 
     * {"type": "row", "row"} for each method, also for one that failed and for one that an earlier run has made;
     * {"type": "update", "row"} for a row that has changed since;
-    * {"type": "failed", "pair", "message"} and, if only one method failed, "method"; {"type": "warning", "message"};
+    * {"type": "failed", "failure"} and {"type": "warning", "message"};
     * {"type": "facts", "facts"} if the pair can be used.
 
     Raises DiskError if the disk refuses.
@@ -64,7 +65,7 @@ def measure_pair(source: Source, run: Run, task: Task) -> Iterator[dict[str, Any
         prepared = source.prepare(run.response)
     except Exception as error:
         why = describe_error(error, source.folder)
-        yield {"type": "failed", "pair": source.name, "message": why}
+        yield _failed_event({"pair": source.name, "message": why})
         for method in run.methods:
             yield _row_event(task.rows.get(method.label) or failed_row(task, method, why))
         return
@@ -72,6 +73,10 @@ def measure_pair(source: Source, run: Run, task: Task) -> Iterator[dict[str, Any
     write_json(run.out / "pairs" / source.name / "facts.json", facts)
     yield from _measure(prepared, run, task)
     yield {"type": "facts", "facts": facts}
+
+
+def _failed_event(failure: Failure) -> dict[str, Any]:
+    return {"type": "failed", "failure": failure}
 
 
 def _row_event(row: Row, kind: str = "row") -> dict[str, Any]:
@@ -99,7 +104,7 @@ def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any
             raise
         except Exception as error:
             why = describe_error(error, f"{prepared.pair.folder} by {describe_method(label)}")
-            yield {"type": "failed", "pair": prepared.pair.name, "method": label, "message": why}
+            yield _failed_event({"pair": prepared.pair.name, "method": label, "message": why})
             yield _row_event(failed_row(task, method, why))
             continue
         disparities[label] = disparity
@@ -137,7 +142,7 @@ def _match(
 ) -> tuple[np.ndarray, dict[str, Any]]:
     if method.name == PREDICTION:
         return read_prediction(method, prepared)
-    disparity, _, info = match(
+    disparity, _, info = match_checked(
         method.name, prepared.left, prepared.right, method.options, prepared.pair.camera, ranges()
     )
     return disparity, info
@@ -181,7 +186,7 @@ def failed_row(task: Task, method: Method, message: str) -> Row:
         "strata": {},
         "histograms": {},
         "common": {},
-        "options": options_of(method),
+        "options": method.options,
         "search": None,
         "counts": {},
         "facts": {},

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -42,6 +43,30 @@ def as_path(text: str) -> Path:
         return parse_path(text, "the path")
     except IcyMoonError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def add_list(parser: argparse.ArgumentParser, flag: str, metavar: str | None, words: str, **more: Any) -> None:
+    """Add an option that may be given several times; its value is the list of what was given."""
+    parser.add_argument(flag, action="append", default=[], metavar=metavar, help=words, **more)
+
+
+def add_own_matchers(parser: argparse.ArgumentParser, where: str = "--methods") -> None:
+    """Add ``--own``, by which the option ``where`` can name matchers of the user's."""
+    words = f"option of your own matcher, which {where} then names as own:NAME; may repeat"
+    add_list(parser, "--own", "NAME:METHOD:KEY=VALUE", words)
+
+
+def add_json_lines(parser: argparse.ArgumentParser) -> None:
+    """Add ``--json-lines``."""
+    parser.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+
+
+def check_least(options: argparse.Namespace, least: int, *names: str) -> None:
+    """Raise IcyMoonError if one of these options is stated as less than ``least``, or as no finite number."""
+    for name in names:
+        value = getattr(options, name)
+        if value is not None and not (math.isfinite(value) and value >= least):
+            raise IcyMoonError(f"--{name.replace('_', '-')} is {value}; give {least} or more.")
 
 
 def named(names: Sequence[str]) -> list[str]:
@@ -118,6 +143,10 @@ def _lines_without_terminal(console: Console, describe: Callable[[], str]) -> It
         ticking.join()
 
 
+def _print_warning(console: Console, message: dict[str, Any]) -> None:
+    printer.print_line(console, ("Warning:", "yellow"), f" {message['message']}")
+
+
 @contextmanager
 def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
     """Show a progress bar of renders; gives the function that takes the messages of a worker or a runner.
@@ -144,7 +173,7 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
             if kind == "progress":
                 bar.update(task, completed=message["fraction"], description=printer.show_controls(message["message"]))
             elif kind == "warning":
-                printer.print_line(console, ("Warning:", "yellow"), f" {message['message']}")
+                _print_warning(console, message)
             elif kind == "pair":
                 done = f"rendered in {message['seconds']:.0f} s" if message["rendered"] else "was already there"
                 printer.print_line(console, f"  {message['folder']} {done}")
@@ -155,6 +184,16 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
 
         with _lines_without_terminal(console, lambda: f"{shown.description}: {shown.percentage:.0f} %"):
             yield show
+
+
+def only_progress(show: Callable[[dict[str, Any]], None]) -> Callable[[dict[str, Any]], None]:
+    """A function of messages that shows only those of progress."""
+    return lambda message: show(message) if message["type"] == "progress" else None
+
+
+def tell_events(title: str, as_json: bool) -> AbstractContextManager[Callable[[dict[str, Any]], None]]:
+    """Print events as JSON lines, or show them as ``show_counted_progress`` does; gives a function of events."""
+    return nullcontext(printer.emit_json) if as_json else show_counted_progress(title)
 
 
 @contextmanager
@@ -193,7 +232,7 @@ def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], Non
                     description=printer.show_controls(event["message"]),
                 )
             elif event["type"] == "warning":
-                printer.print_line(console, ("Warning:", "yellow"), f" {event['message']}")
+                _print_warning(console, event)
             else:
                 printer.print_line(console, event["message"])
 

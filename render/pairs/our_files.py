@@ -102,19 +102,18 @@ def find_reason_to_keep(path: Path, dataset: Path) -> str:
         return "it is a link or lies behind one"
     if path.is_dir() and inside != "pairs":
         return "it is a folder"
-    foreign = next(iter(list_foreign(path)), "") if inside == "pairs" and _ID.fullmatch(path.name) else ""
-    return f"{foreign} in it is not Icy Moon's" if foreign else ""
+    foreign = list_foreign(path) if inside == "pairs" and _ID.fullmatch(path.name) else []
+    if not foreign:
+        return ""
+    return "it is no folder" if foreign[0] == path else f"{foreign[0].name} in it is not Icy Moon's"
 
 
-def list_foreign(folder: Path) -> list[str]:
-    """Names in a pair's folder that we did not write, links too.
-
-    If something else is in the folder's place, its only name is a phrase for sentences about it.
-    """
+def list_foreign(folder: Path) -> list[Path]:
+    """Files and folders in a pair's folder that we did not write, links too; the path itself if it is no folder."""
     if not folder.is_dir():
-        return ["what is"] if folder.exists() else []
+        return [folder] if folder.exists() else []
     return [
-        entry.name
+        entry
         for entry in sorted(folder.iterdir())
         if not (_PAIR_FILES.fullmatch(entry.name) or is_of_file_manager(entry.name))
         or entry.is_symlink()

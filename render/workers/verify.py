@@ -219,11 +219,9 @@ def _again(has_plan: bool) -> str:
 
 def _find_strange(folder: Path) -> Iterator[str]:
     """Files in a pair's folder that we did not write and that are no links, in one sentence."""
-    if names := [name for name in list_foreign(folder) if not (folder / name).is_symlink()]:
-        more = f" and {len(names) - 1} more are" if names[1:] else " is"
-        yield (
-            f"{folder / names[0]}{more} not Icy Moon's; move {'them' if names[1:] else 'it'} out of the pair's folder."
-        )
+    if paths := [path for path in list_foreign(folder) if not path.is_symlink()]:
+        more = f" and {len(paths) - 1} more are" if paths[1:] else " is"
+        yield f"{paths[0]}{more} not Icy Moon's; move {'them' if paths[1:] else 'it'} out of the pair's folder."
 
 
 def _find_link(folder: Path) -> Path | None:

@@ -13,7 +13,8 @@ LENS = Section("lens", "Lens and Alignment", "Distortion and focus of the lens, 
 MOTION = Section("motion", "Motion", "Motion of the cameras during the exposure")
 OPTICS = Section("optics", "Optics", "Aperture, wavelengths and sharpness of lens and filter")
 DEPOSITS = Section("deposits", "Deposits", "Dust or frost on the windows before the lenses")
-FILTERS = Section("filters", "Colour Filters", "The Bayer mosaic: its filters, demosaicing and white balance")
+FILTERS = Section(
+    "filters", "Colour Filters", "The Bayer mosaic: its filters, demosaicing and white balance", shown=MOSAIC)
 DETECTOR = Section("detector", "Detector", "From photons to numbers")
 NOISE = Section("noise", "Noise", "Noise of the sensor, between exposures and between pixels")
 RADIATION = Section("radiation", "Radiation", "Tracks of charged particles, as in Jupiter's belts")
@@ -172,7 +173,7 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
         ("BGGR", "BGGR", "First row BG, second row GR"),
         ("GRBG", "GRBG", "First row GR, second row BG"),
         ("GBRG", "GBRG", "First row GB, second row RG"),
-        section=FILTERS, shown=MOSAIC, since="0.3")
+        section=FILTERS, since="0.3")
     demosaicing: Literal["BILINEAR", "MALVAR", "EDGE_AWARE"] = choice(
         "Demosaicing", "MALVAR", "How the two missing colours of each pixel are found", "response",
         ("BILINEAR", "Bilinear", "Mean of the nearest pixels of a colour. The softest"),
@@ -180,53 +181,53 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
          "Mars rovers"),
         ("EDGE_AWARE", "Edge-Aware", "Green along edges, not across them; red and blue as Bilinear (OpenCV). The "
          "pair viewer shows Malvar instead"),
-        section=FILTERS, shown=MOSAIC, since="0.3")
+        section=FILTERS, since="0.3")
     white_balance: Literal["SUN", "NONE"] = choice(
         "White Balance", "SUN", "Factors on red, green and blue after demosaicing", "response",
         ("SUN", "Sunlight", "White ground in sunlight is grey; the weaker colours are multiplied"),
         ("NONE", "None", "The numbers of the sensor"),
-        section=FILTERS, shown=MOSAIC, since="0.3")
+        section=FILTERS, since="0.3")
     grey: Literal["LUMINANCE", "MEAN"] = choice(
         "Grey for Matchers", "LUMINANCE", "How matchers get a colour image", "response",
         ("LUMINANCE", "Luminance", "0.2126 red + 0.7152 green + 0.0722 blue (ITU-R BT.709), linear"),
         ("MEAN", "Mean", "A third of each"),
-        section=FILTERS, shown=MOSAIC, since="0.3")
+        section=FILTERS, since="0.3")
     red_centre_nm: float = number(
         "Red Centre (nm)", 615.0, 100.0, 2.0e4, (380.0, 720.0), "Wavelength at which the red filter passes most, with "
-        "a Gaussian around it", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+        "a Gaussian around it", "response", "nm", precision=0, section=FILTERS, since="0.3")
     red_half_width_nm: float = number(
         "Red Half Width (nm)", 45.0, 0.1, 2.0e4, (10.0, 100.0), "Distance from the centre of the red filter at which "
-        "half is passed", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+        "half is passed", "response", "nm", precision=0, section=FILTERS, since="0.3")
     red_efficiency: float = fraction(
         "Red Efficiency", 0.46, "Electrons per photon at the centre of the red filter, besides its leak", "response",
-        section=FILTERS, shown=MOSAIC, since="0.3")
+        section=FILTERS, since="0.3")
     green_centre_nm: float = number(
         "Green Centre (nm)", 535.0, 100.0, 2.0e4, (380.0, 720.0), "Wavelength at which the green filter passes most, "
-        "with a Gaussian around it", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+        "with a Gaussian around it", "response", "nm", precision=0, section=FILTERS, since="0.3")
     green_half_width_nm: float = number(
         "Green Half Width (nm)", 46.0, 0.1, 2.0e4, (10.0, 100.0), "Distance from the centre of the green filter at "
-        "which half is passed", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+        "which half is passed", "response", "nm", precision=0, section=FILTERS, since="0.3")
     green_efficiency: float = fraction(
         "Green Efficiency", 0.55, "Electrons per photon at the centre of the green filter, besides its leak",
-        "response", section=FILTERS, shown=MOSAIC, since="0.3")
+        "response", section=FILTERS, since="0.3")
     blue_centre_nm: float = number(
         "Blue Centre (nm)", 450.0, 100.0, 2.0e4, (380.0, 720.0), "Wavelength at which the blue filter passes most, "
-        "with a Gaussian around it", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+        "with a Gaussian around it", "response", "nm", precision=0, section=FILTERS, since="0.3")
     blue_half_width_nm: float = number(
         "Blue Half Width (nm)", 50.0, 0.1, 2.0e4, (10.0, 100.0), "Distance from the centre of the blue filter at "
-        "which half is passed", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+        "which half is passed", "response", "nm", precision=0, section=FILTERS, since="0.3")
     blue_efficiency: float = fraction(
         "Blue Efficiency", 0.51, "Electrons per photon at the centre of the blue filter, besides its leak", "response",
-        section=FILTERS, shown=MOSAIC, since="0.3")
+        section=FILTERS, since="0.3")
     filter_leak: float = fraction(
         "Filter Leak", 0.04, "Electrons per photon that every colour filter adds at all wavelengths that reach it",
-        "response", section=FILTERS, shown=MOSAIC, since="0.3")
+        "response", section=FILTERS, since="0.3")
     cut_on_nm: float = number(
         "Cut-On (nm)", 400.0, 100.0, 2.0e4, (350.0, 450.0), "Shortest wavelength that reaches the colour filters",
-        "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+        "response", "nm", precision=0, section=FILTERS, since="0.3")
     cut_off_nm: float = number(
         "Cut-Off (nm)", 700.0, 100.0, 2.0e4, (620.0, 750.0), "Longest wavelength that reaches the colour filters: "
-        "that of an infrared cut-off filter", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+        "that of an infrared cut-off filter", "response", "nm", precision=0, section=FILTERS, since="0.3")
     full_well_e: float = number(
         "Full Well (e-)", 2.0e4, 1.0, 1.0e7, (1000.0, 1.0e5), "Electrons that a pixel can hold before it saturates",
         "response", "e-", precision=0, section=DETECTOR)

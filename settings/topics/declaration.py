@@ -18,7 +18,7 @@ import itertools
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform, get_args, get_type_hints
 
@@ -40,13 +40,15 @@ LANDFORMS = "Landforms"
 class Section:
     """A sub-panel of a topic's panel, closed at first. ``switch`` is the setting whose tick is in its header.
 
-    Sub-panels stand in the order in which they are made.
+    ``shown`` is the condition of all settings in it that state none. Sub-panels stand in the order in which they are
+    made.
     """
 
     key: str
     label: str
     description: str
     switch: str = ""
+    shown: Condition = field(default=ALWAYS, compare=False)
     order: int = field(default_factory=itertools.count().__next__, compare=False)
 
 
@@ -103,6 +105,11 @@ class Setting:
         if self.choices:
             return "choice"
         return {bool: "bool", int: "int", float: "float", str: "text"}[type(self.default)]
+
+    def placed(self, since: str) -> Setting:
+        """This setting with what its section and its topic state for all of theirs."""
+        shown = self.section.shown if self.section and self.shown is ALWAYS else self.shown
+        return replace(self, since=self.since or since, shown=shown)
 
     @property
     def entries(self) -> tuple[Setting, ...]:
@@ -261,7 +268,8 @@ def tables(label: str, entry: type[Table], description: str, effect: str, **more
 class Table(Attributes):
     """The table of a topic, or of an entry of a list. A subclass declares its settings.
 
-    A topic's class has a ``label`` and what else ``Topic`` has; its docstring is the description. A subclass of a
+    A topic's class has a ``label`` and what else ``Topic`` has; its docstring is the description. ``since`` is the
+    release that brought those of its settings that state none. A subclass of a
     topic's class has the same settings under another name.
     """
 
@@ -269,9 +277,9 @@ class Table(Attributes):
     fields: ClassVar[tuple[Setting, ...]] = ()
     topic: ClassVar[Topic]
 
-    def __init_subclass__(cls, label: str = "", **more: Any) -> None:
+    def __init_subclass__(cls, label: str = "", since: str = "", **more: Any) -> None:
         super().__init_subclass__()
-        own = tuple(value for value in vars(cls).values() if isinstance(value, Setting))
+        own = tuple(value.placed(since) for value in vars(cls).values() if isinstance(value, Setting))
         for setting in own:
             delattr(cls, setting.key)  # so that the attribute is the value in the table
         _check_choices(cls, own)

@@ -224,27 +224,28 @@ class MeshSettings(Table, label="Mesh", inside="terrain", shown=chosen("source.k
         shown=chosen("kind", "GRADED"), since="0.3")
 
 
-class HillsSettings(Table, label="Distant Hills", inside="terrain", turned_on_by="rms_slope_deg", shown=GRADED):
+class HillsSettings(
+    Table, label="Distant Hills", inside="terrain", turned_on_by="rms_slope_deg", shown=GRADED, since="0.3"
+):
     """Hills and ranges from the patch of ground to the horizon."""
 
     __slots__ = ()
     rms_slope_deg: float = degrees(
         "RMS Slope", 0.0, 0.0, 45.0, "Root-mean-square slope between points that are one slope baseline apart; 0 for "
         "no hills. Europa's ridged plains have 10 to 15 at 10 to 100 m, its smooth bands about 5", "geometry",
-        (0.0, 20.0), since="0.3")
+        (0.0, 20.0))
     slope_baseline_m: float = metres(
         "Slope Baseline", 30.0, 0.1, 1.0e5, (1.0, 1000.0), "Distance between the points whose slope is stated",
-        "geometry", section=ADVANCED, since="0.3")
+        "geometry", section=ADVANCED)
     hurst: float = number(
         "Hurst Exponent", 0.75, 0.05, 1.0, (0.3, 1.0), "How roughness changes with scale: the height of hills grows "
-        "as their width to this power", "geometry", section=ADVANCED, since="0.3")
+        "as their width to this power", "geometry", section=ADVANCED)
     largest_m: float = metres(
-        "Largest", 2000.0, 1.0, 1.0e5, (100.0, 1.0e4), "Width of the widest hills", "geometry", since="0.3")
+        "Largest", 2000.0, 1.0, 1.0e5, (100.0, 1.0e4), "Width of the widest hills", "geometry")
     smallest_m: float = metres(
         "Smallest", 10.0, 0.1, 1.0e5, (5.0, 100.0), "Width of the narrowest hills; what is smaller is the roughness "
-        "of the ground", "geometry", section=ADVANCED, since="0.3")
+        "of the ground", "geometry", section=ADVANCED)
     fractal: Literal["FBM", "CRESTS", "HETERO"] = choice("Kind", "FBM", "Shape of the hills", "geometry",
         ("FBM", "Rolling", "Rounded hills, equally rough everywhere"),
         ("CRESTS", "Ridged", "Ranges with sharp crests"),
-        ("HETERO", "Plains and Hills", "Rough hills beside smooth low ground"),
-        since="0.3")
+        ("HETERO", "Plains and Hills", "Rough hills beside smooth low ground"))

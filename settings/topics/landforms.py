@@ -146,23 +146,22 @@ class PenitentesSettings(Table, label="Penitentes", parent=LANDFORMS, turned_on_
         "Limited to what a height field can contain", "geometry", (0.0, 30.0))
 
 
-class PitsSettings(Table, label="Pits", parent=LANDFORMS, turned_on_by="depth_m", shown=ABOVE_A_MAP):
+class PitsSettings(Table, label="Pits", parent=LANDFORMS, turned_on_by="depth_m", shown=ABOVE_A_MAP, since="0.3"):
     """Pits with flat floors and steep walls, which grow sideways by sublimation."""
 
     __slots__ = ()
     depth_m: float = metres(
-        "Depth", 0.0, 0.0, 100.0, (0.0, 2.0), "Depth of the floors below the ground; 0 for no pits", "geometry",
-        since="0.3")
+        "Depth", 0.0, 0.0, 100.0, (0.0, 2.0), "Depth of the floors below the ground; 0 for no pits", "geometry")
     diameter_m: float = metres(
         "Diameter", 2.0, 0.01, 1.0e4, (0.2, 20.0), "Mean diameter of a pit. They have from half to one and a half "
-        "times that", "geometry", since="0.3")
+        "times that", "geometry")
     coverage: float = number(
         "Coverage", 0.3, 0.0, 0.8, (0.0, 0.7), "Share of the ground that is in pits. Above about 0.3 many grow "
-        "together", "geometry", since="0.3")
-    wall_deg: float = degrees("Wall Slope", 60.0, 10.0, 85.0, "Slope of the walls", "geometry", since="0.3")
+        "together", "geometry")
+    wall_deg: float = degrees("Wall Slope", 60.0, 10.0, 85.0, "Slope of the walls", "geometry")
     talus: float = number(
         "Talus", 0.0, 0.0, 0.5, (0.0, 0.5), "Mean height of the talus at the foot of the walls, as a share of the "
-        "depth; 0 for none", "geometry", since="0.3")
+        "depth; 0 for none", "geometry")
 
 
 class MantleSettings(Table, label="Mantle", parent=LANDFORMS, turned_on_by="thickness_m", shown=ABOVE_A_MAP):

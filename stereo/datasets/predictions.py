@@ -12,7 +12,6 @@ import numpy as np
 
 from ...support.errors import IcyMoonError
 from ...support.files import is_of_file_manager
-from ..matchers import complete_options
 from ..matchers.methods import Method, describe_method
 from ..measure.costs import COSTS
 from ..measure.metrics import usable
@@ -57,13 +56,6 @@ def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequenc
     if empty and len(empty) == len(found) and not taken:
         raise IcyMoonError(empty[0])
     return found
-
-
-def options_of(method: Method) -> dict[str, Any]:
-    """The complete options of a method, predictions included."""
-    if method.name == PREDICTION:
-        return dict(method.options)
-    return complete_options(method.name, method.options)
 
 
 def find_prediction(method: Method, pair: str) -> Path:
@@ -111,7 +103,7 @@ def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dic
     found = usable(disparity) & is_possible(disparity)
     return np.where(found, disparity, np.nan).astype(np.float32), {
         "method": PREDICTION,
-        "options": options_of(method),
+        "options": method.options,
         **dict.fromkeys(COSTS),
         "arrays": {},
         "counts": {},

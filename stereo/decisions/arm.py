@@ -86,6 +86,6 @@ def locate(
     }
     if found is None:
         return numbers
-    error_mm, error_deg = pose_error(found.pose, scoop.true, scoop.middle)
-    shift = (found.pose - scoop.commanded)[:3] @ np.append(scoop.middle, 1.0)
+    error_mm, error_deg = pose_error(found, scoop.true, scoop.middle)
+    shift = (found - scoop.commanded)[:3] @ np.append(scoop.middle, 1.0)
     return numbers | {"error_mm": error_mm, "error_deg": error_deg, "found_mm": (1000 * shift).tolist()}

@@ -116,13 +116,6 @@ def detect(
     return Detection(find_level(*sigmas), before_m - after_m)
 
 
-def volume_sigma(area_m2: float, sigma_m: float, correlation_m: float) -> float:
-    """The standard deviation of a volume, m3, over an area whose differences have ``sigma_m`` and the correlation
-    exp(-r²/2L²): they are as good as A / (2πL²) independent ones, at least one (Wheaton et al. 2010)."""
-    together = min(2 * math.pi * correlation_m**2, area_m2)
-    return area_m2 * sigma_m * math.sqrt(together / area_m2)
-
-
 @dataclass(frozen=True)
 class Noise:
     """Volumes of null pairs: their mean, their standard deviation, and the smallest volume that is noticed, m3."""

@@ -13,7 +13,6 @@ points. The one that fits best is kept.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,14 +38,6 @@ _TURN_DEG, _FEW_POINTS, _FEW_STEPS, _BETTER = 15.0, 150, 15, 0.5
 _FAR_M = 0.02
 
 
-@dataclass(frozen=True)
-class PoseFound:
-    """A pose (4, 4) from the link to the frame of the points, and the root mean square distance that is left, m."""
-
-    pose: np.ndarray
-    residual_m: float
-
-
 def sample_surface(vertices: np.ndarray, triangles: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
     """Points and unit normals (count, 6) spread evenly over triangles (m, 3) of vertices (n, 3)."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
@@ -60,9 +51,9 @@ def sample_surface(vertices: np.ndarray, triangles: np.ndarray, count: int, rand
 
 def find_pose(
     model: np.ndarray, points: np.ndarray, commanded: np.ndarray, eye: np.ndarray, random: np.random.Generator
-) -> PoseFound | None:
-    """The pose of a link whose surface is ``model`` (n, 6: points and normals in its own frame), from the points (m, 3)
-    that an ``eye`` (3,) sees of it, starting at the ``commanded`` pose (4, 4). None if there are too few points.
+) -> np.ndarray | None:
+    """The pose (4, 4) of a link whose surface is ``model`` (n, 6: points and normals in its own frame), from the points
+    (m, 3) that an ``eye`` (3,) sees of it, starting at the ``commanded`` pose (4, 4). None if there are too few points.
     """
     if len(points) < FEWEST_POINTS:
         return None
@@ -74,11 +65,11 @@ def find_pose(
     # Around its middle, as the site may be far from its origin; a turn about it moves the link least.
     middle = facing[:, :3].mean(axis=0)
     surface, scene = facing - np.append(middle, np.zeros(3)), points - middle
-    motion, left = _drawn(surface, scene, _best_start(surface, scene), _STEPS)
+    motion, _ = _drawn(surface, scene, _best_start(surface, scene), _STEPS)
     found = commanded.copy()
     found[:3, :3] = motion[:3, :3] @ commanded[:3, :3]
     found[:3, 3] = motion[:3, :3] @ (commanded[:3, 3] - middle) + motion[:3, 3] + middle
-    return PoseFound(found, left)
+    return found
 
 
 def _best_start(surface: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -14,8 +14,7 @@ from .dem import Dem
 from .footprints import disc, distance_to, fit_planes, share_under, sums
 from .rules import SiteRules
 
-#: The rules in the order in which they are asked: the code of a cell is 1 + the number of the first that fails it.
-RULES = ("known", "slope", "roughness", "rocks", "reach", "light")
+#: The code of a cell that no rule fails; the others have 1 + the place in ``judge`` of the first rule that fails them.
 SAFE = 0
 #: Width of the ground around a rock from which its height is measured, as a multiple of the footprint.
 _AROUND = 2.0
@@ -51,7 +50,7 @@ class Sites:
 
 
 def find_rocks(height_m: np.ndarray, cell_m: float, rules: SiteRules) -> np.ndarray:
-    """Boolean (rows, columns): cells that stand at least ``rock_height_m`` above the plane of the ground around them.
+    """Boolean (rows, columns): cells that stand more than ``rock_height_m`` above the plane of the ground around them.
 
     The plane is fitted again without what stands above it, so that a rock does not lift its own ground.
     """

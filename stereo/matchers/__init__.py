@@ -69,11 +69,25 @@ def match(
     camera: StereoCamera | None = None,
     ranges: Mapping[str, SearchRange] | None = None,
 ) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
-    """Compute the disparity of the left image with the matcher ``method``.
+    """``match_checked`` with some options of the matcher, whose values may be text. Raises IcyMoonError for an unknown
+    matcher or option too."""
+    return match_checked(method, left, right, check_options(method, options or {}), camera, ranges)
+
+
+def match_checked(
+    method: str,
+    left: np.ndarray,
+    right: np.ndarray,
+    options: Mapping[str, Any],
+    camera: StereoCamera | None = None,
+    ranges: Mapping[str, SearchRange] | None = None,
+) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+    """Compute the disparity of the left image with the matcher ``method``; ``options`` are all, as ``check_options``
+    returns them.
 
     ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey (H, W) or colour
     (H, W, 3 or 4; BGR as OpenCV reads it; matchers without colour get the mean of the bands, or the grey that their
-    option ``grey`` names). Values of ``options`` may be text. A program of the user's may ask for the ``camera``.
+    option ``grey`` names). A program of the user's may ask for the ``camera``.
     ``ranges`` are the search ranges that options may name, see ``search_range.known_ranges``. Returns
 
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
@@ -82,12 +96,11 @@ def match(
       started; None where unknown), ``arrays``, ``counts`` and ``facts``, see ``Result``, and ``search``, the range that
       was searched, or None if the matcher has no range.
 
-    A disparity of zero or less gives no depth and is invalid. Raises IcyMoonError for an unknown matcher or option,
-    for images that cannot be used or are too small for the options, and if a matcher that measures everywhere gave no
-    number at all.
+    A disparity of zero or less gives no depth and is invalid. Raises IcyMoonError for images that cannot be used or are
+    too small for the options, and if a matcher that measures everywhere gave no number at all.
     """
     module = _import_matcher(method)
-    complete = check_options(method, options or {})
+    complete = dict(options)
     prepare = _rgb if getattr(module, "COLOUR", False) else GREYS[complete.get("grey", "mean")]
     left, right = prepare(_check_image(left, "left")), prepare(_check_image(right, "right"))
     if left.shape[:2] != right.shape[:2]:

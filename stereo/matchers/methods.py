@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 from ...settings.topics.trust_boundary import OWN, OWN_NAME, listed, split_option
 from ...support.errors import IcyMoonError
@@ -18,16 +19,29 @@ _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
 
 @dataclass(frozen=True)
 class Method:
-    """A matcher (``name``) with its options; ``label`` is its name in the report."""
+    """A matcher (``name``) with all of its options, checked; ``label`` is its name in the report."""
 
     label: str
     name: str
-    options: dict[str, str] = field(default_factory=dict)
+    options: Mapping[str, Any]
 
     @property
     def file_name(self) -> str:
         """The label, with only characters that every file system allows."""
         return re.sub(r"[^A-Za-z0-9._-]+", "_", self.label)
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A method as the user states it: the options are texts, and some of the matcher's."""
+
+    label: str
+    name: str
+    options: dict[str, str] = field(default_factory=dict)
+
+    def parsed(self) -> Method:
+        """The method. Raises IcyMoonError for an unknown option, a bad value, and a missing file or program."""
+        return Method(self.label, self.name, check_options(self.name, self.options))
 
 
 def parse_key_value(text: str, where: str) -> tuple[str, str]:
@@ -63,12 +77,12 @@ def _is_of(entry: str, name: str) -> bool:
     return f"{entry.strip()}:".startswith(f"{name}:")
 
 
-def parse_own_matchers(texts: Sequence[str]) -> dict[str, Method]:
+def parse_own_matchers(texts: Sequence[str]) -> dict[str, Stated]:
     """The user's own matchers by name, from a ``NAME:METHOD:KEY=VALUE`` for each option, or ``NAME:METHOD``.
 
     Raises IcyMoonError for any other text.
     """
-    found: dict[str, Method] = {}
+    found: dict[str, Stated] = {}
     for text in texts:
         name, method, option = (*text.split(":", 2), "", "")[:3]
         if not (OWN_NAME.fullmatch(name) and method in matcher_names()):
@@ -76,7 +90,7 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, Method]:
                 f"--own {text}: write it as NAME:METHOD:KEY=VALUE, as in "
                 "mine:external:command=PROGRAM; a name has letters, digits, - and _."
             )
-        known = found.setdefault(name, Method(f"{OWN}:{name}", method))
+        known = found.setdefault(name, Stated(f"{OWN}:{name}", method))
         if known.name != method:
             raise IcyMoonError(f"--own {text}: {name} is already {known.name}; give it one method.")
         if option:
@@ -85,13 +99,13 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, Method]:
     return found
 
 
-def parse_named_methods(texts: Sequence[str]) -> list[Method]:
+def parse_named_methods(texts: Sequence[str]) -> list[Stated]:
     """Methods with names of the user's, from ``NAME=MATCHER`` or ``NAME=MATCHER:KEY=VALUE:KEY=VALUE`` for each.
 
     An option ends where a colon and the next known option follow, so a command may contain commas and colons. Raises
     IcyMoonError for any other text, and for a name that is a matcher's or given twice.
     """
-    found: list[Method] = []
+    found: list[Stated] = []
     for text in texts:
         name, equals, rest = (part.strip() for part in text.partition("="))
         matcher, _, options = (part.strip() for part in rest.partition(":"))
@@ -105,7 +119,7 @@ def parse_named_methods(texts: Sequence[str]) -> list[Method]:
         if name in (method.label for method in found):
             raise IcyMoonError(f"--method names {name} twice; give each method a name of its own.")
         parts = re.split(rf":(?=(?:{'|'.join(option_keys(matcher))})\s*=)", options) if options else []
-        found.append(Method(name, matcher, dict(parse_key_value(part, f"--method {name}") for part in parts)))
+        found.append(Stated(name, matcher, dict(parse_key_value(part, f"--method {name}") for part in parts)))
     return found
 
 
@@ -127,16 +141,14 @@ def parse_methods(
         if name == OWN:
             base = _find_own_matcher(given.pop(0) if given else "", owned)
         else:
-            base = Method(name, name, shared.get(name, {}))
+            base = Stated(name, name, shared.get(name, {}))
         chosen = base.options | dict(parse_key_value(part, "--methods") for part in given)
-        check_options(base.name, chosen)
-        if label in (method.label for method in methods):
+        method = Stated(label, base.name, chosen).parsed()
+        if label in (other.label for other in methods):
             raise IcyMoonError(f"--methods names {label} twice; leave one out.")
-        methods.append(Method(label, base.name, chosen))
-    for method in parse_named_methods(named):
-        chosen = shared.get(method.name, {}) | method.options
-        check_options(method.name, chosen)
-        methods.append(Method(method.label, method.name, chosen))
+        methods.append(method)
+    for named_one in parse_named_methods(named):
+        methods.append(replace(named_one, options=shared.get(named_one.name, {}) | named_one.options).parsed())
     if not methods:
         raise IcyMoonError(f"--methods is empty; choose from {', '.join(matcher_names())}.")
     unused = sorted(set(shared) - {method.name for method in methods})
@@ -161,7 +173,7 @@ def _parse_shared_options(options: Sequence[str]) -> dict[str, dict[str, str]]:
     return shared
 
 
-def _find_own_matcher(name: str, owned: Mapping[str, Method]) -> Method:
+def _find_own_matcher(name: str, owned: Mapping[str, Stated]) -> Stated:
     if name not in owned:
         known = f"known are {', '.join(owned)}" if owned else "none is set up"
         raise IcyMoonError(

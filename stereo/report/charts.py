@@ -136,6 +136,12 @@ def _set_percent_axis(axis: Axes, label: str) -> None:
     axis.set_ylabel(label)
 
 
+def start_at_zero(axis: Axes) -> None:
+    """Let the axis y start at 0, with room for whole marks at both ends."""
+    top = axis.get_ylim()[1]
+    axis.set_ylim(-0.02 * top, 1.06 * top)
+
+
 def set_logarithmic(axis: Axes, which: str) -> None:
     """Make the axis ``which`` ("x" or "y") logarithmic if it shows anything above zero."""
     if not np.isfinite(getattr(axis.dataLim, f"minpos{which}")):
@@ -156,7 +162,7 @@ def draw_charts(
     with matplotlib.rc_context(STYLE):
         return {
             "typical": _draw_differences(comparisons),
-            "front": _draw_front(summary, table),
+            "front": [*_draw_front(summary), *_draw_spreads(summary, table)],
             "errors": _draw_errors(summary),
             "signed": _draw_histograms(summary),
             "range": _draw_range(summary),
@@ -193,7 +199,7 @@ def _draw_phase_curves(laws: Mapping[str, np.ndarray]) -> list[str]:
             axis.set_xlabel("phase angle (°)")
             axis.set_ylabel("disc brightness over that at 0°")
             if last == PHASE_DEG[-1]:
-                axis.set_ylim(bottom=0)
+                start_at_zero(axis)
             handles, labels = axis.get_legend_handles_labels()
             axis.figure.legend(handles, labels, loc="outside upper left", ncols=1, handlelength=2.4)
     return found
@@ -235,35 +241,35 @@ def _draw_differences(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
     return found
 
 
-def _draw_front(summary: Summary, table: Table) -> list[str]:
-    """Draw wrong or missing pixels against time, with the front of methods that no other beats in both, and the spread
-    over scenes."""
-    entries = [
-        (look, entry)
+def _draw_front(summary: Summary) -> list[str]:
+    """Draw wrong or missing pixels against time, with the front of methods that no other beats in both."""
+    points = [
+        (look, entry["seconds"], 100 * entry["total_bad_1"])
         for _, entry, look in each_method(summary)
         if entry["n"] and entry["total_bad_1"] is not None and entry["seconds"]
     ]
     found: list[str] = []
-    if len(entries) > 1:
+    if len(points) > 1:
         with panel(found, "front", "Accuracy against time; line: no method is better in both") as axis:
-            for look, entry in entries:
-                axis.plot(entry["seconds"], 100 * entry["total_bad_1"], **look, linestyle="", zorder=3)
-                axis.annotate(
-                    look["label"][:_LONGEST_LABEL],
-                    (entry["seconds"], 100 * entry["total_bad_1"]),
-                    (5, 4),
-                    textcoords="offset points",
-                )
             best: list[tuple[float, float]] = []
-            for seconds, wrong in sorted((entry["seconds"], 100 * entry["total_bad_1"]) for _, entry in entries):
+            for look, seconds, wrong in points:
+                axis.plot(seconds, wrong, **look, linestyle="", zorder=3)
+                axis.annotate(look["label"][:_LONGEST_LABEL], (seconds, wrong), (5, 4), textcoords="offset points")
+            for seconds, wrong in sorted((seconds, wrong) for _, seconds, wrong in points):
                 if not best or wrong < best[-1][1]:
                     best.append((seconds, wrong))
             axis.step(*zip(*best, strict=True), where="post", color=_INK, linewidth=1, zorder=2)
             set_logarithmic(axis, "x")
             axis.margins(x=0.25, y=0.15)
-            axis.set_ylim(bottom=0)
+            start_at_zero(axis)
             axis.set_xlabel("processor seconds a pair")
             axis.set_ylabel("% missing or off by > 1 px")
+    return found
+
+
+def _draw_spreads(summary: Summary, table: Table) -> list[str]:
+    """Draw the spread over scenes of what is wrong or missing, and of the error of the measured pixels."""
+    found: list[str] = []
     for title, key, factor, label in (
         ("Spread over scenes", "total_bad_1", 100.0, "% missing or off by > 1 px"),
         ("Spread over scenes, measured pixels", "epe_px", 1.0, "mean disparity error (px)"),
@@ -276,7 +282,7 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
         most = max(map(len, values), default=0)
         if most < 2:
             continue
-        with panel(found, "front", title + _FEW * _has_bars(values, summary, key)) as axis:
+        with panel(found, "spread", title + _FEW * _has_bars(values, summary, key)) as axis:
             for k, entry, look in each_method(summary):
                 bounds = entry["intervals"].get(key)
                 if len(values[k]) < _FEWEST_IN_BOX and bounds:
@@ -297,7 +303,7 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
                 [look["label"][:_LONGEST_LABEL] for *_, look in each_method(summary)],
                 rotation=25 if len(summary) > 4 else 0,
             )
-            axis.set_ylim(bottom=0)
+            start_at_zero(axis)
             axis.set_ylabel(label)
     return found
 
@@ -353,7 +359,7 @@ def _draw_histograms(summary: Summary) -> list[str]:
         for look, counts in entries:
             axis.plot(part, _over_a_pixel(counts["part"], counts["true_part"]), **look)
         axis.axhline(1, color=_INK, linewidth=0.8)
-        axis.set_ylim(bottom=0)
+        start_at_zero(axis)
         axis.set_xlabel("part of a pixel in the disparity")
         axis.set_ylabel("measured over true frequency")
     with panel(found, "signed", "Bias by part of a pixel; errors below 1 px") as axis:
@@ -393,7 +399,7 @@ def _draw_errors(summary: Summary) -> list[str]:
                 )
         axis.set_xlabel("% of measurements kept, the most textured first")
         axis.set_ylabel("mean disparity error (px)")
-        axis.set_ylim(bottom=0)
+        start_at_zero(axis)
     return found
 
 
@@ -482,6 +488,6 @@ def _draw_pixel_classes(summary: Summary) -> list[str]:
                     )
             axis.set_xticks(places[shown], np.array(factor.classes)[shown], rotation=0 if factor.names else 35)
             axis.set_xlim(places[shown].min() - 0.4, places[shown].max() + 0.4)
-            axis.set_ylim(bottom=-0.02 * axis.get_ylim()[1])  # a mark at 0 is whole
+            start_at_zero(axis)
             axis.set_ylabel("% missing or > 1 px")
     return found

@@ -12,10 +12,9 @@ from typing import Any, TextIO
 
 from ...settings.shared_settings import find_shared, without_shared
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
+from ...support.file_shapes import read_record
 from ...support.files import escape_cell, write_atomically, write_json
 from ...support.number_text import count_of
-from ..datasets.predictions import options_of
 from ..environment import packages
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN
 from ..matchers.methods import Method
@@ -26,59 +25,17 @@ from ..measure.result_row import NUMBERS, REGIONS
 from .by_setting import scene_of, swept_settings
 from .conditions import conditions_of, join_by_scene, name_levels, preset_title, titles_of
 from .html import choose_pairs, write_report
-from .notes import BAKED, NOISE, SEARCH, Notes
+from .notes import Notes
 from .ranking import rank_methods
 from .rare_failures import describe_rare_failures
 from .row_log import LazyRows, Row, RowLog
-from .summary import COMPARED_KEYS, Table, compare_methods, summarise_method
+from .schema import FACTS, LONG, Comparison, Failure, Report
+from .summary import Table, compare_methods, summarise_method
 from .sweep_charts import write_curves
 from .verdict_text import describe_typical, describe_verdicts
 
 FORMAT = "icymoon-report"
 VERSION = 4
-#: Entries of rows that only ``results.jsonl`` contains: the summary has their sums, or only a later run needs them.
-_LONG = ("strata", "sparsification", "histograms", "common")
-
-
-#: The facts of a pair, see ``prepare``: the entries that are read again.
-FACTS: dict[str, Shape] = {
-    "pair": TEXT,
-    "key": TEXT,
-    "images": Each(TEXT, TEXT),
-    "settings": Each(TABLE, TEXT),
-    "self_check": {"ok": FLAG, "problems": Each(TEXT)},
-    "notes": Maybe(Each(TEXT)),
-    "warnings": Maybe(Each(TEXT)),
-    "rendered": TABLE,
-    "width_px": PIXELS,
-    "height_px": PIXELS,
-    "true": NUMBER,
-    "visible": Maybe(NUMBER, null=True),
-    "exposure_s": Maybe(NUMBER),
-    "scene": Maybe(TEXT),
-    "noise": NOISE,
-    "occlusion": Maybe(TEXT, null=True),
-    "baked": BAKED,
-}
-_KNOWN = Maybe(NUMBER, null=True)
-#: A row, see ``evaluate.evaluate``.
-ROW: dict[str, Shape] = {
-    "status": TEXT,
-    "error": TEXT,
-    "images": Each(TEXT, TEXT),
-    "options": TABLE,
-    "facts": TABLE,
-    "search": SEARCH,
-    "counts": Each(COUNT, TEXT),
-    "strata": TABLE,
-    "sparsification": TABLE,
-    "error_curve": Each(ANYTHING),
-    "histograms": Each(Each(NUMBER), TEXT),
-    "common": Each({"key": TEXT, **dict.fromkeys(common_pixels.NUMBERS, _KNOWN)}, TEXT),
-    "plug_ins": Maybe(Each(_KNOWN, TEXT)),
-    "plug_in_faults": Maybe(Each(TEXT, TEXT)),
-    **dict.fromkeys(NUMBERS, _KNOWN),
-}
 #: Entries of the report that ``summary.json`` lacks, because they grow with the number of pairs.
 _MANY = ("rows", "pairs")
 
@@ -88,17 +45,15 @@ def write_results(
     names: Sequence[str],
     methods: Sequence[Method],
     out: Path,
-    failed: list[dict[str, Any]],
-    suspect: list[dict[str, Any]],
+    failed: list[Failure],
+    suspect: list[Failure],
     source: Mapping[str, Any],
     seed: int,
     guiss: bool,
     faults: Sequence[str] = (),
-) -> dict[str, Any]:
+) -> Report:
     """Write ``results.csv``, ``comparisons.csv``, ``report.json``, ``summary.json`` and ``report.html`` of the pairs
-    ``names``; return the report. ``faults`` are sentences about plug-ins that were left out. ``summary.json`` is the
-    report without its rows and pairs, but with ``shown``: the rows of the pairs whose pictures are in the HTML report.
-    ``curves`` are pictures of the error by the setting that varies."""
+    ``names``; return the report. ``faults`` are sentences about plug-ins that were left out."""
     labels = [method.label for method in methods]
     rows = LazyRows(
         len(names) * len(labels), lambda k: _short_row(log.read(names[k // len(labels)], labels[k % len(labels)]))
@@ -125,7 +80,7 @@ def write_results(
     summary = [summarise_method(table, k) | {"ranks": own} for k, own in enumerate(ranks)]
     sweeps = join_by_scene(swept_settings(facts, places), facts, places)
     verdicts = describe_verdicts(comparisons, table)
-    report = {
+    report: Report = {
         "format": FORMAT,
         "version": VERSION,
         "summary": summary,
@@ -182,7 +137,7 @@ def _all_failed(log: RowLog, pair: str, labels: Sequence[str]) -> bool:
 
 
 def _short_row(row: Row) -> Row:
-    return {key: value for key, value in row.items() if key not in _LONG}
+    return {key: value for key, value in row.items() if key not in LONG}
 
 
 def _write_csv(part: Path, rows: Iterable[Row], metrics: Sequence[str]) -> None:
@@ -201,17 +156,17 @@ def _write_csv(part: Path, rows: Iterable[Row], metrics: Sequence[str]) -> None:
         )
 
 
-def _write_comparisons(part: Path, comparisons: Sequence[Mapping[str, Any]]) -> None:
+def _write_comparisons(part: Path, comparisons: Sequence[Comparison]) -> None:
     """Write the comparisons of every two methods as CSV with a header line; undefined numbers are empty."""
     with part.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.DictWriter(stream, COMPARED_KEYS, extrasaction="raise", lineterminator="\n")
+        writer = csv.DictWriter(stream, tuple(Comparison.__annotations__), extrasaction="raise", lineterminator="\n")
         writer.writeheader()
         writer.writerows(
             {**entry, **{key: escape_cell(entry[key] or "") for key in ("a", "b", "better")}} for entry in comparisons
         )
 
 
-def _write_report_json(part: Path, report: Mapping[str, Any], facts: Sequence[Mapping[str, Any]]) -> None:
+def _write_report_json(part: Path, report: Report, facts: Sequence[Mapping[str, Any]]) -> None:
     """Write the report as JSON, row by row. Raises ValueError for NaN, which JSON does not have.
 
     Settings that all pairs share are in ``shared_settings``, and ``settings`` of each pair are its own.
@@ -222,9 +177,9 @@ def _write_report_json(part: Path, report: Mapping[str, Any], facts: Sequence[Ma
         return {**pair, "settings": without_shared(pair["settings"], shared)}
 
     own = LazyRows(len(facts), lambda k: shorten(facts[k]))
-    report = {key: own if value is facts else value for key, value in report.items()} | {"shared_settings": shared}
+    written = {**report, "pairs": own, "shared_settings": shared}
     with part.open("w", encoding="utf-8", newline="\n") as stream:
-        for k, (key, value) in enumerate(report.items()):
+        for k, (key, value) in enumerate(written.items()):
             stream.write(f"{',' if k else '{'}\n {json.dumps(key)}: ")
             if isinstance(value, LazyRows):
                 _write_list(stream, value)
@@ -247,7 +202,7 @@ def _provenance(
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         **source,
         "methods": [
-            {"label": method.label, "name": method.name, "options": options_of(method), "facts": facts[method.label]}
+            {"label": method.label, "name": method.name, "options": method.options, "facts": facts[method.label]}
             for method in methods
         ],
         "versions": packages.find_versions(),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..inference.typical_scene import compare, pairs_of, ranks, subtract
 from ..measure import by_pixel_class, common_pixels, disparity_histograms
 from ..measure.metrics import BAD, ERROR_STEPS_M, L1_RATES, QUANTILES, SHARES
 from ..measure.result_row import NUMBERS, REGION_METRICS
+from .schema import Comparison
 
 #: Metrics that are means over pixels, so that the pixels of all pairs can be pooled. The scale-invariant and order
 #: metrics compare pixels of one image, and cannot.
@@ -48,25 +50,6 @@ COMPARED = (
 )
 #: An error or time below this is compared as if it were as large: 1 µm, 1 µpx or 1 µs, so that 0 has a logarithm.
 _LEAST = 1e-6
-#: The keys of a comparison, see ``compare_methods``.
-COMPARED_KEYS = (
-    "a",
-    "b",
-    "metric",
-    "kind",
-    "pairs",
-    "scenes",
-    "typical",
-    "typical_low",
-    "typical_high",
-    "better",
-    "p",
-    "detectable",
-    "scenes_needed",
-    "value",
-    "low",
-    "high",
-)
 _PLACE = {key: place for place, key in enumerate(NUMBERS)}
 #: Numbers that are counts of pixels.
 _COUNTS = tuple(f"{prefix}n" for prefix, keys in REGION_METRICS.items() if "n" in keys)
@@ -208,21 +191,17 @@ def is_share(key: str) -> bool:
 
 def compare_methods(
     table: Table, seed: int, with_means: bool = False
-) -> tuple[list[dict[str, Any]], list[dict[str, tuple[int, int]]]]:
+) -> tuple[list[Comparison], list[dict[str, tuple[int, int]]]]:
     """Compare every two methods by each of COMPARED; also the ``typical_scene.ranks`` of each method by metric.
 
-    Each comparison has ``a``, ``b``, ``metric``, ``kind`` ("ratio" or "difference"), and ``typical``: a / b or a - b in
-    the typical scene, with simultaneous 95 % bounds ``typical_low`` and ``typical_high``, the adjusted ``p`` and the
-    ``detectable`` ratio or difference, see ``typical_scene.Family``. ``better`` is the method that is better in the
-    typical scene, null without a verdict, which takes ``scenes_needed`` scenes. ``value`` is the mean over scenes; its
-    bounds ``low`` and ``high`` are null unless ``with_means``, and with few scenes. ``pairs`` and ``scenes`` is where
-    both methods are defined. What makes a scene easy or hard for both methods cancels.
+    The means over scenes have bounds if ``with_means``, and if there are scenes enough. For the typical scene see
+    ``typical_scene.Family``. What makes a scene easy or hard for both methods cancels.
 
     Methods that measured nothing are not compared. There are ranks only if there are scenes enough for a verdict.
     """
     methods = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
     chosen = [(methods[a], methods[b]) for a, b in pairs_of(len(methods))]
-    found: list[dict[str, Any]] = []
+    found: list[Comparison] = []
     placed: list[dict[str, tuple[int, int]]] = [{} for _ in table.methods]
     for metric in COMPARED if chosen else ():
         columns, pairs = zip(*(_scene_differences(table, a, b, metric) for a, b in chosen), strict=True)
@@ -233,7 +212,7 @@ def compare_methods(
         for k, (a, b) in enumerate(chosen):
             sign = 1 if (family.typical[k] > 0) == metric.more_is_better else -1
             better[a, b], better[b, a] = family.found[k] and sign > 0, family.found[k] and sign < 0
-            turn = np.exp if metric.ratio else float
+            number = partial(_number_at, k, np.exp if metric.ratio else float)
             found.append(
                 {
                     "a": table.methods[a],
@@ -242,18 +221,13 @@ def compare_methods(
                     "kind": "ratio" if metric.ratio else "difference",
                     "pairs": pairs[k],
                     "scenes": int(family.scenes[k]),
-                    **{
-                        key: _number(turn(values[k]))
-                        for key, values in (
-                            ("value", means),
-                            ("low", bounds[:, 0]),
-                            ("high", bounds[:, 1]),
-                            ("typical", family.typical),
-                            ("typical_low", family.low),
-                            ("typical_high", family.high),
-                            ("detectable", family.detectable),
-                        )
-                    },
+                    "value": number(means),
+                    "low": number(bounds[:, 0]),
+                    "high": number(bounds[:, 1]),
+                    "typical": number(family.typical),
+                    "typical_low": number(family.low),
+                    "typical_high": number(family.high),
+                    "detectable": number(family.detectable),
                     "p": _number(family.p[k]),
                     "scenes_needed": family.needed,
                     "better": table.methods[a if better[a, b] else b] if family.found[k] else None,
@@ -304,3 +278,7 @@ def _number(value: float) -> float | None:
 
 def _ratio(part: float, whole: float) -> float | None:
     return part / whole if whole else None
+
+
+def _number_at(place: int, turn: Callable[[float], float], values: np.ndarray) -> float | None:
+    return _number(turn(values[place]))

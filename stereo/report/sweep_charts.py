@@ -30,6 +30,7 @@ from .charts import (
     each_method,
     make_figure,
     panel,
+    start_at_zero,
 )
 from .factors import Lines, lines_for
 from .summary import Table
@@ -177,7 +178,7 @@ def _draw_sweep(sweep: Sweep, axis: Axes, metric: tuple[str, float, str], summar
     for k, _, look in each_method(summary):
         _draw_means(sweep, axis, metric, table, k, (k, len(summary)), {**look, "linestyle": _line_style(sweep)})
     _finish(sweep, axis, metric[2], table)
-    axis.set_ylim(bottom=0)
+    start_at_zero(axis)
 
 
 def _draw_lines(

@@ -25,7 +25,7 @@ from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules
 from ..images.develop import develop, grey
 from ..images.exr import Light
-from ..matchers import match
+from ..matchers import match_checked
 from ..matchers.methods import Method
 from ..matchers.search_range import known_ranges
 from ..measure.jackknife import jackknife, tile_sums
@@ -234,7 +234,7 @@ def _match_images(
         Matched(
             left,
             {
-                method.label: match(method.name, left, right, method.options, reference.pair.camera, ranges)[0]
+                method.label: match_checked(method.name, left, right, method.options, reference.pair.camera, ranges)[0]
                 for method in methods
             },
         )

@@ -163,7 +163,7 @@ def built() -> None:
 def otherwise() -> None:
     """Other choices than the defaults: a mesh of one's own, images, planet by date, lens faults, landforms."""
     module("operators.session").session.job = None
-    module("operators.results").clear_results(bpy.context.scene)
+    bpy.context.scene.icymoon.results = ""
     group = settings()
     for topic, key, value in (
         ("source", "kind", "MESH"),

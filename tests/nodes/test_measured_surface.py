@@ -186,4 +186,4 @@ def test_by_operator(shown, tmp_path):
         assert bpy.ops.icymoon.hide_surface() == {"FINISHED"}
         assert not bpy.ops.icymoon.hide_surface.poll()
     finally:
-        results.clear_results(scene)
+        scene.icymoon.results = ""

@@ -184,7 +184,7 @@ def loaded_by(text: str) -> list[str]:
     found = [
         (method, key, str(value))
         for method in methods
-        for key, value in complete_options(method.name, method.options).items()
+        for key, value in method.options.items()
         if key in trust_boundary.LOADS
     ]
     return [
@@ -255,7 +255,7 @@ def test_what_passes_the_gate_gives_the_evaluator_no_program(text):
     except IcyMoonError:
         return
     for method in methods:
-        assert method.label.startswith("own:mine") or not set(method.options) & set(trust_boundary.LOADS)
+        assert method.label.startswith("own:mine") or not any(method.options.get(key) for key in trust_boundary.LOADS)
         assert method.options.get("command", "sh mine {left} {right} {out}") == "sh mine {left} {right} {out}"
 
 
@@ -263,9 +263,10 @@ def test_one_s_own_matcher_is_named_and_takes_harmless_options_from_a_descriptio
     own = [r"mine:external:command=sh C:\run,me.sh {left} {right} {out}", "mine:external:format=pfm"]
     described = description.check({"dataset": {"methods": "bm,own:mine:timeout_s=5"}}, "scene.toml")
     bm, mine = parse_methods(described.dataset.methods, own=own)
-    assert (bm.name, bm.options) == ("bm", {})
+    assert (bm.name, bm.options) == ("bm", complete_options("bm", {}))
     assert (mine.label, mine.name) == ("own:mine:timeout_s=5", "external")
-    assert mine.options == {"command": r"sh C:\run,me.sh {left} {right} {out}", "format": "pfm", "timeout_s": "5"}
+    stated = {"command": r"sh C:\run,me.sh {left} {right} {out}", "format": "pfm", "timeout_s": 5}
+    assert mine.options == complete_options("external", stated)
     assert trust_boundary.own_names("bm, own:a:x=1,own:b,own,own:a") == ["a", "b"]
 
 

@@ -5,7 +5,9 @@ import csv
 import json
 import shutil
 import sys
+from collections.abc import Mapping, Sequence
 from html.parser import HTMLParser
+from typing import get_origin, get_type_hints
 
 import cv2
 import numpy as np
@@ -16,10 +18,13 @@ from icymoon.settings.description import defaults, merged
 from icymoon.settings.shared_settings import with_shared
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.colours import INVALID_GREY, SKY_GREY, depth_scale, error_picture, with_bar
+from icymoon.stereo.matchers import check_options
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.costs import COSTS
+from icymoon.stereo.report import schema
 from icymoon.stereo.report.row_log import RowLog
 from icymoon.support.errors import IcyMoonError
+from icymoon.support.file_shapes import find_fault
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -83,6 +88,24 @@ def test_everything_is_evaluated_and_written(result):
     for entry in (*report["rows"], *report["pairs"]):
         assert all((out / path).stat().st_size > 0 for path in entry["images"].values())
     assert not list(out.rglob("*.part"))
+
+
+def test_a_written_report_is_of_its_type(result):
+    _, out, _ = result
+    written = strict_json(out / "report.json")
+    assert list(written) == [*schema.Report.__annotations__, "shared_settings"]
+    kinds = {name: get_origin(hint) or hint for name, hint in get_type_hints(schema.Report).items()}
+    for name, kind in kinds.items():
+        assert isinstance(written[name], {Sequence: list, Mapping: dict}.get(kind, kind)), name
+    hints = get_type_hints(schema.Comparison)
+    for entry in written["comparisons"]:
+        assert entry.keys() == hints.keys()
+        assert all(isinstance(entry[name], hint) for name, hint in hints.items()), entry
+    row = {key: shape for key, shape in schema.ROW.items() if key not in schema.LONG}
+    for kept, shape in (("rows", row), ("pairs", schema.FACTS)):
+        assert [find_fault(each, shape) for each in written[kept]] == [""] * len(written[kept])
+    summary = strict_json(out / "summary.json")
+    assert summary.keys() == written.keys() - {"rows", "pairs", "shared_settings"} | {"shown"}
 
 
 def test_rows_hold_what_follows_from_disparity_and_analytic_truth(result):
@@ -340,8 +363,8 @@ def test_wrong_methods_are_refused_before_anything_runs(text, options, reason):
 
 def test_methods_with_options():
     plain, own = parse_methods(" bm , bm:window=21:disparities=128", ["bm.window=9", "bm.uniqueness=5"])
-    assert plain.options == {"window": "9", "uniqueness": "5"}
-    assert own.options == {"window": "21", "uniqueness": "5", "disparities": "128"}
+    assert plain.options == check_options("bm", {"window": 9, "uniqueness": 5})
+    assert own.options == check_options("bm", {"window": 21, "uniqueness": 5, "disparities": 128})
     assert own.file_name == "bm_window_21_disparities_128"
 
 

@@ -48,6 +48,11 @@ def test_points_are_all_over_the_rock_just_above_its_surface_and_face_outward():
         assert np.mean(points.normal[:, axis] ** 2) == pytest.approx(1 / 3, abs=0.05)
 
 
+def light_of(numbers, points):
+    """The light at points: the sum of the terms, each with its number of the point's rock."""
+    return np.maximum((terms_of(points.normal, points.place)[..., None] * numbers[points.rock]).sum(axis=1), 0.0)
+
+
 @pytest.mark.parametrize("count", [16, 64])
 def test_light_of_a_hemisphere_is_held_exactly_and_that_of_a_lamp_to_a_few_percent(count):
     """Light of a hemisphere is linear in the normal; terms of second order hold a cosine to 5 % (Ramamoorthi and

@@ -14,7 +14,6 @@ from icymoon.stereo.decisions.change import (
     local_sigma,
     measure_change,
     region_cells,
-    volume_sigma,
 )
 from icymoon.stereo.decisions.dem import Grid
 
@@ -64,8 +63,10 @@ def test_the_error_of_a_volume_follows_the_correlation_of_heights(correlation_m)
     for _ in range(200):
         noise = np.fft.ifft2(np.fft.fft2(random.standard_normal((size, size))) * spectrum).real
         volumes.append(measure_change(noise, np.zeros((size, size)), np.ones((size, size), bool), cell).volume_m3)
-    # 200 draws: three standard errors of a standard deviation.
-    assert np.std(volumes) == pytest.approx(volume_sigma((size * cell) ** 2, sigma, correlation_m), rel=0.15)
+    # As good as A / (2πL²) independent differences (Wheaton et al. 2010). 200 draws: three standard errors of a
+    # standard deviation.
+    expected = sigma * math.sqrt(2 * math.pi * (size * cell * correlation_m) ** 2)
+    assert np.std(volumes) == pytest.approx(expected, rel=0.15)
 
 
 def test_the_smallest_volume_is_noticed_in_95_of_100():

@@ -43,13 +43,15 @@ def test_a_named_method_has_its_name_alone_as_label():
         named=["wide=bm:disparities=128:blockSize=9", f"mynet=external:timeout_s=5:command={command}:format=pfm"],
     )
     assert [method.label for method in methods] == ["bm", "wide", "mynet"]
-    assert methods[1].options == {"window": "21", "disparities": "128", "blockSize": "9"}  # of --option, and its own
-    assert methods[2].options == {"timeout_s": "5", "format": "pfm", "command": command}
+    assert methods[1].options["window"] == 9  # its own, by OpenCV's name, over that of --option
+    assert methods[1].options["disparities"] == 128
+    stated = {"timeout_s": 5, "format": "pfm", "command": command}
+    assert methods[2].options == check_options("external", stated)
 
 
 def test_named_methods_alone_are_enough():
     (method,) = parse_methods("", named=["mine=bm"])
-    assert (method.label, method.name, method.options) == ("mine", "bm", {})
+    assert (method.label, method.name, method.options) == ("mine", "bm", check_options("bm", {}))
 
 
 @pytest.mark.parametrize(

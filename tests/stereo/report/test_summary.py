@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from icymoon.stereo.measure import common_pixels
 from icymoon.stereo.measure.result_row import NUMBERS
-from icymoon.stereo.report.summary import COMPARED_KEYS, Table, compare_methods, summarise_method
+from icymoon.stereo.report.schema import Comparison
+from icymoon.stereo.report.summary import Table, compare_methods, summarise_method
 from icymoon.stereo.report.verdict_text import describe_typical, describe_verdicts
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -112,7 +113,7 @@ def test_methods_that_differ_by_rounding_have_no_verdict():
 def test_means_have_intervals_where_scenes_are_many():
     entry = by_metric(compare_methods(table_of(24, [1.0, 1.5]), 0, with_means=True)[0], "total_bad_1")["m0", "m1"]
     assert entry["low"] < entry["value"] < entry["high"] < 0
-    assert set(entry) == set(COMPARED_KEYS)
+    assert set(entry) == set(Comparison.__annotations__)
 
 
 def test_the_typical_difference_is_said_from_the_worse_method():
