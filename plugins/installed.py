@@ -138,7 +138,7 @@ def _scan(path: tuple[str, ...]) -> tuple[list[Plugin], dict[str, tuple[str, str
             if "icymoon." not in text:
                 continue  # without a look at its metadata, which takes a hundred times as long
             name, version = str(package.metadata["Name"]), str(package.version)
-            entries = [entry for entry in package.entry_points if entry.group in kinds]
+            entries = [entry for entry in package.entry_points if entry.group in kinds and entry.module]
             licence = next(
                 (str(package.metadata[key]) for key in ("License-Expression", "License") if key in package.metadata), ""
             )
