@@ -130,7 +130,10 @@ class PluginExport:
         """Write the pairs that ``each`` gives to ``out``. Raises IcyMoonError if the plug-in cannot."""
         self.check()
         if self.writes_all:
-            self.write_all(each if self.plugin.built_in else self._converting(each), out)
+            if self.plugin.built_in:
+                self.write_all(each, out)
+            else:
+                self.write_all(self._converting(each), out)
             return
         names: list[str] = []
 

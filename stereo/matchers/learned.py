@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FOLDER_VARIABLE = "ICYMOON_CHECKPOINTS"  # environment variable
 
-OPTIONS = {
+OPTIONS: dict[str, dict[str, Any]] = {
     "checkpoint": {
         "default": "",
         "doc": f"File with the trained parameters; by default in the folder {FOLDER_VARIABLE} or "
