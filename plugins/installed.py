@@ -1,7 +1,7 @@
-"""Finding, loading and calling plug-ins: Icy Moon's own, and those of installed packages.
+"""Finding, loading and calling the plug-ins of Icy Moon and of installed packages.
 
-A plug-in is an entry point in one of ``GROUPS``. Those of Icy Moon stand in ``entry_points.txt`` beside this file, as
-those of a package stand in its metadata. A name from a file, a scene or a command line is only looked up among them.
+A plug-in is an entry point in one of ``GROUPS``. ``entry_points.txt`` beside this file declares Icy Moon's, as
+the metadata of a package declares its own. A name from a file, a scene or a command line is only looked up among them.
 What lies in the current folder is never one, however Python was started. Nothing of a plug-in is imported before it is
 used; the facts that lists show of it are literals of its module, which are read without an import.
 """

@@ -2,7 +2,7 @@
 
 An export is a plug-in, ours or of a package that the user installed; ``plugins/entry_points.txt`` declares ours. It is
 a module, or an ``Export``, with one of the functions that ``plug_in`` calls. A module that states ``NEEDS = "Blender"``
-builds ground, and ``PACKAGES`` states the packages that it needs, if they are not those of ``IMAGES``.
+builds ground, and ``PACKAGES`` states the packages that it needs in place of ``IMAGES``.
 """
 
 from __future__ import annotations

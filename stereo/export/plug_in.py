@@ -1,11 +1,11 @@
-"""Exports, ours and those of packages that the user installed: what their functions are given, and calling them.
+"""Exports, ours or of packages that the user installed: calling their functions, with a pair as they get it.
 
 An export has one of three functions. ``write_pair(pair, folder)`` writes a pair into a folder, and ``finish(names,
 folder)``, if there is one, what belongs to all of them. ``write_all(each, folder)`` calls ``each(write)``, which calls
 ``write(pair)`` with every pair. ``write_folders(folders, folder, context)`` reads the folders of the pairs by itself.
 If it has a function ``check()``, this returns a sentence on why it cannot write here, or an empty text.
 
-Ours are given ``Loaded`` pairs and the folder of the export; those of packages an ``ExportedPair``, and a folder whose
+Ours are given ``Loaded`` pairs and the folder of the export; the others an ``ExportedPair``, and a folder whose
 files come there once all of them are written.
 """
 

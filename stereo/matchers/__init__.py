@@ -47,7 +47,7 @@ def find_plugins() -> Found:
 
 
 def matcher_names() -> tuple[str, ...]:
-    """All matchers of this Python: Icy Moon's, then those of packages that are installed."""
+    """All matchers of this Python: Icy Moon's, then the installed packages'."""
     return tuple(find_plugins().usable)
 
 

@@ -97,7 +97,7 @@ class PluginMatcher:
             raise IcyMoonError(f"{self.plugin.title} cannot run here: {show_controls(str(fault))}")
 
     def load(self, options: dict[str, Any]) -> None:
-        """Let the plug-in do what is not part of matching a pair, if it does."""
+        """Call the plug-in's ``load``, if it has one, before a pair is matched and timed."""
         self._call("load", options)
 
     def _call(self, name: str, options: dict[str, Any]) -> Any:
