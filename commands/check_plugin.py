@@ -22,15 +22,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def find_all() -> dict[str, Found]:
     """The plug-ins of this Python by kind."""
-    from ..stereo import matchers
-    from ..stereo.export import plug_in as exports
+    from ..stereo import export, matchers
     from ..stereo.measure import plug_in as metrics
 
     return {
         "matcher": matchers.find_plugins(),
-        "landform": find("landform", ()),
+        "landform": find("landform"),
         "metric": metrics.find_plugins(),
-        "export": exports.find_plugins(),
+        "export": export.find_plugins(),
     }
 
 
@@ -60,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
     chosen = [
         plugin
         for each in found.values()
-        for plugin in each.usable.values()
+        for plugin in each.added.values()
         if options.name in (plugin.name, plugin.package)
     ]
     if not chosen:
@@ -78,7 +77,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _not_found(name: str, found: dict[str, Found]) -> str:
-    known: Collection[str] = [plugin.name for each in found.values() for plugin in each.usable.values()]
+    known: Collection[str] = [plugin.name for each in found.values() for plugin in each.added.values()]
     if not known:
         return (
             f"No plug-in {name!r} is installed in this Python, nor any other; install its package with pip, and "
@@ -89,7 +88,7 @@ def _not_found(name: str, found: dict[str, Found]) -> str:
 
 def _list(found: dict[str, Found]) -> int:
     for kind, each in found.items():
-        for plugin in each.usable.values():
+        for plugin in each.added.values():
             say(f"{kind} {plugin.name}, {plugin.release}")
         for sentence in each.refused.values():
             say(sentence)

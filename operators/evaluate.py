@@ -15,7 +15,7 @@ from ..settings.blender import scene_properties
 from ..settings.table import all_settings
 from ..settings.topics.scene import Settings
 from ..settings.topics.trust_boundary import OWN
-from ..stereo.matchers import NEEDS, TITLES
+from ..stereo.matchers import needs_of, titles
 from ..stereo.matchers.methods import toggle_method
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
@@ -200,12 +200,12 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
         """The tooltip, with the requirements of the matcher, if any."""
-        needs = NEEDS.get(properties.matcher, "")
+        needs = needs_of(properties.matcher)
         return f"{cls.__doc__}. It needs {needs}" if needs else str(cls.__doc__)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon.dataset
-        known = (*TITLES, *plugin_matcher_names())
+        known = (*titles(), *plugin_matcher_names())
         if not self.matcher.startswith(f"{OWN}:") and self.matcher not in known:
             self.report(
                 {"ERROR"},

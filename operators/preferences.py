@@ -14,6 +14,7 @@ from ..formats import asset_library
 from ..settings import change_announcements
 from ..settings.topics import trust_boundary
 from ..stereo.environment.packages import PACKAGES
+from ..stereo.matchers import set_ups
 from ..support import bundled_wheels, cache
 from ..support.errors import IcyMoonError
 from ..support.files import parse_path
@@ -201,20 +202,9 @@ def own_matcher_arguments(methods: str) -> list[str]:
     return arguments
 
 
-#: The option that ``program`` of each kind of matcher is for.
-_LOADED = {
-    "external": "command",
-    "resident": "command",
-    "onnx": "model",
-    "stereo_matching": "python",
-    "igev": "checkpoint",
-    "dsmnet": "checkpoint",
-}
-
-
 def _matcher_texts(item: Any) -> list[str]:
     """``NAME:METHOD:KEY=VALUE`` for each option of one of the user's matchers."""
-    options = [f"{_LOADED[item.method]}={item.program}"] if item.program else []
+    options = [f"{dict(set_ups())[item.method][1]}={item.program}"] if item.program else []
     options += [option for option in item.options.split(":") if option.strip()]
     return [f"{item.name}:{item.method}:{option}" for option in options] or [f"{item.name}:{item.method}"]
 
@@ -239,18 +229,7 @@ class ICYMOON_PG_matcher(bpy.types.PropertyGroup):
     method: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Kind",
         description="Kind of matcher",
-        items=(
-            (
-                "external",
-                "Program",
-                "A program that is started for each pair, reads two images and writes a disparity map",
-            ),
-            ("resident", "Resident Program", "A program that is started once and answers pair after pair"),
-            ("onnx", "ONNX Network", "A network in an ONNX file"),
-            ("stereo_matching", "stereo-matching", "A network of the package stereo-matching from PyPI"),
-            ("igev", "IGEV", "The network IGEV-Stereo with your own checkpoint"),
-            ("dsmnet", "DSMNet", "The network DSMNet with your own checkpoint"),
-        ),
+        items=tuple((name, label, about, "NONE", number) for name, (number, _, label, about) in set_ups()),
     )
     program: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Command or File",

@@ -23,7 +23,7 @@ from ..operators.preferences import own_matcher_names, plugin_matcher_names
 from ..operators.session import session
 from ..settings.blender import scene_properties
 from ..settings.topics.trust_boundary import OWN
-from ..stereo.matchers import NEEDS, TITLES
+from ..stereo.matchers import needs_of, titles
 from ..stereo.matchers.methods import names_method
 from ..stereo.report.table_columns import NOISE_DECIDES
 from . import previews
@@ -169,12 +169,12 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         methods = context.scene.icymoon.dataset.methods
         column = self.layout.column(align=True)
-        titles = {
-            **TITLES,
+        listed = {
+            **titles(),
             **{name: name for name in plugin_matcher_names()},
             **{f"{OWN}:{own}": own for own in own_matcher_names()},
         }
-        for name, title in titles.items():
+        for name, title in listed.items():
             row, chosen = column.row(align=True), names_method(methods, name)
             row.operator(
                 "icymoon.toggle_matcher",
@@ -182,8 +182,8 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
                 depress=chosen,
                 icon="CHECKBOX_HLT" if chosen else "CHECKBOX_DEHLT",
             ).matcher = name
-            if chosen and name in NEEDS:
-                draw_sentence(column, f"{title} needs {NEEDS[name]}.", "INFO")
+            if chosen and (needs := needs_of(name)):
+                draw_sentence(column, f"{title} needs {needs}.", "INFO")
         draw_settings(self.layout, context.scene.icymoon, "dataset", ("methods",))
         column = self.layout.column(align=True)
         draw_start(column, "icymoon.evaluate", "Evaluate Stereo Pair", "VIEWZOOM", scope="SCENE")

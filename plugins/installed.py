@@ -1,26 +1,30 @@
-"""Finding, loading and calling plug-ins.
+"""Finding, loading and calling the plug-ins of Icy Moon and of installed packages.
 
-A plug-in is an entry point of an installed package, in one of ``GROUPS``. A name from a file, a scene or a command line
-is only looked up among those. What lies in the current folder is never one, however Python was started. Nothing of a
-plug-in is imported before it is used.
+A plug-in is an entry point in one of ``GROUPS``. ``entry_points.txt`` beside this file declares Icy Moon's, as
+the metadata of a package declares its own. A name from a file, a scene or a command line is only looked up among them.
+What lies in the current folder is never one, however Python was started. Nothing of a plug-in is imported before it is
+used; the facts that lists show of it are literals of its module, which are read without an import.
 """
 
 from __future__ import annotations
 
+import ast
 import importlib.metadata
+import importlib.util
 import os
 import re
 import sys
 import traceback
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
 from ..support.errors import DiskError, IcyMoonError
 from ..support.printer import show_controls
+from ..support.version import ROOT, version
 
 #: What a plug-in adds -> the group of its entry point.
 GROUPS = {kind: f"icymoon.{kind}s" for kind in ("matcher", "landform", "metric", "export")}
@@ -35,7 +39,10 @@ except OSError:  # the folder was removed
 
 @dataclass(frozen=True)
 class Plugin:
-    """One plug-in: ``kind`` is a key of GROUPS, ``package`` and ``version`` are those that pip knows."""
+    """One plug-in: ``kind`` is a key of GROUPS, ``package`` and ``version`` are those that pip knows.
+
+    A ``built_in`` one is part of Icy Moon.
+    """
 
     kind: str
     name: str
@@ -43,6 +50,7 @@ class Plugin:
     version: str
     entry: importlib.metadata.EntryPoint
     licence: str = ""
+    built_in: bool = False
 
     @property
     def title(self) -> str:
@@ -57,19 +65,27 @@ class Plugin:
 
 @dataclass(frozen=True)
 class Found:
-    """The usable plug-ins of a kind by name, and a sentence on each that is refused, by name."""
+    """The usable plug-ins of a kind by name, Icy Moon's first, and a sentence on each that is refused, by name."""
 
     usable: Mapping[str, Plugin]
     refused: Mapping[str, str]
 
+    @property
+    def added(self) -> dict[str, Plugin]:
+        """The usable plug-ins of packages that the user installed."""
+        return {name: plugin for name, plugin in self.usable.items() if not plugin.built_in}
 
-def find(kind: str, ours: Collection[str]) -> Found:
-    """The plug-ins of a kind. One that is named as one of ``ours`` is refused, and so are two of one name."""
+
+def find(kind: str, taken: Collection[str] = ()) -> Found:
+    """The plug-ins of a kind. Of the installed ones, two of one name are refused, and one that is named as one of Icy
+    Moon's, or as one of ``taken``."""
+    ours = {plugin.name: plugin for plugin in _built_in() if plugin.kind == kind}
     by_name: dict[str, list[Plugin]] = {}
-    for plugin in _scan(tuple(sys.path)):
+    plugins, damaged = _scan(tuple(sys.path))
+    for plugin in plugins:
         if plugin.kind == kind:
             by_name.setdefault(plugin.name, []).append(plugin)
-    usable, refused = {}, {}
+    usable, refused = {}, {package: fault for package, (groups, fault) in damaged.items() if GROUPS[kind] in groups}
     for name, plugins in sorted(by_name.items()):
         first, *others = sorted(plugins, key=lambda plugin: plugin.release)
         if not NAME.fullmatch(name):
@@ -77,7 +93,7 @@ def find(kind: str, ours: Collection[str]) -> Found:
                 f"{first.title} is refused: a name has small letters, digits and _, begins with a letter "
                 "and has at most 30 characters; rename its entry point."
             )
-        elif name in ours:
+        elif name in ours or name in taken:
             refused[name] = (
                 f"{first.title} is refused: Icy Moon has a {kind} of this name, which is used; rename "
                 "the entry point, or uninstall the package."
@@ -87,32 +103,58 @@ def find(kind: str, ours: Collection[str]) -> Found:
             refused[name] = f"The {kind} {name} is refused: {packages} both add it; uninstall one of them."
         else:
             usable[name] = first
-    return Found(usable, refused)
+    return Found({**ours, **usable}, refused)
+
+
+@cache
+def _built_in() -> tuple[Plugin, ...]:
+    """The plug-ins of Icy Moon, in the order of their declaration."""
+    root, kinds = __package__.rpartition(".")[0], {group: kind for kind, group in GROUPS.items()}
+    return tuple(
+        Plugin(
+            kinds[entry.group],
+            entry.name,
+            "icymoon",
+            version(),
+            importlib.metadata.EntryPoint(entry.name, f"{root}.{entry.value}", entry.group),
+            built_in=True,
+        )
+        for entry in importlib.metadata.Distribution.at(Path(__file__).parent).entry_points
+    )
 
 
 @lru_cache(maxsize=8)
-def _scan(path: tuple[str, ...]) -> tuple[Plugin, ...]:
-    """All plug-ins of the packages that are installed on a search path, each package once."""
+def _scan(path: tuple[str, ...]) -> tuple[list[Plugin], dict[str, tuple[str, str]]]:
+    """All plug-ins of the packages that are installed on a search path, each package once; and by name, what packages
+    that cannot be read state as their entry points, with a sentence."""
     kinds = {group: kind for kind, group in GROUPS.items()}
     folders = [folder for folder in path if folder and os.path.realpath(folder) != _STARTED_IN]
     seen: set[str] = set()
-    found = []
+    found, damaged = [], {}
     for package in importlib.metadata.distributions(path=folders):
+        text = ""
         try:
-            if "icymoon." not in (package.read_text("entry_points.txt") or ""):
+            text = package.read_text("entry_points.txt") or ""
+            if "icymoon." not in text:
                 continue  # without a look at its metadata, which takes a hundred times as long
             name, version = str(package.metadata["Name"]), str(package.version)
-            entries = [entry for entry in package.entry_points if entry.group in kinds]
+            entries = [entry for entry in package.entry_points if entry.group in kinds and entry.module]
             licence = next(
                 (str(package.metadata[key]) for key in ("License-Expression", "License") if key in package.metadata), ""
             )
-        except Exception:  # a damaged package of whatever kind is not ours to report
+        except Exception as error:
+            if text:  # any other damaged package is not ours to report
+                named = show_controls(Path(str(getattr(package, "_path", "unknown"))).name)
+                fault = (
+                    f"The package {named} cannot be read ({type(error).__name__}); install it again, or uninstall it."
+                )
+                damaged[named] = text, fault
             continue
         key = re.sub(r"[-_.]+", "-", name).lower()
         if key not in seen:
             seen.add(key)
             found += [Plugin(kinds[entry.group], entry.name, name, version, entry, licence) for entry in entries]
-    return tuple(found)
+    return found, damaged
 
 
 def load(plugin: Plugin) -> Any:
@@ -120,7 +162,7 @@ def load(plugin: Plugin) -> Any:
     with explained(plugin, "cannot be loaded", "correct it, or uninstall the package"), _without_current_folder():
         loaded = plugin.entry.load()
     stated = getattr(loaded, "ICYMOON_API", None)
-    if stated != API:
+    if stated != API and not plugin.built_in:
         raise IcyMoonError(
             f"{plugin.title} states ICYMOON_API = {stated}, and this version of Icy Moon has {API}; "
             f"write ICYMOON_API = {API} into it, or get another version of one of the two."
@@ -137,6 +179,37 @@ def function_of(plugin: Plugin, loaded: Any, name: str, arguments: str) -> Calla
     return called
 
 
+def fact_of(plugin: Plugin, name: str) -> Any:
+    """A literal that the module of a plug-in assigns to ``name``; None if it assigns none, or cannot be read."""
+    with suppress(Exception):  # a damaged package: its import explains it
+        return _literal(_source_of(plugin), name)
+    return None
+
+
+@lru_cache(maxsize=256)
+def _literal(source: Path, name: str) -> Any:
+    """The last literal that a file assigns to ``name`` at its top; None if there is none."""
+    text, found = source.read_text(encoding="utf-8"), None
+    if f"\n{name} = " in text:  # as parsing takes a hundred times as long
+        for line in ast.parse(text).body:
+            if isinstance(line, ast.Assign) and isinstance(to := line.targets[0], ast.Name) and to.id == name:
+                found = ast.literal_eval(line.value)
+    return found
+
+
+@lru_cache(maxsize=64)
+def _source_of(plugin: Plugin) -> Path:
+    """The file of the module that an entry point names. Its packages are not imported."""
+    first, *rest = plugin.entry.module.split(".")
+    if plugin.built_in:
+        return ROOT.joinpath(*plugin.entry.module.split(".")[len(__package__.split(".")) - 1 :]).with_suffix(".py")
+    with _without_current_folder():
+        spec = importlib.util.find_spec(first)
+    path = Path(str(spec and spec.origin))
+    path = path.parent.joinpath(*rest) if rest else path
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
 def summary_of(loaded: Any) -> str:
     """The first line of what a plug-in states about itself."""
     stated = getattr(loaded, "__doc__", "")
@@ -151,6 +224,8 @@ def explained(plugin: Plugin, what: str = "failed", fix: str = "correct it, or l
     except (IcyMoonError, DiskError, KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:
+        if plugin.built_in:  # a fault of ours, which needs its traceback
+            raise
         words = show_controls(" ".join(_words_of(error).split())[:300])
         raise IcyMoonError(
             f"{plugin.title} {what} ({type(error).__name__}{': ' if words else ''}{words}"

@@ -114,7 +114,7 @@ def name_key(name: str) -> int:
 @cache
 def landform_plugins() -> tuple[dict[str, PluginLandform], dict[str, str]]:
     """The landforms that can be used by the name of their table, and a sentence for each other one."""
-    found = find("landform", ())
+    found = find("landform")
     usable: dict[str, PluginLandform] = {}
     faults = {f"{PREFIX}{name}": sentence for name, sentence in found.refused.items()}
     for name, plugin in found.usable.items():

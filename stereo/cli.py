@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from ..plugins.installed import Found, find
+from ..plugins.installed import Found
 from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.number_text import count_of
@@ -26,9 +27,10 @@ from ..support.terminal import (
     tell_events,
 )
 from .environment import packages
-from .export import EXPORTS
+from .export import IMAGES, exports_with_blender, find_plugins, packages_of
 
 if TYPE_CHECKING:
+    from .export.plug_in import PluginExport
     from .report.schema import Report
     from .report.table_columns import Column
 
@@ -113,12 +115,12 @@ def _add_truth(command: argparse.ArgumentParser) -> None:
 def _add_export(command: argparse.ArgumentParser) -> None:
     _add_paths(command)
     what = command.add_mutually_exclusive_group(required=True)
-    exports = find("export", EXPORTS)
+    exports = find_plugins()
     what.add_argument(
         "--format",
         help="layout to write",
         type=lambda name: _not_refused(name, exports),
-        choices=(*EXPORTS, *exports.usable),
+        choices=tuple(exports.usable),
     )
     what.add_argument(
         "--for-prediction",
@@ -127,11 +129,11 @@ def _add_export(command: argparse.ArgumentParser) -> None:
     )
     add_list(command, "--set", "sensor.KEY=VALUE", "change the camera response that the pairs were rendered for")
     command.add_argument("--out", required=True, type=as_path, help="folder for the files")
+    *others, last = exports_with_blender()
     command.add_argument(
         "--blender",
         default=sys.executable,
-        help="Blender, or a Python with bpy, that makes the "
-        "ground for mitsuba, dem, ply, obj, usd and gltf (this Python)",
+        help=f"Blender, or a Python with bpy, that makes the ground for {', '.join(others)} and {last} (this Python)",
     )
     command.add_argument(
         "--cell-m", type=float, metavar="METRES", help="side of a cell of dem (a 1024th of the ground)"
@@ -153,7 +155,7 @@ def _add_develop(command: argparse.ArgumentParser) -> None:
 
 def _not_refused(name: str, found: Found) -> str:
     """The name of a plug-in, unless it is refused: then argparse shows why."""
-    if name in found.refused and name not in EXPORTS:
+    if name in found.refused and name not in found.usable:
         raise argparse.ArgumentTypeError(found.refused[name])
     return name
 
@@ -165,7 +167,7 @@ def _run_check(parsed: argparse.Namespace) -> int:
 
         found = find_plugins()
         report |= {
-            "matchers": {name: plugin.release for name, plugin in found.usable.items()},
+            "matchers": {name: plugin.release for name, plugin in found.added.items()},
             "refused": list(found.refused.values()),
         }
     printer.emit_json(report)
@@ -177,17 +179,16 @@ def _run_check(parsed: argparse.Namespace) -> int:
 
 def _run_methods(parsed: argparse.Namespace) -> int:
     packages.require("numpy", "cv2")
-    from .matchers import MATCHERS, describe_matcher, find_plugins
+    from .matchers import describe_matcher, find_plugins
 
     if parsed.method:
         printer.say(describe_matcher(parsed.method))
         return 0
-    printer.say("\n\n".join(map(describe_matcher, MATCHERS)))
     found = find_plugins()
     unusable = list(found.refused.values())
-    for name in found.usable:  # one that is broken hides no other
+    for number, name in enumerate(found.usable):  # one that is broken hides no other
         try:
-            printer.say(f"\n{describe_matcher(name)}")
+            printer.say(f"{chr(10) if number else ''}{describe_matcher(name)}")
         except IcyMoonError as error:
             unusable.append(str(error))
     for sentence in unusable:
@@ -458,16 +459,40 @@ def _run_truth(parsed: argparse.Namespace) -> int:
 
 
 def _run_export(parsed: argparse.Namespace) -> int:
-    if parsed.cell_m is not None and parsed.format != "dem":
+    packages.require(*(packages_of(parsed.format) if parsed.format else IMAGES))
+    from .export.plug_in import PluginExport
+
+    exporter = PluginExport(find_plugins().usable[parsed.format]) if parsed.format else None
+    if parsed.cell_m is not None and not (exporter and "cell_m" in exporter.takes):
         raise IcyMoonError("--cell-m is the size of cells of a map; give it with --format dem.")
-    if parsed.format in ("dem", "ply", "obj", "usd", "gltf"):
-        return _export_ground(parsed)
-    packages.require("numpy", "cv2", "OpenEXR", "rich")
+    if exporter and exporter.reads_folders:
+        _export_folders(exporter, parsed)
+    else:
+        _export_images(parsed)
+    printer.say(str(parsed.out.resolve()))
+    return 0
+
+
+def _export_folders(exporter: PluginExport, parsed: argparse.Namespace) -> None:
+    from ..render.pairs.pair_folder import find_pair_folders
+    from .export.plug_in import FoldersContext
+
+    folders = [folder for path in parsed.path for folder in find_pair_folders(path)]
+    context = FoldersContext(parsed.blender, printer.warn, _show_progress_alone, parsed.set, parsed.cell_m)
+    exporter.write_folders(folders, parsed.out, context)
+
+
+@contextmanager
+def _show_progress_alone(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """A progress bar that errors, which are raised, do not reach."""
+    with show_progress(title) as show:
+        yield only_progress(show)
+
+
+def _export_images(parsed: argparse.Namespace) -> None:
     from .export.layouts import export
     from .export_for_prediction import export_for_prediction
 
-    if parsed.format == "mitsuba":
-        return _export_mitsuba(parsed)
     response = _read_response([], parsed.set)
     with show_counted_progress("Exporting") as on_event:
         failed = (
@@ -476,48 +501,6 @@ def _run_export(parsed: argparse.Namespace) -> int:
             else export(parsed.path, parsed.format, parsed.out, response, on_event)
         )
     _report_failures(failed, "pairs could not be exported")
-    printer.say(str(parsed.out.resolve()))
-    return 0
-
-
-def _export_mitsuba(parsed: argparse.Namespace) -> int:
-    from ..physics.light.sky import sky
-    from ..render.pairs.pair_folder import read_pair
-    from .export.mitsuba import export_mitsuba, find_left_out
-    from .measure.prepare import distinct_pairs
-
-    pairs = [read_pair(folder) for folder in distinct_pairs(parsed.path)]
-    for pair in pairs:
-        for sentence in find_left_out(pair.settings, sky(pair.settings.light)):
-            printer.warn(f"pair {pair.id}: {sentence}")
-    with show_progress("Starting Blender") as show:
-        export_mitsuba(pairs, parsed.out, parsed.blender, only_progress(show))
-    printer.say(str(parsed.out.resolve()))
-    return 0
-
-
-def _export_ground(parsed: argparse.Namespace) -> int:
-    packages.require("numpy", "rich")
-    from ..render.pairs.pair_folder import find_pair_folders, read_pair
-    from .export.ground import export_ground, read_geometry
-
-    if parsed.set:
-        raise IcyMoonError("--set changes the response of the camera, which ground does not have; leave it out.")
-    pairs = {pair.id: pair for path in parsed.path for pair in map(read_pair, find_pair_folders(path))}
-    with show_progress("Starting Blender") as show:
-        folders = export_ground(
-            list(pairs.values()),
-            parsed.out,
-            parsed.format,
-            parsed.blender,
-            parsed.cell_m,
-            only_progress(show),
-        )
-    for folder in folders:
-        for sentence in read_geometry(folder)["left_out"]:
-            printer.warn(f"{folder.name} is without {sentence}")
-    printer.say(str(parsed.out.resolve()))
-    return 0
 
 
 def _run_develop(parsed: argparse.Namespace) -> int:

@@ -26,13 +26,13 @@ from ..support.file_shapes import TEXT, find_fault
 from ..support.foreign_bytes import parse_json
 from ..support.system import KEEPS_MEMORY, count_processors, kill_all, start
 from .artefacts import remove_leftovers
+from .datasets.predictions import PREDICTION
+from .matchers import uses_one_processor
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
 from .measure_pair import Run, Task, measure_pair
 from .sources import find_sources
 
-#: Methods that use one processor and little memory. Others may fill a GPU, or all processors, by themselves.
-_SINGLE = ("bm", "sgbm", "sgbm_wls", "jplv", "prediction")
 #: Least number of pairs for each process: its start costs as much as measuring one or two.
 _PAIRS_EACH = 4
 _LOOK_S = 0.25
@@ -42,7 +42,7 @@ def choose_count(jobs: int | None, methods: Sequence[Method], pairs: int) -> int
     """Number of processes that measure: ``jobs``, or as many as there are processors and pairs for; 1 is this one."""
     if jobs is not None:
         return jobs
-    if not all(method.name in _SINGLE for method in methods):
+    if not all(method.name == PREDICTION or uses_one_processor(method.name) for method in methods):
         return 1
     return max(1, min(count_processors(), pairs // _PAIRS_EACH))
 

@@ -170,15 +170,25 @@ def check_metric(plugin: Plugin) -> Iterator[Check]:
 
 def check_export(plugin: Plugin) -> Iterator[Check]:
     """Try an export on a pair of a grey camera and one of a colour camera, the latter without labels."""
-    first, exporter = check_making("it has write_pair(pair, folder)", lambda: PluginExport(plugin))
+    first, exporter = check_making(
+        "it has write_pair(pair, folder), write_all or write_folders", lambda: PluginExport(plugin)
+    )
     yield first
     if exporter is None:
+        return
+    yield (ready := check_call("it can write here", exporter.check))
+    if ready.fault or exporter.reads_folders:  # whose pairs are not made here
         return
     with scratch_folder() as folder:
         written: dict[str, dict[str, str]] = {}
 
         def run(out: str, colour: bool) -> str:
-            files = exporter.write_pair(_pair_to_export(colour), folder / out)
+            pair = _pair_to_export(colour)
+            if exporter.writes_all:
+                exporter.write_all(lambda write: write(pair), folder / out)
+            else:
+                exporter.write_pair(pair, pair.name, folder / out)
+            files = (path for path in (folder / out).rglob("*") if path.is_file())
             written[out] = {path.relative_to(folder / out).as_posix(): sha256(path) for path in files}
             return ""
 

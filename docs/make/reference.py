@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import ast
-import importlib
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from icymoon.settings.table import TOPICS, ground_settings
 from icymoon.settings.topics.declaration import Setting
 from icymoon.settings.topics.scene import OUR_TOPICS
 from icymoon.stereo import cli as stereo_cli
-from icymoon.stereo.matchers import MATCHERS
+from icymoon.stereo.matchers import find_plugins, load_matcher
 from icymoon.support.version import ROOT
 from mistakes import MISTAKES
 from notebooks import pages as _notebooks
@@ -304,8 +303,10 @@ def _matchers() -> str:
         "These are the names for `--methods`. Give options after a colon, as in `bm:window=21`, or with "
         "`--option bm.window=21`.\n",
     ]
-    for name in MATCHERS:
-        module = importlib.import_module(f"icymoon.stereo.matchers.{name}")
+    for name, plugin in find_plugins().usable.items():
+        if not plugin.built_in:
+            continue
+        module = load_matcher(name)
         parts.append(f"## {name}\n\n{(module.__doc__ or '').strip().splitlines()[0]}\n")
         parts.append(
             _table(

@@ -83,7 +83,7 @@ def _vertex_normals(solid: Solid) -> np.ndarray:
     return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
 
 
-def write_bop(each: Each, out: Path) -> None:
+def write_all(each: Each, out: Path) -> None:
     """Write all pairs with a lander. A pair without one is reported as a failure."""
     models = _Models()
     scenes: dict[str, dict[str, dict[str, Any]]] = {eye: {"camera": {}, "gt": {}, "gt_info": {}} for eye in EYES}

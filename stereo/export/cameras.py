@@ -19,6 +19,7 @@ from ...support.files import write_json, write_text
 from ..images.develop import to_8_bit
 from ..images.image_files import write_png
 from ..measure.prepare import Loaded
+from . import Export
 from .losses import Each
 
 #: The coordinate system of the poses, for labels.
@@ -45,14 +46,14 @@ def rays_of(camera: StereoCamera) -> np.ndarray:
     )
 
 
-def write_cahvor(pair: Loaded, out: Path) -> None:
+def _write_cahvor(pair: Loaded, folder: Path) -> None:
     """Write the rectified images of a pair with CAHV models, and the images of the sensors with CAHVOR models.
 
-    In ``<out>/<pair>/`` are ``left.png``, ``left.cahvor`` and a PDS3 label, ``left.lbl``; with a lens that distorts or
+    In the folder are ``left.png``, ``left.cahvor`` and a PDS3 label, ``left.lbl``; with a lens that distorts or
     eyes that are toed in also ``left_sensor.png`` and so on. World axes are east, north, up, in metres. Raises
     IcyMoonError if the lens cannot be represented in CAHVOR.
     """
-    folder, camera = out / pair.pair.folder.name, pair.pair.camera
+    camera = pair.pair.camera
     k, images = coefficients(pair.settings.rig), pair.images
     for eye in EYES:
         pose = pose_of(pair, eye)
@@ -91,7 +92,7 @@ class _Model:
     frames: list[dict[str, Any]] = field(default_factory=list)
 
 
-def write_colmap(each: Each, out: Path) -> None:
+def _write_colmap(each: Each, out: Path) -> None:
     """Write, for each scene, ``scene-0000/images/``, ``scene-0000/sparse/0/`` with COLMAP's ``cameras.txt``,
     ``images.txt`` and ``points3D.txt``, and ``scene-0000/transforms.json`` of nerfstudio.
 
@@ -204,3 +205,7 @@ def quaternion(rotation: np.ndarray) -> np.ndarray:
     _, vectors = np.linalg.eigh(k)
     x, y, z, w = vectors[:, -1]
     return np.array([w, x, y, z]) * (1 if w >= 0 else -1)
+
+
+CAHVOR = Export(write_pair=_write_cahvor)
+COLMAP = Export(write_all=_write_colmap)

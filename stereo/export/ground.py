@@ -16,11 +16,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ...physics.scene_requirements import surface_topics
-from ...render.pairs.pair_folder import Pair
+from ...render.pairs.pair_folder import Pair, read_pair
 from ...render.plans.planned_pair import PlannedPair
 from ...render.workers.job import Job, blender_command
 from ...render.workers.process import Message, Process
@@ -30,7 +31,11 @@ from ...support.errors import IcyMoonError
 from ...support.file_shapes import TEXT, Each, read_record
 from ...support.files import write_json
 from ...support.scratch import scratch_folder
+from . import Export
+from .plug_in import FoldersContext
 
+NEEDS = "Blender"
+PACKAGES = ("numpy", "rich")
 _GEOMETRY = "geometry.json"
 FORMATS = ("dem", "ply", "obj", "usd", "gltf")
 Hear = Callable[[Message], None]
@@ -135,3 +140,19 @@ def build_geometry(planned: Sequence[PlannedPair], out: Path, blender: str, hear
             job.discard()
     if failure or not done:
         raise IcyMoonError(failure or f"Blender ended without geometry: {process.cause}")
+
+
+def _write_folders(kind: str, folders: Sequence[Path], out: Path, context: FoldersContext) -> None:
+    """Write the ground of the pairs in folders, and warn of what its files lack."""
+    if context.changes:
+        raise IcyMoonError("--set changes the response of the camera, which ground does not have; leave it out.")
+    pairs = {pair.id: pair for pair in map(read_pair, folders)}
+    with context.progress("Starting Blender") as show:
+        written = export_ground(list(pairs.values()), out, kind, context.blender, context.cell_m, show)
+    for folder in written:
+        for sentence in read_geometry(folder)["left_out"]:
+            context.warn(f"{folder.name} is without {sentence}")
+
+
+DEM = Export(write_folders=partial(_write_folders, "dem"), takes=("cell_m",))
+PLY, OBJ, USD, GLTF = (Export(write_folders=partial(_write_folders, kind)) for kind in FORMATS[1:])

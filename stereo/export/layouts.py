@@ -6,15 +6,10 @@
 * ``kitti``: KITTI 2015, ``training/image_2/000000_10.png`` and so on; ``pairs.csv`` contains the number of each pair.
 * ``middlebury``: Middlebury 2014, ``<pair>/im0.png``, ``disp0.pfm``, ``mask0nocc.png``, ``calib.txt``.
 * ``coco``: left and right images, and ``annotations.json`` with a mask for each rock and each of the user's objects.
-* ``bop``: BOP's layout of poses of the lander's links, see ``bop``.
-* ``cahvor``, ``colmap``: images with camera models, see ``cameras``; ``fits``, ``tiff``: I/F, see ``radiance_factor``;
-  ``ros2``: a bag, see ``ros_bag``.
-* ``webdataset``, ``sceneflow``: copies for training, see ``training``; ``parquet-index``: a table of the pairs.
-* ``raw``: images, depth and calibration of the sensors, not rectified; see ``raw.write_raw``.
 
-Except in ``raw``, images are rectified and developed as for the matchers, but in colour if the sensor sees it; ``pfm``
-contains the radiance itself. An unknown value (sky, or what a toed-in eye does not see) is infinity in PFM and 0 in
-16-bit PNG.
+``plugins/entry_points.txt`` declares these and the others; ``export`` runs all that read images. Images are rectified
+and developed as for the matchers, but in colour if the sensor sees it; ``pfm`` contains the radiance itself. An unknown
+value (sky, or what a toed-in eye does not see) is infinity in PFM and 0 in 16-bit PNG.
 """
 
 from __future__ import annotations
@@ -30,7 +25,6 @@ import numpy as np
 
 from ...formats.geotiff import MAP_FORMULA
 from ...physics.camera.stereo_camera import StereoCamera
-from ...plugins.installed import Plugin
 from ...render.pairs.pair_folder import EYES
 from ...support.errors import DiskError, IcyMoonError, describe_error
 from ...support.files import escape_cell, write_atomically, write_json, write_text
@@ -38,21 +32,13 @@ from ...support.labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
 from ..images.develop import exposure_facts, to_8_bit
 from ..images.image_files import write_bytes, write_png
 from ..measure.prepare import Loaded, distinct_pairs, load
-from .bop import write_bop
-from .cameras import write_cahvor, write_colmap
+from . import Export, find_plugins
 from .encodings import KITTI_SCALE, MILLIMETRES, in_steps, run_lengths, write_pfm
 from .losses import Each, Loss, Losses, Write, refuse_losses
-from .parquet_index import write_parquet_index
-from .plug_in import PluginExport, find_plugins, pair_for_plugins
-from .radiance_factor import write_fits, write_tiff
-from .raw import write_raw
-from .ros_bag import write_ros2
-from .training import write_sceneflow, write_webdataset
+from .plug_in import PluginExport
 from .whole_folders import filled
 
 Event = Callable[[dict[str, Any]], None]
-#: Writes all pairs in a layout to a folder.
-Format = Callable[[Each, Path], None]
 #: Semantic values that have instances; ground and sky have none.
 THINGS = (ROCK, LANDER)
 _VISIBLE, _HIDDEN = 255, 128
@@ -65,8 +51,8 @@ def export(
     response: Mapping[str, Mapping[str, Any]] | None = None,
     on_event: Event = lambda event: None,
 ) -> list[str]:
-    """Write all pairs at ``paths`` to ``out`` in the layout ``kind``, a key of FORMATS or the name of a plug-in; return
-    a sentence per failure.
+    """Write all pairs at ``paths`` to ``out`` in the layout ``kind``, the name of an export that reads images; return a
+    sentence per failure.
 
     ``response`` overrides settings that need no new render. A pair that cannot be used is left out and reported by an
     event {"type": "error", "message"}; one that fails its self-check by {"type": "warning", "message"}, as are losses
@@ -74,30 +60,11 @@ def export(
     IcyMoonError if there is no pair or ``out`` cannot be written.
     """
     pairs = _Pairs(distinct_pairs(paths), response or {}, on_event)
-    write = FORMATS.get(kind) or _of_plugin(find_plugins().usable[kind])
-    write(pairs.write_each, out)
+    PluginExport(find_plugins().usable[kind]).write(pairs.write_each, out)
     pairs.write_map_places(out)
     for sentence in pairs.losses.sentences(pairs.written):
         on_event({"type": "warning", "message": sentence})
     return pairs.failed
-
-
-def _of_plugin(plugin: Plugin) -> Format:
-    """The layout of a plug-in."""
-    made = PluginExport(plugin)
-
-    def write_all(each: Each, out: Path) -> None:
-        names: list[str] = []
-
-        def write(pair: Loaded) -> None:
-            made.write_pair(pair_for_plugins(pair), out)
-            names.append(pair.pair.folder.name)
-
-        each(write)
-        if names:
-            made.finish(names, out)
-
-    return write_all
 
 
 class _Pairs:
@@ -174,8 +141,7 @@ def _calibration(pair: Loaded) -> dict[str, Any]:
     }
 
 
-def _write_png8(pair: Loaded, out: Path) -> None:
-    folder = out / pair.pair.folder.name
+def _write_png8(pair: Loaded, folder: Path) -> None:
     for eye in EYES:
         _write_8_bit(folder / f"{eye}.png", pair, eye)
         write_png(folder / f"visible_{eye}.png", pair.visible[eye].astype(np.uint8) * _VISIBLE)
@@ -185,8 +151,7 @@ def _write_png8(pair: Loaded, out: Path) -> None:
     write_json(folder / "calibration.json", _calibration(pair) | {"semantic": SEMANTIC | {NOT_SEEN: "not seen"}})
 
 
-def _write_png16(pair: Loaded, out: Path) -> list[Loss]:
-    folder = out / pair.pair.folder.name
+def _write_png16(pair: Loaded, folder: Path) -> list[Loss]:
     labels = _instance_labels(pair)
     maps: dict[str, np.ndarray] = {}
     losses: list[Loss] = []
@@ -233,8 +198,7 @@ def _instance_labels(pair: Loaded) -> np.ndarray:
     return labels
 
 
-def _write_pfm(pair: Loaded, out: Path) -> None:
-    folder = out / pair.pair.folder.name
+def _write_pfm(pair: Loaded, folder: Path) -> None:
     for eye in EYES:
         write_pfm(folder / f"{eye}.pfm", pair.views[eye].radiance)
         write_pfm(folder / f"disparity_{eye}.pfm", _disparity(pair, eye))
@@ -280,8 +244,7 @@ def _kitti_calibration(pair: Loaded) -> str:
     return "".join(lines)
 
 
-def _write_middlebury(pair: Loaded, out: Path) -> None:
-    folder = out / pair.pair.folder.name
+def _write_middlebury(pair: Loaded, folder: Path) -> None:
     for k, eye in enumerate(EYES):
         _write_8_bit(folder / f"im{k}.png", pair, eye)
         write_pfm(folder / f"disp{k}.pfm", _disparity(pair, eye))
@@ -389,34 +352,12 @@ def coco_annotations(instance: np.ndarray | None, semantic: np.ndarray | None) -
         }
 
 
-def _pair_by_pair(write: Callable[[Loaded, Path], Sequence[Loss] | None]) -> Format:
-    """A layout in which each pair is written on its own, to a folder that is there if it is whole."""
-
-    def write_whole(pair: Loaded, out: Path) -> Sequence[Loss] | None:
-        with filled(out, pair.pair.folder.name) as part:
-            return write(pair, part)
-
-    return lambda each, out: each(lambda pair: write_whole(pair, out))
-
-
-FORMATS: dict[str, Format] = {
-    "png8": _pair_by_pair(_write_png8),
-    "png16": _pair_by_pair(_write_png16),
-    "pfm": _pair_by_pair(_write_pfm),
-    "kitti": _write_kitti,
-    "middlebury": _pair_by_pair(_write_middlebury),
-    "coco": _write_coco,
-    "bop": write_bop,
-    "raw": _pair_by_pair(write_raw),
-    "cahvor": _pair_by_pair(write_cahvor),
-    "colmap": write_colmap,
-    "fits": _pair_by_pair(write_fits),
-    "tiff": _pair_by_pair(write_tiff),
-    "ros2": write_ros2,
-    "webdataset": write_webdataset,
-    "sceneflow": write_sceneflow,
-    "parquet-index": write_parquet_index,
-}
+PNG8 = Export(write_pair=_write_png8)
+PNG16 = Export(write_pair=_write_png16)
+PFM = Export(write_pair=_write_pfm)
+KITTI = Export(write_all=_write_kitti)
+MIDDLEBURY = Export(write_pair=_write_middlebury)
+COCO = Export(write_all=_write_coco)
 
 
 def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:

@@ -24,7 +24,7 @@ from ...formats.geotiff import map_facts
 from ...physics.light.planetshine import VisibleCap, irradiance_wm2
 from ...physics.light.sky import Sky, sky
 from ...physics.surfaces.hapke import porosity_factor
-from ...render.pairs.pair_folder import EYES, Pair
+from ...render.pairs.pair_folder import EYES, Pair, read_pair
 from ...render.plans.planned_pair import PlannedPair
 from ...render.workers.process import Message
 from ...settings.topics.scene import Settings
@@ -32,9 +32,12 @@ from ...settings.topics.surfaces import SurfaceSettings
 from ...support.errors import IcyMoonError
 from ...support.files import write_json, write_text
 from ...support.version import ROOT
+from ..measure.prepare import distinct_pairs
 from .encodings import write_pfm
 from .ground import build_geometry, refuse_edited
+from .plug_in import FoldersContext
 
+NEEDS = "Blender"
 #: Distance of the Sun's disk in metres: far enough to lie in the same direction from all of a ground.
 _SUN_M = 1e9
 #: Rows of the map of the sky: 0.1 degrees, a three-hundredth of Saturn's disc.
@@ -53,6 +56,16 @@ _LAYERS = ("glint_share", "crust_share", "frost_share", "fracture_share")
 _PLUGINS = {"HAPKE": ("mitsuba_hapke.py",), "SNOW": ("mitsuba_hapke.py", "mitsuba_snow.py")}
 
 Plugin = dict[str, Any]
+
+
+def write_folders(folders: Sequence[Path], out: Path, context: FoldersContext) -> None:
+    """Write the scenes of the pairs in folders, and warn of what they lack."""
+    pairs = [read_pair(folder) for folder in distinct_pairs(folders)]
+    for pair in pairs:
+        for sentence in find_left_out(pair.settings, sky(pair.settings.light)):
+            context.warn(f"pair {pair.id}: {sentence}")
+    with context.progress("Starting Blender") as show:
+        export_mitsuba(pairs, out, context.blender, show)
 
 
 def export_mitsuba(

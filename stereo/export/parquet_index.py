@@ -13,7 +13,6 @@ from typing import Any
 from ...render.pairs.scene_splits import split_of_pair
 from ...settings.table import all_settings
 from ...settings.topics.scene import Settings
-from ...support.errors import IcyMoonError
 from ...support.files import write_atomically
 from ..measure.prepare import Loaded
 from .losses import Each
@@ -22,19 +21,21 @@ from .training import describe_row
 INDEX = "index.parquet"
 
 
-def write_parquet_index(each: Each, out: Path) -> None:
+def check() -> str:
+    """Why no table can be written here; empty if it can."""
+    try:
+        import pyarrow.parquet  # noqa: F401
+    except ImportError as error:
+        return f'The export parquet-index needs the package pyarrow ({error}); pip install "icymoon[parquet]".'
+    return ""
+
+
+def write_all(each: Each, out: Path) -> None:
     """Write ``index.parquet``: the columns of ``index.csv`` of the other exports, ``folder`` (the pair's path, relative
     to the index), the principal point, and as ``topic.key`` each setting that differs between the pairs.
-
-    Raises IcyMoonError without the package pyarrow.
     """
-    try:
-        import pyarrow
-        import pyarrow.parquet as parquet
-    except ImportError as error:
-        raise IcyMoonError(
-            f'The export parquet-index needs the package pyarrow ({error}); pip install "icymoon[parquet]".'
-        ) from None
+    import pyarrow
+    from pyarrow import parquet
 
     rows: list[dict[str, Any]] = []
     described: list[Settings] = []

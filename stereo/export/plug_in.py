@@ -1,24 +1,32 @@
-"""Exports of packages that the user installed."""
+"""Exports, ours or of packages that the user installed: calling their functions, with a pair as they get it.
+
+An export has one of three functions. ``write_pair(pair, folder)`` writes a pair into a folder, and ``finish(names,
+folder)``, if there is one, what belongs to all of them. ``write_all(each, folder)`` calls ``each(write)``, which calls
+``write(pair)`` with every pair. ``write_folders(folders, folder, context)`` reads the folders of the pairs by itself.
+If it has a function ``check()``, this returns a sentence on why it cannot write here, or an empty text.
+
+Ours are given ``Loaded`` pairs and the folder of the export; the others an ``ExportedPair``, and a folder whose
+files come there once all of them are written.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...plugins.installed import Found, Plugin, explained, find, function_of, load
+from ...plugins.installed import Plugin, explained, function_of, load
 from ...support.errors import IcyMoonError
-from ..measure.prepare import Loaded
-from . import EXPORTS
+from ...support.printer import show_controls
 from .whole_folders import filled
 
-
-def find_plugins() -> Found:
-    """The exports of packages that are installed in this Python."""
-    return find("export", EXPORTS)
+if TYPE_CHECKING:  # ground is exported without the packages that these need
+    from ..measure.prepare import Loaded
+    from .losses import Each, Loss
 
 
 @dataclass(frozen=True)
@@ -81,30 +89,110 @@ def pair_for_plugins(pair: Loaded) -> ExportedPair:
     )
 
 
+@dataclass(frozen=True)
+class FoldersContext:
+    """What ``write_folders`` is told beside the folders.
+
+    ``blender`` is the program that can build ground; ``warn`` takes a sentence on an omission; ``progress(title)`` is a
+    context that gives a function for messages such as {"type": "progress", "fraction": 0.5, "message": "one"}.
+    ``changes`` are the texts of ``--set``, and ``cell_m`` is given to an export that takes it.
+    """
+
+    blender: str
+    warn: Callable[[str], None]
+    progress: Callable[[str], AbstractContextManager[Callable[[dict[str, Any]], None]]]
+    changes: Sequence[str] = ()
+    cell_m: float | None = None
+
+
 class PluginExport:
-    """The export of a plug-in. Raises IcyMoonError if the plug-in cannot be loaded or is not complete."""
+    """An export. Raises IcyMoonError if the plug-in cannot be loaded or is not complete."""
 
     def __init__(self, plugin: Plugin) -> None:
-        self.plugin = plugin
-        loaded = load(plugin)
-        self._write = function_of(plugin, loaded, "write_pair", "pair, folder")
-        self._finish = getattr(loaded, "finish", None)
-        self.finishes = callable(self._finish)
+        self.plugin, self._loaded = plugin, load(plugin)
+        self.takes: tuple[str, ...] = getattr(self._loaded, "takes", ())
+        self.writes_all, self.reads_folders, self.finishes = map(self._has, ("write_all", "write_folders", "finish"))
+        if not (self.writes_all or self.reads_folders):
+            self._write_pair = function_of(plugin, self._loaded, "write_pair", "pair, folder")
 
-    def write_pair(self, pair: ExportedPair, out: Path) -> list[Path]:
-        """Write a pair to its folder in ``out``; the files. Raises IcyMoonError if the plug-in fails or writes none."""
-        with filled(out / pair.name) as folder:
+    def _has(self, function: str) -> bool:
+        return callable(getattr(self._loaded, function, None))
+
+    def check(self) -> None:
+        """Raise IcyMoonError with the sentence that the plug-in's own ``check`` returns if it cannot write here."""
+        with explained(self.plugin):
+            fault = self._loaded.check() if self._has("check") else ""
+        if fault:
+            where = "" if self.plugin.built_in else f"{self.plugin.title} cannot write here: "
+            raise IcyMoonError(where + show_controls(str(fault)))
+
+    def write(self, each: Each, out: Path) -> None:
+        """Write the pairs that ``each`` gives to ``out``. Raises IcyMoonError if the plug-in cannot."""
+        self.check()
+        if self.writes_all:
+            if self.plugin.built_in:
+                self.write_all(each, out)
+            else:
+                self.write_all(self._converting(each), out)
+            return
+        names: list[str] = []
+
+        def write(pair: Loaded) -> Sequence[Loss] | None:
+            name = pair.pair.folder.name
+            losses = self.write_pair(pair if self.plugin.built_in else pair_for_plugins(pair), name, out)
+            names.append(name)
+            return losses
+
+        each(write)
+        if names:
+            self.finish(names, out)
+
+    def write_all(self, each: Callable[[Callable[[Any], Any]], None], out: Path) -> None:
+        """Let a plug-in with this function write the pairs that ``each`` gives."""
+        with self._filled(out) as folder:
+            self._loaded.write_all(each, folder)
+
+    def write_pair(self, pair: ExportedPair | Loaded, name: str, out: Path) -> Sequence[Loss] | None:
+        """Write a pair to the folder ``name`` in ``out``; return the losses of one of ours. Raises IcyMoonError if the
+        plug-in fails or writes nothing."""
+        with filled(out / name) as folder:
             with explained(self.plugin):
-                self._write(pair, folder)
+                losses: Sequence[Loss] | None = self._write_pair(pair, folder)
             if not any(path.is_file() for path in folder.rglob("*")):
                 raise IcyMoonError(
-                    f"{self.plugin.title} wrote no file for {pair.name}; write into the folder that "
-                    "write_pair is given."
+                    f"{self.plugin.title} wrote no file for {name}; write into the folder that write_pair is given."
                 )
-        return sorted(path for path in (out / pair.name).rglob("*") if path.is_file())
+        return losses if self.plugin.built_in else None
 
     def finish(self, names: list[str], out: Path) -> None:
         """Let the plug-in write what belongs to all pairs, if it does, into ``out`` itself."""
-        if callable(self._finish):
-            with filled(out) as folder, explained(self.plugin):
-                self._finish(names, folder)
+        if self.finishes:
+            with self._filled(out) as folder:
+                self._loaded.finish(names, folder)
+
+    def write_folders(self, folders: Sequence[Path], out: Path, context: FoldersContext) -> None:
+        """Write pairs from their folders. Raises IcyMoonError if the plug-in cannot."""
+        self.check()
+        with self._filled(out) as folder:
+            self._loaded.write_folders(folders, folder, context)
+
+    @contextmanager
+    def _filled(self, out: Path) -> Iterator[Path]:
+        """The folder that is given to one of ours, or one whose files come there."""
+        if self.plugin.built_in:
+            yield out
+            return
+        with filled(out) as folder, explained(self.plugin):
+            yield folder
+
+    def _converting(self, each: Each) -> Callable[[Callable[[ExportedPair], Any]], None]:
+        """The same for a plug-in's own function of a pair."""
+
+        def each_pair(write: Callable[[ExportedPair], Any]) -> None:
+            def write_one(pair: Loaded) -> None:
+                with explained(self.plugin):
+                    write(pair_for_plugins(pair))
+
+            each(write_one)
+
+        return each_pair

@@ -23,6 +23,7 @@ from ...support.labels import LIGHT_GROUPS
 from ..images.develop import scaled_radiance
 from ..images.image_files import write_bytes
 from ..measure.prepare import Loaded
+from . import Export
 from .cameras import rays_of
 
 #: Names of the bands of a pair, see ``physics.light.bands``.
@@ -93,8 +94,8 @@ def angle_deg(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     )
 
 
-def write_fits(pair: Loaded, out: Path) -> None:
-    """Write ``<out>/<pair>/left.fits`` and ``right.fits``: the radiance factor as a cube of three bands, then the
+def _write_fits(pair: Loaded, folder: Path) -> None:
+    """Write ``left.fits`` and ``right.fits``: the radiance factor as a cube of three bands, then the
     images INCIDENCE, EMISSION, PHASE (deg) and DEPTH (m)."""
     camera = pair.pair.camera
     for eye in EYES:
@@ -117,13 +118,12 @@ def write_fits(pair: Loaded, out: Path) -> None:
             Image("PHASE", found.phase_deg, "deg", comment="from the Sun to the camera"),
             Image("DEPTH", pair.depth[eye], "m", comment="along the optical axis"),
         ]
-        write_bytes(out / pair.pair.folder.name / f"{eye}.fits", encode_fits(images))
+        write_bytes(folder / f"{eye}.fits", encode_fits(images))
 
 
-def write_tiff(pair: Loaded, out: Path) -> None:
-    """Write ``<out>/<pair>/left_radiance_factor.tif`` (bands R, G, B), ``left_geometry.tif`` (incidence, emission,
+def _write_tiff(pair: Loaded, folder: Path) -> None:
+    """Write ``left_radiance_factor.tif`` (bands R, G, B), ``left_geometry.tif`` (incidence, emission,
     phase in degrees) and the same of the right eye: 32-bit floats, NaN where there is no ground."""
-    folder = out / pair.pair.folder.name
     for eye in EYES:
         found = photometry_of(pair, eye)
         angles = np.stack([found.incidence_deg, found.emission_deg, found.phase_deg], axis=-1)
@@ -132,3 +132,7 @@ def write_tiff(pair: Loaded, out: Path) -> None:
             encode_tiff(found.radiance_factor.astype(np.float32), description="I/F: " + ", ".join(BANDS)),
         )
         write_bytes(folder / f"{eye}_geometry.tif", encode_tiff(angles.astype(np.float32), description=_GEOMETRY))
+
+
+FITS = Export(write_pair=_write_fits)
+TIFF = Export(write_pair=_write_tiff)

@@ -18,15 +18,14 @@ from ..images.views import read_sensor_depth
 from ..measure.prepare import Loaded
 
 
-def write_raw(pair: Loaded, out: Path) -> None:
-    """Write to ``<out>/<pair>/``: ``left.png`` (8-bit, or 16-bit with ``image_bits`` bits), ``depth_left.npy`` (metres
+def write_pair(pair: Loaded, folder: Path) -> None:
+    """Write ``left.png`` (8-bit, or 16-bit with ``image_bits`` bits), ``depth_left.npy`` (metres
     along the axis of the eye, NaN for none), the same of the right eye, ``calibration.json``, and ``intrinsics.yml``
     and ``extrinsics.yml`` in the format of OpenCV's stereo programs.
 
     The image of a colour sensor is its mosaic, by ``sensor.bayer_pattern``. Single exposures that were merged are not
     written.
     """
-    folder = out / pair.pair.folder.name
     for eye, numbers in (("left", pair.images.detected_left), ("right", pair.images.detected_right)):
         write_png(folder / f"{eye}.png", numbers.astype(np.uint8) if pair.images.bits == 8 else numbers)
         write_npy(folder / f"depth_{eye}.npy", read_sensor_depth(pair.pair, eye, pair.settings.rig))

@@ -27,15 +27,20 @@ WORLD = "map"
 _SECOND = 1_000_000_000
 
 
-def write_ros2(each: Each, out: Path) -> None:
+def check() -> str:
+    """Why no bag can be written here; empty if it can."""
+    if importlib.util.find_spec("rosbags") is None:
+        return 'The export ros2 needs the package rosbags; pip install "icymoon[ros]".'
+    return ""
+
+
+def write_all(each: Each, out: Path) -> None:
     """Write the bag ``<out>/pairs`` (MCAP): ``/stereo/left/image_rect``, ``/stereo/left/camera_info``, the same of the
     right eye, of a colour sensor ``/stereo/left/image_rect_color`` too, ``/stereo/disparity``, ``/stereo/points2`` and
     ``/tf``.
 
-    Raises IcyMoonError without the package rosbags, and if there is a bag already.
+    Raises IcyMoonError if there is a bag already.
     """
-    if importlib.util.find_spec("rosbags") is None:
-        raise IcyMoonError('The export ros2 needs the package rosbags; pip install "icymoon[ros]".')
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 

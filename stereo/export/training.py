@@ -30,6 +30,7 @@ from ...support.version import version
 from ..images.develop import to_8_bit
 from ..images.image_files import encoded, write_bytes
 from ..measure.prepare import Loaded
+from . import Export
 from .encodings import KITTI_SCALE, in_steps, write_pfm
 from .losses import Each, Loss, refuse_losses
 from .whole_folders import filled
@@ -102,7 +103,7 @@ def _sun_elevation_deg(pair: Loaded) -> float | None:
     return None if pair.pair.sun is None else round(pair.pair.sun.elevation_deg, 4)
 
 
-def write_webdataset(each: Each, out: Path) -> None:
+def _write_webdataset(each: Each, out: Path) -> None:
     """Write shards ``train-000000.tar`` and so on, ``index.csv``, ``README.md`` and ``croissant.json``.
 
     Of each pair, by its id: ``left.png``, ``right.png`` (16-bit), ``disparity.png`` (16-bit, 256 steps per px, 0 is
@@ -211,7 +212,7 @@ class _Shards:
         return sorted(self._done)
 
 
-def write_sceneflow(each: Each, out: Path) -> None:
+def _write_sceneflow(each: Each, out: Path) -> None:
     """Write the layout of SceneFlow's FlyingThings3D, which loaders of stereo networks read unchanged.
 
     ``<out>/FlyingThings3D/frames_finalpass/TRAIN/A/0000/left/0000.png`` and so on, the same in ``frames_cleanpass``,
@@ -370,3 +371,7 @@ def _croissant(out: Path, shards: list[str]) -> dict[str, Any]:
         "distribution": [file("index.csv", "text/csv"), *(file(name, "application/x-tar") for name in shards)],
         "recordSet": [{"@type": "cr:RecordSet", "@id": "pairs", "name": "pairs", "field": fields}],
     }
+
+
+WEBDATASET = Export(write_all=_write_webdataset)
+SCENEFLOW = Export(write_all=_write_sceneflow)

@@ -1,20 +1,22 @@
 """Stereo matchers, all with the same signature, each imported on its first use.
 
-A matcher is a module of this package with ``OPTIONS``, ``PRESETS`` (named sets of options) and
-``compute(left, right, options, camera)``. This function takes two uint8 images of one size, a complete dict of options
-and the camera, if it is known, and returns a ``Result``. Images are grey (H, W), or RGB (H, W, 3) for a module with
-``COLOUR``. A module may have three more functions: ``check(options)`` raises IcyMoonError if a file or program that the
-options name does not exist, ``load(options)`` does work that is not part of matching a pair, ``files(options)``
-returns words within options that may be files, and ``settle(options, ranges, shape)`` returns the options with numbers
-for those that follow from the pair, and the ``SearchRange``. With ``SPARSE`` a pair without any measurement is a
-result; otherwise it is an error.
+A matcher is a plug-in, ours or of a package that the user installed; ``plugins/entry_points.txt`` declares ours. It has
+``match``, see ``plug_in``, or the longer interface of the modules here: ``OPTIONS``, ``PRESETS`` (named sets of
+options) and ``compute(left, right, options, camera)``. This function takes two uint8 images of one size, a complete
+dict of options and the camera, if it is known, and returns a ``Result``. Images are grey (H, W), or RGB (H, W, 3) for a
+module with ``COLOUR``. A module may have three more functions: ``check(options)`` raises IcyMoonError if a file or
+program that the options name does not exist, ``load(options)`` does work that is not part of matching a pair,
+``files(options)`` returns words within options that may be files, and ``settle(options, ranges, shape)`` returns the
+options with numbers for those that follow from the pair, and the ``SearchRange``. With ``SPARSE`` a pair without any
+measurement is a result; otherwise it is an error.
 
-Matchers of packages that the user installed are beside them, see ``plug_in``.
+Lists show literals of its module, see ``plugins.installed.fact_of``: ``TITLE`` in place of its name, ``NEEDS`` beside
+the evaluator, ``ONE_PROCESSOR`` if it uses one and little memory, and ``SET_UP`` of one that the user sets up in the
+preferences: its place in that list, the option that is asked for, a label and a description.
 """
 
 from __future__ import annotations
 
-import importlib
 import os
 import time
 from collections.abc import Mapping
@@ -24,9 +26,10 @@ from typing import Any
 import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
-from ...plugins.installed import Found, Plugin, find
+from ...plugins.installed import Found, Plugin, fact_of, find, load
 from ...settings.topics.trust_boundary import OWN
 from ...support.errors import IcyMoonError
+from ...support.printer import show_controls
 from ...support.suggestions import nearest
 from ..images.image_values import describe_size, to_8_bit, to_grey
 from ..measure.costs import COSTS
@@ -34,31 +37,52 @@ from .options import resolve
 from .result import Result
 from .search_range import SearchRange
 
-#: Titles that readers see instead of the names of matchers, in tables, charts, sentences and in the window; and the
-#: needs of some matchers beside the evaluator.
-TITLES = {
-    "bm": "StereoBM",
-    "sgbm": "SGBM",
-    "sgbm_wls": "SGBM with WLS",
-    "jplv": "JPLV",
-    "igev": "IGEV-Stereo",
-    "dsmnet": "DSMNet",
-}
-NEEDS = {"igev": "PyTorch and a checkpoint", "dsmnet": "PyTorch and a checkpoint"}
-#: Our matchers; each is the module of this name. The user sets up the last ones, with a file or a program.
-MATCHERS = (*TITLES, "onnx", "resident", "stereo_matching", "external")
 #: Names that mean something else where methods are named.
-_TAKEN = (*MATCHERS, OWN, "prediction")
+_TAKEN = (OWN, "prediction")
 
 
 def find_plugins() -> Found:
-    """The matchers of packages that are installed in this Python."""
+    """The matchers of this Python."""
     return find("matcher", _TAKEN)
 
 
 def matcher_names() -> tuple[str, ...]:
-    """All matchers of this Python: Icy Moon's, then the plug-ins'."""
-    return (*MATCHERS, *find_plugins().usable)
+    """All matchers of this Python: Icy Moon's, then the installed packages'."""
+    return tuple(find_plugins().usable)
+
+
+def title_of(method: str) -> str:
+    """What readers see instead of the name of a matcher, in tables, charts, sentences and in the window."""
+    return _text_of(method, "TITLE") or method
+
+
+def needs_of(method: str) -> str:
+    """What a matcher needs beside the evaluator, in words; empty if nothing."""
+    return _text_of(method, "NEEDS")
+
+
+def titles() -> dict[str, str]:
+    """The titles, by name, of Icy Moon's matchers that run without being set up by the user."""
+    found = find_plugins().usable.items()
+    return {name: title for name, plugin in found if plugin.built_in and (title := _text_of(name, "TITLE"))}
+
+
+def set_ups() -> list[tuple[str, tuple[int, str, str, str]]]:
+    """The matchers that the user sets up, with their ``SET_UP``, in the order of its numbers."""
+    found = {name: fact_of(plugin, "SET_UP") for name, plugin in find_plugins().usable.items() if plugin.built_in}
+    return sorted(((name, stated) for name, stated in found.items() if stated), key=lambda entry: entry[1])
+
+
+def uses_one_processor(method: str) -> bool:
+    """Whether a matcher uses one processor and little memory. Others may fill a GPU, or all processors."""
+    plugin = find_plugins().usable.get(method)
+    return plugin is not None and fact_of(plugin, "ONE_PROCESSOR") is True
+
+
+def _text_of(method: str, fact: str) -> str:
+    plugin = find_plugins().usable.get(method)
+    stated = fact_of(plugin, fact) if plugin else ""
+    return show_controls(stated) if isinstance(stated, str) else ""
 
 
 def match(
@@ -99,7 +123,7 @@ def match_checked(
     A disparity of zero or less gives no depth and is invalid. Raises IcyMoonError for images that cannot be used or are
     too small for the options, and if a matcher that measures everywhere gave no number at all.
     """
-    module = _import_matcher(method)
+    module = load_matcher(method)
     complete = dict(options)
     prepare = _rgb if getattr(module, "COLOUR", False) else GREYS[complete.get("grey", "mean")]
     left, right = prepare(_check_image(left, "left")), prepare(_check_image(right, "right"))
@@ -120,7 +144,7 @@ def match_checked(
     if not valid.any() and not getattr(module, "SPARSE", False):
         what = "a positive number" if np.isfinite(result.disparity).any() else "a number"
         raise IcyMoonError(
-            f"{TITLES.get(method, method)} gave no pixel {what}; its checkpoint or program is damaged, "
+            f"{title_of(method)} gave no pixel {what}; its checkpoint or program is damaged, "
             "or writes disparities with the wrong sign or unit."
         )
     return (
@@ -146,14 +170,14 @@ def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
     Raises IcyMoonError where ``match`` would, also for a checkpoint or program that does not exist.
     """
     complete = complete_options(method, options)
-    if check := getattr(_import_matcher(method), "check", None):
+    if check := getattr(load_matcher(method), "check", None):
         check(complete)
     return complete
 
 
 def complete_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """The same, without checking that files and programs exist."""
-    module = _import_matcher(method)
+    module = load_matcher(method)
     return resolve(method, module.OPTIONS, module.PRESETS, options)
 
 
@@ -162,19 +186,19 @@ def option_keys(method: str) -> list[str]:
     for an unknown matcher."""
     return [
         "preset",
-        *(name for option in _import_matcher(method).OPTIONS for name in (option.key, option.opencv) if name),
+        *(name for option in load_matcher(method).OPTIONS for name in (option.key, option.opencv) if name),
     ]
 
 
 def files_of(method: str, options: Mapping[str, Any]) -> list[str]:
     """Words of complete options that may be files which the result depends on: the arguments of a command."""
-    named = getattr(_import_matcher(method), "files", None)
+    named = getattr(load_matcher(method), "files", None)
     return list(named(options)) if named else []
 
 
 def describe_matcher(method: str) -> str:
     """What a matcher is, and its options, as lines of text. Raises IcyMoonError for an unknown one."""
-    module = _import_matcher(method)
+    module = load_matcher(method)
     lines = [f"{method}: {(module.__doc__ or '').strip().splitlines()[0]}"]
     lines += [f"  {option.key}={option.default} ({option.range}) {option.doc}" for option in module.OPTIONS]
     lines += [
@@ -186,24 +210,24 @@ def describe_matcher(method: str) -> str:
 
 def release_of(method: str) -> str:
     """Package and version of the plug-in that a matcher is from; empty for one of ours."""
-    plugin = None if method in MATCHERS else find_plugins().usable.get(method)
+    plugin = find_plugins().added.get(method)
     return plugin.release if plugin else ""
 
 
-def _import_matcher(method: str) -> Any:
-    """The module of a matcher, or the loaded plug-in in its place. Raises IcyMoonError for an unknown one."""
-    if method in MATCHERS:
-        return importlib.import_module(f".{method}", __name__)
+def load_matcher(method: str) -> Any:
+    """The matcher, with the interface of a module of this package. Raises IcyMoonError for an unknown one."""
     found = find_plugins()
     if method in found.usable:
-        return _load_plugin(found.usable[method])
+        return _load(found.usable[method])
     if method in found.refused:
         raise IcyMoonError(found.refused[method])
-    raise IcyMoonError(f"Unknown matcher {method!r}, {nearest(method, (*MATCHERS, *found.usable))}")
+    raise IcyMoonError(f"Unknown matcher {method!r}, {nearest(method, found.usable)}")
 
 
 @lru_cache(maxsize=64)
-def _load_plugin(plugin: Plugin) -> Any:
+def _load(plugin: Plugin) -> Any:
+    if plugin.built_in and not hasattr(loaded := load(plugin), "match"):
+        return loaded
     from .plug_in import PluginMatcher  # not at the top: it needs OpenCV
 
     return PluginMatcher(plugin)

@@ -20,6 +20,8 @@ from .options import Option
 from .result import Result
 from .search_range import SearchRange
 
+TITLE = "StereoBM"
+ONE_PROCESSOR = True
 SPARSE = True
 
 OPTIONS = (

@@ -7,28 +7,31 @@ its rounding grows to errors of several pixels.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...physics.camera.stereo_camera import StereoCamera
 from . import learned
-from .options import Option
-from .result import Result
+from .plug_in import MatchContext
 
 if TYPE_CHECKING:
     from torch import nn
 
+TITLE = "DSMNet"
+NEEDS = "PyTorch and a checkpoint"
+SET_UP = (5, "checkpoint", "DSMNet", "The network DSMNet with your own checkpoint")
 COLOUR = True
+SEARCHES = False
 
-OPTIONS = (
-    *learned.OPTIONS,
-    Option("max_disparity", 192, "Largest disparity, px", 16, 1024, 16),
-    Option("crop_height", 0, "Rows used, from the middle; 0 for all", 0, 65536, 64),
-    Option("crop_width", 0, "Columns used, from the middle; 0 for all", 0, 65536, 64),
-)
+_CROP = {"default": 0, "minimum": 0, "maximum": 65536, "step": 64}
+OPTIONS = learned.OPTIONS | {
+    "max_disparity": {"default": 192, "minimum": 16, "maximum": 1024, "step": 16, "doc": "Largest disparity, px"},
+    "crop_height": {**_CROP, "doc": "Rows used, from the middle; 0 for all"},
+    "crop_width": {**_CROP, "doc": "Columns used, from the middle; 0 for all"},
+}
 
-PRESETS: dict[str, dict[str, Any]] = {"guiss": {"crop_height": 384, "crop_width": 640}}
+PRESETS = {"guiss": {"crop_height": 384, "crop_width": 640}}
 
 
 def _build(max_disparity: int) -> nn.Module:
@@ -42,18 +45,19 @@ NETWORK = learned.Network(
 )
 
 
-def check(options: dict[str, Any]) -> None:
+def check(options: Mapping[str, Any]) -> None:
     """Raise IcyMoonError unless it can run."""
     learned.check(NETWORK, options)
 
 
-def load(options: dict[str, Any]) -> None:
+def load(options: Mapping[str, Any]) -> None:
     """Read the checkpoint, so that a run with the same options need not."""
     learned.load(NETWORK, options)
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 RGB (H, W, 3) images, NaN outside the crop."""
+def match(left: np.ndarray, right: np.ndarray, context: MatchContext) -> tuple[np.ndarray, dict[str, Any]]:
+    """Disparity of uint8 RGB (H, W, 3) images, NaN outside the crop, and facts on the network."""
+    options = context.options
     model, facts = learned.load(NETWORK, options)
     device = next(model.parameters()).device
     (top, height), (near, width) = (
@@ -64,7 +68,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
         seen = model(*eyes)[0].cpu().numpy()
     disparity = np.full(left.shape[:2], np.nan, np.float32)
     disparity[max(top, 0) : top + height, max(near, 0) : near + width] = seen[max(-top, 0) :, max(-near, 0) :]
-    return Result(disparity, facts=facts)
+    return disparity, facts
 
 
 def _span(size: int, crop: int) -> tuple[int, int]:

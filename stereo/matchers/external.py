@@ -31,6 +31,12 @@ from .options import Option
 from .result import Result
 from .written_arrays import last_words, read_array
 
+SET_UP = (
+    0,
+    "command",
+    "Program",
+    "A program that is started for each pair, reads two images and writes a disparity map",
+)
 COLOUR = True
 
 OPTIONS = (

@@ -6,35 +6,47 @@ test with 32. An iteration takes a sixth of the time of everything else.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...physics.camera.stereo_camera import StereoCamera
 from ...support.errors import IcyMoonError
 from . import learned
-from .options import Option
-from .result import Result
+from .plug_in import MatchContext
 
 if TYPE_CHECKING:
     from torch import nn
 
+TITLE = "IGEV-Stereo"
+NEEDS = "PyTorch and a checkpoint"
+SET_UP = (4, "checkpoint", "IGEV", "The network IGEV-Stereo with your own checkpoint")
 COLOUR = True
+SEARCHES = False
 
-OPTIONS = (
-    *learned.OPTIONS,
-    Option("iterations", 32, "Number of refinements; 8 and 16 are faster and less accurate", 1, 1024),
-    Option("max_disparity", 192, "Largest disparity of the cost volume, px; refinement can go beyond", 32, 1024, 32),
-    Option(
-        "precision",
-        "float32",
-        "Precision of features and costs; bfloat16 is faster if the processor has it, and "
+OPTIONS = learned.OPTIONS | {
+    "iterations": {
+        "default": 32,
+        "minimum": 1,
+        "maximum": 1024,
+        "doc": "Number of refinements; 8 and 16 are faster and less accurate",
+    },
+    "max_disparity": {
+        "default": 192,
+        "minimum": 32,
+        "maximum": 1024,
+        "step": 32,
+        "doc": "Largest disparity of the cost volume, px; refinement can go beyond",
+    },
+    "precision": {
+        "default": "float32",
+        "choices": ("float32", "bfloat16"),
+        "doc": "Precision of features and costs; bfloat16 is faster if the processor has it, and "
         "changes disparities by a tenth of a pixel or more; float16 overflows in this network",
-        choices=("float32", "bfloat16"),
-    ),
-)
+    },
+}
 
-PRESETS: dict[str, dict[str, Any]] = {"guiss": {"iterations": 256, "max_disparity": 256}}
+PRESETS = {"guiss": {"iterations": 256, "max_disparity": 256}}
 
 
 def _build(max_disparity: int) -> nn.Module:
@@ -46,23 +58,24 @@ def _build(max_disparity: int) -> nn.Module:
 NETWORK = learned.Network("igev", "sceneflow.pth", "https://github.com/gangweiX/IGEV", _build)
 
 
-def check(options: dict[str, Any]) -> None:
+def check(options: Mapping[str, Any]) -> None:
     """Raise IcyMoonError unless it can run."""
     learned.check(NETWORK, options)
 
 
-def load(options: dict[str, Any]) -> None:
+def load(options: Mapping[str, Any]) -> None:
     """Read the checkpoint, so that a run with the same options need not."""
     learned.load(NETWORK, options)
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
-    """Disparity of uint8 RGB (H, W, 3) images, everywhere."""
+def match(left: np.ndarray, right: np.ndarray, context: MatchContext) -> tuple[np.ndarray, dict[str, Any]]:
+    """Disparity of uint8 RGB (H, W, 3) images, everywhere, and facts on the network."""
     import torch
     from torch.nn import functional as F  # noqa: N812, its usual name
 
     from ..networks.igev import SIZE_STEP
 
+    options = context.options
     model, facts = learned.load(NETWORK, options)
     device = next(model.parameters()).device
     half_precision = options["precision"] == "bfloat16"
@@ -77,4 +90,4 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
             for image in (left, right)
         )
         disparity = model(*eyes, options["iterations"])[0, 0, top : top + height, near : near + width]
-        return Result(disparity.float().cpu().numpy(), facts=facts)
+        return disparity.float().cpu().numpy(), facts

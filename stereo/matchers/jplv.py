@@ -22,6 +22,8 @@ from .options import Option
 from .result import Result
 from .search_range import AUTO, STATED, TRUTH, SearchRange, require_range
 
+TITLE = "JPLV"
+ONE_PROCESSOR = True
 SPARSE = True
 
 _MOST_HALVED = 6

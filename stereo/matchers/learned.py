@@ -9,7 +9,7 @@ import importlib.util
 import os
 import pickle
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -20,29 +20,26 @@ import numpy as np
 
 from ...support.errors import IcyMoonError
 from ...support.files import parse_path, sha256
-from . import TITLES
-from .options import Option
+from . import title_of
 
 if TYPE_CHECKING:
     from torch import nn
 
 FOLDER_VARIABLE = "ICYMOON_CHECKPOINTS"  # environment variable
 
-OPTIONS = (
-    Option(
-        "checkpoint",
-        "",
-        f"File with the trained parameters; by default in the folder {FOLDER_VARIABLE} or "
+OPTIONS: dict[str, dict[str, Any]] = {
+    "checkpoint": {
+        "default": "",
+        "doc": f"File with the trained parameters; by default in the folder {FOLDER_VARIABLE} or "
         "~/.local/share/icymoon/checkpoints",
-    ),
-    Option(
-        "device",
-        "auto",
-        "Where the network runs; auto takes a CUDA device if there is one",
-        choices=("auto", "cpu", "cuda"),
-    ),
-    Option("threads", 1, "Number of processor cores used", 1, 1024),
-)
+    },
+    "device": {
+        "default": "auto",
+        "choices": ("auto", "cpu", "cuda"),
+        "doc": "Where the network runs; auto takes a CUDA device if there is one",
+    },
+    "threads": {"default": 1, "minimum": 1, "maximum": 1024, "doc": "Number of processor cores used"},
+}
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,7 @@ class Network:
     build: Callable[[int], nn.Module]  # from the largest disparity
 
 
-def check(network: Network, options: dict[str, Any]) -> None:
+def check(network: Network, options: Mapping[str, Any]) -> None:
     """Raise IcyMoonError unless torch and the checkpoint exist."""
     path = checkpoint_path(network, options)
     if not path.is_file():
@@ -67,7 +64,7 @@ def check(network: Network, options: dict[str, Any]) -> None:
         raise IcyMoonError(f"{network.method} needs PyTorch, which this Python lacks; run: pip install torch")
 
 
-def checkpoint_path(network: Network, options: dict[str, Any]) -> Path:
+def checkpoint_path(network: Network, options: Mapping[str, Any]) -> Path:
     """The checkpoint file of a network: the one in the options, or the default one."""
     if options["checkpoint"]:
         return parse_path(options["checkpoint"], f"{network.method}.checkpoint")
@@ -75,7 +72,7 @@ def checkpoint_path(network: Network, options: dict[str, Any]) -> Path:
     return Path(folder) / f"{network.method}.pth"
 
 
-def load(network: Network, options: dict[str, Any]) -> tuple[nn.Module, dict[str, Any]]:
+def load(network: Network, options: Mapping[str, Any]) -> tuple[nn.Module, dict[str, Any]]:
     """Load a network onto its device, ready to run; return it and facts for the provenance."""
     import torch
 
@@ -106,11 +103,11 @@ def guard_inference(method: str) -> Iterator[None]:
             yield
     except torch.OutOfMemoryError:
         raise IcyMoonError(
-            f"{TITLES[method]} needs more memory than the CUDA device has; lower "
+            f"{title_of(method)} needs more memory than the CUDA device has; lower "
             f"{method}.max_disparity, use {method}.device=cpu or render smaller images."
         ) from None
     except RuntimeError as error:  # such as no memory on the CPU
-        raise IcyMoonError(f"{TITLES[method]} failed in PyTorch ({_first_line(error)}).") from None
+        raise IcyMoonError(f"{title_of(method)} failed in PyTorch ({_first_line(error)}).") from None
 
 
 def batch(image: np.ndarray, device: Any) -> Any:
@@ -177,7 +174,7 @@ def _fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, method
     ]
     if wrong:
         raise IcyMoonError(
-            f"{path} is no checkpoint of {TITLES[method]}: {len(wrong)} of its parameters do not fit, {min(wrong)}."
+            f"{path} is no checkpoint of {title_of(method)}: {len(wrong)} of its parameters do not fit, {min(wrong)}."
         )
     model.load_state_dict(given, strict=True)
 

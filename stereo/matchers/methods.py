@@ -11,7 +11,7 @@ from typing import Any
 from ...settings.topics.trust_boundary import OWN, OWN_NAME, listed, split_option
 from ...support.errors import IcyMoonError
 from ...support.suggestions import nearest
-from . import TITLES, check_options, matcher_names, option_keys
+from . import check_options, matcher_names, option_keys, title_of
 
 #: Separator of the options in a label.
 _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
@@ -63,7 +63,7 @@ def describe_method(label: str) -> str:
     Files keep the label, by which programs find a method.
     """
     name, *options = _NEXT_OPTION.split(label)
-    return " ".join((TITLES.get(name, name), *options))
+    return " ".join((title_of(name), *options))
 
 
 def toggle_method(text: str, name: str) -> str:

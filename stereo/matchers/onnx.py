@@ -27,6 +27,7 @@ from ...support.files import parse_path, sha256
 from .options import Option
 from .result import Result
 
+SET_UP = (2, "model", "ONNX Network", "A network in an ONNX file")
 COLOUR = True
 
 OPTIONS = (

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...support.errors import IcyMoonError
 from ..images.image_values import describe_size
-from . import TITLES
+from . import title_of
 from .options import Option
 from .search_range import AUTO, STATED, STEP_PX, TRUTH, SearchRange, require_range
 
@@ -67,7 +67,7 @@ def require_room(method: str, image: np.ndarray, enough: bool, option: str = "")
     if not enough:
         option = option or f"disparities or {method}.window"
         raise IcyMoonError(
-            f"The images, {describe_size(image)}, are too small for {TITLES[method]}: its search range "
+            f"The images, {describe_size(image)}, are too small for {title_of(method)}: its search range "
             f"and window do not fit; lower {method}.{option}, or render larger images."
         )
 
@@ -92,7 +92,7 @@ def run_matcher(
         fixed = matcher.compute(left, right)
     except (cv2.error, MemoryError) as error:
         raise IcyMoonError(
-            f"OpenCV's {TITLES[method]} failed ({getattr(error, 'err', error)}); try other options."
+            f"OpenCV's {title_of(method)} failed ({getattr(error, 'err', error)}); try other options."
         ) from None
     disparity = np.full(left.shape, np.nan, np.float32)
     inside = (slice(*rows), slice(*columns))

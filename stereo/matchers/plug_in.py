@@ -1,9 +1,10 @@
-"""A matcher of a package that the user installed, with the interface of a module of this folder."""
+"""A matcher with ``match``, ours or of an installed package, with the interface of the other modules here."""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -14,8 +15,9 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...plugins.installed import Plugin, explained, function_of, load, source_files, summary_of
 from ...settings.topics.trust_boundary import LOADS
 from ...support.errors import IcyMoonError
+from ...support.printer import show_controls
 from .opencv import SEARCH_RANGE, settle_range
-from .options import Option
+from .options import Option, resolve
 from .result import Result
 from .search_range import SearchRange
 
@@ -29,8 +31,9 @@ _RESERVED = {"preset", "grey", *(name for option in SEARCH_RANGE for name in (op
 class MatchContext:
     """What ``match`` of a plug-in is told beside the images.
 
-    ``options`` are complete. Search the whole disparities ``least_px`` to ``most_px``, both included. The camera's
-    values are None where the camera is not known; the principal point counts from the corner of the image.
+    ``options`` are complete. Search the whole disparities ``least_px`` to ``most_px``, both included; both are 0 for a
+    matcher that states ``SEARCHES = False``. The camera's values are None where the camera is not known; the principal
+    point counts from the corner of the image.
     """
 
     options: Mapping[str, Any]
@@ -45,42 +48,71 @@ class MatchContext:
 class PluginMatcher:
     """The matcher of a plug-in. Raises IcyMoonError if the plug-in cannot be loaded or is not complete."""
 
-    PRESETS: Mapping[str, dict[str, Any]] = MappingProxyType({})
-
     def __init__(self, plugin: Plugin) -> None:
         self.plugin = plugin
         self.loaded = load(plugin)
-        self.__doc__ = f"{summary_of(self.loaded)} (plug-in, {plugin.release})"
+        self.__doc__ = summary_of(self.loaded) + ("" if plugin.built_in else f" (plug-in, {plugin.release})")
         self._match = function_of(plugin, self.loaded, "match", "left, right, context")
         with explained(plugin, "cannot be used", "correct it, or uninstall the package"):
-            self.OPTIONS = (*SEARCH_RANGE, *read_options(plugin, getattr(self.loaded, "OPTIONS", {})))
-            self.COLOUR = bool(getattr(self.loaded, "COLOUR", False))
+            self.COLOUR, self.SPARSE, self._searches = (
+                bool(getattr(self.loaded, name, default))
+                for name, default in (("COLOUR", False), ("SPARSE", False), ("SEARCHES", True))
+            )
+            own = read_options(plugin, getattr(self.loaded, "OPTIONS", {}))
+            self.OPTIONS = (*(SEARCH_RANGE if self._searches else ()), *own)
+            self.PRESETS = read_presets(plugin, self.OPTIONS, getattr(self.loaded, "PRESETS", {}))
 
     def settle(
         self, options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
-    ) -> tuple[dict[str, Any], SearchRange]:
-        """The options with a search range in numbers, and this range."""
+    ) -> tuple[dict[str, Any], SearchRange | None]:
+        """The options with a search range in numbers, and this range; None if the matcher has no range."""
+        if not self._searches:
+            return options, None
         return settle_range(self.plugin.name, options, ranges)
 
     def compute(
         self, left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None
     ) -> Result:
         """Disparity of uint8 images as the plug-in finds it. Raises IcyMoonError where it fails."""
-        least = options["min_disparity"]
-        own = {key: value for key, value in options.items() if key not in _RESERVED}
+        least, most = 0, 0
+        if self._searches:
+            least = options["min_disparity"]
+            most = least + options["disparities"] - 1
         known = (
             {}
             if camera is None
             else {key: float(getattr(camera, key)) for key in ("focal_px", "cx_px", "cy_px", "baseline_m")}
         )
-        context = MatchContext(MappingProxyType(own), least, least + options["disparities"] - 1, **known)
         with explained(self.plugin):
-            found = self._match(left.copy(), right.copy(), context)
-        return Result(checked_disparity(self.plugin, found, left.shape[:2]), facts={"plug_in": self.plugin.release})
+            found = self._match(left.copy(), right.copy(), MatchContext(_own(options), least, most, **known))
+            found, facts = found if isinstance(found, tuple) else (found, {})
+            facts = json.loads(json.dumps(dict(facts), allow_nan=False))
+        if not self.plugin.built_in:
+            facts |= {"plug_in": self.plugin.release}
+        return Result(checked_disparity(self.plugin, found, left.shape[:2]), facts=facts)
+
+    def check(self, options: dict[str, Any]) -> None:
+        """Raise IcyMoonError with the sentence that the plug-in's own ``check`` returns if it cannot run here."""
+        if fault := self._call("check", options):
+            raise IcyMoonError(f"{self.plugin.title} cannot run here: {show_controls(str(fault))}")
+
+    def load(self, options: dict[str, Any]) -> None:
+        """Call the plug-in's ``load``, if it has one, before a pair is matched and timed."""
+        self._call("load", options)
+
+    def _call(self, name: str, options: dict[str, Any]) -> Any:
+        act = getattr(self.loaded, name, None)
+        with explained(self.plugin):
+            return act(_own(options)) if callable(act) else None
 
     def files(self, options: dict[str, Any]) -> list[str]:
-        """The files that the result depends on: the plug-in's own source."""
-        return source_files(self.loaded)
+        """The files that the result depends on: the source of an installed plug-in; ours has Icy Moon's version."""
+        return [] if self.plugin.built_in else source_files(self.loaded)
+
+
+def _own(options: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The options that a plug-in declared."""
+    return MappingProxyType({key: value for key, value in options.items() if key not in _RESERVED})
 
 
 def checked_disparity(plugin: Plugin, found: Any, shape: tuple[int, ...]) -> np.ndarray:
@@ -102,6 +134,19 @@ def checked_disparity(plugin: Plugin, found: Any, shape: tuple[int, ...]) -> np.
     plain = np.ma.filled(found, np.nan) if isinstance(found, np.ma.MaskedArray) else np.asarray(found)
     with np.errstate(all="ignore"):  # infinity is no measurement
         return plain.astype(np.float32)
+
+
+def read_presets(plugin: Plugin, options: Sequence[Option], stated: Any) -> dict[str, dict[str, Any]]:
+    """The named sets of options that a plug-in declares. Raises IcyMoonError for one that cannot be used."""
+    if not isinstance(stated, Mapping) or not all(isinstance(chosen, Mapping) for chosen in stated.values()):
+        raise IcyMoonError(
+            f'{plugin.title} has PRESETS that are no dictionaries; write PRESETS = {{"fine": {{"window": 3}}}}.'
+        )
+    presets = {}
+    for name, chosen in stated.items():
+        complete = resolve(plugin.name, options, {}, chosen)
+        presets[str(name)] = {key: complete[key] for key in chosen}
+    return presets
 
 
 def read_options(plugin: Plugin, stated: Any) -> list[Option]:

@@ -22,6 +22,7 @@ from .resident_process import Program, ask_resident, start_resident
 from .result import Result
 from .search_range import AUTO, SearchRange
 
+SET_UP = (1, "command", "Resident Program", "A program that is started once and answers pair after pair")
 COLOUR = True
 
 #: How long a program may take; other matchers that are such programs have these too.

@@ -16,6 +16,8 @@ from .options import Option
 from .result import Result
 from .search_range import SearchRange
 
+TITLE = "SGBM"
+ONE_PROCESSOR = True
 SPARSE = True
 
 #: Options that sgbm and sgbm_wls share.

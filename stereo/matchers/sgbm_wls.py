@@ -21,6 +21,8 @@ from .result import Result
 from .search_range import SearchRange
 from .sgbm import SEARCH, InStrips, evenly_rounded, semi_global
 
+TITLE = "SGBM with WLS"
+ONE_PROCESSOR = True
 SPARSE = True
 
 OPTIONS = (

@@ -22,6 +22,7 @@ from .resident import LIMITS
 from .resident_process import ADAPTERS, Program, ask_resident, start_resident
 from .result import Result
 
+SET_UP = (3, "python", "stereo-matching", "A network of the package stereo-matching from PyPI")
 COLOUR = True
 
 OPTIONS = (

@@ -15,7 +15,8 @@ PAGE = ROOT / "docs" / "extend.md"
 
 @pytest.mark.skipif(load_library() is None, reason="there is no Embree; pip install embreex")
 def test_the_laser_ranger_of_the_manual_measures_level_ground(tmp_path):
-    (code,) = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    fences = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    (code,) = (fence for fence in fences if "open_tracer" in fence)
     (tmp_path / "ranger.py").write_text(code, encoding="utf-8")
     made = runpy.run_path(str(tmp_path / "ranger.py"))
     sine = np.sin(np.repeat(np.radians([10, 20, 30]), 360))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 
 import pytest
@@ -14,13 +13,13 @@ from icymoon.settings import description, preset_files, toml_text
 from icymoon.settings.table import all_settings
 from icymoon.settings.topics import trust_boundary
 from icymoon.settings.topics.declaration import Setting
-from icymoon.stereo.matchers import MATCHERS, complete_options
+from icymoon.stereo.matchers import complete_options, load_matcher, matcher_names
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.matchers.options import Option
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.version import ROOT
 
-MODULES = {name: importlib.import_module(f"icymoon.stereo.matchers.{name}") for name in MATCHERS}
+MODULES = {name: load_matcher(name) for name in matcher_names()}
 OPTIONS = [(name, option) for name, module in MODULES.items() for option in module.OPTIONS]
 EVIL = "external:command=/bin/sh -c evil {left} {right} {out}"
 REFUSED = f"dataset.methods names a ({'|'.join(trust_boundary.LOADS)}), which only you may"
@@ -206,7 +205,7 @@ _option = st.tuples(
 ).map("".join)
 _method = st.tuples(
     _space,
-    st.sampled_from([*MATCHERS, "own", "own:mine", ""]),
+    st.sampled_from([*MODULES, "own", "own:mine", ""]),
     _space,
     st.lists(_option, max_size=3).map(lambda options: "".join(f":{option}" for option in options)),
 ).map("".join)

@@ -17,11 +17,6 @@ def balls(count: int, seed: int = 1) -> Points:
     return draw_points(vertices / 2, triangles, np.array([4, 2]), matrices, CENTRES, count, np.random.default_rng(seed))
 
 
-def light_of(numbers: np.ndarray, points: Points) -> np.ndarray:
-    """The light (n, 3) of the numbers (rocks, 12, 3) at points, at least 0."""
-    return np.maximum(np.einsum("nt,ntb->nb", terms_of(points.normal, points.place), numbers[points.rock]), 0.0)
-
-
 def of_a_hemisphere(normal: np.ndarray) -> np.ndarray:
     """Irradiance over pi by a hemisphere of radiance 1 above: (1 + cos) / 2 in each band."""
     return np.repeat((1 + normal[:, 2:]) / 2, 3, axis=1)

@@ -16,8 +16,9 @@ from icymoon.formats.fits import Image, encode_fits
 from icymoon.physics.camera.lens_distortion import distort
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
+from icymoon.stereo.export import exports_with_blender, find_plugins
 from icymoon.stereo.export.cameras import quaternion, rays_of
-from icymoon.stereo.export.layouts import FORMATS, export
+from icymoon.stereo.export.layouts import export
 from icymoon.stereo.export.radiance_factor import angle_deg
 from icymoon.support.errors import IcyMoonError
 
@@ -98,7 +99,7 @@ def mapped(dataset, tmp_path):
     return tmp_path / "mapped"
 
 
-@pytest.mark.parametrize("kind", [name for name in FORMATS if name not in ("bop", "parquet-index")])
+@pytest.mark.parametrize("kind", sorted(set(find_plugins().usable) - {*exports_with_blender(), "bop", "parquet-index"}))
 def test_every_layout_states_the_exact_place_on_the_map(mapped, tmp_path, kind):
     if kind == "ros2":
         pytest.importorskip("rosbags", reason="pip install icymoon[ros]")

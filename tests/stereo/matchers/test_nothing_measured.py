@@ -2,14 +2,12 @@
 
 import shlex
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from icymoon.stereo import matchers
 from icymoon.stereo.matchers import match
-from icymoon.stereo.matchers.result import Result
 from icymoon.support.errors import IcyMoonError
+from plugin_packages import add_package
 
 IMAGE = np.zeros((20, 30), np.uint8)
 
@@ -24,13 +22,17 @@ def test_a_program_without_a_number_is_an_error(value, what, tmp_path):
 
 
 @pytest.mark.parametrize(("value", "what"), [(np.nan, "a number"), (-3.0, "a positive number")])
-def test_a_network_without_a_number_is_an_error(value, what, monkeypatch):
-    network = SimpleNamespace(
-        OPTIONS=(), PRESETS={}, compute=lambda left, *_: Result(np.full(left.shape[:2], value, np.float32))
-    )
-    monkeypatch.setitem(sys.modules, f"{matchers.__name__}.igev", network)
-    with pytest.raises(IcyMoonError, match=f"IGEV-Stereo gave no pixel {what}; its checkpoint or program is damaged"):
-        match("igev", IMAGE, IMAGE)
+def test_a_network_without_a_number_is_an_error(value, what, tmp_path, monkeypatch):
+    source = f"""
+        import numpy as np
+        ICYMOON_API = 1
+        TITLE = "My Network"
+        def match(left, right, context):
+            return np.full(left.shape, float("{value}"))
+    """
+    add_package(tmp_path, monkeypatch, "matcher", "mine", source)
+    with pytest.raises(IcyMoonError, match=f"My Network gave no pixel {what}; its checkpoint or program is damaged"):
+        match("mine", IMAGE, IMAGE)
 
 
 @pytest.mark.parametrize("method", ["bm", "sgbm", "sgbm_wls", "jplv"])
