@@ -22,6 +22,7 @@ from ..settings.blender import scene_properties
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..stereo.pair_views import read_pair_views
+from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
@@ -155,7 +156,7 @@ class _PictureJob(jobs.Job):
             super().hear(message)
 
 
-def _keep(key: str, pictures: list[np.ndarray]) -> None:
+def _keep(key: str, pictures: list[Array]) -> None:
     """Keep the pictures, uint8 RGB, of what a key describes."""
     if len(_made) >= _MOST:
         _pictures.collection.clear()

@@ -15,6 +15,7 @@ from icymoon.benchmarks.common.guiss_scene import Rung
 from icymoon.benchmarks.common.own_process import call
 from icymoon.settings.topics.rendering import QualitySettings
 from icymoon.settings.topics.scene import Settings, typed
+from icymoon.support.arrays import Array
 
 if TYPE_CHECKING:  # a process that renders pays for no evaluator
     from icymoon.stereo.matchers.methods import Method
@@ -108,9 +109,9 @@ class Errors:
     """What matchers make of a pair: by matcher the disparity error (H, W), px, NaN where nothing is measured, and its
     sums ``stereo.trade.tally``; where both eyes see, bool (H, W)."""
 
-    off: dict[str, np.ndarray]
-    tallies: dict[str, np.ndarray]
-    seen: np.ndarray
+    off: dict[str, Array]
+    tallies: dict[str, Array]
+    seen: Array
 
 
 def errors(folder: Path, methods: Sequence[Method]) -> Errors:

@@ -30,6 +30,7 @@ from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings import description
 from icymoon.settings.topics.rendering import QualitySettings
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 from icymoon.support.version import ROOT
 
 RESULT = ROOT / "docs" / "make" / "requires.json"
@@ -144,7 +145,7 @@ def _forced_osl(on: bool) -> Iterator[None]:
         cycles_settings.apply = original
 
 
-def rendered(changes: dict[str, Any], folder: Path) -> tuple[float, float, np.ndarray]:
+def rendered(changes: dict[str, Any], folder: Path) -> tuple[float, float, Array]:
     """Processor seconds of a scene and a pair of it, mean radiance and depth of its left image."""
     settings = settings_of((), SMALL, changes)
     planned = PlannedPair(description.digest(settings), settings, 0.0)

@@ -30,13 +30,14 @@ from icymoon.settings import description
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.exr import read_truth
 from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.support.arrays import Array
 from icymoon.support.labels import NORMAL_AOV, TERRAIN, TRUTH
 
 WAYS = {"painted": "BUMP", "displaced": "DISPLACEMENT", "real": "REAL"}
 METHODS = "bm,sgbm,jplv"
 
 
-def _angles_deg(pair: Any) -> tuple[np.ndarray, np.ndarray]:
+def _angles_deg(pair: Any) -> tuple[Array, Array]:
     """Angles in degrees between shading normal and facet, and depths in metres, of the left eye's pixels of ground."""
     truth = read_truth(pair.truth("left"), "left")
     shading = read_truth(pair.truth("left"), "left", without=[f"{TRUTH}.{NORMAL_AOV}"]).normal
@@ -62,8 +63,8 @@ def measure(preset: str, samples: int, headings: int, scale: float, way: str, fo
         settings, {"rig": rig, "surface": {"relief": WAYS[way]}, "quality": {"samples": samples, "denoiser": "NONE"}}
     )
     build_s = render_s = vertices = 0.0
-    angles: list[np.ndarray] = []
-    depths: list[np.ndarray] = []
+    angles: list[Array] = []
+    depths: list[Array] = []
     built = None
     warnings: list[str] = []
     for heading in range(headings):

@@ -25,6 +25,7 @@ from icymoon.benchmarks.common.renders import render, settings_of, start_blender
 from icymoon.nodes import scene as scenes
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 
 WAYS: dict[str, tuple[str, dict[str, Any]]] = {
     "graded 4 px": ("mesh", {"error_px": 4.0, "edge_px": 24.0}),
@@ -41,7 +42,7 @@ WAYS: dict[str, tuple[str, dict[str, Any]]] = {
 PIXELS, IMAGE = 4, 4096
 
 
-def _dice(terrain: Any, heights: np.ndarray, size_m: float, px: float) -> None:
+def _dice(terrain: Any, heights: Array, size_m: float, px: float) -> None:
     """Make Cycles dice a coarse grid and displace it by an image of heights."""
     n = len(heights)
     image = bpy.data.images.new("Heights", n, n, float_buffer=True, is_data=True)

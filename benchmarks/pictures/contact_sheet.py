@@ -21,6 +21,7 @@ from icymoon.settings import preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.stereo.images.develop import grey
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 
 SHEET = Path(__file__).resolve().parents[2] / "docs" / "images" / "terrains.png"
 WIDTH_PX, HEIGHT_PX, COLUMNS, LABEL_PX = 320, 200, 4, 18
@@ -34,7 +35,7 @@ VIEW: Parts = {
 }
 
 
-def picture(preset: str, folder: Path) -> np.ndarray:
+def picture(preset: str, folder: Path) -> Array:
     """The left image (rows, columns) of a preset as 8-bit grey values, with its name below."""
     settings = settings_of(("surfaces/fresh_snow", preset), VIEW)
     built = build(open_empty_file(), settings)

@@ -24,6 +24,7 @@ from icymoon.stereo.decisions.workspace import Workspace, compare, decide, open_
 from icymoon.stereo.matchers import match
 from icymoon.stereo.measure.prepare import prepare
 from icymoon.stereo.measure.result_row import depth_of
+from icymoon.support.arrays import Array
 from icymoon.support.files import sha256
 
 CELLS, CELL_M = 256, 0.01
@@ -58,7 +59,7 @@ def write_workspace(folder: Path) -> Path:
     return folder
 
 
-def decide_on(workspace: Workspace, depth: np.ndarray) -> None:
+def decide_on(workspace: Workspace, depth: Array) -> None:
     """What a depth decides, beside the truth."""
     compare(workspace, decide(workspace, depth))
 

@@ -23,6 +23,7 @@ from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.own_process import call
 from icymoon.benchmarks.common.processor import resident_mib
 from icymoon.stereo.matchers import match
+from icymoon.support.arrays import Array
 
 REFERENCE = "bm:preset=guiss"
 CLASSICAL = (
@@ -47,7 +48,7 @@ NETWORKS = (
 ROW = "{:<40}{:>9}{:>8}{:>9}{:>8}{:>10}{:>9}{:>8}{:>9}"
 
 
-def pair() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def pair() -> tuple[Array, Array, Array]:
     """Left, right and true disparity of a tilted plane with a cuboid in front of it, noise of 2 levels per eye."""
     scene, rig = pairs.Scene(contrast=0.4), pairs.camera(640, 480)
     random = np.random.default_rng(0)

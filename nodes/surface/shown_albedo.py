@@ -11,6 +11,7 @@ from ...physics.surfaces import photometry
 from ...physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
+from ...support.arrays import Array
 from ...support.labels import ALBEDO_AOV
 from ..tree.builder import Tree
 
@@ -45,7 +46,7 @@ def add_albedo_pass(
     tree.value_pass("Albedo", ALBEDO_AOV, found)
 
 
-def hapke_curve(settings: Settings, least: float) -> tuple[np.ndarray, np.ndarray]:
+def hapke_curve(settings: Settings, least: float) -> tuple[Array, Array]:
     """Factors on w from ``least`` to 1, and the Bond albedo of Hapke's law with each."""
     known = from_settings(settings.hapke)
     factors = np.unique(np.linspace(least, 1.0, _STEPS))

@@ -28,6 +28,7 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...plugins.installed import Found, Plugin, fact_of, find, load
 from ...settings.topics.trust_boundary import OWN
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.printer import show_controls
 from ...support.suggestions import nearest
@@ -87,12 +88,12 @@ def _text_of(method: str, fact: str) -> str:
 
 def match(
     method: str,
-    left: np.ndarray,
-    right: np.ndarray,
+    left: Array,
+    right: Array,
     options: Mapping[str, Any] | None = None,
     camera: StereoCamera | None = None,
     ranges: Mapping[str, SearchRange] | None = None,
-) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+) -> tuple[Array, Array, dict[str, Any]]:
     """``match_checked`` with some options of the matcher, whose values may be text. Raises IcyMoonError for an unknown
     matcher or option too."""
     return match_checked(method, left, right, check_options(method, options or {}), camera, ranges)
@@ -100,12 +101,12 @@ def match(
 
 def match_checked(
     method: str,
-    left: np.ndarray,
-    right: np.ndarray,
+    left: Array,
+    right: Array,
     options: Mapping[str, Any],
     camera: StereoCamera | None = None,
     ranges: Mapping[str, SearchRange] | None = None,
-) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+) -> tuple[Array, Array, dict[str, Any]]:
     """Compute the disparity of the left image with the matcher ``method``; ``options`` are all, as ``check_options``
     returns them.
 
@@ -239,7 +240,7 @@ def _cpu_seconds() -> float:
     return time.process_time() + children.children_user + children.children_system
 
 
-def _check_image(image: np.ndarray, name: str) -> np.ndarray:
+def _check_image(image: Array, name: str) -> Array:
     image = np.asarray(image)
     if image.dtype not in (np.uint8, np.uint16):
         raise IcyMoonError(f"The {name} image has values of type {image.dtype}; give 8-bit or 16-bit grey values.")
@@ -248,7 +249,7 @@ def _check_image(image: np.ndarray, name: str) -> np.ndarray:
     return image
 
 
-def _luminance(image: np.ndarray) -> np.ndarray:
+def _luminance(image: Array) -> Array:
     """uint8 (H, W): 0.299 red, 0.587 green and 0.114 blue, in OpenCV's rounding, after the scaling to 8 bits."""
     import cv2  # not at the top: the window lists the matchers, and Blender has no OpenCV
 
@@ -260,6 +261,6 @@ def _luminance(image: np.ndarray) -> np.ndarray:
 GREYS = {"mean": to_grey, "luminance": _luminance}
 
 
-def _rgb(image: np.ndarray) -> np.ndarray:
+def _rgb(image: Array) -> Array:
     """uint8 (H, W, 3), red first."""
     return to_8_bit(np.repeat(image[..., None], 3, axis=-1) if image.ndim == 2 else image[..., 2::-1])

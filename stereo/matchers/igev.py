@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from . import learned
 from .plug_in import MatchContext
@@ -68,7 +67,7 @@ def load(options: Mapping[str, Any]) -> None:
     learned.load(NETWORK, options)
 
 
-def match(left: np.ndarray, right: np.ndarray, context: MatchContext) -> tuple[np.ndarray, dict[str, Any]]:
+def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict[str, Any]]:
     """Disparity of uint8 RGB (H, W, 3) images, everywhere, and facts on the network."""
     import torch
     from torch.nn import functional as F  # noqa: N812, its usual name

@@ -26,6 +26,7 @@ from icymoon.physics.rocks.table import read_table
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.topics.scene import Settings
 from icymoon.settings.user_files import content
+from icymoon.support.arrays import Array
 from icymoon.support.version import ROOT
 
 SMALL: Any = {
@@ -87,7 +88,7 @@ def test_a_scene_never_changes_and_states_what_it_is():
 def test_heights_of_a_function_are_those_of_its_places():
     """Read as the ground reads them: the height at any vertex is the function's there."""
 
-    def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def height(x: Array, y: Array) -> Array:
         return 0.3 * x - 0.1 * y + 5.0
 
     given, stated = heights_input(height, 20.0, 33, None)

@@ -16,10 +16,11 @@ from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 from rendering import complete, empty_scene
 
 #: A law of reflection: from incidence, emission and azimuth, in radians.
-Law = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+Law = Callable[[Array, Array, Array], Array]
 FLAT = {"rms_slope_deg": 0.0, "multifractality": 0.0, "resolution": 129, "size_m": 60.0}
 BARE = {"model": "HAPKE", "grain_amplitude_m": 0.0, "albedo_variation": 0.0}
 POINT = {"sun_angular_diameter_deg": 0.0, "sun_irradiance_wm2": 50.26}
@@ -67,7 +68,7 @@ def picture(
     return read_pair(folder), built
 
 
-def rays(pair: Pair) -> np.ndarray:
+def rays(pair: Pair) -> Array:
     """Unit vectors (H, W, 3) from the surface toward the left eye, in world axes, from the rig alone."""
     camera = pair.camera
     u = (np.arange(camera.width_px) + 0.5 - camera.cx_px) / camera.focal_px
@@ -77,7 +78,7 @@ def rays(pair: Pair) -> np.ndarray:
     return -world / np.linalg.norm(world, axis=-1, keepdims=True)
 
 
-def angles(normal: np.ndarray, sun: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def angles(normal: Array, sun: Array, eye: Array) -> tuple[Array, Array, Array]:
     """Incidence, emission and azimuth in radians, without an arc cosine."""
     sun = np.broadcast_to(sun / np.linalg.norm(sun, axis=-1, keepdims=True), eye.shape)
     across = [np.cross(ray, normal) for ray in (sun, eye)]
@@ -89,7 +90,7 @@ def angles(normal: np.ndarray, sun: np.ndarray, eye: np.ndarray) -> tuple[np.nda
     return i, e, psi
 
 
-def expected(pair: Pair, law: Law | None = None) -> np.ndarray:
+def expected(pair: Pair, law: Law | None = None) -> Array:
     """Radiance (H, W) of what the left eye sees, lit by the Sun alone."""
     view, light = read_view(pair.image("left")), pair.data["light"]["sun"]
     assert view.normal is not None

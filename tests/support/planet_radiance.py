@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 from icymoon.physics.light.planet_face import FACES, face_scale, over_zenith
 from icymoon.physics.light.planetshine import Planet, VisibleCap
+from icymoon.support.arrays import Array
 
 
-def sphere_of(seen: VisibleCap, position: np.ndarray) -> np.ndarray:
+def sphere_of(seen: VisibleCap, position: Array) -> Array:
     """Unit vectors of the stretched space at places relative to the observer, or near to the globe there."""
     found = (position - seen.planet.direction) @ seen.shape.stretch
     return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
 
 
-def face_radiance(planet: Planet, position: np.ndarray) -> np.ndarray:
+def face_radiance(planet: Planet, position: Array) -> Array:
     """Radiance (..., 3) in W/(m² sr) of places of the planet (..., 3) relative to the observer, in R, G, B of sunlight.
 
     Edges of bands waver in an image, which is left out here.

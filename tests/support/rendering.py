@@ -14,6 +14,7 @@ from icymoon.render.worker import render_pairs
 from icymoon.settings import description
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.arrays import Array
 
 SMALL: Parts = {
     "terrain": {"resolution": 65},
@@ -46,7 +47,7 @@ def render(folder: Path, *parts: dict) -> tuple[Pair, Built]:
     return read_pair(folders[0]), built
 
 
-def png(path: Path, pixels: np.ndarray) -> Path:
+def png(path: Path, pixels: Array) -> Path:
     """Write an image (rows, columns, 3), row 0 at the bottom, of values as they stand in the file."""
     image = bpy.data.images.new("Test", pixels.shape[1], pixels.shape[0])
     rgba = np.ones((*pixels.shape[:2], 4), np.float32)

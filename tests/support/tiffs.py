@@ -7,11 +7,12 @@ import zlib
 from pathlib import Path
 
 import numpy as np
+from icymoon.support.arrays import Array
 
 
 def write_tiff(
     path: Path,
-    values: np.ndarray,
+    values: Array,
     *,
     order: str = "<",
     deflate: bool = False,
@@ -91,7 +92,7 @@ def write_tiff(
     return path
 
 
-def _predicted(block: np.ndarray, predictor: int) -> bytes:
+def _predicted(block: Array, predictor: int) -> bytes:
     if predictor == 2:
         return np.diff(block, axis=1, prepend=block.dtype.type(0)).astype(block.dtype).tobytes()
     if predictor == 3:
