@@ -24,6 +24,7 @@ from icymoon.stereo.images.develop import Images, develop
 from icymoon.stereo.images.disparity_and_occlusion import scene_depth, visible_in_right
 from icymoon.stereo.images.exr import View, read_view
 from icymoon.stereo.matchers import match
+from icymoon.support.arrays import Array
 
 METHODS = ("bm", "sgbm")
 #: Settings of the cameras by the label of their row.
@@ -43,7 +44,7 @@ def images_of(pair: Pair, views: dict[str, View], sensor: dict[str, Any]) -> Ima
     return develop(pair, views["left"], views["right"], merged(pair.settings, camera, {"sensor": glass | sensor}))
 
 
-def errors(pair: Pair, views: dict[str, View], visible: np.ndarray, images: Images) -> list[float]:
+def errors(pair: Pair, views: dict[str, View], visible: Array, images: Images) -> list[float]:
     """Coverage in %, L1 in cm, bad-1 in % and RMS in px of each matcher."""
     truth = scene_depth(views["left"])
     found_errors: list[float] = []

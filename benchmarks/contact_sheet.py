@@ -25,6 +25,7 @@ from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.stereo.images.develop import grey
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 
 SHEET = Path(__file__).resolve().parents[1] / "docs" / "images" / "terrains.png"
 WIDTH_PX, HEIGHT_PX, COLUMNS, LABEL_PX = 320, 200, 4, 18
@@ -38,7 +39,7 @@ VIEW: Parts = {
 }
 
 
-def picture(preset: str, folder: Path) -> np.ndarray:
+def picture(preset: str, folder: Path) -> Array:
     """The left image (rows, columns) of a preset as 8-bit grey values, with its name below."""
     snow = preset_files.load_preset("surfaces/fresh_snow")
     settings = description.merged(description.defaults(), snow, preset_files.load_preset(preset), VIEW)

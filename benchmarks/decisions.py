@@ -18,6 +18,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from icymoon.support.arrays import Array
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 import pairs
@@ -54,7 +55,7 @@ def cost(work: Callable[[], object]) -> float:
     return min(timeit.repeat(work, timer=time.process_time, number=1, repeat=3))
 
 
-def decide_on(workspace: Workspace, depth: np.ndarray) -> None:
+def decide_on(workspace: Workspace, depth: Array) -> None:
     """What a depth decides, beside the truth."""
     compare(workspace, decide(workspace, depth))
 

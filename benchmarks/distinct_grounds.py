@@ -15,13 +15,14 @@ import numpy as np
 from icymoon.physics.terrain.roughness.statistics import detrend
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import description, preset_files
+from icymoon.support.arrays import Array
 
 #: Points per side of the grid, and the shortest wave that is left out of the heights without long waves.
 POINTS, LONG_M = 129, 4.0
 NAMES = preset_files.preset_names("terrains")
 
 
-def correlations(seed: int, points: int = POINTS, long_waves: bool = True) -> np.ndarray:
+def correlations(seed: int, points: int = POINTS, long_waves: bool = True) -> Array:
     """The correlations (n, n) of the heights of all terrain presets at one seed, with or without long waves."""
     fields = []
     for name in NAMES:
@@ -34,7 +35,7 @@ def correlations(seed: int, points: int = POINTS, long_waves: bool = True) -> np
     return np.corrcoef(fields)
 
 
-def of_pairs(matrix: np.ndarray) -> np.ndarray:
+def of_pairs(matrix: Array) -> Array:
     """The absolute correlation of each two presets."""
     return np.abs(matrix[np.triu_indices(len(matrix), 1)])
 

@@ -23,6 +23,7 @@ from icymoon.stereo.images.disparity_and_occlusion import scene_depth, visible_i
 from icymoon.stereo.images.exr import View, read_light, read_view
 from icymoon.stereo.images.image_files import encoded
 from icymoon.stereo.matchers import match
+from icymoon.support.arrays import Array
 
 METHODS = ("bm", "sgbm")
 
@@ -35,7 +36,7 @@ def synthetic(folder: Path) -> Pair:
     return find_pairs(pairs.write_pair(folder / "pair", pairs.Scene(), pairs.camera(640, 480), noise=0.005))[0]
 
 
-def row(pair: Pair, views: dict[str, View], visible: np.ndarray, sensor: dict[str, Any]) -> str:
+def row(pair: Pair, views: dict[str, View], visible: Array, sensor: dict[str, Any]) -> str:
     """Share of full pixels, then coverage, L1 and bad-1 of each matcher."""
     images = develop(pair, views["left"], views["right"], merged(defaults(), pair.settings, {"sensor": sensor}))
     truth = scene_depth(views["left"])

@@ -23,12 +23,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from icymoon.support.arrays import Array
 
 WAYS = {"painted": "BUMP", "displaced": "DISPLACEMENT", "real": "REAL"}
 METHODS = "bm,sgbm,jplv"
 
 
-def _angles_deg(pair: Any) -> tuple[np.ndarray, np.ndarray]:
+def _angles_deg(pair: Any) -> tuple[Array, Array]:
     """Angles in degrees between shading normal and facet, and depths in metres, of the left eye's pixels of ground."""
     from icymoon.stereo.images.exr import read_truth
     from icymoon.support.labels import NORMAL_AOV, TERRAIN, TRUTH
@@ -69,8 +70,8 @@ def measure(preset: str, samples: int, headings: int, scale: float, way: str, fo
         settings, {"rig": rig, "surface": {"relief": WAYS[way]}, "quality": {"samples": samples, "denoiser": "NONE"}}
     )
     build = render = vertices = 0.0
-    angles: list[np.ndarray] = []
-    depths: list[np.ndarray] = []
+    angles: list[Array] = []
+    depths: list[Array] = []
     built = None
     warnings: list[str] = []
     for heading in range(headings):

@@ -24,6 +24,7 @@ from functools import partial
 import numpy as np
 from icymoon.physics.surfaces import photometry
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
+from icymoon.support.arrays import Array
 from icymoon.validation.moon_albedos import opposition_effect, reflectance_at_five
 
 #: Geometric and equigonal albedo: Verbiscer et al. 2007, as others quote it; Filacchione et al. 2022.
@@ -46,7 +47,7 @@ def solve(excess: Callable[[float, float], tuple[float, float]]) -> tuple[float,
     """w and amplitude for which both values of ``excess`` are 0, by Newton's steps in ln(1 - w)."""
     x = np.array([math.log(0.02), 0.6])
 
-    def at(point: np.ndarray) -> np.ndarray:
+    def at(point: Array) -> Array:
         return np.array(excess(1 - math.exp(point[0]), float(np.clip(point[1], 0.0, 1.0))))
 
     for _ in range(12):

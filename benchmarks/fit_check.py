@@ -26,6 +26,7 @@ from icymoon.stereo.images.image_values import to_grey
 from icymoon.stereo.measure.fit_check import KINDS, find_fault, find_misfit, find_places
 from icymoon.stereo.measure.prepare import Loaded, Prepared, load
 from icymoon.stereo.sources import RenderedPair, find_sources
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
 SCENES = (
@@ -39,24 +40,24 @@ SCENES = (
     "enceladus_block_field",
 )
 #: Of each fault: the map that a careless writer makes of a pair, its kind, and the names that the check gives it.
-Made = Callable[[Prepared], np.ndarray]
+Made = Callable[[Prepared], Array]
 
 
-def _depth(pair: Prepared) -> np.ndarray:
+def _depth(pair: Prepared) -> Array:
     return pair.truth
 
 
-def _disparity(pair: Prepared) -> np.ndarray:
+def _disparity(pair: Prepared) -> Array:
     return pair.pair.camera.disparity(pair.truth)
 
 
-def _along_ray(pair: Prepared) -> np.ndarray:
+def _along_ray(pair: Prepared) -> Array:
     camera = pair.pair.camera
     v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     return pair.truth * np.sqrt(1 + ((u - camera.cx_px) ** 2 + (v - camera.cy_px) ** 2) / camera.focal_px**2)
 
 
-def _noise(pair: Prepared) -> np.ndarray:
+def _noise(pair: Prepared) -> Array:
     """A normal's third component taken for a depth."""
     slope = np.gradient(np.nan_to_num(pair.truth))[0]
     return np.where(np.isfinite(pair.truth), 1 / np.sqrt(1 + slope**2), np.nan)
@@ -81,14 +82,14 @@ FAULTS: dict[str, tuple[Made, str, str]] = {
 
 
 #: The same of maps of the right eye, made of its depth, and of masks, made of what both eyes see.
-RIGHT_FAULTS: dict[str, tuple[Callable[[Loaded], np.ndarray], str, str]] = {
+RIGHT_FAULTS: dict[str, tuple[Callable[[Loaded], Array], str, str]] = {
     "sound depth": (lambda p: p.depth["right"], "depth", ""),
     "sound disparity": (lambda p: p.pair.camera.disparity(p.depth["right"]), "disparity", ""),
     "upside down": (lambda p: p.depth["right"][::-1], "depth", "upside_down"),
     "millimetres": (lambda p: 1000 * p.depth["right"], "depth", "factor"),
     "the left eye's map": (lambda p: p.depth["left"], "depth", "right_eye"),
 }
-MASK_FAULTS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
+MASK_FAULTS: dict[str, tuple[Callable[[Array], Array], str]] = {
     "sound": (lambda seen: seen, ""),
     "exchanged": (lambda seen: ~seen, "with seen and hidden exchanged"),
     "upside down": (lambda seen: seen[::-1], KINDS["upside_down"]),

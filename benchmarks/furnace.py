@@ -20,9 +20,11 @@ from typing import Any
 
 import bpy
 import numpy as np
-from icymoon.nodes.surface.ice_material import WHITE, add_bump
+from icymoon.nodes.surface.ice_layers import WHITE
+from icymoon.nodes.surface.ice_material import add_bump
 from icymoon.nodes.surface.patches_and_grain import add_grain
 from icymoon.nodes.tree.builder import Tree
+from icymoon.support.arrays import Array
 from icymoon.support.blender import compat
 from mathutils import Vector
 
@@ -40,7 +42,7 @@ _EMISSION, _SHARE = np.arccos(np.sqrt((_NODES + 1) / 2)), _WEIGHTS / 2
 
 def albedo(
     make: Callable[[], bpy.types.Material], *, samples: int = 64, view_m: float = 0.5, size_m: float = 100.0
-) -> np.ndarray:
+) -> Array:
     """Bihemispherical reflectance (3,) in red, green and blue of a horizontal plane of the material.
 
     The sky above and below has radiance 1; a black floor absorbs the light that passes through. The mean is
@@ -91,7 +93,7 @@ def plane(scene: bpy.types.Scene, name: str, height_m: float, size_m: float, mat
     scene.collection.objects.link(bpy.data.objects.new(name, mesh))
 
 
-def radiance(scene: bpy.types.Scene, emission: float, view_m: float, pixels: int) -> np.ndarray:
+def radiance(scene: bpy.types.Scene, emission: float, view_m: float, pixels: int) -> Array:
     """Radiance (pixels, pixels, 3) of the scene's middle from an emission angle in the east.
 
     From above, at 0, row 0 is the northernmost and column 0 the easternmost.
@@ -114,7 +116,7 @@ def radiance(scene: bpy.types.Scene, emission: float, view_m: float, pixels: int
     return values
 
 
-def render_pixels(scene: bpy.types.Scene) -> np.ndarray:
+def render_pixels(scene: bpy.types.Scene) -> Array:
     """Render a scene as it is set; radiance (rows, columns, 3), row 0 at the bottom."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "furnace.exr"

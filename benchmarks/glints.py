@@ -20,13 +20,14 @@ from icymoon.physics.rig.focal_length import focal_px
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.stereo.images.develop import grey
 from icymoon.stereo.images.exr import read_truth, read_view
+from icymoon.support.arrays import Array
 
 _BRIGHTER, _LIT = 1.5, 0.05
 #: Limits of distance in metres between rows of the table.
 _LIMITS_M = (0.0, 4.0, 8.0, np.inf)
 
 
-def find_glints(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_glints(radiance: Array) -> tuple[Array, Array]:
     """Whether pixels of an image (h, w) are glints, and whether they are lit."""
     around = cv2.medianBlur(radiance.astype(np.float32), 5)
     lit = around > _LIT * np.median(around[around > 0.0])

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from icymoon.support.arrays import Array
 
 WAYS: dict[str, tuple[str, dict[str, Any]]] = {
     "graded 4 px": ("mesh", {"error_px": 4.0, "edge_px": 24.0}),
@@ -39,7 +40,7 @@ WAYS: dict[str, tuple[str, dict[str, Any]]] = {
 PIXELS, IMAGE = 4, 4096
 
 
-def _dice(terrain: Any, heights: np.ndarray, size_m: float, px: float) -> None:
+def _dice(terrain: Any, heights: Array, size_m: float, px: float) -> None:
     """Make Cycles dice a coarse grid and displace it by an image of heights."""
     import bpy
 

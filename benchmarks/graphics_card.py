@@ -46,6 +46,7 @@ from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.rendering import QualitySettings
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import IMAGE_PASS, TRUTH
 from icymoon.support.system import count_processors
@@ -262,7 +263,7 @@ def facts_of(folder: Path, seconds: float) -> dict[str, Any]:
     }
 
 
-def passes_of(folder: Path) -> dict[str, np.ndarray]:
+def passes_of(folder: Path) -> dict[str, Array]:
     """All passes of a pair's left eye by name, float32 (height, channels, width)."""
     return {piece.name: Pixels(piece).decode() for piece in read_pieces((folder / "left.exr").read_bytes())}
 

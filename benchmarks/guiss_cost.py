@@ -49,6 +49,7 @@ from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.rendering import QualitySettings
 from icymoon.settings.topics.scene import Settings, typed
 from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.support.arrays import Array
 
 if TYPE_CHECKING:  # a process that renders pays for no evaluator
     from icymoon.stereo.matchers.methods import Method
@@ -284,9 +285,9 @@ class Errors:
     """What matchers make of a pair: by matcher the disparity error (H, W), px, NaN where nothing is measured, and its
     sums ``stereo.trade.tally``; where both eyes see, bool (H, W)."""
 
-    off: dict[str, np.ndarray]
-    tallies: dict[str, np.ndarray]
-    seen: np.ndarray
+    off: dict[str, Array]
+    tallies: dict[str, Array]
+    seen: Array
 
 
 def errors(folder: Path, methods: Sequence[Method]) -> Errors:

@@ -34,12 +34,13 @@ from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.metrics import usable
 from icymoon.stereo.measure.prepare import load
+from icymoon.support.arrays import Array
 from icymoon.support.labels import IMAGE_PASS, rounded_passes
 
 CODECS = ("ZIPS", "ZIP", "PIZ", "ZSTD", "HTJ2K256", "DWAA")
 
 
-def size(channels: dict[str, np.ndarray], codec: int) -> int:
+def size(channels: dict[str, Array], codec: int) -> int:
     """Bytes of a file with these channels."""
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "one.exr")

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from icymoon.support.arrays import Array
 
 SAMPLES, DEPTH = 256, 12
 SETS = {
@@ -86,7 +87,7 @@ def _flatten(built: Any) -> None:
     built.terrain.data.polygons.foreach_set("use_smooth", np.zeros(len(built.terrain.data.polygons), bool))
 
 
-def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> np.ndarray:
+def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> Array:
     """Radiance of the left eye; leaves the scene's description in ``folder``."""
     import bpy
     from icymoon.nodes.scene import build
@@ -151,11 +152,11 @@ def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> n
     return np.asarray(read_view(pair / "left.exr").radiance[..., 0], np.float64)
 
 
-def _blocks(image: np.ndarray) -> np.ndarray:
+def _blocks(image: Array) -> Array:
     return image.reshape(image.shape[0] // 8, 8, image.shape[1] // 8, 8).mean(axis=(1, 3))
 
 
-def _inside(part: np.ndarray) -> np.ndarray:
+def _inside(part: Array) -> Array:
     """Pixels whose neighbours, which the pixel filter of Cycles reaches, are of the same part."""
     wide = np.pad(part, 2)
     rows, columns = part.shape

@@ -23,8 +23,9 @@ from typing import TypeVar
 
 import numpy as np
 from icymoon.stereo.inference import scene_means, typical_scene
+from icymoon.support.arrays import Array
 
-Draw = Callable[[np.random.Generator, tuple[int, ...]], np.ndarray]
+Draw = Callable[[np.random.Generator, tuple[int, ...]], Array]
 #: Errors of a method in a scene: how they are drawn, their mean and their standard deviation.
 ERRORS: dict[str, tuple[Draw, float, float]] = {
     "normal": (lambda random, shape: random.normal(5, 1, shape), 5.0, 1.0),
@@ -54,10 +55,10 @@ SHARES: dict[str, tuple[Draw, float]] = {
 Result = TypeVar("Result")
 SCENES_OF_MEANS = (2, 3, 6, 10, 20, 30, 50, 100, 200)
 #: Procedures of the comparisons, see ``wrong``: the bounds, and where methods are called different.
-Procedure = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+Procedure = Callable[[Array], tuple[Array, Array, Array]]
 
 
-def typical(differences: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def typical(differences: Array) -> tuple[Array, Array, Array]:
     """The product's verdicts on the typical scene."""
     found = typical_scene.compare(differences, 0)
     return found.low, found.high, found.found
@@ -76,20 +77,20 @@ def typical_difference(errors: str, spread: float) -> float:
     return float(np.mean(found))
 
 
-def draw_errors(random: np.random.Generator, errors: str, spread: float, scenes: int, methods: int) -> np.ndarray:
+def draw_errors(random: np.random.Generator, errors: str, spread: float, scenes: int, methods: int) -> Array:
     """Errors (scenes, methods) of methods without a typical difference."""
     drawn = ERRORS[errors][0](random, (scenes, methods))
     drawn[:, 0] = spread * drawn[:, 0] - typical_difference(errors, spread)
     return drawn
 
 
-def differences_of(values: np.ndarray) -> np.ndarray:
+def differences_of(values: Array) -> Array:
     """The differences (…, comparisons) of every two methods (…, methods)."""
     one, other = zip(*typical_scene.pairs_of(values.shape[-1]), strict=True)
     return values[..., list(one)] - values[..., list(other)]
 
 
-def wrong(cell: tuple[str, float, int, int], runs: int, procedure: Procedure = typical) -> np.ndarray:
+def wrong(cell: tuple[str, float, int, int], runs: int, procedure: Procedure = typical) -> Array:
     """Of ``runs`` data sets of a cell (errors, spread, scenes, methods), the shares (3, EFFECTS): with a false verdict,
     with a bound that misses, and in which the first two methods are found to differ."""
     errors, spread, scenes, methods = cell
@@ -158,7 +159,7 @@ def cells(methods: int, scenes: int) -> list[tuple[str, float, int, int]]:
     return [(errors, spread, scenes, methods) for errors, spread in product(ERRORS, SPREADS)]
 
 
-def percent(shares: np.ndarray | list[float]) -> str:
+def percent(shares: Array | list[float]) -> str:
     """Shares as whole and tenths of a percent."""
     return ", ".join(f"{100 * share:.1f}" for share in shares)
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from icymoon.support.arrays import Array
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 import pairs
@@ -49,7 +50,7 @@ NETWORKS = (
 ROW = "{:<40}{:>9}{:>8}{:>9}{:>8}{:>10}{:>9}{:>8}{:>9}"
 
 
-def pair() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def pair() -> tuple[Array, Array, Array]:
     """Left, right and true disparity of a tilted plane with a cuboid in front of it, noise of 2 levels per eye."""
     scene, rig = pairs.Scene(contrast=0.4), pairs.camera(640, 480)
     random = np.random.default_rng(0)

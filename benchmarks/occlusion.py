@@ -25,6 +25,7 @@ from typing import Any
 import bpy
 import icymoon
 import numpy as np
+from icymoon.support.arrays import Array
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 from icymoon.nodes.scene import Built, build
@@ -43,10 +44,10 @@ TOLERANCES_PX = (0.1, 0.25, 0.5)
 _NEARER_PX = 0.01
 _OTHERS = dict(zip(EYES, reversed(EYES), strict=True))
 
-Masks = dict[str, np.ndarray]
+Masks = dict[str, Array]
 
 
-def both_columns(disparity: np.ndarray, other: np.ndarray, eye: str) -> np.ndarray:
+def both_columns(disparity: Array, other: Array, eye: str) -> Array:
     """Hidden as Icy Moon had it until 0.1: both columns around the point show something nearer by half a pixel."""
     column, filled = matching_column(disparity, eye), np.nan_to_num(other)
     nearest = np.minimum(*(warped(filled, side(np.nan_to_num(column))) for side in (np.floor, np.ceil)))
@@ -133,10 +134,10 @@ def _find_by_rays(built: Built, settings: Any) -> Masks:
     return {eye: mask for eye, mask in found.items() if mask is not None}
 
 
-def _render(built: Built, settings: Any) -> tuple[Pair, Masks, dict[str, list[np.ndarray]], float]:
+def _render(built: Built, settings: Any) -> tuple[Pair, Masks, dict[str, list[Array]], float]:
     """A pair, the disparity of its pixels and of the rays between them, and the ratio of the processor time that these
     take to that of all the rest, the least of two."""
-    found: dict[str, list[np.ndarray]] = {}
+    found: dict[str, list[Array]] = {}
     spent = 0.0
     add_hidden, shift_frame = hidden_pixels.add_hidden, render_pair.shift_frame
 

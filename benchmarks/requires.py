@@ -26,6 +26,7 @@ import numpy as np
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings import description
 from icymoon.settings.topics.rendering import QualitySettings
+from icymoon.support.arrays import Array
 from icymoon.support.version import ROOT
 
 RESULT = ROOT / "docs" / "make" / "requires.json"
@@ -142,7 +143,7 @@ def _forced_osl(on: bool) -> Iterator[None]:
         cycles_settings.apply = original
 
 
-def rendered(changes: dict[str, Any], folder: Path) -> tuple[float, float, np.ndarray]:
+def rendered(changes: dict[str, Any], folder: Path) -> tuple[float, float, Array]:
     """Processor seconds of a scene and a pair of it, mean radiance and depth of its left image."""
     from icymoon.render.scene_source import ScenesFromSettings
     from icymoon.render.worker import render_from

@@ -26,6 +26,7 @@ from icymoon.settings.topics.camera import RigSettings
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.measure.prepare import eyes_of
 from icymoon.stereo.measure.self_check import Eye, self_check, visibility
+from icymoon.support.arrays import Array
 
 #: Kinds of ground, and how many headings from each. All of the scenes and the gallery, and the paper's terrains.
 GROUNDS = {
@@ -184,7 +185,7 @@ def faults(
     return found
 
 
-def shifted(image: np.ndarray, columns: float) -> np.ndarray:
+def shifted(image: Array, columns: float) -> Array:
     """The image so far to the right, by cubic interpolation."""
     height, width = image.shape
     moved = cv2.warpAffine(
@@ -197,7 +198,7 @@ def shifted(image: np.ndarray, columns: float) -> np.ndarray:
     return np.maximum(moved, 0.0)
 
 
-def _between(depth: np.ndarray, sign: int) -> np.ndarray:
+def _between(depth: Array, sign: int) -> Array:
     """Depth half a pixel beside: linear in disparity, which it is on a plane; NaN beside sky."""
     return 2 / (1 / depth + 1 / np.roll(depth, sign, 1))
 

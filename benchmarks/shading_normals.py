@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from icymoon.stereo.adapters.mitsuba_hapke import register_law
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 from icymoon.validation.comparison import Bench
 from icymoon.validation.second_renderer import SCENES, describe_scene, region_means
 
@@ -30,7 +31,7 @@ SAMPLES, FINER = 128, 8
 LEAST_LEFT = 0.1
 
 
-def find_turned_from_sun(mi: Any, scene: Any, shape: tuple[int, int], sun: np.ndarray) -> np.ndarray:
+def find_turned_from_sun(mi: Any, scene: Any, shape: tuple[int, int], sun: Array) -> Array:
     """Mask (H, W) of pixels that see a facet turned from the Sun whose shading normal is not."""
     found = np.zeros(shape, bool)
     offsets = (np.arange(FINER) + 0.5) / FINER
@@ -48,7 +49,7 @@ def find_turned_from_sun(mi: Any, scene: Any, shape: tuple[int, int], sun: np.nd
     return found
 
 
-def report(name: str, ours: np.ndarray, theirs: np.ndarray, left: np.ndarray) -> None:
+def report(name: str, ours: Array, theirs: Array, left: Array) -> None:
     """Print how far two images (H, W) differ in the pixels that are left (H, W)."""
     share = region_means(left.astype(float))
     here, there = (region_means(np.where(left, image, 0.0))[share > LEAST_LEFT] for image in (ours, theirs))

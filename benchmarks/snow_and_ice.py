@@ -21,6 +21,7 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
+from icymoon.settings.topics.scene import Settings
 
 PLAIN: Parts = {"surface": {"albedo": 0.8, "albedo_variation": 0.1}, "light": {"planet": False}}
 _CLEAR: Parts = {"rocks": {"own_surface": True}, "rock_surface": {"transmission": 0.7}}
@@ -40,7 +41,7 @@ LAYERS: dict[str, Parts] = {
 }
 
 
-def render_seconds(settings: description.Settings, folder: Path) -> float:
+def render_seconds(settings: Settings, folder: Path) -> float:
     """Processor seconds of the render of a pair into a folder, without building its scene."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     built = build(bpy.context.scene, settings)
@@ -49,7 +50,7 @@ def render_seconds(settings: description.Settings, folder: Path) -> float:
     return time.process_time() - start
 
 
-def small(preset: str, width: int, samples: int, *parts: Parts) -> description.Settings:
+def small(preset: str, width: int, samples: int, *parts: Parts) -> Settings:
     """A preset's settings for an image this wide, without a denoiser, with changes."""
     image: Parts = {
         "rig": {"width_px": width, "height_px": width * 3 // 4},

@@ -15,6 +15,7 @@ from ..settings.description import check, defaults
 from ..settings.table import TOPICS
 from ..settings.toml_text import to_toml
 from ..settings.topics.scene import Settings
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.printer import say
 from ..support.terminal import as_path
@@ -41,8 +42,8 @@ class _Eye:
 
     path: Path
     lens: Lens
-    rotation: np.ndarray
-    centre_m: np.ndarray
+    rotation: Array
+    centre_m: Array
     size_px: tuple[int, int]
 
 
@@ -191,7 +192,7 @@ def _why_rectified(left: RosCamera, right: RosCamera) -> str | None:
     return None
 
 
-def _place(camera: RosCamera) -> np.ndarray:
+def _place(camera: RosCamera) -> Array:
     """Where a camera is (3,), in the axes of the rectified pair and in metres."""
     return np.array([*(-camera.projection[row, 3] / camera.projection[row, row] for row in range(2)), 0.0])
 
@@ -225,16 +226,16 @@ def _lens_of_ros(camera: RosCamera, rectified: bool) -> Lens:
     return Lens((matrix[0, 0] + matrix[1, 1]) / 2, matrix[0, 2], matrix[1, 2], k or (0.0,) * len(COEFFICIENTS), 0.0)
 
 
-def _angle(first: np.ndarray, second: np.ndarray) -> float:
+def _angle(first: Array, second: Array) -> float:
     """By how much two rotations (3, 3) differ, rad."""
     return float(np.arccos(np.clip(((first @ second.T).trace() - 1) / 2, -1, 1)))
 
 
-def _has_squares(matrix: np.ndarray) -> bool:
+def _has_squares(matrix: Array) -> bool:
     return bool(abs(matrix[0, 0] / matrix[1, 1] - 1) < _SQUARE and matrix[0, 1] == 0)
 
 
-def _focal_lengths(matrix: np.ndarray) -> str:
+def _focal_lengths(matrix: Array) -> str:
     return f"fx {matrix[0, 0]:g}, fy {matrix[1, 1]:g} px"
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ..physics.camera.lens_distortion import distort
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.file_shapes import PIXELS
 from ..support.files import shorten
@@ -50,15 +51,15 @@ class Cahvor:
     fisheye. ``residual_px`` is the largest error of a model that was fitted to another lens, 0 where it is exact.
     """
 
-    c: np.ndarray
-    a: np.ndarray
-    h: np.ndarray
-    v: np.ndarray
+    c: Array
+    a: Array
+    h: Array
+    v: Array
     width_px: int
     height_px: int
-    o: np.ndarray | None = None
-    r: np.ndarray | None = None
-    e: np.ndarray | None = None
+    o: Array | None = None
+    r: Array | None = None
+    e: Array | None = None
     linearity: float = 1.0
     residual_px: float = 0.0
 
@@ -67,7 +68,7 @@ class Cahvor:
         """CAHV, CAHVOR or CAHVORE."""
         return "CAHV" if self.o is None else "CAHVOR" if self.e is None else "CAHVORE"
 
-    def project(self, points_m: np.ndarray) -> np.ndarray:
+    def project(self, points_m: Array) -> Array:
         """Column and row (..., 2) of points (..., 3) in world axes, in metres; NaN behind the camera of a CAHV(OR)."""
         d = np.asarray(points_m, np.float64) - self.c
         if self.o is not None and self.r is not None:
@@ -77,12 +78,12 @@ class Cahvor:
             found = np.stack([d @ self.h / ahead, d @ self.v / ahead], axis=-1)
         return np.where((ahead > 0)[..., None], found, np.nan)
 
-    def _distort(self, d: np.ndarray, o: np.ndarray, r: np.ndarray) -> np.ndarray:
+    def _distort(self, d: Array, o: Array, r: Array) -> Array:
         """Directions (..., 3) as the lens bends them."""
         if self.e is not None:  # the pupil's shift is in units of the distance
             d = d / np.linalg.norm(d, axis=-1, keepdims=True)
         zeta = d @ o
-        away = d - zeta[..., None] * o
+        away: Array = d - zeta[..., None] * o
         l2 = (away**2).sum(axis=-1)
         if self.e is None:
             t = l2 / zeta**2
@@ -93,7 +94,7 @@ class Cahvor:
         along = np.where(chi > 1e-8, length / np.where(chi > 1e-8, chi, 1.0), zeta)
         return along[..., None] * o + (1 + mu)[..., None] * away
 
-    def pinhole(self) -> tuple[np.ndarray, np.ndarray]:
+    def pinhole(self) -> tuple[Array, Array]:
         """K (3, 3) and the rotation (3, 3) from world axes to the camera's, x right, y down, z forward.
 
         Raises IcyMoonError for pixels that are no rectangles.
@@ -111,7 +112,7 @@ class Cahvor:
         return np.array([[fx, 0, hc], [0, fy, vc], [0, 0, 1.0]]), np.stack([right / fx, down / fy, self.a])
 
 
-def _pupil_angle(zeta: np.ndarray, length: np.ndarray, e: np.ndarray) -> np.ndarray:
+def _pupil_angle(zeta: Array, length: Array, e: Array) -> Array:
     """Angles off the optical axis at which light enters the moving pupil, by Newton's method."""
     theta = np.arctan2(length, zeta)
     for _ in range(_STEPS if e.any() else 0):
@@ -128,16 +129,16 @@ def _pupil_angle(zeta: np.ndarray, length: np.ndarray, e: np.ndarray) -> np.ndar
     return theta
 
 
-def _chi(theta: np.ndarray, linearity: float) -> np.ndarray:
+def _chi(theta: Array, linearity: float) -> Array:
     if linearity < 0:
         return np.asarray(np.sin(linearity * theta) / linearity)
     return np.asarray(np.tan(linearity * theta) / linearity) if linearity > 0 else theta
 
 
 def from_pinhole(
-    matrix: np.ndarray,
-    rotation: np.ndarray,
-    centre_m: np.ndarray,
+    matrix: Array,
+    rotation: Array,
+    centre_m: Array,
     size_px: tuple[int, int],
     k: Sequence[float] = (),
     most_px: float = FIT_LIMIT_PX,
@@ -159,12 +160,12 @@ def from_pinhole(
     return _fit(matrix, rotation, centre_m, size_px, (k1, k2, p1, p2, k3), most_px)
 
 
-def _grid(width: int, height: int) -> np.ndarray:
+def _grid(width: int, height: int) -> Array:
     """Columns and rows (n, 2) of pixels all over an image."""
     return np.stack(np.meshgrid(np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 25)), axis=-1).reshape(-1, 2)
 
 
-def _made(p: np.ndarray, rotation: np.ndarray, centre_m: np.ndarray, size_px: tuple[int, int]) -> Cahvor:
+def _made(p: Array, rotation: Array, centre_m: Array, size_px: tuple[int, int]) -> Cahvor:
     """A CAHVOR by fx, fy, cx, cy, the two angles of O off A, and R."""
     right, down, a = rotation
     o = np.array([np.sin(p[4]) * np.cos(p[5]), np.sin(p[5]), np.cos(p[4]) * np.cos(p[5])]) @ rotation
@@ -172,9 +173,9 @@ def _made(p: np.ndarray, rotation: np.ndarray, centre_m: np.ndarray, size_px: tu
 
 
 def _fit(
-    matrix: np.ndarray,
-    rotation: np.ndarray,
-    centre_m: np.ndarray,
+    matrix: Array,
+    rotation: Array,
+    centre_m: Array,
     size_px: tuple[int, int],
     k: tuple[float, ...],
     most_px: float,
@@ -187,7 +188,7 @@ def _fit(
     target = distort(rays, k) * focal + principal
     points = np.concatenate([rays, np.ones((len(rays), 1))], axis=1) @ rotation + centre_m
 
-    def residuals(p: np.ndarray) -> np.ndarray:
+    def residuals(p: Array) -> Array:
         return (_made(p, rotation, centre_m, size_px).project(points) - target).ravel()
 
     p = np.array([*focal, *principal, 0.0, 0.0, 0.0, k[0], k[1]])
@@ -331,7 +332,7 @@ def pds_text(model: Cahvor, frame: str) -> str:
     return "\r\n".join(lines)
 
 
-def _vectors(model: Cahvor) -> list[tuple[str, np.ndarray]]:
+def _vectors(model: Cahvor) -> list[tuple[str, Array]]:
     found = zip(_LETTERS, (model.c, model.a, model.h, model.v, model.o, model.r, model.e), strict=True)
     return [(letter, vector) for letter, vector in found if vector is not None]
 
@@ -376,7 +377,7 @@ def _parse_model(foreign: ForeignBytes) -> Cahvor:
 
 
 #: What a text states: the vectors, the linearity of CAHVORE, and the size of the image, if it does.
-_Stated = tuple[dict[str, np.ndarray], float, tuple[int, int] | None]
+_Stated = tuple[dict[str, Array], float, tuple[int, int] | None]
 
 
 def _number(word: object, what: str) -> float:
@@ -385,7 +386,7 @@ def _number(word: object, what: str) -> float:
     return float(word)
 
 
-def _vector(words: Sequence[object], what: str) -> np.ndarray:
+def _vector(words: Sequence[object], what: str) -> Array:
     if len(words) != 3:
         raise ValueError(f"{what} has {count_of(len(words), 'number')}, not 3")
     return np.array([_number(word, what) for word in words])
@@ -451,7 +452,7 @@ def _read_pds(text: str) -> _Stated:
         return {}, 1.0, _image_size(groups)
     model = next((group for group in models if group.name.startswith("GEOMETRIC_CAMERA_MODEL")), models[0])
     letters = _items(model, "MODEL_COMPONENT_ID")
-    vectors: dict[str, np.ndarray] = {}
+    vectors: dict[str, Array] = {}
     linearity = 1.0
     for k, letter in enumerate(letters, 1):
         key = f"MODEL_COMPONENT_{k}"

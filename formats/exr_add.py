@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from ..support.arrays import Array
 from ..support.labels import BAKED_AOVS, BAKED_ERROR_PASSES, BEAUTY, GROUP_PASSES, IMAGE_PASS
 from .exr_parts import Piece
 from .exr_pixels import Pixels
@@ -29,7 +30,7 @@ def _find_bands(parts: list[Pixels], wanted: str) -> dict[str, tuple[int, int]]:
     }
 
 
-def _read_bands(parts: list[Pixels], wanted: str) -> dict[str, np.ndarray]:
+def _read_bands(parts: list[Pixels], wanted: str) -> dict[str, Array]:
     """The bands R, G and B of a pass, each (height, width) float32. Raises KeyError if a band is missing."""
     found = _find_bands(parts, wanted)
     decoded = {number: parts[number].decode() for number in {number for number, _ in found.values()}}
@@ -79,7 +80,7 @@ def noise_of_baked(image: Sequence[Piece]) -> float | None:
     """
     parts = [Pixels(piece) for piece in image]
 
-    def total(wanted: Collection[str]) -> np.ndarray:
+    def total(wanted: Collection[str]) -> Array:
         """The sum of the channels of some passes but for alpha, (height, width)."""
         found = [
             (
@@ -119,10 +120,10 @@ def is_sum_of_lights(image: Sequence[Piece]) -> bool:
     return all((np.abs(sums[band] - whole[band]) <= _SUM_ERROR * np.abs(whole[band])).all() for band in "RGB")
 
 
-def _add(image: Sequence[Piece], light: Mapping[str, Mapping[str, np.ndarray]]) -> tuple[list[Piece], float]:
+def _add(image: Sequence[Piece], light: Mapping[str, Mapping[str, Array]]) -> tuple[list[Piece], float]:
     """Parts with ``light`` by pass, each band as decoded, added, and the sum of the image then."""
     parts = [Pixels(piece) for piece in image]
-    values: dict[int, np.ndarray] = {}
+    values: dict[int, Array] = {}
     total = 0.0
     for wanted, bands in light.items():
         found = _find_bands(parts, wanted)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import Budget, Cursor, ForeignBytes, read
 
@@ -70,7 +71,7 @@ class Part:
     stated: Mapping[bytes, bytes]
     window: tuple[int, int, int, int]
     channels: Mapping[str, Channel]
-    places: np.ndarray
+    places: Array
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -236,9 +237,7 @@ def _count_tiles(header: _Header, width: int, height: int) -> int:
     return sum(counts(width, across, width)) * sum(counts(height, down, height))
 
 
-def _find_chunks(
-    foreign: ForeignBytes, table: int, parts: list[Part], counts: list[int], several: bool
-) -> list[np.ndarray]:
+def _find_chunks(foreign: ForeignBytes, table: int, parts: list[Part], counts: list[int], several: bool) -> list[Array]:
     """Where the chunks of each part begin and end. Raises ValueError for any that cannot be."""
     count = sum(counts)
     foreign.budget.charge(_CHUNK_MEMORY * count, "table of chunks")
@@ -265,7 +264,7 @@ def _find_chunks(
     return np.split(places, np.cumsum(counts)[:-1])
 
 
-def _check_places_in_image(parts: list[Part], counts: list[int], number: np.ndarray, stated: np.ndarray) -> None:
+def _check_places_in_image(parts: list[Part], counts: list[int], number: Array, stated: Array) -> None:
     """Raise ValueError for chunks of lines that their part, by its ``number``, does not have, or has twice; or of such
     tiles, which are told apart only."""
     if stated.shape[1] == 1:

@@ -9,9 +9,11 @@ import struct
 import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from ..support.arrays import Array
 from ..support.foreign_bytes import inflate
 from .exr_layout import read_channels
 from .exr_parts import Piece, encode_attribute, read_pieces
@@ -47,11 +49,11 @@ class Pixels:
         return _type_of(self._stated[channel]) == _HALF
 
     @property
-    def _line(self) -> np.dtype:
+    def _line(self) -> np.dtype[Any]:
         """A line as it is stored: channel after channel, each with its type."""
         return np.dtype([(name, _TYPES[_type_of(self._stated[name])], (self._width,)) for name in self.channels])
 
-    def decode(self) -> np.ndarray:
+    def decode(self) -> Array:
         """Values (height, channel, width) float32. Raises ValueError for chunks of another size."""
         found, stored = np.empty((self._height, len(self.channels), self._width), "<f4"), self._line
         if not self._compression:
@@ -67,7 +69,7 @@ class Pixels:
                 found[line : line + rows, k] = lines[name]
         return found
 
-    def _view_raw(self, stored: np.dtype) -> np.ndarray:
+    def _view_raw(self, stored: np.dtype[Any]) -> Array:
         """The chunks of a part without compression, each a line with its number and bytes."""
         chunk = _raw_chunk(stored)
         if {len(each) for each in self._piece.chunks} != {chunk.itemsize}:
@@ -86,7 +88,7 @@ class Pixels:
         }
         return Pixels(Piece(stated, starts)).encode(self.decode())
 
-    def encode(self, values: np.ndarray) -> Piece:
+    def encode(self, values: Array) -> Piece:
         """The part with other values of the same shape."""
         return replace(self._piece, chunks=self._encode_chunks(values, self._line))
 
@@ -97,7 +99,7 @@ class Pixels:
         line = np.dtype([(name, self._line[name]) for name in (self.channels[k] for k in wanted)])
         return replace(self._piece, attributes=kept, chunks=self._encode_chunks(self.decode()[:, wanted], line))
 
-    def round_to_half(self, wanted: Collection[int], values: np.ndarray) -> Piece:
+    def round_to_half(self, wanted: Collection[int], values: Array) -> Piece:
         """The part with these of its channels, by their places, as 16-bit floats; ``values`` are of ``decode``."""
         for k in wanted:
             stated = self._stated[self.channels[k]]
@@ -106,7 +108,7 @@ class Pixels:
         kept = {**self._piece.attributes, b"channels": encode_attribute("channels", "chlist", stated)}
         return replace(self._piece, attributes=kept, chunks=self._encode_chunks(values, self._line))
 
-    def replace_channels(self, name: str, components: Sequence[str], values: np.ndarray) -> Piece:
+    def replace_channels(self, name: str, components: Sequence[str], values: Array) -> Piece:
         """A part of the same size with other channels: ``name`` and a component, values (height, channel, width)."""
         channels = b"".join(f"{name}.{component}".encode() + _ENTRIES[_FLOAT] for component in components) + b"\0"
         attributes = {
@@ -117,7 +119,7 @@ class Pixels:
         line = np.dtype([(component, "<f4", (self._width,)) for component in components])
         return replace(self._piece, attributes=attributes, chunks=self._encode_chunks(values, line))
 
-    def _encode_chunks(self, values: np.ndarray, stored: np.dtype) -> list[bytes]:
+    def _encode_chunks(self, values: Array, stored: np.dtype[Any]) -> list[bytes]:
         """Chunks of values whose lines are ``stored`` so."""
         if not self._compression:
             lines = np.empty(self._height, _raw_chunk(stored))
@@ -138,7 +140,7 @@ class Pixels:
         return chunks
 
 
-def encode_part(name: str, channels: Mapping[str, np.ndarray], half: bool = False) -> Piece:
+def encode_part(name: str, channels: Mapping[str, Array], half: bool = False) -> Piece:
     """A part, a pass by its ``name``, of 32-bit floats (H, W) by the names of their components, or of 16-bit ones with
     ``half``."""
     height, width = next(iter(channels.values())).shape
@@ -164,7 +166,7 @@ def encode_part(name: str, channels: Mapping[str, np.ndarray], half: bool = Fals
     return Pixels(Piece(attributes, starts)).encode(values)
 
 
-def _raw_chunk(stored: np.dtype) -> np.dtype:
+def _raw_chunk(stored: np.dtype[Any]) -> np.dtype[Any]:
     """A chunk without compression, of a line whose values are ``stored`` so."""
     return np.dtype([("line", "<i4"), ("bytes", "<i4"), ("values", stored)])
 
@@ -201,7 +203,7 @@ def _pack(raw: bytes) -> bytes:
     return data if len(data) < len(raw) else raw
 
 
-def decode_parts(data: bytes) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+def decode_parts(data: bytes) -> Iterator[tuple[str, dict[str, Array]]]:
     """For each part of an EXR file its view, empty if it states none, and its channels by name, (H, W) float32.
 
     Raises ValueError, KeyError or OverBudgetError for a file that is damaged or of another kind.

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..support.arrays import Array
+
 _CARD, _BLOCK = 80, 2880
 Value = bool | int | float | str
 
@@ -18,7 +20,7 @@ class Image:
     numbers mean, and further ``cards``, each a value and a comment by a key of at most 8 letters and digits."""
 
     name: str
-    pixels: np.ndarray
+    pixels: Array
     unit: str = ""
     cards: Mapping[str, tuple[Value, str]] = field(default_factory=dict)
     comment: str = ""

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..physics.mesh.height_map import NO_HEIGHT, clear_mark, clear_stated
+from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes, parse_xml
 from ..support.foreign_bytes import read as read_foreign
 from ..support.number_text import show_place
@@ -240,7 +241,7 @@ class GeoTiff:
     the whole file.
     """
 
-    heights_m: np.ndarray
+    heights_m: Array
     pixel_m: tuple[float, float] | None
     corner_m: tuple[float, float] | None
     unplaced: str
@@ -485,7 +486,7 @@ def _read_keys(tags: Tags) -> dict[int, Any]:
     return keys
 
 
-def _clear_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
+def _clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
     """Set missing and impossible heights to NaN; returns warnings."""
     grid[~(np.abs(grid) < NO_HEIGHT)] = np.nan
     text = _decode_text(nodata)
@@ -501,7 +502,7 @@ def _clear_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, .
 
 
 def _apply_mask(
-    grid: np.ndarray, foreign: ForeignBytes, images: list[Directory], window: tuple[range, range] | None
+    grid: Array, foreign: ForeignBytes, images: list[Directory], window: tuple[range, range] | None
 ) -> list[str]:
     """Set the heights that the file's mask calls unknown to NaN; returns warnings about its other images."""
     others = [image for image in images[1:] if not image.is_reduced]
@@ -533,7 +534,7 @@ def _doubt_metres(unit_m: float | None, file: str) -> list[str]:
     ]
 
 
-def _scale_to_metres(grid: np.ndarray, image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[str, ...], bool]:
+def _scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[str, ...], bool]:
     """Turn the values into metres in place, by the scale, offset and unit that the file states; a report of it, and
     whether it states a unit.
 

@@ -23,6 +23,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
 from .ply import FACE, header_of
@@ -46,12 +47,12 @@ class PlacedMesh:
     """
 
     kind: str
-    vertices: np.ndarray
-    normals: np.ndarray
-    triangles: np.ndarray
-    places: np.ndarray
+    vertices: Array
+    normals: Array
+    triangles: Array
+    places: Array
 
-    def in_places(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    def in_places(self) -> Iterator[tuple[Array, Array, Array]]:
         """Vertices, normals and triangles in the site's frame, for each of the places."""
         for matrix in self.places:
             turned = self.normals @ np.linalg.inv(matrix[:3, :3])  # rows times the inverse: normals by its transpose
@@ -114,7 +115,7 @@ def write_obj(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
     write_atomically(path, write)
 
 
-def _write_rows(stream: IO[str], row: str, values: np.ndarray) -> None:
+def _write_rows(stream: IO[str], row: str, values: Array) -> None:
     """Write a text for each of the rows of numbers (n, k)."""
     for start in range(0, len(values), _ROWS):
         some = values[start : start + _ROWS]
@@ -167,7 +168,7 @@ def _identifier(text: str) -> str:
     return re.sub("[^A-Za-z0-9_]", "_", text)
 
 
-def _usd_matrix(matrix: np.ndarray) -> str:
+def _usd_matrix(matrix: Array) -> str:
     """The transform of a prim. USD multiplies rows by matrices, so it has the transpose."""
     rows = ", ".join("(" + ", ".join(f"{value:.17g}" for value in row) + ")" for row in matrix.T.tolist())
     return (
@@ -176,7 +177,7 @@ def _usd_matrix(matrix: np.ndarray) -> str:
     )
 
 
-def _write_usd_mesh(stream: IO[str], name: str, mesh: PlacedMesh, matrix: np.ndarray | None = None) -> None:
+def _write_usd_mesh(stream: IO[str], name: str, mesh: PlacedMesh, matrix: Array | None = None) -> None:
     low, high = (
         ", ".join(f"{value:.9g}" for value in ends.tolist())
         for ends in (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
@@ -234,7 +235,7 @@ def write_gltf(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
     write_atomically(path, write)
 
 
-def _gltf(meshes: Sequence[PlacedMesh], arrays: Sequence[np.ndarray], comment: str) -> Mapping[str, Any]:
+def _gltf(meshes: Sequence[PlacedMesh], arrays: Sequence[Array], comment: str) -> Mapping[str, Any]:
     """The JSON of a glTF file whose data are ``arrays``: vertices, normals and triangles of each mesh."""
     starts = np.cumsum([0, *(array.nbytes for array in arrays)]).tolist()
     views = [

@@ -21,6 +21,7 @@ import numpy as np
 
 from ..physics.mesh.check import find_equal_rows
 from ..physics.mesh.line_forms import Forms, Rows, UnusualError, reduced
+from ..support.arrays import Array
 from ..support.files import shorten, write_atomically
 from ..support.foreign_bytes import ForeignBytes, read, whole_numbers
 
@@ -199,7 +200,7 @@ def check(foreign: ForeignBytes) -> None:
             at = _check_lists(foreign, at, element, header.order, vertices)
 
 
-def _check_range(name: str, values: np.ndarray, lowest: int, vertices: int, row: int) -> None:
+def _check_range(name: str, values: Array, lowest: int, vertices: int, row: int) -> None:
     if values.size and not (values.min() >= lowest and values.max() < vertices):
         wrong = values[(values < lowest) | (values >= vertices)].ravel()[0]
         raise ValueError(
@@ -405,12 +406,12 @@ def read_comment_number(path: Path, name: str) -> int | None:
     return int(found) if _is_count(found.decode("latin-1")) else None
 
 
-def read_vertices(path: Path) -> np.ndarray | None:
+def read_vertices(path: Path) -> Array | None:
     """Coordinates (n, 3) float64 of the vertices, or None where the file's layout is not the usual one."""
     return read_properties(path, "x", "y", "z")
 
 
-def read_properties(path: Path, *wanted: str) -> np.ndarray | None:
+def read_properties(path: Path, *wanted: str) -> Array | None:
     """The ``wanted`` properties (n, len(wanted)) float64 of the vertices, or None if the file's layout is unusual.
 
     In the usual layout vertices come first and have scalar properties only, the ``wanted`` ones among them. Raises
@@ -419,7 +420,7 @@ def read_properties(path: Path, *wanted: str) -> np.ndarray | None:
     return read(path, lambda foreign: _read_properties(foreign, wanted), "a PLY file", _FIX, most=MOST_MESH)
 
 
-def _read_properties(foreign: ForeignBytes, wanted: tuple[str, ...]) -> np.ndarray | None:
+def _read_properties(foreign: ForeignBytes, wanted: tuple[str, ...]) -> Array | None:
     header = _parse_header(foreign)
     element = header.elements[0] if header.elements else None
     if element is None or element.name != "vertex" or not element.is_plain:
@@ -439,7 +440,7 @@ def _read_properties(foreign: ForeignBytes, wanted: tuple[str, ...]) -> np.ndarr
     return np.stack([table[name].astype(np.float64) for name in wanted], axis=1)
 
 
-def read_texture_coordinates(path: Path, faces: np.ndarray) -> np.ndarray | None:
+def read_texture_coordinates(path: Path, faces: Array) -> Array | None:
     """Texture coordinates (m, 3, 2) of the corners of triangles ``faces`` (m, 3), vertices of this file.
 
     The coordinates of the file's faces keep seams, so they come before the coordinates of its vertices. None if the
@@ -456,7 +457,7 @@ def read_texture_coordinates(path: Path, faces: np.ndarray) -> np.ndarray | None
     return None
 
 
-def _read_corner_coordinates(path: Path, faces: np.ndarray) -> np.ndarray | None:
+def _read_corner_coordinates(path: Path, faces: Array) -> Array | None:
     table = read(path, _read_face_table, "a PLY file", _FIX, most=MOST_MESH)
     if table is None:
         return None
@@ -468,7 +469,7 @@ def _read_corner_coordinates(path: Path, faces: np.ndarray) -> np.ndarray | None
     return uv[place] if (place < len(corners)).all() else None
 
 
-def _read_face_table(foreign: ForeignBytes) -> tuple[np.ndarray, np.ndarray] | None:
+def _read_face_table(foreign: ForeignBytes) -> tuple[Array, Array] | None:
     """Corners (m, 3) and their texture coordinates (m, 6) of triangles that follow the vertices; None for others."""
     header = _parse_header(foreign)
     if [element.name for element in header.elements[:2]] != ["vertex", "face"] or not header.elements[0].is_plain:
@@ -494,7 +495,7 @@ def _read_face_table(foreign: ForeignBytes) -> tuple[np.ndarray, np.ndarray] | N
     return _read_text_faces(foreign, header, corners)
 
 
-def _read_text_faces(foreign: ForeignBytes, header: _Header, corners: str) -> tuple[np.ndarray, np.ndarray] | None:
+def _read_text_faces(foreign: ForeignBytes, header: _Header, corners: str) -> tuple[Array, Array] | None:
     vertex, face = header.elements[:2]
     found = {corners: array("d"), "texcoord": array("d")}
     wanted = {corners: 3, "texcoord": 6}
@@ -521,9 +522,9 @@ FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 def write_triangles(
     path: Path,
-    vertices: np.ndarray,
-    triangles: np.ndarray,
-    normals: np.ndarray | None = None,
+    vertices: Array,
+    triangles: Array,
+    normals: Array | None = None,
     comments: tuple[str, ...] = (),
 ) -> None:
     """Write positions (n, 3), indices (m, 3) and normals (n, 3) of a mesh as a binary PLY file in single precision."""
@@ -536,12 +537,12 @@ def write_triangles(
     write_atomically(path, write)
 
 
-def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def read_triangles(path: Path) -> tuple[Array, Array]:
     """Positions (n, 3) and triangles (m, 3) of a file of ``write_triangles``. Raises IcyMoonError for another."""
     return read(path, _parse_triangles, "a PLY file of ours", "make it again")
 
 
-def _parse_triangles(foreign: ForeignBytes) -> tuple[np.ndarray, np.ndarray]:
+def _parse_triangles(foreign: ForeignBytes) -> tuple[Array, Array]:
     header = _parse_header(foreign)
     if [each.name for each in header.elements] != ["vertex", "face"] or header.order != "<":
         raise ValueError("it has other elements than vertices and faces")
@@ -555,7 +556,7 @@ def _parse_triangles(foreign: ForeignBytes) -> tuple[np.ndarray, np.ndarray]:
 
 
 def encode_triangles(
-    names: tuple[str, ...], vertices: np.ndarray, triangles: np.ndarray, comments: tuple[str, ...] = ()
+    names: tuple[str, ...], vertices: Array, triangles: Array, comments: tuple[str, ...] = ()
 ) -> bytes:
     """A binary PLY file of vertices (n, k), whose k properties have these names, in single precision, and of indices
     (m, 3) of triangles."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes
 
 _START = b"\x89PNG\r\n\x1a\n"
@@ -59,7 +60,7 @@ def _read_head(body: bytes) -> PngHead:
     return PngHead(width, height, bits, colours)
 
 
-def encode_png(picture: np.ndarray, level: int = 1) -> bytes:
+def encode_png(picture: Array, level: int = 1) -> bytes:
     """The file of an RGB picture (H, W, 3), uint8, or a grey one (H, W), uint8 or uint16.
 
     ``level`` of compression is from 0 (none) to 9.

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes, RefusedError, read
 
 #: Largest file: a calibration has 1 kB.
@@ -45,11 +46,11 @@ class RosCamera:
     size of its images, which part of those that were calibrated they are (corner, width and height; None for whole
     ones), and how many pixels along x and y make one of theirs."""
 
-    matrix: np.ndarray
+    matrix: Array
     model: str
     k: tuple[float, ...] | None
-    rectification: np.ndarray
-    projection: np.ndarray
+    rectification: Array
+    projection: Array
     width_px: int
     height_px: int
     window: tuple[int, int, int, int] | None
@@ -164,7 +165,7 @@ def _value(text: str) -> Any:
     return text.strip("'\"")
 
 
-def _numbers(stated: dict[str, Any], key: str, *counts: int) -> np.ndarray:
+def _numbers(stated: dict[str, Any], key: str, *counts: int) -> Array:
     table = stated.get(key)
     values = table.get("data") if isinstance(table, dict) else table
     if not isinstance(values, list) or len(values) not in counts or not np.isfinite(values).all():

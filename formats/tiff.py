@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import Budget, ForeignBytes, OverBudgetError, RefusedError, read
 from . import gdal_lines
@@ -199,7 +200,7 @@ def _read_values(foreign: ForeignBytes, kind: int, n: int, order: str, place: st
 
 def read_pixels(
     foreign: ForeignBytes, image: Directory, window: tuple[range, range] | None = None
-) -> tuple[np.ndarray, np.dtype[Any]]:
+) -> tuple[Array, np.dtype[Any]]:
     """The one band of an image as float64 (rows, columns), NaN where a tile is absent, and its own number type.
 
     Of a ``window`` (rows, columns) only the tiles or strips are read that it touches. Raises UnreadError if the image
@@ -396,7 +397,7 @@ def unpack_lzw(block: bytes, length: int) -> bytes:
     return b"".join(out)
 
 
-def _undo_prediction(block: bytes, shape: tuple[int, int], number: np.dtype[Any], predictor: int) -> np.ndarray:
+def _undo_prediction(block: bytes, shape: tuple[int, int], number: np.dtype[Any], predictor: int) -> Array:
     """A strip or tile as numbers, horizontal differencing (2) or floating-point prediction (3) undone."""
     rows, columns = shape
     if number.kind == "b":

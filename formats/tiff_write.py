@@ -14,6 +14,8 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
+from ..support.arrays import Array
+
 #: Bytes of a strip before it is compressed, about: readers hold one at a time.
 _STRIP_BYTES = 1 << 18
 #: TIFF's number of a type, and the format of one value.
@@ -36,7 +38,7 @@ class Place:
     notes: Mapping[str, str] = field(default_factory=dict)
 
 
-def encode_tiff(pixels: np.ndarray, place: Place | None = None, description: str = "") -> bytes:
+def encode_tiff(pixels: Array, place: Place | None = None, description: str = "") -> bytes:
     """The bytes of a TIFF file of pixels (H, W) or (H, W, bands), top row first: uint8, uint16 or float32.
 
     Values of float images may be NaN, which ``place`` marks as missing. Raises ValueError for another type or shape.

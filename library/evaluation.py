@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.number_text import count_of
 from .rendered_pair import RenderedPair, response_of
 
 #: Finds the disparity in px, (H, W), NaN where it finds none, of rectified images, uint8 (H, W) each.
-Matcher = Callable[..., np.ndarray]
+Matcher = Callable[..., Array]
 #: What a function may ask for beside the images, by the names of its parameters.
 _ASKED = ("max_disparity_px", "camera")
 #: Columns of the table that an evaluation shows of itself, and their digits.
@@ -113,7 +114,7 @@ def _sort(
     matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher],
 ) -> tuple[list[str], dict[str, str], dict[str, Matcher]]:
     """Our matchers under their own names, our matchers by the user's names, and functions by their names."""
-    from ..stereo.matchers.methods import OWN_NAME
+    from ..settings.topics.trust_boundary import OWN_NAME
 
     if isinstance(matchers, str):
         matchers = [matchers]

@@ -19,12 +19,13 @@ from ..formats.tiff_write import encode_tiff
 from ..physics.rocks.table import COLUMNS, TABLE, covered_share
 from ..render.pairs.our_files import INPUTS
 from ..settings.description import defaults
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import read_checksum, write_atomically
 from ..support.number_text import count_of
 
 #: A quantity over the patch: an array, or a function of arrays of east and north coordinates in metres.
-Field = Callable[[np.ndarray, np.ndarray], ArrayLike] | ArrayLike
+Field = Callable[[Array, Array], ArrayLike] | ArrayLike
 #: Most that a mean albedo may be, as ``surface.albedo``.
 _MOST_ALBEDO = 1.0
 
@@ -58,7 +59,7 @@ class Input:
         return path
 
 
-def sample_field(field: Field, x_m: np.ndarray, y_m: np.ndarray, what: str) -> np.ndarray:
+def sample_field(field: Field, x_m: Array, y_m: Array, what: str) -> Array:
     """The values (rows, columns) or (rows, columns, 3), float64, of an array, or of a function at ``x_m``, ``y_m``.
 
     Raises IcyMoonError if a function fails on arrays or gives another shape, and for values that are not finite.

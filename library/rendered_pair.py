@@ -20,6 +20,7 @@ from ..stereo.images.disparity_and_occlusion import scene_depth, visible_in_righ
 from ..stereo.images.exr import Light, View
 from ..stereo.images.lens import lens_of
 from ..stereo.images.views import read_eye
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 
 
@@ -43,41 +44,41 @@ class RenderedEye:
         return read_eye(self._pair, self.name)
 
     @property
-    def radiance(self) -> np.ndarray:
+    def radiance(self) -> Array:
         """Linear radiance in W/(m² sr), float32 (H, W, 3), in the bands that the file states."""
         return self._read[1].radiance
 
     @cached_property
-    def depth_m(self) -> np.ndarray:
+    def depth_m(self) -> Array:
         """Planar depth in metres at pixel centres, float64 (H, W); NaN for sky and for pixels that are not ``seen``."""
         depth, seen = scene_depth(self._read[1]), self.seen
         return depth if seen.all() else np.where(seen, depth, np.nan)
 
     @cached_property
-    def seen(self) -> np.ndarray:
+    def seen(self) -> Array:
         """Whether the sensor sees the pixel, bool (H, W); not all of them if the eyes are toed in."""
         camera = self._pair.camera
         lens = lens_of(camera, self._pair.settings.rig, self.name) if camera.toe_in_deg else None
         return np.ones((camera.height_px, camera.width_px), bool) if lens is None else lens.sees
 
     @property
-    def normal(self) -> np.ndarray | None:
+    def normal(self) -> Array | None:
         """Unit normals in world axes (east, north, up), float32 (H, W, 3); None without full truth."""
         return self._read[1].normal
 
     @property
-    def semantic(self) -> np.ndarray | None:
+    def semantic(self) -> Array | None:
         """Labels, int32 (H, W): 0 sky, others as ``pair.labels`` names them; None without full truth."""
         return self._read[1].semantic
 
     @property
-    def instance(self) -> np.ndarray | None:
+    def instance(self) -> Array | None:
         """Numbers of objects and rocks, int32 (H, W), see the manual's page on the pair folder; None without full
         truth."""
         return self._read[1].instance
 
     @property
-    def pose_to_world(self) -> np.ndarray:
+    def pose_to_world(self) -> Array:
         """The matrix (4, 4) from this camera's axes (x right, y down, z forward) to the world's (east, north, up), in
         metres. Raises IcyMoonError if the pair does not contain it."""
         pose = self._pair.rectified_pose(self.name)
@@ -137,17 +138,17 @@ class RenderedPair:
         return {int(number): str(name) for number, name in stated.items()}
 
     @property
-    def depth_m(self) -> np.ndarray:
+    def depth_m(self) -> Array:
         """True planar depth of the left camera in metres, float64 (H, W); NaN for sky."""
         return self.left.depth_m
 
     @cached_property
-    def disparity_px(self) -> np.ndarray:
+    def disparity_px(self) -> Array:
         """True disparity of the left image, left column minus right column, in px, float64 (H, W); NaN for sky."""
         return self.camera.disparity(self.left.depth_m)
 
     @cached_property
-    def visible(self) -> np.ndarray:
+    def visible(self) -> Array:
         """Whether the right camera sees the point of a left pixel too, bool (H, W)."""
         if self._pair.camera.toe_in_deg:
             from ..stereo.measure.prepare import eyes_of
@@ -161,7 +162,7 @@ class RenderedPair:
         return visible_in_right(self.left.depth_m, right, self.camera, hidden)
 
     @cached_property
-    def occluded(self) -> np.ndarray:
+    def occluded(self) -> Array:
         """Whether a left pixel has a depth, but the right camera does not see its point, bool (H, W)."""
         return np.isfinite(self.left.depth_m) & ~self.visible
 

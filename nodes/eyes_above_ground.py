@@ -11,6 +11,7 @@ from mathutils import Vector
 
 from ..physics import refused_scenes
 from ..physics.refused_scenes import LOWEST_M, buried_sentence, in_rock_sentence
+from ..support.arrays import Array
 from .built_scene import Built
 from .datablocks.fingerprint import TAG
 from .rig import eye_poses
@@ -59,7 +60,7 @@ def _make_scene(built: Built) -> Iterator[bpy.types.Scene]:
         bpy.data.scenes.remove(scene)
 
 
-def _positions(poses: dict[str, np.ndarray], turn_deg: float) -> dict[str, Vector]:
+def _positions(poses: dict[str, Array], turn_deg: float) -> dict[str, Vector]:
     """Positions of the eyes after the rig is turned clockwise about the vertical through the left eye."""
     left, turn = poses["left"][:3, 3], np.radians(-turn_deg)
     x, y, z = poses["right"][:3, 3] - left

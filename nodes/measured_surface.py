@@ -16,6 +16,7 @@ import numpy as np
 
 from ..formats import ply
 from ..stereo.images.colours import ERROR, signed_colours
+from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.number_text import count_of
@@ -37,7 +38,7 @@ KINDS = {
 _CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 
 
-def read_points(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def read_points(path: Path) -> tuple[Array, Array, Array, Array]:
     """Read a file of points that the evaluator wrote. Raises IcyMoonError if it is missing or damaged.
 
     Returns positions (n, 3) in metres, unit vectors to the camera (n, 3), widths (n,) in metres, and depth errors (n,)
@@ -52,7 +53,7 @@ def read_points(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndar
     return table[:, :3], table[:, 3:6], table[:, 6], table[:, 7]
 
 
-def squares(position: np.ndarray, toward: np.ndarray, width: np.ndarray) -> np.ndarray:
+def squares(position: Array, toward: Array, width: Array) -> Array:
     """Corners (n, 4, 3), counter-clockwise seen from the camera, of squares of ``width`` that face it."""
     # Two axes across the line of sight. Where it is nearly vertical, they start from y instead of z.
     up = np.where(np.abs(toward[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
@@ -92,7 +93,7 @@ def build_points(
     return item
 
 
-def _counts(error_m: np.ndarray, missing: list[int | None]) -> dict[str, int]:
+def _counts(error_m: Array, missing: list[int | None]) -> dict[str, int]:
     """Number of points by the kind of their error. Files of older versions do not contain the number of ``missing``."""
     counts = {
         "far": int((error_m > RIGHT_M).sum()),
@@ -131,7 +132,7 @@ def shares(
     ]
 
 
-def _build_mesh(corners: np.ndarray, error_m: np.ndarray) -> bpy.types.Mesh:
+def _build_mesh(corners: Array, error_m: Array) -> bpy.types.Mesh:
     count = len(corners)
     mesh = bpy.data.meshes.new(NAME)
     mesh.vertices.add(4 * count)
@@ -153,7 +154,7 @@ def _colour_mesh(mesh: bpy.types.Mesh, full_m: float) -> None:
     mesh.update_tag()
 
 
-def set_colours(attribute: bpy.types.Attribute, rgb: np.ndarray) -> None:
+def set_colours(attribute: bpy.types.Attribute, rgb: Array) -> None:
     """Fill a colour attribute of bytes with sRGB uint8 (n, 3)."""
     rgba = np.ones((len(rgb), 4), np.float32)
     rgba[:, :3] = rgb / np.float32(255)

@@ -14,6 +14,7 @@ import numpy as np
 from ..stereo.decisions.map_colours import KINDS, colour_cells, count_cells
 from ..stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap, outlines
 from ..stereo.images.colours import SKY_GREY
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from .built_scene import Built
 from .datablocks.fingerprint import TAG, instanced_objects
@@ -123,11 +124,11 @@ def _site(stored: StoredMap, row: int, column: int) -> bpy.types.Object:
     return _draw_lines(SITE, [_on_ground(stored, np.array([[row + 0.5, column + 0.5]])) + ring])
 
 
-def _reach(stored: StoredMap, reach: np.ndarray) -> bpy.types.Object:
+def _reach(stored: StoredMap, reach: Array) -> bpy.types.Object:
     return _draw_lines(REACH, [_on_ground(stored, way) for way in outlines(reach)])
 
 
-def _draw_lines(name: str, ways: list[np.ndarray]) -> bpy.types.Object:
+def _draw_lines(name: str, ways: list[Array]) -> bpy.types.Object:
     """Closed lines through positions (n, 3) as tubes with colours of vertices: in a camera view, bare lines and empties
     are hidden with the overlays, and in Blender 5.2 objects without such colours are white."""
     tubes = [_tube(way) for way in ways]
@@ -141,7 +142,7 @@ def _draw_lines(name: str, ways: list[np.ndarray]) -> bpy.types.Object:
     return bpy.data.objects.new(name, mesh)
 
 
-def _tube(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _tube(way: Array) -> tuple[Array, Array]:
     """Positions (n _SIDES, 3) and triangles of a tube along a closed line through positions (n, 3), as wide at corners
     seen from above as between them."""
     along = np.roll(way, -1, axis=0) - way
@@ -161,7 +162,7 @@ def _tube(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def _on_ground(stored: StoredMap, place: np.ndarray) -> np.ndarray:
+def _on_ground(stored: StoredMap, place: Array) -> Array:
     """Positions (n, 3) just above the true ground of places (n, 2) in rows and columns from the outer corner."""
     grid, height = stored.grid, stored.height_m
     row, column = (np.clip(np.floor(place[:, axis]), 0, height.shape[axis] - 1).astype(np.intp) for axis in (0, 1))

@@ -32,6 +32,7 @@ from ..stereo.ground_errors import (
     project,
 )
 from ..stereo.images.colours import SKY_GREY
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.number_text import count_of
 from .built_scene import Built
@@ -210,22 +211,20 @@ def _painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:
     return {item.data for item in (*scene.objects, *rocks) if item.type == "MESH" and COLOUR in item.data.attributes}
 
 
-def corners_of(mesh: bpy.types.Mesh) -> np.ndarray:
+def corners_of(mesh: bpy.types.Mesh) -> Array:
     return read_property(mesh.vertices, "co", width=3).reshape(-1, 3).astype(np.float64)
 
 
-def _edges(mesh: bpy.types.Mesh) -> np.ndarray:
+def _edges(mesh: bpy.types.Mesh) -> Array:
     return read_property(mesh.edges, "vertices", np.int32, 2).reshape(-1, 2)
 
 
-def to_world(matrix: Any, position: np.ndarray) -> np.ndarray:
+def to_world(matrix: Any, position: Array) -> Array:
     whole = np.array(matrix, np.float64)
     return np.asarray(position @ whole[:3, :3].T + whole[:3, 3])
 
 
-def _look(
-    found: Sequence[DepthErrors], position: np.ndarray, edges: np.ndarray, places: list[np.ndarray]
-) -> OnVertices:
+def _look(found: Sequence[DepthErrors], position: Array, edges: Array, places: list[Array]) -> OnVertices:
     """What vertices show, of all pairs; adds where each pair sees them to ``places``."""
     shown: OnVertices | None = None
     for k, errors in enumerate(found):
@@ -236,7 +235,7 @@ def _look(
     return shown
 
 
-def _rock_instances(built: Built) -> dict[bpy.types.Object, np.ndarray]:
+def _rock_instances(built: Built) -> dict[bpy.types.Object, Array]:
     """For each shape of rocks, the matrices (n, 4, 4) of its instances."""
     fields = {item for item in built.collection.all_objects if item.get(TAG) == "rock"}
     matrices: dict[bpy.types.Object, list[Any]] = {}
@@ -247,8 +246,8 @@ def _rock_instances(built: Built) -> dict[bpy.types.Object, np.ndarray]:
 
 
 def _seen_rocks(
-    instances: Mapping[bpy.types.Object, np.ndarray], found: Sequence[DepthErrors], places: list[np.ndarray]
-) -> Iterator[tuple[np.ndarray, np.ndarray, OnVertices]]:
+    instances: Mapping[bpy.types.Object, Array], found: Sequence[DepthErrors], places: list[Array]
+) -> Iterator[tuple[Array, Array, OnVertices]]:
     """Positions, triangles and what vertices show, of the rocks with a vertex that an eye sees.
 
     Triangles too wide to show an error are divided.
@@ -265,9 +264,7 @@ def _seen_rocks(
             yield from _seen_copies(found, matrices[divisions == times], corners, faces, places)
 
 
-def _divisions(
-    found: Sequence[DepthErrors], matrices: np.ndarray, corners: np.ndarray, faces: np.ndarray
-) -> np.ndarray:
+def _divisions(found: Sequence[DepthErrors], matrices: Array, corners: Array, faces: Array) -> Array:
     """How often the triangles of each instance must be divided to be narrow in the images."""
     longest = np.zeros(len(matrices))
     step = max(1, _AT_ONCE // max(1, len(corners)))
@@ -284,8 +281,8 @@ def _divisions(
 
 
 def _seen_copies(
-    found: Sequence[DepthErrors], matrices: np.ndarray, corners: np.ndarray, faces: np.ndarray, places: list[np.ndarray]
-) -> Iterator[tuple[np.ndarray, np.ndarray, OnVertices]]:
+    found: Sequence[DepthErrors], matrices: Array, corners: Array, faces: Array, places: list[Array]
+) -> Iterator[tuple[Array, Array, OnVertices]]:
     edges, n = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), len(corners)
     step = max(1, _AT_ONCE // max(1, n))
     for some in (matrices[k : k + step] for k in range(0, len(matrices), step)):
@@ -301,18 +298,18 @@ def _seen_copies(
             )
 
 
-def _instanced(matrices: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def _instanced(matrices: Array, corners: Array) -> Array:
     moved = np.einsum("mij,nj->mni", matrices[:, :3, :3], corners) + matrices[:, None, :3, 3]
     return moved.reshape(-1, 3)
 
 
-def _repeated(indices: np.ndarray, times: int, vertices: int) -> np.ndarray:
+def _repeated(indices: Array, times: int, vertices: int) -> Array:
     """Edges or faces of a mesh, for ``times`` copies of its vertices."""
     return (indices[None] + (np.arange(times) * vertices)[:, None, None]).reshape(-1, indices.shape[1])
 
 
 def _link_rocks(
-    collection: bpy.types.Collection, rocks: Sequence[tuple[np.ndarray, np.ndarray, OnVertices]], full_m: float
+    collection: bpy.types.Collection, rocks: Sequence[tuple[Array, Array, OnVertices]], full_m: float
 ) -> None:
     """Add the object of the copies of rocks."""
     starts = np.cumsum([0, *(len(position) for position, _, _ in rocks)])

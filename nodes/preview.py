@@ -29,6 +29,7 @@ from ..settings import changes
 from ..settings.changes import geometry
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.file_shapes import TABLE, TEXT, Each
 from . import painted_errors
@@ -201,7 +202,7 @@ def _coarse_shapes(settings: Settings) -> tuple[tuple[Shape, ...], ...]:
     return make_rock_shapes(rocks.family, rocks.angularity, int(settings.dataset.seed))[-1:]
 
 
-def _scatter_largest(settings: Settings, positions: np.ndarray) -> Rocks:
+def _scatter_largest(settings: Settings, positions: Array) -> Rocks:
     """The largest rocks of the settings, with the coarsest shapes, on a grid of positions (n², 3)."""
     rocks, rig, size = with_absolute_files(settings).rocks, settings.rig, float(settings.terrain.size_m)
     n = round(len(positions) ** 0.5)
@@ -292,7 +293,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     return messages
 
 
-def _roundness(built: scenes.Built) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:
+def _roundness(built: scenes.Built) -> Callable[[Array, Array], Array] | None:
     """Function that returns how far the curved ground drops below the plane at coordinates; None for flat ground."""
     if is_from_file(built.settings) or built.settings.mesh.kind != "GRADED" or "terrain" in built.preview:
         return None

@@ -13,6 +13,7 @@ from mathutils import Matrix
 
 from ..physics.light.directions import camera_axes
 from ..settings.topics.camera import RigSettings
+from ..support.arrays import Array
 
 #: Blender's camera looks along -z with y up; OpenCV's along +z with y down.
 OPENCV_FROM_BLENDER = np.diag([1.0, -1.0, -1.0])
@@ -58,7 +59,7 @@ def lens_values(rig: RigSettings) -> dict[str, tuple[str, Any]]:
     }
 
 
-def eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, np.ndarray]:
+def eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, Array]:
     """Camera-to-world matrices (4, 4) of both eyes in OpenCV axes, positions in metres."""
     left = np.array(matrix_world, np.float64)
     left[:3, :3] /= np.linalg.norm(left[:3, :3], axis=0)

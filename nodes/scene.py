@@ -10,11 +10,11 @@ import json
 from typing import Any
 
 import bpy
-import numpy as np
 
 from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from . import engine, eyes_above_ground
 from .built_scene import (
@@ -86,7 +86,7 @@ __all__ = [
 OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES, *LANDER_ROLES.values())
 
 
-def measured_patch(built: Built) -> np.ndarray | None:
+def measured_patch(built: Built) -> Array | None:
     """Heights (n, n) in metres on a grid over the patch of procedural ground; None for other ground."""
     if is_from_file(built.settings):
         return None

@@ -23,6 +23,7 @@ from ..settings.blender import scene_properties
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..stereo.pair_views import read_pair_views
+from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.scratch import make_scratch_folder
@@ -123,7 +124,7 @@ class ICYMOON_OT_show_ends(jobs.JobOperator, bpy.types.Operator):
         ends = end_settings(with_absolute_files(settings), scene_properties.read_variations(scene.icymoon))
         pairs = [expand_headings(rough(end))[0] for end in ends]
         self._key, self._response = _key_of(scene, settings), changes.response(settings)
-        self._ids, self._found = [pair.id for pair in pairs], dict[str, np.ndarray]()
+        self._ids, self._found = [pair.id for pair in pairs], dict[str, Array]()
         folder = make_scratch_folder()
         files = JobFiles(folder, pairs=list({pair.id: pair for pair in pairs}.values()))
 
@@ -159,7 +160,7 @@ class _PictureJob(jobs.Job):
             super().hear(message)
 
 
-def _keep(key: str, pictures: list[np.ndarray]) -> None:
+def _keep(key: str, pictures: list[Array]) -> None:
     """Keep the pictures, uint8 RGB, of what a key describes."""
     global _pictures
     if _pictures is None:

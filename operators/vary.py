@@ -112,13 +112,13 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     bl_property = "setting"
 
-    setting: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    setting: bpy.props.EnumProperty(
         items=_ITEMS,
         name="Setting",
         options={"SKIP_SAVE"},
         description="Which setting varies",
     )
-    values: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    values: bpy.props.EnumProperty(
         items=_choice_items,
         name="Values",
         options={"ENUM_FLAG", "SKIP_SAVE"},
@@ -262,7 +262,7 @@ class ICYMOON_OT_variation_move(_OfVariations, MoveEntry, bpy.types.Operator):
     bl_idname = "icymoon.variation_move"
     bl_label = "Move Varied Setting"
 
-    direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    direction: bpy.props.EnumProperty(
         name="Direction",
         description="Direction of the move",
         items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")),
@@ -374,7 +374,7 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
     bl_idname = "icymoon.render_variations"
     bl_label = "Render These Variations"
 
-    folder: bpy.props.StringProperty(  # type: ignore[valid-type]
+    folder: bpy.props.StringProperty(
         name="Folder",
         subtype="DIR_PATH",
         options={"SKIP_SAVE"},
@@ -455,7 +455,7 @@ class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_idname = "icymoon.save_plan"
     bl_label = "Save Plan"
 
-    filepath: bpy.props.StringProperty(  # type: ignore[valid-type]
+    filepath: bpy.props.StringProperty(
         subtype="FILE_PATH",
         name="File",
         description="TOML file to write",
@@ -505,7 +505,7 @@ class ICYMOON_OT_show_curve(bpy.types.Operator):
     bl_idname = "icymoon.show_curve"
     bl_label = "Show Error Curve"
 
-    setting: bpy.props.StringProperty(name="Setting", description="Which setting; if empty, the first that varies")  # type: ignore[valid-type]
+    setting: bpy.props.StringProperty(name="Setting", description="Which setting; if empty, the first that varies")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

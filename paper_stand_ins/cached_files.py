@@ -17,6 +17,7 @@ import numpy as np
 from ..formats.ply import encode_triangles
 from ..formats.png import encode_png
 from ..settings.topics.stand_ins import MeshItem, TextureItem, mesh_item, texture_item
+from ..support.arrays import Array
 from ..support.cache import FOLDER_VARIABLE, own_cache_folder
 from ..support.errors import DiskError, IcyMoonError
 from ..support.file_shapes import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
@@ -125,7 +126,7 @@ def _write(data: bytes, part: Path) -> None:
 def _encode_texture(item: TextureItem) -> tuple[float, dict[str, bytes]]:
     maps = make_maps(item.key)
     low, span = float(maps.height_m.min()), float(np.ptp(maps.height_m))
-    images: dict[str, np.ndarray | None] = {
+    images: dict[str, Array | None] = {
         "albedo": _levels(to_srgb(maps.albedo)),
         "roughness": _levels(maps.roughness),
         "normal": _levels((maps.normal + 1.0) / 2.0),
@@ -149,11 +150,11 @@ def _encode_mesh(item: MeshItem) -> tuple[float, dict[str, bytes]]:
     }
 
 
-def _levels(values: np.ndarray) -> np.ndarray:
+def _levels(values: Array) -> Array:
     """Values from 0 to 1 as levels of 8 bits."""
     return np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
 
 
-def to_srgb(linear: np.ndarray) -> np.ndarray:
+def to_srgb(linear: Array) -> Array:
     """Values of sRGB, 0 to 1, of linear ones (IEC 61966-2-1)."""
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055)

@@ -11,29 +11,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..support.arrays import Array
 
-def wave_numbers(n: int) -> tuple[np.ndarray, np.ndarray]:
+
+def wave_numbers(n: int) -> tuple[Array, Array]:
     """Waves per width along the columns (1, n // 2 + 1) and along the rows (n, 1), for ``numpy.fft.rfft2``."""
     return np.fft.rfftfreq(n, 1 / n)[None, :], np.fft.fftfreq(n, 1 / n)[:, None]
 
 
-def normalise(field: np.ndarray) -> np.ndarray:
+def normalise(field: Array) -> Array:
     """The field with mean 0 and standard deviation 1."""
     return np.asarray((field - field.mean()) / field.std())
 
 
-def stretch(field: np.ndarray) -> np.ndarray:
+def stretch(field: Array) -> Array:
     """The field from 0 to 1."""
     return np.asarray((field - field.min()) / np.ptp(field))
 
 
-def smooth_step(field: np.ndarray, low: float, high: float) -> np.ndarray:
+def smooth_step(field: Array, low: float, high: float) -> Array:
     """0 below ``low``, 1 above ``high``, and smooth between."""
     t = np.clip((field - low) / (high - low), 0.0, 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
-def blur(field: np.ndarray, sigma_px: float) -> np.ndarray:
+def blur(field: Array, sigma_px: float) -> Array:
     """The field, smoothed by a Gaussian."""
     n = len(field)
     k_x, k_y = wave_numbers(n)
@@ -41,7 +43,7 @@ def blur(field: np.ndarray, sigma_px: float) -> np.ndarray:
     return np.asarray(np.fft.irfft2(gain * np.fft.rfft2(field), (n, n)))
 
 
-def sample(field: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def sample(field: Array, rows: Array, columns: Array) -> Array:
     """The field, interpolated linearly at places in pixels, which wrap around."""
     n = len(field)
     row, column = np.floor(rows).astype(np.int64), np.floor(columns).astype(np.int64)
@@ -54,7 +56,7 @@ def sample(field: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarr
     )
 
 
-def warp(field: np.ndarray, rows_px: np.ndarray, columns_px: np.ndarray) -> np.ndarray:
+def warp(field: Array, rows_px: Array, columns_px: Array) -> Array:
     """The field with the value at each pixel taken from ``rows_px`` and ``columns_px`` pixels away."""
     axis = np.arange(len(field), dtype=float)
     return sample(field, axis[:, None] + rows_px, axis[None, :] + columns_px)
@@ -65,11 +67,11 @@ class Cells:
     """Cells around random points: distances to the nearest point and to the second nearest, the way from the nearest
     (``x`` right, ``y`` up), all in cells, and the number of each cell. All are (n, n)."""
 
-    first: np.ndarray
-    second: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    number: np.ndarray
+    first: Array
+    second: Array
+    x: Array
+    y: Array
+    number: Array
 
 
 class Draw:
@@ -78,17 +80,17 @@ class Draw:
     def __init__(self, random: np.random.Generator, n: int) -> None:
         self.random, self.n = random, n
 
-    def even(self, value: float) -> np.ndarray:
+    def even(self, value: float) -> Array:
         """A field that is the same everywhere."""
         return np.full((self.n, self.n), value)
 
-    def per_cell(self, cells: Cells, low: float = 0.0, high: float = 1.0) -> np.ndarray:
+    def per_cell(self, cells: Cells, low: float = 0.0, high: float = 1.0) -> Array:
         """A random number for each cell, evenly between two numbers."""
         return np.asarray((low + (high - low) * self.random.random(int(cells.number.max()) + 1))[cells.number])
 
     def waves(
         self, slope: float, shortest: float, longest: float, elongation: float = 1.0, angle: float = 0.0
-    ) -> np.ndarray:
+    ) -> Array:
         """Random waves of unit standard deviation, between two wavelengths in widths.
 
         The two-dimensional power spectrum falls as wave number^-``slope``. Crests along ``angle`` (radians from the
@@ -104,7 +106,7 @@ class Draw:
         amplitude = np.where((k >= 1 / longest) & (k <= 1 / shortest), np.maximum(k, 0.5) ** (-slope / 2), 0.0)
         return normalise(np.fft.irfft2(amplitude * np.fft.rfft2(random.standard_normal((n, n))), (n, n)))
 
-    def cells(self, across: int, shift: tuple[np.ndarray, np.ndarray] | None = None, regular: float = 0.0) -> Cells:
+    def cells(self, across: int, shift: tuple[Array, Array] | None = None, regular: float = 0.0) -> Cells:
         """Cells around ``across``² points, one in each square of a grid.
 
         ``shift`` (rows, columns), in cells, bends the cells; ``regular`` is 0 for random points, 1 for a square grid.
@@ -130,7 +132,7 @@ class Draw:
                 first = np.where(nearer, distance, first)
         return Cells(first, second, from_x, from_y, number)
 
-    def facets(self, across: int, tilt: float) -> np.ndarray:
+    def facets(self, across: int, tilt: float) -> Array:
         """Heights of tilted flat facets, one for each cell: slopes up to ``tilt``, random levels from 0 to 1."""
         random, n = self.random, self.n
         jitter = random.random((across, across, 2))
@@ -148,7 +150,7 @@ class Draw:
                 top = np.maximum(top, facet - 8.0 * np.maximum(np.hypot(dx, dy) - 0.55, 0.0))
         return top
 
-    def lines(self, count: int, length: float, width_px: float, bend: float, branches: int = 0) -> np.ndarray:
+    def lines(self, count: int, length: float, width_px: float, bend: float, branches: int = 0) -> Array:
         """How much of each pixel random lines cover, 0 to 1: ``count`` of about ``length`` widths.
 
         A line turns by about ``bend`` radians over its length. Each has ``branches`` shorter and thinner ones.
@@ -188,7 +190,7 @@ class Draw:
                 )
         return covered
 
-    def discs(self, count: int, smallest_px: float, largest_px: float, where: np.ndarray | None = None) -> np.ndarray:
+    def discs(self, count: int, smallest_px: float, largest_px: float, where: Array | None = None) -> Array:
         """Random round bubbles, 0 outside to 1 in their middle, their number falling as the square of their radius.
 
         ``where`` is the chance of each pixel to have one.
@@ -210,18 +212,18 @@ class Draw:
         return found
 
 
-def gradients(height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def gradients(height: Array) -> tuple[Array, Array]:
     """Rise of heights in pixels toward the columns and toward the rows, by central differences around the edges."""
     return ((np.roll(height, -1, 1) - np.roll(height, 1, 1)) / 2, (np.roll(height, -1, 0) - np.roll(height, 1, 0)) / 2)
 
 
-def normals(height: np.ndarray) -> np.ndarray:
+def normals(height: Array) -> Array:
     """Unit normals (n, n, 3) of heights in pixels: x to the right, y up the image, z out."""
     x, y = gradients(height)
     return np.stack([-x, -y, np.ones_like(x)], axis=-1) / np.sqrt(1.0 + x * x + y * y)[..., None]
 
 
-def openness(height: np.ndarray, reach_px: float) -> np.ndarray:
+def openness(height: Array, reach_px: float) -> Array:
     """Approximate share of the sky, 0 to 1, that each point of heights in pixels sees over higher ground within
     distances up to ``reach_px``: 1 on crests, less in hollows."""
     hidden = np.zeros_like(height)
@@ -232,7 +234,7 @@ def openness(height: np.ndarray, reach_px: float) -> np.ndarray:
     return np.asarray(np.clip(1.0 - 1.3 * hidden / max(count, 1), 0.0, 1.0))
 
 
-def cast_shadows(height: np.ndarray, azimuth: float, elevation: float, reach_px: int) -> np.ndarray:
+def cast_shadows(height: Array, azimuth: float, elevation: float, reach_px: int) -> Array:
     """Share of sunlight that reaches each point of heights in pixels, 0 to 1, under a Sun at these angles (radians,
     azimuth from the columns' axis) with soft edges."""
     lowest = np.full_like(height, -np.inf)
@@ -246,8 +248,8 @@ def cast_shadows(height: np.ndarray, azimuth: float, elevation: float, reach_px:
 
 
 def light(
-    height: np.ndarray, sun_deg: tuple[float, float], sky: float = 0.35, scatter_px: float = 0.0, reach_px: int = 96
-) -> np.ndarray:
+    height: Array, sun_deg: tuple[float, float], sky: float = 0.35, scatter_px: float = 0.0, reach_px: int = 96
+) -> Array:
     """Light on relief, 1 on level ground: sunlight with cast shadows, and a share ``sky`` from all sides.
 
     ``sun_deg`` is the azimuth of the Sun, from the columns' axis, and its elevation, both in degrees.

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..support.arrays import Array
+
 #: Absorption in 1/m: red, green, blue.
 ABSORPTION_PER_M = np.array([0.207, 0.0460, 0.00749])
 _DENSITY_KG_M3, _SHAPE, _ASYMMETRY = 917.0, 1.6, 0.845
 
 
-def snow_albedo(radius_m: float | np.ndarray) -> np.ndarray:
+def snow_albedo(radius_m: float | Array) -> Array:
     """Albedo (..., 3) under light from all sides of deep snow whose grains have this optical radius."""
     radius = np.asarray(radius_m, float)[..., None]
     surface = 3.0 / (_DENSITY_KG_M3 * radius)  # m² / kg
@@ -22,7 +24,7 @@ def snow_albedo(radius_m: float | np.ndarray) -> np.ndarray:
     return np.asarray(np.exp(-np.sqrt(16.0 / 3.0 * lost / (1.0 - _ASYMMETRY))))
 
 
-def ice_albedo(bubble_share: float | np.ndarray, bubble_radius_m: float = 0.0005) -> np.ndarray:
+def ice_albedo(bubble_share: float | Array, bubble_radius_m: float = 0.0005) -> Array:
     """Albedo (..., 3) under light from all sides of deep ice with this share of its volume in bubbles."""
     share = np.asarray(bubble_share, float)[..., None]
     ratio = ABSORPTION_PER_M * (1.0 - share) * (4.0 * bubble_radius_m / 3.0) / (0.63 * share)

@@ -18,6 +18,7 @@ import numpy as np
 from ..physics.mesh.check import examine, label_components
 from ..physics.random_numbers.seeds import generator
 from ..settings.topics.stand_ins import MeshItem, mesh_item
+from ..support.arrays import Array
 from . import fields
 from .fields import Draw
 from .ice_colours import ice_albedo, snow_albedo
@@ -40,18 +41,18 @@ class Reconstruction:
     The image is linear, 0 to 1, row 0 at the bottom.
     """
 
-    positions: np.ndarray
-    faces: np.ndarray
-    uv: np.ndarray
-    image: np.ndarray
+    positions: Array
+    faces: Array
+    uv: Array
+    image: Array
 
 
 @dataclass(frozen=True)
 class _Ground:
     """A true ground: heights in metres and colour (n, n, 3), and the Sun in degrees (azimuth from east, elevation)."""
 
-    height_m: np.ndarray
-    colour: np.ndarray
+    height_m: Array
+    colour: Array
     sun_deg: tuple[float, float]
 
 
@@ -74,9 +75,9 @@ def reconstruct(key: str, seed: int = SEED) -> Reconstruction:
     if item.holes:
         openness = fields.sample(fields.openness(coarse, 24.0), places[:, 1], places[:, 0])
         keep = _with_holes(random, xy, faces, keep, openness, item)
-    positions = np.column_stack([xy, height])
+    positions: Array = np.column_stack([xy, height])
     if item.holes:
-        positions = positions + _drift(random, xy, item.size_m)
+        positions += _drift(random, xy, item.size_m)
         positions[:, 2] += _NOISE * edge_m * random.standard_normal(len(positions))
     used, faces = np.unique(faces[keep], return_inverse=True)
     positions, uv, faces = positions[used], uv[used], faces.reshape(-1, 3)
@@ -85,7 +86,7 @@ def reconstruct(key: str, seed: int = SEED) -> Reconstruction:
     return Reconstruction(positions.astype(np.float32), faces.astype(np.int32), uv.astype(np.float32), image)
 
 
-def _drift(random: np.random.Generator, xy: np.ndarray, size_m: float) -> np.ndarray:
+def _drift(random: np.random.Generator, xy: Array, size_m: float) -> Array:
     """The doming and the slow warps (k, 3) at places (k, 2), in metres."""
     at = xy / size_m
     moved = np.zeros((len(xy), 3))
@@ -98,7 +99,7 @@ def _drift(random: np.random.Generator, xy: np.ndarray, size_m: float) -> np.nda
     return moved
 
 
-def _within_rim(random: np.random.Generator, xy: np.ndarray, item: MeshItem) -> np.ndarray:
+def _within_rim(random: np.random.Generator, xy: Array, item: MeshItem) -> Array:
     """Which places are within the ragged rim of the photographed ground."""
     turn = np.arctan2(xy[:, 1], xy[:, 0])
     radius = np.full(len(xy), 0.46)
@@ -112,7 +113,7 @@ def _within_rim(random: np.random.Generator, xy: np.ndarray, item: MeshItem) -> 
     return np.asarray((far < radius * item.size_m) & square)
 
 
-def _rim_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _rim_edges(faces: Array) -> tuple[Array, Array]:
     """Vertices at the beginning and the end of the edges that only one face has."""
     begin, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     key = np.minimum(begin, end).astype(np.int64) * (int(faces.max()) + 1) + np.maximum(begin, end)
@@ -121,7 +122,7 @@ def _rim_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return begin[alone], end[alone]
 
 
-def _largest_sheet(places: np.ndarray, faces: np.ndarray, keep: np.ndarray) -> np.ndarray:
+def _largest_sheet(places: Array, faces: Array, keep: Array) -> Array:
     """The faces to keep that belong to the largest part, without faces that touch others only at a corner."""
     keep = keep.copy()
     while True:
@@ -144,17 +145,17 @@ def _largest_sheet(places: np.ndarray, faces: np.ndarray, keep: np.ndarray) -> n
 
 def _with_holes(
     random: np.random.Generator,
-    xy: np.ndarray,
-    faces: np.ndarray,
-    keep: np.ndarray,
-    openness: np.ndarray,
+    xy: Array,
+    faces: Array,
+    keep: Array,
+    openness: Array,
     item: MeshItem,
-) -> np.ndarray:
+) -> Array:
     """The faces to keep with ``item.holes`` holes, where the least of the sky is seen, apart from sites and rim."""
     middle = xy[faces].mean(axis=1)
     rim = xy[_rim_edges(faces[keep])[0]]
     order = np.argsort(openness[faces].mean(axis=1) + 0.05 * random.random(len(faces)))
-    made: list[tuple[np.ndarray, float]] = []
+    made: list[tuple[Array, float]] = []
     for k in order:
         if len(made) == item.holes:
             break
@@ -176,11 +177,11 @@ def _with_holes(
     return keep
 
 
-def _flat(xy: np.ndarray) -> np.ndarray:
+def _flat(xy: Array) -> Array:
     return np.column_stack([xy, np.zeros(len(xy))])
 
 
-def _photograph(draw: Draw, ground: _Ground, pixel_m: float, surveyed: bool) -> np.ndarray:
+def _photograph(draw: Draw, ground: _Ground, pixel_m: float, surveyed: bool) -> Array:
     """The image of a mesh: the colour in the light of its day, put together from photographs."""
     n = len(ground.height_m)
     lit = fields.light(ground.height_m / pixel_m, ground.sun_deg, sky=0.5)
@@ -200,22 +201,22 @@ def _photograph(draw: Draw, ground: _Ground, pixel_m: float, surveyed: bool) -> 
 # What each ground looks like
 
 
-def _bent(draw: Draw, cells: float) -> tuple[np.ndarray, np.ndarray]:
+def _bent(draw: Draw, cells: float) -> tuple[Array, Array]:
     return (cells * draw.waves(5.0, 1 / 16, 1 / 2), cells * draw.waves(5.0, 1 / 16, 1 / 2))
 
 
-def _away_from_sites(n: int, item: MeshItem) -> np.ndarray:
+def _away_from_sites(n: int, item: MeshItem) -> Array:
     """0 where a camera can stand, 1 from some metres away."""
     metres = ((np.arange(n) + 0.5) / n - 0.5) * item.size_m
     apart = [np.hypot(metres[None, :] - x, metres[:, None] - y) for x, y in item.sites]
     return fields.smooth_step(np.minimum.reduce(apart), 2.0, 4.5)
 
 
-def _even(colour: np.ndarray, n: int) -> np.ndarray:
+def _even(colour: Array, n: int) -> Array:
     return np.broadcast_to(colour, (n, n, 3))
 
 
-def _boulders(draw: Draw, across: int, share: float, there: np.ndarray | None = None) -> np.ndarray:
+def _boulders(draw: Draw, across: int, share: float, there: Array | None = None) -> Array:
     """Heights of angular boulders in cells, 0 between them; ``there`` raises and lowers their number."""
     n = draw.n
     cells = draw.cells(across, _bent(draw, 0.05))
@@ -232,7 +233,7 @@ def _boulders(draw: Draw, across: int, share: float, there: np.ndarray | None = 
     return np.where((chance < share) & (cells.first < 0.6), np.maximum(shape, 0.0), 0.0) / across
 
 
-def _channels(draw: Draw, count: int, turns: int, width_px: float) -> np.ndarray:
+def _channels(draw: Draw, count: int, turns: int, width_px: float) -> Array:
     """Share, 0 to 1, of each point in meandering channels with smooth banks; a column of pixels crosses ``count`` of
     them, a row ``turns``."""
     n = draw.n
@@ -387,7 +388,7 @@ def _svalbard(draw: Draw, item: MeshItem) -> _Ground:
     return _Ground(height, mix(ground, white, snow), (220.0, 28.0))
 
 
-def _gaea(draw: Draw, height: np.ndarray, rock: np.ndarray) -> _Ground:
+def _gaea(draw: Draw, height: Array, rock: Array) -> _Ground:
     grey = mix(snow_albedo(draw.even(0.0004)), ice_albedo(draw.even(0.02)) * 0.85, rock)
     return _Ground(height, grey, (180.0, 60.0))
 

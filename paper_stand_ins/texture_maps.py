@@ -15,6 +15,7 @@ import numpy as np
 
 from ..physics.random_numbers.seeds import generator
 from ..settings.topics.stand_ins import TextureItem, texture_item
+from ..support.arrays import Array
 from . import fields
 from .fields import Draw
 from .ice_colours import ice_albedo, snow_albedo
@@ -33,11 +34,11 @@ class Maps:
     ``roughness`` and ``transmission`` (n, n), 0 to 1; ``transmission`` may be None.
     """
 
-    albedo: np.ndarray
-    roughness: np.ndarray
-    height_m: np.ndarray
-    normal: np.ndarray
-    transmission: np.ndarray | None
+    albedo: Array
+    roughness: Array
+    height_m: Array
+    normal: Array
+    transmission: Array | None
 
 
 @dataclass(frozen=True)
@@ -45,12 +46,12 @@ class _Made:
     """A recipe's result: relief in metres, colour (n, n, 3), roughness, transmission, and the Sun of a photograph
     (azimuth and elevation in degrees)."""
 
-    height_m: np.ndarray
-    colour: np.ndarray
-    roughness: np.ndarray
-    transmission: np.ndarray | None = None
+    height_m: Array
+    colour: Array
+    roughness: Array
+    transmission: Array | None = None
     sun_deg: tuple[float, float] | None = None
-    glint: np.ndarray | None = None
+    glint: Array | None = None
     scatter_m: float = 0.004  # a guess: how far light spreads in fresh snow
 
 
@@ -80,25 +81,25 @@ def make_maps(key: str, seed: int = SEED, size: int = PIXELS) -> Maps:
     )
 
 
-def _with_mean(picture: np.ndarray, mean: float) -> np.ndarray:
+def _with_mean(picture: Array, mean: float) -> Array:
     """The picture with this mean in green, and nothing below 0 or above 1."""
     for _ in range(6):  # clipping at 1 darkens it again
         picture = np.clip(picture * (mean / picture[..., 1].mean()), 0.0, 1.0)
     return picture
 
 
-def mix(a: np.ndarray, b: np.ndarray, share: np.ndarray) -> np.ndarray:
+def mix(a: Array, b: Array, share: Array) -> Array:
     """Colours ``a`` where ``share`` is 0, ``b`` where it is 1."""
     return a + (b - a) * share[..., None]
 
 
-def _grain(draw: Draw, longest: float = 1 / 40) -> np.ndarray:
+def _grain(draw: Draw, longest: float = 1 / 40) -> Array:
     """Fine grain of snow: the smallest waves that an image can hold."""
     n = draw.n
     return draw.waves(1.0, 2.5 / n, longest)
 
 
-def _bent(draw: Draw, cells: float, longest: float = 0.5, shortest: float = 1 / 16) -> tuple[np.ndarray, np.ndarray]:
+def _bent(draw: Draw, cells: float, longest: float = 0.5, shortest: float = 1 / 16) -> tuple[Array, Array]:
     """A smooth random shift (rows, columns) of ``cells`` cells."""
     return (cells * draw.waves(5.0, shortest, longest), cells * draw.waves(5.0, shortest, longest))
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..support.arrays import Array
+
 _ROUNDS = 80  # of flips; the triangles that could still be better are harmless
 
 
-def triangulate(
-    random: np.random.Generator, heights: np.ndarray, triangles: int, flat: float
-) -> tuple[np.ndarray, np.ndarray]:
+def triangulate(random: np.random.Generator, heights: Array, triangles: int, flat: float) -> tuple[Array, Array]:
     """Places (k, 2) of vertices in pixels (column, row) and faces (m, 3), counter-clockwise, of about ``triangles``.
 
     ``heights`` is (2^j + 1, 2^j + 1) in pixels. ``flat`` is by what share of its edge a flat triangle counts as missing
@@ -30,7 +30,7 @@ def triangulate(
     return places, _flipped(random, places, faces)
 
 
-def _levels(size: int) -> list[np.ndarray]:
+def _levels(size: int) -> list[Array]:
     """Right triangles of each level, coarsest first: (m, 3, 2) columns and rows of the corners a, b and the right
     angle's c; the hypotenuse is a to b."""
     found = [np.array([[(0, 0), (size, size), (size, 0)], [(size, size), (0, 0), (0, size)]])]
@@ -41,7 +41,7 @@ def _levels(size: int) -> list[np.ndarray]:
     return found
 
 
-def _errors(heights: np.ndarray, flat: float) -> np.ndarray:
+def _errors(heights: Array, flat: float) -> Array:
     """For each vertex, by how much the triangles that it halves, and all within them, miss the heights."""
     error = np.zeros_like(heights)
     for level in reversed(_levels(heights.shape[0] - 1)):
@@ -61,7 +61,7 @@ def _errors(heights: np.ndarray, flat: float) -> np.ndarray:
     return error
 
 
-def _halved(error: np.ndarray, most: float) -> list[tuple[np.ndarray, np.ndarray]]:
+def _halved(error: Array, most: float) -> list[tuple[Array, Array]]:
     """For each level the triangles that are there and which of them are halved."""
     size = error.shape[0] - 1
     level = np.array([[(0, 0), (size, size), (size, 0)], [(size, size), (0, 0), (0, size)]])
@@ -76,11 +76,11 @@ def _halved(error: np.ndarray, most: float) -> list[tuple[np.ndarray, np.ndarray
     return found
 
 
-def _count(error: np.ndarray, most: float) -> int:
+def _count(error: Array, most: float) -> int:
     return 2 + sum(int(split.sum()) for _, split in _halved(error, most))
 
 
-def _split(error: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
+def _split(error: Array, most: float) -> tuple[Array, Array]:
     corners = np.concatenate([level[~split] for level, split in _halved(error, most)])
     width = error.shape[0]
     keys, faces = np.unique(corners[..., 1] * width + corners[..., 0], return_inverse=True)
@@ -90,12 +90,12 @@ def _split(error: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
     return places, faces
 
 
-def _twice_area(places: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _twice_area(places: Array, faces: Array) -> Array:
     a, b, c = (places[faces[:, k]] for k in range(3))
     return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
 
 
-def _moved(random: np.random.Generator, places: np.ndarray, faces: np.ndarray, size: int) -> np.ndarray:
+def _moved(random: np.random.Generator, places: Array, faces: Array, size: int) -> Array:
     """The vertices, each moved by too little to turn over a triangle; vertices on the border stay."""
     height = np.full(len(places), np.inf)  # least height of a triangle at each vertex
     for k in range(3):
@@ -109,7 +109,7 @@ def _moved(random: np.random.Generator, places: np.ndarray, faces: np.ndarray, s
     return np.asarray(places + step)
 
 
-def _flipped(random: np.random.Generator, places: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _flipped(random: np.random.Generator, places: Array, faces: Array) -> Array:
     """The faces after flips of edges whose two triangles are better the other way (Delaunay)."""
     faces = faces.copy()
     for _ in range(_ROUNDS):
@@ -135,7 +135,7 @@ def _flipped(random: np.random.Generator, places: np.ndarray, faces: np.ndarray)
     return faces
 
 
-def _is_within_circle(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+def _is_within_circle(a: Array, b: Array, c: Array, d: Array) -> Array:
     """Whether ``d`` lies within the circle through a, b and c, which are counter-clockwise; beyond rounding."""
     (ax, ay), (bx, by), (cx, cy) = ((p - d).T for p in (a, b, c))
     determinant = (

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from .installed import Plugin, explained, find, function_of, load, summary_of
 
@@ -60,7 +61,7 @@ class PluginLandform:
         """The name of its table of settings."""
         return f"{PREFIX}{self.plugin.name}"
 
-    def heights(self, x_m: np.ndarray, y_m: np.ndarray, settings: Mapping[str, Any]) -> np.ndarray:
+    def heights(self, x_m: Array, y_m: Array, settings: Mapping[str, Any]) -> Array:
         """Heights in metres, float64, of points in metres that broadcast. Raises IcyMoonError where the plug-in fails,
         or gives something else."""
         x, y = (np.array(values, np.float64) for values in np.broadcast_arrays(x_m, y_m))

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..support.arrays import Array
 from .shapes import Hits, World
 
 #: Names of the library on Linux, Windows and macOS. Packages from PyPI add a mark to it.
@@ -102,13 +103,13 @@ class EmbreeTracer:
     def __init__(self, library: ctypes.CDLL, world: World) -> None:
         """Raises MemoryError if Embree has not enough memory for the trees."""
         self._library = library
-        self._kept: list[np.ndarray] = []
+        self._kept: list[Array] = []
         self._device = library.rtcNewDevice(None)
         self._top: int | None = None
         self._shapes = [self._build_shape(each.shape.vertices, each.shape.triangles) for each in world.placed]
         self.place(world)
 
-    def _build_shape(self, vertices: np.ndarray, triangles: np.ndarray) -> int:
+    def _build_shape(self, vertices: Array, triangles: Array) -> int:
         """A scene of the triangles of a shape."""
         library = self._library
         # Embree reads four bytes after the last vertex.
@@ -161,7 +162,7 @@ class EmbreeTracer:
             self._library.rtcReleaseDevice(self._device)
             self._top, self._kept = None, []
 
-    def intersect(self, origin: np.ndarray, direction: np.ndarray, near: float, far: float) -> Hits:
+    def intersect(self, origin: Array, direction: Array, near: float, far: float) -> Hits:
         """The first hits of rays (n, 3) at ``near`` to ``far`` times their direction. ``origin`` is (3,) or (n, 3).
 
         It is fastest if sixteen rays in a row go about the same way. Distances are of single precision.
@@ -179,7 +180,7 @@ class EmbreeTracer:
             u[part], v[part] = _flat(packets[:, _U], part), _flat(packets[:, _V], part)
         return Hits(along, place, triangle, u, v)
 
-    def is_blocked(self, origin: np.ndarray, direction: np.ndarray, near: float, far: np.ndarray) -> np.ndarray:
+    def is_blocked(self, origin: Array, direction: Array, near: float, far: Array) -> Array:
         """Whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction; a ray that ends
         before it begins meets nothing."""
         blocked = np.empty(len(direction), bool)
@@ -188,9 +189,7 @@ class EmbreeTracer:
             blocked[part] = np.isneginf(_flat(packets[:, _FAR], part))
         return blocked
 
-    def _packets(
-        self, origin: np.ndarray, direction: np.ndarray, near: float, far: np.ndarray
-    ) -> Iterator[tuple[slice, np.ndarray]]:
+    def _packets(self, origin: Array, direction: Array, near: float, far: Array) -> Iterator[tuple[slice, Array]]:
         """Records (k, _ROWS, PACKET) of rays, and which of the rays they are."""
         count = len(direction)
         for first in range(0, count, _MOST_PACKETS * PACKET):
@@ -206,7 +205,7 @@ class EmbreeTracer:
             whole[:, _MASK], whole[:, _SHAPE:] = _NONE, _NONE
             yield part, packets
 
-    def _trace(self, call: ctypes._NamedFuncPointer, packets: np.ndarray) -> None:
+    def _trace(self, call: ctypes._NamedFuncPointer, packets: Array) -> None:
         """Let Embree fill in the records."""
         arguments = ctypes.byref(_Arguments(_COHERENT, _ALL_FEATURES))
         valid = _make_packets(1)
@@ -217,14 +216,14 @@ class EmbreeTracer:
             call(all_valid, self._top, first + number * step, arguments)
 
 
-def _make_packets(count: int) -> np.ndarray:
+def _make_packets(count: int) -> Array:
     """Memory for records (count, _ROWS, PACKET) at a multiple of 64 bytes, float32, all 0."""
     memory = np.zeros(count * _ROWS * PACKET + PACKET, np.float32)
     skip = -memory.ctypes.data % 64 // 4
     return memory[skip : skip + count * _ROWS * PACKET].reshape(count, _ROWS, PACKET)
 
 
-def _fill(target: np.ndarray, values: np.ndarray) -> None:
+def _fill(target: Array, values: Array) -> None:
     """Write values of rays, one (no axis) or (n,), to (k, PACKET) of packets; the last may have room for more rays."""
     if values.ndim == 0:
         target[:] = values
@@ -235,6 +234,6 @@ def _fill(target: np.ndarray, values: np.ndarray) -> None:
         target[whole, :rest], target[whole, rest:] = values[-rest:], values[-1]
 
 
-def _flat(values: np.ndarray, part: slice) -> np.ndarray:
+def _flat(values: Array, part: slice) -> Array:
     """Values (k, 16) of the rays of a part, in a row."""
     return values.reshape(-1)[: part.stop - part.start]

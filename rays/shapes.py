@@ -8,6 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ..support.arrays import Array
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -18,13 +20,13 @@ class Shape:
     ``passing`` (n,) float32 is the share of light that goes through at a vertex; None if the shape is opaque.
     """
 
-    vertices: np.ndarray
-    triangles: np.ndarray
-    smooth: np.ndarray
-    label: np.ndarray
-    passing: np.ndarray | None = None
+    vertices: Array
+    triangles: Array
+    smooth: Array
+    label: Array
+    passing: Array | None = None
 
-    def planes(self, triangles: np.ndarray) -> np.ndarray:
+    def planes(self, triangles: Array) -> Array:
         """Planes (n, 4) float64 of triangles (n,): the cross product of two sides, in m², and its dot product with the
         first corner, in m³. Many rays meet the same triangle; its plane is made once."""
         asked = np.zeros(len(self.triangles), bool)
@@ -37,7 +39,7 @@ class Shape:
         return np.column_stack([normal, dot(normal, first)])[place[triangles]]
 
     @cached_property
-    def normals(self) -> np.ndarray:
+    def normals(self) -> Array:
         """Normals (n, 3) float64 of the vertices: the sum of the normals of their triangles, normalized, as in Cycles
         after it has moved vertices."""
         own = normalize(self.planes(np.arange(len(self.triangles)))[:, :3])
@@ -51,8 +53,8 @@ class Placed:
     int64, that labels it at each place."""
 
     shape: Shape
-    places: np.ndarray
-    numbers: np.ndarray
+    places: Array
+    numbers: Array
 
 
 @dataclass(frozen=True)
@@ -61,9 +63,9 @@ class World:
 
     placed: Sequence[Placed]
     #: Of each place of all shapes, one shape after the other: its shape, matrix (4, 4), and number.
-    of: np.ndarray = field(init=False)
-    places: np.ndarray = field(init=False)
-    numbers: np.ndarray = field(init=False)
+    of: Array = field(init=False)
+    places: Array = field(init=False)
+    numbers: Array = field(init=False)
 
     def __post_init__(self) -> None:
         counts = [len(each.places) for each in self.placed]
@@ -75,7 +77,7 @@ class World:
             self, "numbers", np.concatenate([each.numbers for each in self.placed] or [np.zeros(0, np.int64)])
         )
 
-    def move_planes(self, number: int, place: np.ndarray, triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def move_planes(self, number: int, place: Array, triangle: Array) -> tuple[Array, Array]:
         """The planes of triangles (n,) of a shape, by its number, in the world, each as at its ``place`` (n,): normals
         (n, 3) of any length, and their dot products (n,) with the points of the planes."""
         planes = self.placed[number].shape.planes(triangle)
@@ -85,7 +87,7 @@ class World:
             return normal, planes[:, 3] * self._determinants[first] + normal @ self.places[first, :3, 3]
         return normal, planes[:, 3] * self._determinants[place] + dot(normal, self.places[place, :3, 3])
 
-    def turn_normals(self, number: int, place: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    def turn_normals(self, number: int, place: Array, normals: Array) -> Array:
         """Normals (n, 3) of a shape, by its number, in the world, of any length, each as at its ``place`` (n,).
 
         They turn by the cofactors of the matrix, which are its inverse transposed times its determinant. A cross
@@ -100,12 +102,12 @@ class World:
         return int(np.searchsorted(self.of, number))
 
     @cached_property
-    def _cofactors(self) -> np.ndarray:
+    def _cofactors(self) -> Array:
         rows = self.places[:, :3, :3]
         return np.cross(rows[:, [1, 2, 0]], rows[:, [2, 0, 1]])
 
     @cached_property
-    def _determinants(self) -> np.ndarray:
+    def _determinants(self) -> Array:
         return dot(self.places[:, 0, :3], self._cofactors[:, 0])
 
     def highest_m(self) -> float:
@@ -132,29 +134,29 @@ class Hits:
     ``u`` and ``v`` (n,). ``along`` (n,), float64, is the length of a ray in units of its direction's length.
     """
 
-    along: np.ndarray
-    place: np.ndarray
-    triangle: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
+    along: Array
+    place: Array
+    triangle: Array
+    u: Array
+    v: Array
 
     @property
-    def met(self) -> np.ndarray:
+    def met(self) -> Array:
         """Whether (n,) a ray meets anything."""
         return np.asarray(self.place >= 0)
 
 
-def cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def cross(one: Array, other: Array) -> Array:
     """Cross products (n, 3); numpy's own takes three times as long."""
     (a, b, c), (d, e, f) = one.T, other.T
     return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=1)
 
 
-def dot(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def dot(one: Array, other: Array) -> Array:
     """Dot products (n,) of vectors (n, 3)."""
     return np.asarray(np.einsum("ij,ij->i", one, other))
 
 
-def normalize(vectors: np.ndarray) -> np.ndarray:
+def normalize(vectors: Array) -> Array:
     """Unit vectors (n, 3); 0 stays 0."""
     return np.asarray(vectors / np.maximum(np.sqrt(dot(vectors, vectors)), np.finfo(float).tiny)[:, None])

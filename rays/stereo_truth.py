@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..support.arrays import Array
 from .shapes import World
 from .surface import Surface, Tracer, find_surface, intersect_opaque
 
@@ -28,10 +29,10 @@ class Eye:
     focal_px: float
     cx_px: float
     cy_px: float
-    axes: np.ndarray
-    position: np.ndarray
+    axes: Array
+    position: Array
 
-    def directions(self, pixels: np.ndarray) -> np.ndarray:
+    def directions(self, pixels: Array) -> Array:
         """Rays (n, 3) in the world through the centres of pixels (n,), counted along rows; one unit long ahead."""
         row, column = np.divmod(pixels, self.columns)
         own = np.stack(
@@ -44,7 +45,7 @@ class Eye:
         )
         return np.asarray(own @ self.axes.T)
 
-    def is_seen(self, right: np.ndarray, down: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+    def is_seen(self, right: Array, down: Array, ahead: Array) -> Array:
         """Whether (n,) points, in metres along the camera's axes, are in the image's frame."""
         with np.errstate(divide="ignore", invalid="ignore"):
             column, row = self.cx_px + self.focal_px * right / ahead, self.cy_px + self.focal_px * down / ahead
@@ -67,11 +68,11 @@ class EyeTruth:
     ``normal`` (…, 3) float32 of the facet; ``label`` uint8 and ``number`` int64, see ``rays.shapes``; and whether the
     point is ``hidden`` from the other eye although it is in that one's frame."""
 
-    depth_m: np.ndarray
-    normal: np.ndarray
-    label: np.ndarray
-    number: np.ndarray
-    hidden: np.ndarray
+    depth_m: Array
+    normal: Array
+    label: Array
+    number: Array
+    hidden: Array
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ def _trace_eye(stage: Stage, eye: Eye, other: Eye, baseline_m: float, near_m: fl
     return truth
 
 
-def squares(rows: int, columns: int) -> Iterator[np.ndarray]:
+def squares(rows: int, columns: int) -> Iterator[Array]:
     """Pixels, counted along rows, in parts: square by square, so that rays in a row meet about the same. Some come
     twice at the borders."""
     step = max(_TILE, _MOST_PIXELS // max(1, columns) // _TILE * _TILE)
@@ -130,7 +131,7 @@ def squares(rows: int, columns: int) -> Iterator[np.ndarray]:
         yield part.reshape(part.shape[0] // _TILE, _TILE, -1, _TILE).swapaxes(1, 2).reshape(-1)
 
 
-def _see(stage: Stage, origin: np.ndarray, direction: np.ndarray, near_m: float, far_m: float) -> Surface:
+def _see(stage: Stage, origin: Array, direction: Array, near_m: float, far_m: float) -> Surface:
     """The first surface that rays meet: the ground, else the sky."""
     seen = find_surface(
         stage.ground, stage.ground_tracer.intersect(origin, direction, near_m, far_m), origin, direction
@@ -149,8 +150,8 @@ def _see(stage: Stage, origin: np.ndarray, direction: np.ndarray, near_m: float,
 
 
 def _find_hidden(
-    tracer: Tracer, eye: Eye, other: Eye, direction: np.ndarray, depth_m: np.ndarray, baseline_m: float, near_m: float
-) -> np.ndarray:
+    tracer: Tracer, eye: Eye, other: Eye, direction: Array, depth_m: Array, baseline_m: float, near_m: float
+) -> Array:
     """Whether (n,) the other eye sees something nearer in front of a point, by at least ``NEARER_PX`` of disparity."""
     hidden = np.zeros(len(depth_m), bool)
     away = direction * np.where(np.isinf(depth_m), 0.0, depth_m)[:, None] + (eye.position - other.position)

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..support.arrays import Array
 from .shapes import Hits, World, dot, normalize
 
 #: From a surface that a ray passes to where it goes on, relative to the distance.
@@ -26,10 +27,10 @@ class Tracer(Protocol):
 
     name: str
 
-    def intersect(self, origin: np.ndarray, direction: np.ndarray, near: float, far: float) -> Hits:
+    def intersect(self, origin: Array, direction: Array, near: float, far: float) -> Hits:
         """First hits of rays (n, 3) from ``origin``, (3,) or (n, 3), at ``near`` to ``far`` times their direction."""
 
-    def is_blocked(self, origin: np.ndarray, direction: np.ndarray, near: float, far: np.ndarray) -> np.ndarray:
+    def is_blocked(self, origin: Array, direction: Array, near: float, far: Array) -> Array:
         """Whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction."""
 
     def place(self, world: World) -> None:
@@ -48,13 +49,13 @@ class Surface:
     triangle's and ``number`` (n,) int64 the place's. These three are 0 where a ray meets nothing.
     """
 
-    along: np.ndarray
-    normal: np.ndarray
-    label: np.ndarray
-    number: np.ndarray
+    along: Array
+    normal: Array
+    label: Array
+    number: Array
 
 
-def find_surface(world: World, hits: Hits, origin: np.ndarray, direction: np.ndarray) -> Surface:
+def find_surface(world: World, hits: Hits, origin: Array, direction: Array) -> Surface:
     """The surfaces that rays (n, 3) from ``origin``, (3,) or (n, 3), have met.
 
     Distances are found again from the planes of the triangles, to double precision; Embree's are good to 2.4e-7.
@@ -76,7 +77,7 @@ def find_surface(world: World, hits: Hits, origin: np.ndarray, direction: np.nda
     return found
 
 
-def find_shading_normals(world: World, hits: Hits, surface: Surface) -> np.ndarray:
+def find_shading_normals(world: World, hits: Hits, surface: Surface) -> Array:
     """The normals (n, 3) that the surface is shaded with where rays have met it, on the side of ``surface.normal``.
 
     Bump of a material is not in them.
@@ -94,13 +95,13 @@ def find_shading_normals(world: World, hits: Hits, surface: Surface) -> np.ndarr
     return found
 
 
-def _interpolate(values: np.ndarray, corners: np.ndarray, hits: Hits, rays: np.ndarray) -> np.ndarray:
+def _interpolate(values: Array, corners: Array, hits: Hits, rays: Array) -> Array:
     """Values (k, …) where rays meet triangles, interpolated between the corners (k, 3)."""
     u, v = (each[rays].reshape(-1, *[1] * (values.ndim - 1)) for each in (hits.u, hits.v))
     return np.asarray((1 - u - v) * values[corners[:, 0]] + u * values[corners[:, 1]] + v * values[corners[:, 2]])
 
 
-def _by_shape(world: World, hits: Hits) -> Iterator[tuple[int, np.ndarray]]:
+def _by_shape(world: World, hits: Hits) -> Iterator[tuple[int, Array]]:
     """The number of each shape that is met, and the rays that meet it."""
     rays = np.flatnonzero(hits.met)
     if not len(rays):
@@ -111,9 +112,7 @@ def _by_shape(world: World, hits: Hits) -> Iterator[tuple[int, np.ndarray]]:
     yield from zip(of[order[starts]].tolist(), np.split(rays[order], starts[1:]), strict=True)
 
 
-def intersect_opaque(
-    tracer: Tracer, world: World, origin: np.ndarray, direction: np.ndarray, near: float, far: float
-) -> Hits:
+def intersect_opaque(tracer: Tracer, world: World, origin: Array, direction: Array, near: float, far: float) -> Hits:
     """The first hits of rays (n, 3) that let at most half of the light pass; see ``Tracer.intersect``."""
     hits = tracer.intersect(origin, direction, near, far)
     if all(each.shape.passing is None for each in world.placed):
@@ -133,7 +132,7 @@ def intersect_opaque(
     return hits
 
 
-def _passes(world: World, hits: Hits) -> np.ndarray:
+def _passes(world: World, hits: Hits) -> Array:
     """Whether (n,) rays meet something that lets them pass."""
     found = np.zeros(len(hits.place), bool)
     for number, rays in _by_shape(world, hits):

@@ -32,6 +32,7 @@ from ..physics.rig.seen_points import find_seen_facets, sides_passed
 from ..physics.scene_requirements import why_not_baked
 from ..settings import changes
 from ..settings.topics.scene import Settings
+from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from ..support.labels import BAKED_ATTRIBUTES, BAKED_ERROR_ATTRIBUTES, NOT_BAKED
@@ -161,7 +162,7 @@ def _find_or_bake(
     shared: SharedLight,
     group: str,
     dark: list[bpy.types.Object],
-    seen: np.ndarray | None,
+    seen: Array | None,
 ) -> tuple[KeptLight, float]:
     """A light group's baked light, and processor seconds that it took just now."""
     rocks = built.rocks
@@ -188,7 +189,7 @@ def _why_unsuitable(built: Built) -> str:
     return f"facets of the ground have more than {most} corners" if totals.max(initial=0) > most else ""
 
 
-def find_seen(built: Built, planned: PlannedPair) -> np.ndarray:
+def find_seen(built: Built, planned: PlannedPair) -> Array:
     """Which facets of the ground the cameras of a pair may see, bool (facets,)."""
     mesh, camera = built.terrain.data, built.camera
     with turn_about_eye(camera, planned.turn_deg):
@@ -198,7 +199,7 @@ def find_seen(built: Built, planned: PlannedPair) -> np.ndarray:
     return find_seen_facets(sides_passed(planned.settings.rig, right, -up, -back), starts, corners)
 
 
-def _vertices_of(mesh: bpy.types.Mesh, facets: np.ndarray) -> np.ndarray:
+def _vertices_of(mesh: bpy.types.Mesh, facets: Array) -> Array:
     """Which vertices are corners of some facets, bool (vertices,)."""
     _, counts, corners, _ = texel_bakes.read_facets(mesh)
     found = np.zeros(len(mesh.vertices), bool)
@@ -206,7 +207,7 @@ def _vertices_of(mesh: bpy.types.Mesh, facets: np.ndarray) -> np.ndarray:
     return found
 
 
-def key_of(built: Built, settings: Settings, group: str = "Sun", seen: np.ndarray | None = None) -> str:
+def key_of(built: Built, settings: Settings, group: str = "Sun", seen: Array | None = None) -> str:
     """What baked light depends on, as 12 hexadecimal digits: ground, surface, lights, bounces, seed and samples, the
     light group, and the facets that are ``seen`` if not all are to be baked.
 
@@ -237,7 +238,7 @@ def bake(
     group: str = "Sun",
     dark: Sequence[bpy.types.Object] = (),
     rocks: bpy.types.Object | None = None,
-    seen: np.ndarray | None = None,
+    seen: Array | None = None,
 ) -> BakedLight:
     """Bake the indirect light of a ground and its ``rocks`` by a light group, while the lamps of others are ``dark``,
     see ``BakedLight``.
@@ -261,7 +262,7 @@ def bake(
     with _hidden(dark), _open_bake(terrain, scene, settings, lit) as (found, bake_texels):
         covered = _covered(bake_texels, int(seeds[4])) if rocks is not None else None
 
-        def run(kind: str, samples: int, seed: int) -> np.ndarray:
+        def run(kind: str, samples: int, seed: int) -> Array:
             texels = bake_texels(kind, samples, seed)
             if covered is None:
                 return baked_texels.gather(found, texels, len(mesh.vertices))[lit]
@@ -317,7 +318,7 @@ def _hidden(lamps: Sequence[bpy.types.Object]) -> Iterator[None]:
             lamp.hide_render = hidden
 
 
-def _covered(bake_texels: Callable[[str, int, int], np.ndarray], seed: int) -> np.ndarray:
+def _covered(bake_texels: Callable[[str, int, int], Array], seed: int) -> Array:
     """Whether texels (n,) of the ground are within rocks: from there no ray gets away."""
     return bake_texels("AO", _OPEN, seed)[:, :3].max(axis=1) <= 0
 
@@ -329,7 +330,7 @@ def _bake_rocks(
     settings: Settings,
     group: str,
     samples: int,
-) -> np.ndarray:
+) -> Array:
     """The numbers (rocks, terms, 3) of the indirect light on rocks."""
     random = generator(int(settings.dataset.seed), "bake", 2, *_OTHERS[group])
     points = baked_rocks.draw_points(rocks, random)
@@ -344,8 +345,8 @@ def _bake_rocks(
 
 @contextmanager
 def _open_bake(
-    item: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, lit: np.ndarray
-) -> Iterator[tuple[baked_texels.Texels, Callable[[str, int, int], np.ndarray]]]:
+    item: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, lit: Array
+) -> Iterator[tuple[baked_texels.Texels, Callable[[str, int, int], Array]]]:
     """The texels of an object around the vertices that are to be ``lit``, and a function of kind, samples and seed that
     bakes light over pi to them (n, 4), while the object has no fine relief."""
     mesh = item.data
@@ -356,7 +357,7 @@ def _open_bake(
             _smooth(material.node_tree, undo)
             texel_bakes.aim(material.node_tree, image, undo)
 
-        def run(kind: str, samples: int, seed: int) -> np.ndarray:
+        def run(kind: str, samples: int, seed: int) -> Array:
             quality = settings.quality | {"samples": samples, "denoiser": "NONE", "noise_threshold": 0.0}
             cycles_settings.apply(scene, quality, seed)
             scene.render.use_persistent_data = scene.render.use_multiview = False
@@ -366,7 +367,7 @@ def _open_bake(
         yield found, run
 
 
-def _triangles(mesh: bpy.types.Mesh, seen: np.ndarray | None) -> np.ndarray:
+def _triangles(mesh: bpy.types.Mesh, seen: Array | None) -> Array:
     """Vertices of the triangles that a mesh, or facets of it that are ``seen``, is rendered as, (n, 3)."""
     loops, facets = read_triangles(mesh)
     return read_corners(mesh)[loops if seen is None else loops[seen[facets]]]
@@ -386,7 +387,7 @@ def _run_bake(scene: bpy.types.Scene, item: bpy.types.Object, kind: str) -> None
         raise IcyMoonError(f"Cycles could not bake the light of the ground{why}; set quality.indirect to TRACED.")
 
 
-def _show(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
+def _show(mesh: bpy.types.Mesh, name: str, values: Array) -> None:
     """Let the vertices of a mesh carry vectors (n, 3) or numbers (n,) of a name, unless they do; a change makes Cycles
     build its tree again."""
     there = mesh.attributes.get(name)

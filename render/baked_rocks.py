@@ -18,6 +18,7 @@ from ..nodes.ground.terrain_mesh import build_mesh_from_arrays
 from ..physics.light import baked_rocks
 from ..physics.light.baked_rocks import Points
 from ..physics.rocks.rocks import LEVEL_RANKS, euler_matrices
+from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.labels import BAKED_ATTRIBUTES
 from .mesh_arrays import read_corners, read_vertices
@@ -53,7 +54,7 @@ def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> Points:
     )
 
 
-def above_ground(points: Points, terrain: bpy.types.Object) -> np.ndarray:
+def above_ground(points: Points, terrain: bpy.types.Object) -> Array:
     """Whether points (n,) are over the ground, or beside it."""
     middle = points.corners.mean(axis=1)
     with probe_heights(terrain) as heights:
@@ -84,7 +85,7 @@ def stand_for(points: Points, scene: bpy.types.Scene) -> Iterator[bpy.types.Obje
         bpy.data.materials.remove(material)
 
 
-def show(rocks: bpy.types.Object, group: str, numbers: np.ndarray) -> None:
+def show(rocks: bpy.types.Object, group: str, numbers: Array) -> None:
     """Let rocks carry the numbers (rocks, terms, 3) of a light group, unless they do."""
     mesh, changed = rocks.data, False
     for term in range(baked_rocks.TERMS):
@@ -100,13 +101,13 @@ def show(rocks: bpy.types.Object, group: str, numbers: np.ndarray) -> None:
         mesh.update()
 
 
-def _read(mesh: bpy.types.Mesh, name: str, kind: type, width: int) -> np.ndarray:
+def _read(mesh: bpy.types.Mesh, name: str, kind: type, width: int) -> Array:
     """An attribute of points, (n, width)."""
-    found: np.ndarray = np.empty(len(mesh.vertices) * width, kind)
+    found: Array = np.empty(len(mesh.vertices) * width, kind)
     mesh.attributes[name].data.foreach_get("vector" if width == 3 else "value", found)
     return found.reshape(-1, width)
 
 
-def _arrays(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+def _arrays(mesh: bpy.types.Mesh) -> tuple[Array, Array]:
     """Vertices (n, 3) and triangles (m, 3) of a shape."""
     return read_vertices(mesh).astype(np.float64), read_corners(mesh).reshape(-1, 3)

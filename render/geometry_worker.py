@@ -28,6 +28,7 @@ from ..physics.scene_requirements import surface_topics
 from ..physics.surfaces import principled
 from ..settings.description import digest, merged
 from ..settings.topics.scene import Settings
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_json
 from ..support.labels import PLANET, SEMANTIC
@@ -42,7 +43,7 @@ from .worker import pairs_of_job, run_to_exit
 from .workers.job import read_job
 
 #: Positions and normals (n, 3) and triangles (m, 3) of a mesh.
-Triangles = tuple[np.ndarray, np.ndarray, np.ndarray]
+Triangles = tuple[Array, Array, Array]
 _NO_MEMORY = "There is not enough memory to write the geometry; close other programs, or make the ground coarser."
 
 
@@ -77,7 +78,7 @@ class _Found:
     kind: str
     vertices: int
     triangles: int
-    places: list[np.ndarray]
+    places: list[Array]
 
 
 def _instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:

@@ -26,6 +26,7 @@ from ..rays.shapes import World
 from ..rays.stereo_truth import squares
 from ..rays.surface import Tracer, find_surface
 from ..support import system
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import ALBEDO_AOV, ROCK, SKY_DEPTH_M, TERRAIN, TRUTH
@@ -51,9 +52,9 @@ class GroundMap:
     """
 
     extent: Extent
-    ground_m: np.ndarray
-    surface_m: np.ndarray
-    albedo: np.ndarray
+    ground_m: Array
+    surface_m: Array
+    albedo: Array
 
 
 def extent_of(built: Built, cell_m: float | None) -> Extent:
@@ -81,7 +82,7 @@ def extent_of(built: Built, cell_m: float | None) -> Extent:
     return Extent(float(cell), rows, columns, float(middle_x - columns * cell / 2), float(middle_y + rows * cell / 2))
 
 
-def make_heights(rays: RaysOfScene, extent: Extent) -> np.ndarray:
+def make_heights(rays: RaysOfScene, extent: Extent) -> Array:
     """Heights, float32 (2, rows, columns), of the ground with rocks and of the ground alone, in the site's frame.
 
     A height is the median of the heights at 3 x 3 places of its cell, as matchers' points are gridded by medians. Other
@@ -95,7 +96,7 @@ def make_heights(rays: RaysOfScene, extent: Extent) -> np.ndarray:
     return np.stack(made).astype(np.float32)
 
 
-def _find_heights(world: World, tracer: Tracer, extent: Extent) -> np.ndarray:
+def _find_heights(world: World, tracer: Tracer, extent: Extent) -> Array:
     """Heights (rows, columns) of the highest of a world at the centres of cells, NaN where there is nothing."""
     top_m = world.highest_m() + _ABOVE_M
     heights = np.full(extent.rows * extent.columns, np.nan)
@@ -115,7 +116,7 @@ def _find_heights(world: World, tracer: Tracer, extent: Extent) -> np.ndarray:
     return heights.reshape(extent.rows, extent.columns)
 
 
-def _cell_medians(height_m: np.ndarray) -> np.ndarray:
+def _cell_medians(height_m: Array) -> Array:
     """The medians of squares of ``PLACES`` rows and columns, NaN where a part is not known."""
     rows, columns = (count // PLACES for count in height_m.shape)
     squares = height_m.reshape(rows, PLACES, columns, PLACES).swapaxes(1, 2)
@@ -238,7 +239,7 @@ def _look_down(scene: bpy.types.Scene, extent: Extent, top_m: float) -> Iterator
         render.use_multiview = True
 
 
-def _render(scene: bpy.types.Scene, stem: Path) -> dict[str, np.ndarray]:
+def _render(scene: bpy.types.Scene, stem: Path) -> dict[str, Array]:
     """The channels, (rows, columns), of a render of one sample at the centres of cells."""
     stem.parent.mkdir(parents=True, exist_ok=True)
     passes.choose_layer(scene, TRUTH, stem, "FULL")
@@ -259,7 +260,7 @@ def _render(scene: bpy.types.Scene, stem: Path) -> dict[str, np.ndarray]:
         system.remove(file)
 
 
-def _pass(channels: dict[str, np.ndarray], *names: str) -> list[np.ndarray]:
+def _pass(channels: dict[str, Array], *names: str) -> list[Array]:
     """The channels of a pass, which has another name in each version, in the order R, G, B, or the only one."""
     found = {key: values for key, values in channels.items() if key.split(".")[-2] in names}
     if not found:
@@ -268,6 +269,6 @@ def _pass(channels: dict[str, np.ndarray], *names: str) -> list[np.ndarray]:
     return [components[key] for key in "RGB"] if "R" in components else list(components.values())
 
 
-def _heights(channels: dict[str, np.ndarray], top_m: float) -> np.ndarray:
+def _heights(channels: dict[str, Array], top_m: float) -> Array:
     depth = _pass(channels, "Depth")[0].astype(np.float64)
     return np.where((depth > 0) & (depth < SKY_DEPTH_M), top_m - depth, np.nan).astype(np.float32)

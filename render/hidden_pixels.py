@@ -11,6 +11,7 @@ from ..formats.exr_parts import assemble, read_pieces, strip_passing
 from ..formats.exr_pixels import Pixels
 from ..physics.camera.hidden_points import find_hidden
 from ..physics.camera.stereo_camera import StereoCamera
+from ..support.arrays import Array
 from ..support.labels import HIDDEN, SKY_DEPTH_M, TRUTH
 from .pairs.pair_folder import EYES
 
@@ -18,7 +19,7 @@ from .pairs.pair_folder import EYES
 STEPS_PX = (0.25, 0.5, 0.75)
 
 
-def add_hidden(truth: Mapping[str, Path], between: Mapping[str, Sequence[np.ndarray]], camera: StereoCamera) -> None:
+def add_hidden(truth: Mapping[str, Path], between: Mapping[str, Sequence[Array]], camera: StereoCamera) -> None:
     """Write the pass ``HIDDEN`` into the files of the truth, by eye: 1 where the point is hidden from the other.
 
     ``between`` are the disparities, by eye, in frames that are each of STEPS_PX to the right. Raises ValueError,
@@ -34,12 +35,12 @@ def add_hidden(truth: Mapping[str, Path], between: Mapping[str, Sequence[np.ndar
         truth[eye].write_bytes(assemble([*pieces, hidden_piece]))
 
 
-def read_disparity(data: bytes, camera: StereoCamera) -> np.ndarray:
+def read_disparity(data: bytes, camera: StereoCamera) -> Array:
     """Disparity (H, W), px, of the depth in an EXR file, NaN for sky. Raises what ``add_hidden`` does."""
     return camera.disparity(read_depth(data))
 
 
-def read_depth(data: bytes) -> np.ndarray:
+def read_depth(data: bytes) -> Array:
     """Depth (H, W) in metres in an EXR file, NaN for sky. Raises what ``add_hidden`` does."""
     for piece in read_pieces(data):
         pixels = Pixels(piece)

@@ -17,6 +17,7 @@ from ..physics.arm.lander_arm import joint_facts
 from ..physics.arm.lander_solids import BODY, HEAD
 from ..physics.camera.stereo_camera import StereoCamera
 from ..settings.topics.scene import Settings
+from ..support.arrays import Array
 from .hidden_pixels import read_depth
 from .pairs.pair_folder import EYES, TRUTH_FILE
 
@@ -25,7 +26,7 @@ from .pairs.pair_folder import EYES, TRUTH_FILE
 _ROUNDING = 2e-5
 
 
-def lander_json(built: Built, settings: Settings, poses: Mapping[str, np.ndarray], folder: Path) -> dict[str, Any]:
+def lander_json(built: Built, settings: Settings, poses: Mapping[str, Array], folder: Path) -> dict[str, Any]:
     """The part "lander" of ``pair.json``, or nothing if there is no lander.
 
     ``poses`` are the camera-to-world matrices of the rectified eyes, ``folder`` has the pair's images. Lengths are
@@ -70,7 +71,7 @@ def lander_json(built: Built, settings: Settings, poses: Mapping[str, np.ndarray
     }
 
 
-def _without_margins(values: np.ndarray, camera: StereoCamera) -> np.ndarray:
+def _without_margins(values: Array, camera: StereoCamera) -> Array:
     """An image of the size of the final ones, of one that was rendered with margins."""
     x, y = camera.margin_x_px, camera.margin_y_px
     return values[y : y + camera.height_px, x : x + camera.width_px]
@@ -81,7 +82,7 @@ def _truth_file(folder: Path, eye: str) -> Path:
     return apart if apart.exists() else folder / f"{eye}.exr"
 
 
-def _real_poses(objects: Mapping[str, Any], settings: Settings, site_m: float) -> dict[str, np.ndarray]:
+def _real_poses(objects: Mapping[str, Any], settings: Settings, site_m: float) -> dict[str, Array]:
     """Poses of the links: in double precision from the settings, unless the user has moved the object."""
     found, keys = {}, names_of_links(settings)
     for link, pose in link_poses(settings, site_m).items():

@@ -7,6 +7,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from ..support.arrays import Array
+
 
 def is_rendered(found: bpy.types.DepsgraphObjectInstance) -> bool:
     """Whether renders show an instance of an evaluated scene: neither its object nor its instancer is hidden."""
@@ -14,21 +16,21 @@ def is_rendered(found: bpy.types.DepsgraphObjectInstance) -> bool:
     return bool(found.show_self) and not any(item.original.hide_render for item in shown)
 
 
-def read_vertices(mesh: bpy.types.Mesh) -> np.ndarray:
+def read_vertices(mesh: bpy.types.Mesh) -> Array:
     """The vertices (n, 3) float32 of a mesh."""
     vertices = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.attributes["position"].data.foreach_get("vector", vertices)
     return vertices.reshape(-1, 3)
 
 
-def read_corners(mesh: bpy.types.Mesh) -> np.ndarray:
+def read_corners(mesh: bpy.types.Mesh) -> Array:
     """The vertex (k,) int32 of each corner of a facet of a mesh."""
     corners = np.empty(len(mesh.loops), np.int32)
     mesh.attributes[".corner_vert"].data.foreach_get("value", corners)
     return corners
 
 
-def read_triangles(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+def read_triangles(mesh: bpy.types.Mesh) -> tuple[Array, Array]:
     """Corners (m, 3) of the triangles that a mesh is rendered as, and the facet (m,) of each."""
     mesh.calc_loop_triangles()
     loops, facets = np.empty(3 * len(mesh.loop_triangles), np.int32), np.empty(len(mesh.loop_triangles), np.int32)
@@ -37,19 +39,19 @@ def read_triangles(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
     return loops.reshape(-1, 3), facets
 
 
-def read_smooth(mesh: bpy.types.Mesh) -> np.ndarray:
+def read_smooth(mesh: bpy.types.Mesh) -> Array:
     """Whether (n,) the facets of a mesh are shaded smoothly."""
     return ~_read_facets(mesh, "sharp_face", bool)
 
 
-def read_slots(mesh: bpy.types.Mesh) -> np.ndarray:
+def read_slots(mesh: bpy.types.Mesh) -> Array:
     """The number (n,) int32 of the material of each facet of a mesh."""
     return _read_facets(mesh, "material_index", np.int32)
 
 
-def _read_facets(mesh: bpy.types.Mesh, name: str, kind: type) -> np.ndarray:
+def _read_facets(mesh: bpy.types.Mesh, name: str, kind: type) -> Array:
     """The values (n,) of an attribute of facets, 0 without it."""
-    values: np.ndarray = np.zeros(len(mesh.polygons), kind)
+    values: Array = np.zeros(len(mesh.polygons), kind)
     attribute = mesh.attributes.get(name)
     if attribute is not None:
         attribute.data.foreach_get("value", values)

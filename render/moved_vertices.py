@@ -24,6 +24,7 @@ from mathutils import Matrix
 from ..nodes.ground.terrain_mesh import SPACING, build_mesh_from_arrays
 from ..nodes.tree.evaluate_field import NotTranslatable, evaluate_field, read_numbers
 from ..physics.light import baked_texels
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from . import texel_bakes
 from .mesh_arrays import read_corners, read_smooth, read_triangles, read_vertices
@@ -56,7 +57,7 @@ def is_moved(mesh: bpy.types.Mesh) -> bool:
 
 @contextmanager
 def as_rendered(
-    mesh: bpy.types.Mesh, place: np.ndarray, threads: int = 0, still_m: float = math.inf
+    mesh: bpy.types.Mesh, place: Array, threads: int = 0, still_m: float = math.inf
 ) -> Iterator[bpy.types.Mesh]:
     """A mesh of triangles like ``mesh``, with its vertices where Cycles moves them, while the context is open.
 
@@ -76,8 +77,8 @@ def as_rendered(
 
 
 def move_corners(
-    mesh: bpy.types.Mesh, place: np.ndarray, threads: int = 0, still_m: float = math.inf
-) -> tuple[np.ndarray, np.ndarray]:
+    mesh: bpy.types.Mesh, place: Array, threads: int = 0, still_m: float = math.inf
+) -> tuple[Array, Array]:
     """Positions (n, 3) float32, in the coordinates of a mesh, where Cycles moves its vertices, and of each corner of a
     facet which of them it is. See ``as_rendered``."""
     groups, vertex, normals = _group_corners(mesh)
@@ -89,7 +90,7 @@ def move_corners(
     return (vertices[vertex] + shift).astype(np.float32), groups
 
 
-def _find_heights(mesh: bpy.types.Mesh, vertices: np.ndarray, place: np.ndarray, still_m: float) -> np.ndarray | None:
+def _find_heights(mesh: bpy.types.Mesh, vertices: Array, place: Array, still_m: float) -> Array | None:
     """By how much (n,) the material of a mesh moves its vertices (n, 3); None if geometry nodes cannot tell."""
     if len(mesh.materials) != 1:
         return None
@@ -119,7 +120,7 @@ def _find_heights(mesh: bpy.types.Mesh, vertices: np.ndarray, place: np.ndarray,
     return height
 
 
-def _group_corners(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _group_corners(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array]:
     """For each corner, the group of corners that move together; for each group, its vertex, and the normal (3) that it
     moves along.
 
@@ -145,7 +146,7 @@ def _group_corners(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.nda
     return groups.reshape(-1), corners[first], normals[first]
 
 
-def _find_shifts(mesh: bpy.types.Mesh, place: np.ndarray, groups: np.ndarray, many: int, threads: int) -> np.ndarray:
+def _find_shifts(mesh: bpy.types.Mesh, place: Array, groups: Array, many: int, threads: int) -> Array:
     """The shifts (many, 3), in the world, of the ``groups`` of corners of a mesh that move together."""
     starts, counts, corners, areas = texel_bakes.read_facets(mesh)
     at_rest = read_vertices(mesh) @ place[:3, :3].T + place[:3, 3]
@@ -177,7 +178,7 @@ def _find_shifts(mesh: bpy.types.Mesh, place: np.ndarray, groups: np.ndarray, ma
     return np.asarray(total / np.where(weights > 0, weights, 1.0)[:, None])
 
 
-def _find_diagonals(mesh: bpy.types.Mesh, starts: np.ndarray) -> np.ndarray:
+def _find_diagonals(mesh: bpy.types.Mesh, starts: Array) -> Array:
     """Whether facets of four corners are rendered as triangles 0 1 3 and 1 2 3, not as 0 1 2 and 0 2 3."""
     loops, facets = read_triangles(mesh)
     first = np.zeros(len(starts), np.int64)
@@ -185,9 +186,7 @@ def _find_diagonals(mesh: bpy.types.Mesh, starts: np.ndarray) -> np.ndarray:
     return np.asarray((loops[first] - starts[:, None] == 3).any(axis=1))
 
 
-def solve(
-    corners: np.ndarray, rest: np.ndarray, shift: np.ndarray, across: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def solve(corners: Array, rest: Array, shift: Array, across: Array) -> tuple[Array, Array]:
     """Shifts (n, k, 3) of the corners (n, k, 3) of facets with k = 3 or 4 corners, from places ``rest`` (n, k, 3) on
     them, before they were moved, and the ``shift`` (n, k, 3) there; and whether (n,) the places determine them.
 
@@ -210,7 +209,7 @@ def solve(
     return np.linalg.solve(weights, shift), sure
 
 
-def _barycentric(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _barycentric(triangles: Array, points: Array) -> Array:
     """Barycentric coordinates (n, k, 3) of points (n, k, 3) near triangles (n, 3, 3); 0 for triangles without area."""
     sides = triangles[:, 1:] - triangles[:, :1]
     products = sides @ sides.swapaxes(1, 2)
@@ -222,9 +221,7 @@ def _barycentric(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.stack([1.0 - second - third, second, third], axis=-1)
 
 
-def _bake(
-    mesh: bpy.types.Mesh, place: np.ndarray, found: baked_texels.Texels, threads: int
-) -> tuple[np.ndarray, np.ndarray]:
+def _bake(mesh: bpy.types.Mesh, place: Array, found: baked_texels.Texels, threads: int) -> tuple[Array, Array]:
     """Positions at texels (n, 4) in the world, of a mesh at rest and of the moved one."""
     baked = []
     with ExitStack() as undo:

@@ -20,6 +20,7 @@ from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.light.sky import compare_lights
 from ..physics.scene_requirements import find_left_out, traced_sentence
 from ..settings.topics.scene import Settings
+from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
 from ..support.system import peak_memory_mib
@@ -43,7 +44,7 @@ def light_json(built: Built, source: str) -> dict[str, Any]:
     return facts
 
 
-def _eye_pose(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+def _eye_pose(pose: Array, rotation: Array) -> Array:
     """The camera-to-world matrix (4, 4) of an eye of the parallel rig that is turned by ``rotation`` (3, 3)."""
     turned = pose.copy()
     turned[:3, :3] = pose[:3, :3] @ rotation.T
@@ -92,7 +93,7 @@ def _left_out(built: Built, settings: Settings, indirect: dict[str, Any] | None)
 def pair_json(
     built: Built,
     planned: PlannedPair,
-    poses: dict[str, np.ndarray],
+    poses: dict[str, Array],
     light: dict[str, Any],
     files: dict[str, Any],
     seconds: dict[str, float],

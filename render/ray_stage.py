@@ -21,6 +21,7 @@ from ..rays.engine import open_tracer
 from ..rays.shapes import Placed, Shape, World
 from ..rays.stereo_truth import Stage
 from ..rays.surface import Tracer
+from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.labels import INSTANCE_ATTRIBUTE
 from .mesh_arrays import is_rendered, read_corners, read_slots, read_smooth, read_triangles, read_vertices
@@ -43,7 +44,7 @@ class _Part:
     """A mesh with the labels of its materials, where it stands and the numbers of these places."""
 
     shape: Shape | None
-    places: list[np.ndarray]
+    places: list[Array]
     numbers: list[int]
     role: str
 
@@ -182,7 +183,7 @@ def _find(scene: bpy.types.Scene, read: bool) -> _Found:
     the objects that are evaluated here.
     """
     made = _Found()
-    points: dict[str, np.ndarray] = {}
+    points: dict[str, Array] = {}
     for item, found in _instances(scene):
         try:
             _check(item)
@@ -225,7 +226,7 @@ def _check(item: bpy.types.Object) -> None:
             raise CannotTrace(f"the object {own.name} may let rays pass")
 
 
-def _number(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance, points: dict[str, np.ndarray]) -> int:
+def _number(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance, points: dict[str, Array]) -> int:
     """The label of an instance: its point's label for a rock, its pass index otherwise. Raises CannotTrace."""
     parent = found.parent.original if found.is_instance and found.parent is not None else None
     if parent is None or INSTANCE_ATTRIBUTE not in getattr(parent.data, "attributes", ()):
@@ -241,7 +242,7 @@ def _number(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance, po
     return int(points[parent.name_full][index])
 
 
-def _label_triangles(mesh: bpy.types.Mesh, labels: Sequence[int], facets: np.ndarray) -> np.ndarray:
+def _label_triangles(mesh: bpy.types.Mesh, labels: Sequence[int], facets: Array) -> Array:
     """The labels (m,) uint8 of triangles that belong to ``facets`` (m,)."""
     return np.asarray(labels, np.uint8)[np.clip(read_slots(mesh), 0, len(labels) - 1)[facets]]
 
@@ -259,7 +260,7 @@ def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
     )  # of rings
 
 
-def _read_moved(mesh: bpy.types.Mesh, labels: Sequence[int], place: np.ndarray, still_m: float) -> Shape:
+def _read_moved(mesh: bpy.types.Mesh, labels: Sequence[int], place: Array, still_m: float) -> Shape:
     """The triangles of a mesh whose vertices are moved by its material, the first time at ``place`` (4, 4)."""
     vertices, groups = move_corners(mesh, place, still_m=still_m)
     loops, facets = read_triangles(mesh)

@@ -13,6 +13,7 @@ from ..formats.exr_parts import assemble
 from ..formats.exr_pixels import encode_part
 from ..physics.camera.stereo_camera import StereoCamera
 from ..rays.stereo_truth import Eye, EyeTruth, Stage, trace_eyes
+from ..support.arrays import Array
 from ..support.files import explain_disk_errors
 from ..support.labels import FIRST_ROCK_INSTANCE, HIDDEN, INSTANCE_AOV, NORMAL_AOV, SKY_DEPTH_M, TRUTH
 from .pairs.pair_folder import EYES
@@ -22,7 +23,7 @@ def trace_truth(
     stage: Stage,
     stem: Path,
     camera: StereoCamera,
-    poses: Mapping[str, np.ndarray],
+    poses: Mapping[str, Array],
     clip_m: tuple[float, float],
     toed: bool,
     wanted: str,
@@ -59,7 +60,7 @@ def trace_beside(
     stage: Stage | None,
     wanted_files: Mapping[int, tuple[Path, bool]],
     camera: StereoCamera,
-    poses: Mapping[str, np.ndarray],
+    poses: Mapping[str, Array],
     clip_m: tuple[float, float],
     wanted: str,
     rounded: Collection[str],

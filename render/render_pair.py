@@ -32,6 +32,7 @@ from ..settings.topics.lander import WorkspaceSettings
 from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support import system
+from ..support.arrays import Array
 from ..support.errors import DiskError, IcyMoonError
 from ..support.files import explain_disk_errors, part_of, sha256, write_json
 from ..support.foreign_bytes import OverBudgetError
@@ -415,7 +416,7 @@ def _render_truth(
     """Render truth into separate files, by eye. For parallel eyes full truth includes the pixels that are hidden from
     the other eye."""
     files = passes.choose_layer(scene, TRUTH, stem, planned.settings.quality.truth)
-    between: dict[str, list[np.ndarray]] = {eye: [] for eye in files}
+    between: dict[str, list[Array]] = {eye: [] for eye in files}
     with separate_lights.disable_osl(scene), unlit.switch_lights_off(scene):
         _run_cycles(scene, files, planned)
         if toed or not _is_full(planned):

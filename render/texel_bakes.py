@@ -9,18 +9,19 @@ import bpy
 import numpy as np
 
 from ..physics.light import baked_texels
+from ..support.arrays import Array
 from ..support.labels import BAKED_ATTRIBUTES
 from .mesh_arrays import read_corners
 
 
-def lay_out(mesh: bpy.types.Mesh, lit: np.ndarray) -> baked_texels.Texels:
+def lay_out(mesh: bpy.types.Mesh, lit: Array) -> baked_texels.Texels:
     """The texels of the facets around the vertices of a mesh that are to be ``lit``."""
     starts, counts, corners, areas = read_facets(mesh)
     wanted = np.logical_or.reduceat(lit[corners], starts) if len(starts) else np.zeros(0, bool)
     return baked_texels.lay_out(starts, counts, corners, areas, wanted)
 
 
-def read_facets(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def read_facets(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array, Array]:
     """Of each facet its first corner, number of corners and, last, its area in m²; of each corner its vertex."""
     count = len(mesh.polygons)
     starts, corners, areas = np.empty(count, np.int32), read_corners(mesh), np.empty(count, np.float32)
@@ -55,7 +56,7 @@ def aim(tree: bpy.types.NodeTree, image: bpy.types.Image, undo: ExitStack) -> No
     tree.nodes.active = node
 
 
-def read_texels(image: bpy.types.Image) -> np.ndarray:
+def read_texels(image: bpy.types.Image) -> Array:
     """The texels (n, 4) of an image; the last number is 0 where nothing was baked."""
     texels = np.empty(4 * image.size[0] * image.size[1], np.float32)
     image.pixels.foreach_get(texels)

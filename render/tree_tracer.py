@@ -6,6 +6,7 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from ..rays.shapes import Hits, World, cross, dot, normalize
+from ..support.arrays import Array
 
 #: Rays in a row that are tested together for the spheres they may meet. They start at one point, or each is alone.
 _TOGETHER = 16
@@ -56,19 +57,19 @@ class TreeTracer:
         """Free the trees."""
         self._trees = []
 
-    def intersect(self, origin: np.ndarray, direction: np.ndarray, near: float, far: float) -> Hits:
+    def intersect(self, origin: Array, direction: Array, near: float, far: float) -> Hits:
         """What rays (n, 3) meet first from ``near`` to ``far`` times their direction. ``origin`` is (3,) or (n, 3).
 
         It is fastest if sixteen rays in a row go about the same way. Distances are of single precision.
         """
         return self._trace(origin, direction, near, np.full(len(direction), far))
 
-    def is_blocked(self, origin: np.ndarray, direction: np.ndarray, near: float, far: np.ndarray) -> np.ndarray:
+    def is_blocked(self, origin: Array, direction: Array, near: float, far: Array) -> Array:
         """Whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction; a ray that ends
         before it begins meets nothing."""
         return self._trace(origin, direction, near, np.asarray(far, float)).met
 
-    def _trace(self, origin: np.ndarray, direction: np.ndarray, near: float, far: np.ndarray) -> Hits:
+    def _trace(self, origin: Array, direction: Array, near: float, far: Array) -> Hits:
         count = len(direction)
         hits = Hits(
             np.full(count, np.inf),
@@ -96,13 +97,13 @@ class TreeTracer:
     def _meet(
         self,
         hits: Hits,
-        origin: np.ndarray,
-        direction: np.ndarray,
+        origin: Array,
+        direction: Array,
         near: float,
-        far: np.ndarray,
-        ray: np.ndarray,
-        place: np.ndarray,
-        asked: np.ndarray,
+        far: Array,
+        ray: Array,
+        place: Array,
+        asked: Array,
     ) -> None:
         """Note what rays (k,) meet at places (k,) before ``far`` (k,), for those that are ``asked``."""
         asked &= far > near
@@ -134,7 +135,7 @@ class TreeTracer:
             hits.u[found], hits.v[found] = _find_in_triangle(corners, own[rays], toward[rays])
 
 
-def _enters(boxes: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def _enters(boxes: Array, origin: Array, direction: Array) -> Array:
     """Whether (n,) rays (n, 3) enter boxes (n, 2, 3), which are taken as a little greater than they are."""
     low, high = boxes[:, 0], boxes[:, 1]
     spare = _SPARE * (high - low).max(axis=1, keepdims=True)
@@ -144,7 +145,7 @@ def _enters(boxes: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> np.
     return np.asarray(np.maximum(into, 0.0) <= out)
 
 
-def _find_in_triangle(corners: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _find_in_triangle(corners: Array, origin: Array, direction: Array) -> tuple[Array, Array]:
     """Where in triangles (n, 3, 3) rays (n, 3) meet them, as the shares of the second and the third corner."""
     second, third = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     away, beside = origin - corners[:, 0], cross(direction, third)
@@ -158,16 +159,14 @@ def _find_in_triangle(corners: np.ndarray, origin: np.ndarray, direction: np.nda
 class _Spheres:
     """Spheres about things, and greater ones about ``_GROUP`` of them each, up to one about all."""
 
-    def __init__(self, centre: np.ndarray, radius: np.ndarray) -> None:
+    def __init__(self, centre: Array, radius: Array) -> None:
         """``centre`` (n, 3) and ``radius`` (n,)."""
         self._order = _order_along_curve(centre)
         self._levels = [(centre[self._order], radius[self._order] * (1 + _SPARE))]
         while len(self._levels[0][1]) > 1:
             self._levels.insert(0, _surround(*self._levels[0]))
 
-    def entered_by(
-        self, origin: np.ndarray, direction: np.ndarray, far: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def entered_by(self, origin: Array, direction: Array, far: Array) -> tuple[Array, Array, Array]:
         """Which rays (n, 3) enter which spheres, in pairs, and how many times its direction a ray goes to there.
         ``origin`` is (3,) or (n, 3); rays go to ``far`` (n,) times their direction."""
         length = np.sqrt(dot(direction, direction))
@@ -186,9 +185,7 @@ class _Spheres:
         entered = (dot(aside, aside) <= radius[sphere] ** 2) & (middle + half >= 0) & (entry <= far[ray])
         return ray[entered], self._order[sphere[entered]], entry[entered]
 
-    def _entered_by_bundles(
-        self, origin: np.ndarray, ahead: np.ndarray, far: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _entered_by_bundles(self, origin: Array, ahead: Array, far: Array) -> tuple[Array, Array]:
         """Which bundles of rays, unit vectors (m, k, 3) to (m, k) metres, may enter which spheres, in pairs."""
         axis = normalize(ahead.sum(axis=1))
         cosine = np.einsum("mkj,mj->mk", ahead, axis).min(axis=1, initial=1.0)
@@ -213,13 +210,13 @@ class _Spheres:
         return bundle, node
 
 
-def _fill_up(values: np.ndarray, side: int) -> np.ndarray:
+def _fill_up(values: Array, side: int) -> Array:
     """Values (n, …) of rays in bundles (m, side, …), the last one filled up with the last ray."""
     more = -len(values) % side
     return np.concatenate([values, np.repeat(values[-1:], more, axis=0)]).reshape(-1, side, *values.shape[1:])
 
 
-def _surround(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _surround(centre: Array, radius: Array) -> tuple[Array, Array]:
     """Spheres about ``_GROUP`` spheres in a row each."""
     starts = np.arange(0, len(radius), _GROUP)
     least = np.minimum.reduceat(centre - radius[:, None], starts)
@@ -228,7 +225,7 @@ def _surround(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.nd
     return middle, np.maximum.reduceat(reach, starts)
 
 
-def _order_along_curve(points: np.ndarray) -> np.ndarray:
+def _order_along_curve(points: Array) -> Array:
     """An order of points (n, 3) in which those near each other are about in a row (G. M. Morton, 1966)."""
     least, most = (edge(axis=0, initial=0.0) for edge in (points.min, points.max))
     whole = ((points - least) / np.maximum(most - least, np.finfo(float).tiny) * (2**_BITS - 1)).astype(np.int64)

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, remove_leftover_parts
 from ..support.system import open_regular
@@ -79,7 +78,7 @@ def write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
 
 
 def write_method_pictures(
-    prepared: Prepared, method: Method, disparity: np.ndarray, info: Mapping[str, Any], out: Path
+    prepared: Prepared, method: Method, disparity: Array, info: Mapping[str, Any], out: Path
 ) -> dict[str, str]:
     """Write depth, error and disparity of one method; return their paths relative to ``out``.
 
@@ -102,7 +101,7 @@ def write_method_pictures(
     }
 
 
-def _write_picture(prepared: Prepared, out: Path, name: str, image: np.ndarray) -> str:
+def _write_picture(prepared: Prepared, out: Path, name: str, image: Array) -> str:
     path = _pair_folder(prepared, out) / name
     write_png(path, image)
     return path.relative_to(out).as_posix()

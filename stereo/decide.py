@@ -17,6 +17,7 @@ import numpy as np
 from ..physics.excavation import reach
 from ..physics.light.sky import elevation_deg
 from ..physics.random_numbers.seeds import generator
+from ..support.arrays import Array
 from ..support.errors import DiskError, IcyMoonError, describe_error
 from ..support.file_shapes import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ..support.files import write_json
@@ -259,7 +260,7 @@ def _excavation(workspace: Workspace) -> dict[str, Any] | None:
 def _decide(
     workspace: Workspace,
     method: Method | None,
-    pose: np.ndarray,
+    pose: Array,
     out: Path,
     scoop: Scoop | None,
     random: np.random.Generator,
@@ -280,7 +281,7 @@ def _decide(
     }
 
 
-def _match(workspace: Workspace, method: Method) -> tuple[np.ndarray, float]:
+def _match(workspace: Workspace, method: Method) -> tuple[Array, float]:
     """The depth of a method, and the processor seconds that it took."""
     prepared = workspace.prepared
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
@@ -322,7 +323,7 @@ def _write_maps(workspace: Workspace, found: Maps, numbers: Mapping[str, Any], o
     return {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()}
 
 
-def _npy(values: np.ndarray) -> bytes:
+def _npy(values: Array) -> bytes:
     stream = io.BytesIO()
     np.save(stream, values.astype(np.float32) if values.dtype.kind == "f" else values, allow_pickle=False)
     return stream.getvalue()

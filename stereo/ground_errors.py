@@ -14,6 +14,7 @@ import numpy as np
 
 from ..physics.camera.stereo_camera import StereoCamera
 from ..render.pairs.pair_folder import read_unchanged_pair
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from .images.colours import ERROR, SKY_GREY, signed_colours
 from .images.disparity_and_occlusion import scene_depth
@@ -38,18 +39,18 @@ class DepthErrors:
     """The depth errors of a matcher on a pair: images (H, W) of the parallel rig's left eye."""
 
     camera: StereoCamera
-    pose: np.ndarray  # (4, 4), from the left eye in OpenCV's axes to the world
-    truth: np.ndarray  # planar metres, NaN where nothing is compared
-    error_m: np.ndarray  # measured minus true depth, NaN where nothing was measured or is compared
+    pose: Array  # (4, 4), from the left eye in OpenCV's axes to the world
+    truth: Array  # planar metres, NaN where nothing is compared
+    error_m: Array  # measured minus true depth, NaN where nothing was measured or is compared
 
 
 @dataclass(frozen=True)
 class OnVertices:
     """The depth errors at n vertices: arrays (n,)."""
 
-    error_m: np.ndarray  # float32, NaN unless MEASURED
-    kind: np.ndarray  # uint8: MEASURED, MISSING, COARSE or UNSEEN
-    depth_m: np.ndarray  # float64, planar, from the eye that saw them; infinite if UNSEEN
+    error_m: Array  # float32, NaN unless MEASURED
+    kind: Array  # uint8: MEASURED, MISSING, COARSE or UNSEEN
+    depth_m: Array  # float64, planar, from the eye that saw them; infinite if UNSEEN
 
 
 def read_depth_errors(pair_folder: Path, disparity_file: Path) -> DepthErrors:
@@ -72,7 +73,7 @@ def read_depth_errors(pair_folder: Path, disparity_file: Path) -> DepthErrors:
     return DepthErrors(pair.camera.rectified, pose, truth, depth - truth)
 
 
-def project(errors: DepthErrors, position_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def project(errors: DepthErrors, position_m: Array) -> tuple[Array, Array]:
     """Pixel-corner coordinates (n, 2), column first, and planar depths (n,) of points (n, 3) of the world.
 
     Points that are not before the camera have NaN coordinates.
@@ -84,7 +85,7 @@ def project(errors: DepthErrors, position_m: np.ndarray) -> tuple[np.ndarray, np
     return place, depth
 
 
-def on_vertices(errors: DepthErrors, position_m: np.ndarray, edges: np.ndarray) -> OnVertices:
+def on_vertices(errors: DepthErrors, position_m: Array, edges: Array) -> OnVertices:
     """What vertices at ``position_m`` (n, 3) show, with ``edges`` (m, 2) between them."""
     place, depth = project(errors, position_m)
     height, width = errors.truth.shape
@@ -103,7 +104,7 @@ def on_vertices(errors: DepthErrors, position_m: np.ndarray, edges: np.ndarray) 
     return OnVertices(error, kind, np.where(kind == UNSEEN, np.inf, depth))
 
 
-def _sample(errors: DepthErrors, place: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _sample(errors: DepthErrors, place: Array, depth: Array) -> tuple[Array, Array]:
     """For vertices at places in the image, with their depths: the error there, and whether the camera sees them."""
     height, width = errors.truth.shape
     corner = np.floor(place - 0.5).astype(np.intp)
@@ -132,7 +133,7 @@ def nearest_of(one: OnVertices, other: OnVertices) -> OnVertices:
     )
 
 
-def count_pixels(errors: DepthErrors, places: np.ndarray) -> dict[str, int]:
+def count_pixels(errors: DepthErrors, places: Array) -> dict[str, int]:
     """Numbers of pixels with a true depth: ``far``, ``near``, ``right`` and ``missing``; and of all these, those that
     are ``coarse``: in a square of COARSE_PX without any of the ``places`` (n, 2) of vertices that show an error."""
     known = np.isfinite(errors.truth)
@@ -152,6 +153,6 @@ def count_pixels(errors: DepthErrors, places: np.ndarray) -> dict[str, int]:
         }
 
 
-def colours_of(error_m: np.ndarray, kind: np.ndarray, full_m: float) -> np.ndarray:
+def colours_of(error_m: Array, kind: Array, full_m: float) -> Array:
     """RGB uint8 (n, 3): ``signed_colours``, and SKY_GREY for UNSEEN and too COARSE vertices."""
     return np.where((kind >= COARSE)[:, None], np.uint8(SKY_GREY), signed_colours(error_m, full_m))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..render.pairs.pair_folder import Pair
+from ..support.arrays import Array
 from ..support.errors import DiskError, describe_error
 from ..support.files import write_json
 from .artefacts import write_method_pictures, write_pair_pictures
@@ -80,7 +81,7 @@ def _row_event(row: Row, kind: str = "row") -> dict[str, Any]:
 
 def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any]]:
     """Make the missing rows of a pair, and the numbers that depend on two of its methods."""
-    disparities: dict[str, np.ndarray] = {}
+    disparities: dict[str, Array] = {}
     rows: dict[str, Row] = dict(task.rows)
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
     ranges = cache(partial(search_ranges, prepared, shared))
@@ -121,7 +122,7 @@ def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any
             yield _row_event(row, "update")
 
 
-def search_ranges(prepared: Prepared, shared: np.ndarray) -> dict[str, SearchRange]:
+def search_ranges(prepared: Prepared, shared: Array) -> dict[str, SearchRange]:
     """The ranges that options may name; ``shared`` are the true disparities of what both eyes see."""
     pair = prepared.pair
     if isinstance(pair, Pair):
@@ -134,7 +135,7 @@ def search_ranges(prepared: Prepared, shared: np.ndarray) -> dict[str, SearchRan
 
 def _match(
     method: Method, prepared: Prepared, ranges: Callable[[], Mapping[str, SearchRange]]
-) -> tuple[np.ndarray, dict[str, Any]]:
+) -> tuple[Array, dict[str, Any]]:
     if method.name == PREDICTION:
         return read_prediction(method, prepared)
     disparity, _, info = match(
@@ -143,13 +144,11 @@ def _match(
     return disparity, info
 
 
-def _read_stored(row: Row | None, prepared: Prepared, out: Path) -> np.ndarray | None:
+def _read_stored(row: Row | None, prepared: Prepared, out: Path) -> Array | None:
     return read_disparity(out / row["images"]["disparity"], prepared.truth.shape) if row else None
 
 
-def _make_row(
-    prepared: Prepared, run: Run, task: Task, method: Method, disparity: np.ndarray, info: dict[str, Any]
-) -> Row:
+def _make_row(prepared: Prepared, run: Run, task: Task, method: Method, disparity: Array, info: dict[str, Any]) -> Row:
     return {
         "pair": prepared.pair.name,
         "method": method.label,

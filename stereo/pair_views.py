@@ -17,6 +17,7 @@ from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..render.pairs.pair_folder import EYES, Pair, read_unchanged_pair
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
+from ..support.arrays import Array
 from ..support.labels import LIGHT_GROUPS
 from ..support.number_text import show_rounded
 from .images.colours import SKY_GREY, Scale, bar, depth_scale, true_depth_picture
@@ -38,11 +39,11 @@ class PairViews:
     """The images of a pair, uint8, its true depth, and facts about both."""
 
     id: str
-    left: np.ndarray  # (H, W), as matchers get it
-    right: np.ndarray
-    shown_left: np.ndarray  # (H, W, 3), R, G, B: in colour if the sensor sees it
-    shown_right: np.ndarray
-    depth: np.ndarray  # (H, W) of the left image's pixels, planar metres, NaN for sky and planet
+    left: Array  # (H, W), as matchers get it
+    right: Array
+    shown_left: Array  # (H, W, 3), R, G, B: in colour if the sensor sees it
+    shown_right: Array
+    depth: Array  # (H, W) of the left image's pixels, planar metres, NaN for sky and planet
     scale: Scale  # of the depth's colours
     range_m: tuple[float, float] | None  # nearest and farthest depth; None if all is sky
     exposures_s: tuple[float, ...]
@@ -51,7 +52,7 @@ class PairViews:
     reduced: int  # factor by which width and height are reduced
     warnings: tuple[str, ...]  # effects that are left out, and warnings about the exposure
 
-    def pictures(self, view: str) -> list[np.ndarray]:
+    def pictures(self, view: str) -> list[Array]:
         """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that take turns. KeyError for no view."""
         return {
             "SIDE_BY_SIDE": self._side_by_side,
@@ -63,11 +64,11 @@ class PairViews:
         }[view]()
 
     @property
-    def aligned(self) -> tuple[np.ndarray, np.ndarray]:
+    def aligned(self) -> tuple[Array, Array]:
         """Left and right, grey, cropped so that ground at the median depth is in the same column of both."""
         return self._aligned(self.left, self.right)
 
-    def _aligned(self, left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _aligned(self, left: Array, right: Array) -> tuple[Array, Array]:
         width = left.shape[1] - self.shift_px
         return left[:, self.shift_px :], right[:, :width]
 
@@ -80,7 +81,7 @@ class PairViews:
         size = [f"shown at 1/{self.reduced} of its size"] if self.reduced > 1 else []
         return [f"Pair {self.id}", f"{' to '.join(times)}, {share}", ", ".join([depth, *size])]
 
-    def _side_by_side(self) -> list[np.ndarray]:
+    def _side_by_side(self) -> list[Array]:
         depth = true_depth_picture(self.depth, self.scale)[..., ::-1]
         width = self.left.shape[1]
         size = max(1.0, (3 * width) * _CAPTION_PER_PX)
@@ -93,17 +94,17 @@ class PairViews:
         gap = np.full((len(columns[0]), round(_GAP_PX * size), 3), _PAPER, np.uint8)
         return [np.hstack([columns[0], gap, columns[1], gap, columns[2]])]
 
-    def _anaglyph(self) -> list[np.ndarray]:
+    def _anaglyph(self) -> list[Array]:
         left, right = self.aligned
         return [np.stack([left, right, right], axis=-1)]
 
-    def _overlay(self) -> list[np.ndarray]:
+    def _overlay(self) -> list[Array]:
         colour = true_depth_picture(self.depth, self.scale)[..., ::-1].astype(np.float32)
         mixed = np.rint(_COLOUR_SHARE * colour + (1 - _COLOUR_SHARE) * self.left[..., None]).astype(np.uint8)
         width = mixed.shape[1]
         return [np.vstack([mixed, self._legend(width, max(1.0, 2 * width * _CAPTION_PER_PX))])]
 
-    def _legend(self, width: int, size: float) -> np.ndarray:
+    def _legend(self, width: int, size: float) -> Array:
         legend = bar(width, self.scale, size, _INK, _PAPER)[..., ::-1].copy()
         if np.isnan(self.depth).any():
             letter, baseline, swatch = 8 * size, round(40 * size), round(10 * size)
@@ -168,32 +169,32 @@ def _left_out(pair: Pair, settings: Settings) -> list[str]:
     return [f"Shown without {' and '.join(parts)}; Show Camera Image includes that."] if parts else []
 
 
-def _shift_px(pair: Pair, depth: np.ndarray) -> int:
+def _shift_px(pair: Pair, depth: Array) -> int:
     """Disparity of the median depth; 0 for toed-in eyes, which need no alignment."""
     if pair.camera.toe_in_deg or not depth.size:
         return 0
     return min(round(float(pair.camera.disparity(np.median(depth)))), pair.camera.width_px // 2)
 
 
-def _reduced(image: np.ndarray, factor: int) -> np.ndarray:
+def _reduced(image: Array, factor: int) -> Array:
     """Means over squares of ``factor`` pixels, uint8; incomplete squares at the right and bottom are left out."""
     height, width = (n // factor for n in image.shape[:2])
     squares = image[: height * factor, : width * factor].reshape(height, factor, width, factor, *image.shape[2:])
     return image if factor == 1 else np.rint(squares.mean(axis=(1, 3))).astype(np.uint8)
 
 
-def _sampled(depth: np.ndarray, factor: int) -> np.ndarray:
+def _sampled(depth: Array, factor: int) -> Array:
     """The depth of one pixel of each of these squares, never a mean."""
     height, width = (n // factor for n in depth.shape)
     return depth[factor // 2 :: factor, factor // 2 :: factor][:height, :width]
 
 
-def _in_colour(image: np.ndarray) -> np.ndarray:
+def _in_colour(image: Array) -> Array:
     """R, G, B (H, W, 3) of an image in colour or grey."""
     return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=-1)
 
 
-def _caption(text: str, shape: tuple[int, ...], size: float) -> np.ndarray:
+def _caption(text: str, shape: tuple[int, ...], size: float) -> Array:
     strip = np.full(shape, _PAPER, np.uint8)
     put_text(strip, text, round(8 * size), round(16 * size), 8 * size, _INK)
     return strip

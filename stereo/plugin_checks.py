@@ -11,6 +11,7 @@ import numpy as np
 from ..plugins.check import Check, check_call, check_making, check_of
 from ..plugins.installed import Plugin
 from ..settings.description import defaults
+from ..support.arrays import Array
 from ..support.files import sha256
 from ..support.scratch import scratch_folder
 from .export.plug_in import ExportedPair, PluginExport
@@ -26,9 +27,7 @@ _LEAST_PX, _COUNT = 0, 32
 _FOCAL_PX, _FOCAL_BASELINE_PX_M = 86.0, 21.5
 
 
-def textured_pair(
-    height: int = _HEIGHT, width: int = _WIDTH, colour: bool = False
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def textured_pair(height: int = _HEIGHT, width: int = _WIDTH, colour: bool = False) -> tuple[Array, Array, Array]:
     """Two uint8 images of a textured, tilted plane, (H, W) or (H, W, 3), and the true disparity, float64 (H, W) px."""
     x, y = np.arange(width)[None, :], np.arange(height)[:, None]
     disparity = np.broadcast_to(_FARTHEST_PX + _ROW_PX * y, (height, width)) * min(1.0, width / _WIDTH)
@@ -38,7 +37,7 @@ def textured_pair(
     return left, right, disparity
 
 
-def _texture(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _texture(x: Array, y: Array) -> Array:
     """Waves of 4 to 30 px in all directions, between -1 and 1."""
     total = np.zeros(np.broadcast_shapes(x.shape, y.shape))
     for k, wavelength in enumerate(np.geomspace(4.0, 30.0, 24)):
@@ -58,7 +57,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
     defaults = {option.key: option.default for option in matcher.OPTIONS}
     left, right, truth = textured_pair(colour=matcher.COLOUR)
 
-    def run(left: np.ndarray = left, right: np.ndarray = right, count: int = _COUNT, **options: Any) -> np.ndarray:
+    def run(left: Array = left, right: Array = right, count: int = _COUNT, **options: Any) -> Array:
         given = defaults | {"min_disparity": _LEAST_PX, "disparities": count} | options
         return matcher.compute(left, right, given, None).disparity
 
@@ -93,15 +92,15 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
             yield check_call(f"{option.key}={value} is no error", run, **{option.key: value})
 
 
-def _fault(plugin: Plugin, found: np.ndarray, truth: np.ndarray) -> str:
+def _fault(plugin: Plugin, found: Array, truth: Array) -> str:
     """The fault of the disparities that the plug-in found in the trial, in words; empty if there is no fault."""
 
-    def share_right(values: np.ndarray) -> float:
+    def share_right(values: Array) -> float:
         known = np.isfinite(values)
         return float((np.abs(values - truth)[known] < _RIGHT_PX).mean()) if known.any() else 0.0
 
     with np.errstate(divide="ignore"):
-        guesses: dict[str, Callable[[], np.ndarray]] = {
+        guesses: dict[str, Callable[[], Array]] = {
             "": lambda: found,
             "they have the wrong sign: return left column minus right column": lambda: -found,
             "they are 16 times too large: OpenCV counts sixteenths of a px": lambda: found / 16,
@@ -130,7 +129,7 @@ def check_metric(plugin: Plugin) -> Iterator[Check]:
     rough = truth + np.where(np.arange(_WIDTH) % 7 < 3, 0.75, -0.25)
     rough[::5] = np.nan
 
-    def run(disparity: np.ndarray, true: np.ndarray = truth) -> float | None:
+    def run(disparity: Array, true: Array = truth) -> float | None:
         depth, true_depth = (_FOCAL_BASELINE_PX_M / values for values in (disparity, true))
         return metric.measure(
             MeasuredMap(

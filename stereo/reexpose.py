@@ -12,6 +12,7 @@ import numpy as np
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..render.pairs.pair_folder import EYES, find_pair_folders, read_unchanged_pair
 from ..settings.description import merged
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError, describe_error
 from ..support.files import write_json
 from ..support.labels import LIGHT_GROUPS
@@ -105,7 +106,7 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
     return images
 
 
-def _images_by_name(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:
+def _images_by_name(images: Images, sensor_bits: int) -> dict[str, Array]:
     """The images to write, by name; images of 8 bits are uint8, and colour images are in the order B, G, R."""
     named = {eye: (images.for_files(eye), images.bits) for eye in EYES}
     if images.detected_left is not images.left:

@@ -31,7 +31,7 @@ from . import system
 from .errors import IcyMoonError
 
 if TYPE_CHECKING:
-    import numpy as np
+    from .arrays import Array
 
 Parsed = TypeVar("Parsed")
 #: Default limits of one reading: bytes of the file, and bytes that its content may take in memory.
@@ -153,7 +153,7 @@ class Cursor:
         self._at += end - at + len(mark)
         return data[at:end]
 
-    def numbers(self, kind: Any, count: int, what: str = "numbers") -> np.ndarray:
+    def numbers(self, kind: Any, count: int, what: str = "numbers") -> Array:
         """The next ``count`` values of a numpy type, as a read-only array without a copy of the bytes."""
         import numpy as np  # here only: what a bare Python lacks is reported by modules that import this one
 
@@ -452,7 +452,7 @@ def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
         raise ValueError(str(error)) from None
 
 
-def whole_numbers(text: bytes) -> np.ndarray:
+def whole_numbers(text: bytes) -> Array:
     """The numbers (n,) int64 of a text of digits and blanks; those beyond 2^63 - 1 become it. Raises ValueError for
     another text."""
     import numpy as np
@@ -476,7 +476,7 @@ def inflate(data: bytes, size: int, budget: Budget | None = None) -> bytes:
     return found
 
 
-def parse_npy(foreign: ForeignBytes, kinds: str = "fiub") -> np.ndarray:
+def parse_npy(foreign: ForeignBytes, kinds: str = "fiub") -> Array:
     """The array of a file in numpy's format, of numbers of these ``kinds``, read-only.
 
     Raises ValueError for another type, and for a shape that the file does not hold.
@@ -484,7 +484,7 @@ def parse_npy(foreign: ForeignBytes, kinds: str = "fiub") -> np.ndarray:
     return _read_array(foreign.cursor(), kinds)
 
 
-def _read_array(cursor: Cursor, kinds: str) -> np.ndarray:
+def _read_array(cursor: Cursor, kinds: str) -> Array:
     import numpy as np
 
     if cursor.take(6) != b"\x93NUMPY":
@@ -510,9 +510,7 @@ def _read_array(cursor: Cursor, kinds: str) -> np.ndarray:
     return cursor.numbers(dtype, count).reshape(shape, order="F" if by_columns else "C")
 
 
-def parse_npz(
-    foreign: ForeignBytes, wanted: Collection[str] | None = None, kinds: str = "fiub"
-) -> dict[str, np.ndarray]:
+def parse_npz(foreign: ForeignBytes, wanted: Collection[str] | None = None, kinds: str = "fiub") -> dict[str, Array]:
     """The arrays of an archive in numpy's format by name: all, or those ``wanted`` that it has.
 
     Raises ValueError if it is damaged or an array is of another type, OverBudgetError if they are too large.

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import (
     Budget,
@@ -44,13 +45,13 @@ def foreign(data: bytes, memory: int = 10**6) -> ForeignBytes:
     return ForeignBytes(data, len(data), Budget(memory))
 
 
-def packed(**arrays: np.ndarray) -> bytes:
+def packed(**arrays: Array) -> bytes:
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)
     return stream.getvalue()
 
 
-def saved(array: np.ndarray) -> bytes:
+def saved(array: Array) -> bytes:
     stream = io.BytesIO()
     np.save(stream, array)
     return stream.getvalue()

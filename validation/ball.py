@@ -18,6 +18,7 @@ from ..formats.ply import write_triangles
 from ..render.pairs.pair_folder import Pair
 from ..settings.description import check, defaults, merged
 from ..settings.topics.scene import Settings
+from ..support.arrays import Array
 from .comparison import Bench
 
 #: Height of camera and Sun; both must be above the horizon, which hides the Sun from all ground.
@@ -26,7 +27,7 @@ _WIDTH_M = 2.2
 _RINGS = 180
 
 
-def ball_mesh(rings: int = _RINGS) -> tuple[np.ndarray, np.ndarray]:
+def ball_mesh(rings: int = _RINGS) -> tuple[Array, Array]:
     """Positions (n, 3) and triangles (m, 3) of a sphere of radius 1, outward, with ``2 * rings`` meridians."""
     latitude = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)[1:-1, None]
     longitude = np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)[None]
@@ -57,10 +58,10 @@ class BallImage:
     """
 
     phase: float
-    radiance_factor: np.ndarray
-    incidence: np.ndarray
-    emission: np.ndarray
-    azimuth: np.ndarray
+    radiance_factor: Array
+    incidence: Array
+    emission: Array
+    azimuth: Array
     pixel_area: float
 
     @property

@@ -18,14 +18,13 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..formats.png import encode_png
 from ..render.pairs.pair_folder import Pair, is_complete, read_pair
 from ..render.plans.planned_pair import expand_headings
 from ..render.workers.job import Job, render_job
 from ..settings.topics.scene import Settings
 from ..settings.user_files import content
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
 
@@ -108,7 +107,7 @@ class Bench:
             render_job(Job(dataset, pairs=planned), self.blender, self.say)
         return [read_pair(pair.folder(dataset)) for pair in planned]
 
-    def draw(self, name: str, picture: np.ndarray) -> None:
+    def draw(self, name: str, picture: Array) -> None:
         """Write a picture (H, W, 3), uint8, to ``pictures/<name>.png`` in the folder."""
         data = encode_png(picture)
 

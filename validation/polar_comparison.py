@@ -11,6 +11,7 @@ import numpy as np
 
 from ..stereo.images.image_files import write_png
 from ..stereo.images.masks import fill_polygons, overlap
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from .comparison import Bench, Row
 from .polar.camera import Calibration, calibrate
@@ -49,11 +50,11 @@ _COLOURS = np.array([[70, 70, 80], [235, 235, 225], [20, 30, 140]], np.uint8)
 class Masks:
     """Rock and shadow (H, W) of a photograph as labelled and as rendered, and the radiance (H, W)."""
 
-    rock: np.ndarray
-    shadow: np.ndarray
-    our_rock: np.ndarray
-    our_shadow: np.ndarray
-    light: np.ndarray
+    rock: Array
+    shadow: Array
+    our_rock: Array
+    our_shadow: Array
+    light: Array
 
 
 def compare(bench: Bench) -> list[Row]:
@@ -96,7 +97,7 @@ def _of_terrain(bench: Bench, terrain: Terrain) -> list[Row]:
 
 
 def _render(
-    bench: Bench, terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, np.ndarray]
+    bench: Bench, terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, Array]
 ) -> tuple[dict[tuple[View, int], Masks], dict[str, Frame]]:
     """Masks of every photograph: for each position and azimuth a pair with the rocks and one without them."""
     columns = _QUICK_COLUMNS if bench.quick else _COLUMNS
@@ -141,7 +142,7 @@ def _of_camera(camera: Calibration) -> list[Row]:
     ]
 
 
-def _of_lamps(lamps: dict[int, np.ndarray]) -> list[Row]:
+def _of_lamps(lamps: dict[int, Array]) -> list[Row]:
     return [
         Row(
             f"lamp at {azimuth}°: distance from the survey",
@@ -216,7 +217,7 @@ def _overlap_rows(
     ]
 
 
-def _of_tips(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, np.ndarray]) -> list[Row]:
+def _of_tips(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, Array]) -> list[Row]:
     """Lengths of shadows along the light, in the photographs of the right eyes."""
     reaches = _measure_reaches(terrain, camera, sand, lamps)
     errors = [1.0 / reach - 1.0 for (view, _, _), reach in reaches.items() if view.eye == "R"]
@@ -243,7 +244,7 @@ def _of_tips(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int,
 _Reaches = dict[tuple[View, int, int], float]
 
 
-def _measure_reaches(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, np.ndarray]) -> _Reaches:
+def _measure_reaches(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, Array]) -> _Reaches:
     """How far labelled shadows reach, as shares of the lengths of ours, by view, azimuth and index of the rock."""
     table, found = HeightTable(sand), {}
     for view, azimuth in terrain.photographs:
@@ -284,7 +285,7 @@ def _median(values: list[float]) -> float:
     return float(np.median(values)) if values else float("nan")
 
 
-def _labelled_reach(ends: np.ndarray, outlines: list[np.ndarray]) -> float | None:
+def _labelled_reach(ends: Array, outlines: list[Array]) -> float | None:
     """How far a labelled shadow reaches from the foot toward our tip, as a share of the way; None without one.
 
     The outline that holds the middle of our shadow counts. Shadows that run into the next one are left out.
@@ -340,7 +341,7 @@ def _of_disparity(terrain: Terrain, camera: Calibration, sand: Sand, frames: dic
     return rows
 
 
-def _middle_column(pixels: np.ndarray) -> float:
+def _middle_column(pixels: Array) -> float:
     return float(pixels[:, 0].min() + pixels[:, 0].max()) / 2
 
 

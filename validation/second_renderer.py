@@ -17,6 +17,7 @@ from ..render.pairs.pair_folder import Pair
 from ..render.workers.process import clean_environment
 from ..settings.description import check, defaults, merged
 from ..settings.topics.scene import Settings
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.system import run
 from ..support.version import ROOT
@@ -167,7 +168,7 @@ def _describe_facets(scene: Scene, mesh: Path) -> Settings:
     )
 
 
-def _render_in_mitsuba(folder: Path, samples: int) -> tuple[np.ndarray, np.ndarray]:
+def _render_in_mitsuba(folder: Path, samples: int) -> tuple[Array, Array]:
     """Radiance (H, W) and depth (H, W) of an exported scene, rendered in a separate process.
 
     Mitsuba ends its process if it cannot use the LLVM library. Raises IcyMoonError if it is not installed or fails.
@@ -187,13 +188,13 @@ def _render_in_mitsuba(folder: Path, samples: int) -> tuple[np.ndarray, np.ndarr
     return np.asarray(radiance[..., 0], np.float64), depth
 
 
-def region_means(image: np.ndarray) -> np.ndarray:
+def region_means(image: Array) -> Array:
     """Means (8, 8) of an image whose sides are multiples of 8."""
     rows, columns = image.shape
     return np.asarray(image.reshape(_ACROSS, rows // _ACROSS, _ACROSS, columns // _ACROSS).mean(axis=(1, 3)))
 
 
-def edge_shift_px(one: np.ndarray, other: np.ndarray) -> float:
+def edge_shift_px(one: Array, other: Array) -> float:
     """Mean distance in pixels between the edges of two masks: the area between them over the length of the edges.
 
     0 where there are no edges.
@@ -202,7 +203,7 @@ def edge_shift_px(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.count_nonzero(one != other) / length) if length else 0.0
 
 
-def draw_twins(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
+def draw_twins(ours: Array, theirs: Array) -> Array:
     """A picture (H, 3 W, 3), uint8: both images, and ours over theirs: grey where equal, red where 10 % more."""
     white = max(float(np.quantile(theirs, 0.99)), 1e-30)
     shown = [np.repeat(np.clip(image / white, 0, 1)[..., None] ** (1 / 2.2), 3, axis=-1) for image in (ours, theirs)]
@@ -211,7 +212,7 @@ def draw_twins(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
     return np.asarray(np.round(255 * np.concatenate([*shown, colour], axis=1)), np.uint8)
 
 
-def _difference(ours: np.ndarray, theirs: np.ndarray) -> tuple[float, float, str]:
+def _difference(ours: Array, theirs: Array) -> tuple[float, float, str]:
     """Of the regions of two images: RMS and largest relative difference, and where it is."""
     here, there = region_means(ours), region_means(theirs)
     difference = (here - there) / np.maximum(there, _FLOOR * there.mean())
@@ -223,7 +224,7 @@ def _difference(ours: np.ndarray, theirs: np.ndarray) -> tuple[float, float, str
     )
 
 
-def _rows(scene: Scene, ours: np.ndarray, seen: np.ndarray, theirs: np.ndarray, depth: np.ndarray) -> list[Row]:
+def _rows(scene: Scene, ours: Array, seen: Array, theirs: Array, depth: Array) -> list[Row]:
     """Rows of a scene from radiance and depth (H, W) of Cycles and of Mitsuba."""
     rms, largest, where = _difference(ours, theirs)
     both = ~np.isnan(seen) & ~np.isnan(depth)
@@ -258,7 +259,7 @@ def _rows(scene: Scene, ours: np.ndarray, seen: np.ndarray, theirs: np.ndarray, 
     return found
 
 
-def _backend_rows(radiance: Mapping[str, np.ndarray]) -> list[Row]:
+def _backend_rows(radiance: Mapping[str, Array]) -> list[Row]:
     """OSL beside nodes, in scenes whose only difference is how their law is made."""
     rows = []
     for name in radiance:

@@ -12,6 +12,7 @@ from ..physics.surfaces import snow
 from ..settings.description import check, defaults, merged
 from ..settings.preset_files import load_preset
 from ..settings.topics.scene import Settings
+from ..support.arrays import Array
 from .ball import BallImage, render_ball
 from .comparison import Bench, Comparison, Row
 
@@ -23,7 +24,7 @@ _SOURCE = "Kokhanovsky and Zege 2004, Applied Optics 43, 1589, itself within abo
 _CELL = math.radians(10.0)
 
 
-def _samples(images: list[BallImage]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _samples(images: list[BallImage]) -> Iterator[tuple[Array, Array]]:
     """(Incidence, emission, azimuth) (3, n) and radiance factor over cos i (n) of each image's pixels in range."""
     for image in images:
         side = np.abs(np.sin(image.azimuth))
@@ -33,7 +34,7 @@ def _samples(images: list[BallImage]) -> Iterator[tuple[np.ndarray, np.ndarray]]
         yield angles, image.radiance_factor[inside] / np.cos(angles[0])
 
 
-def _errors(images: list[BallImage], albedo: float) -> tuple[np.ndarray, np.ndarray]:
+def _errors(images: list[BallImage], albedo: float) -> tuple[Array, Array]:
     """Relative differences from the snow law, as means over cells of 10 degrees of each angle, and middles (3, n)."""
     angles, factors = (np.concatenate(parts, axis=-1) for parts in zip(*_samples(images), strict=True))
     law = snow.reflectance_factor(angles[0], angles[1], angles[2], albedo)
@@ -44,7 +45,7 @@ def _errors(images: list[BallImage], albedo: float) -> tuple[np.ndarray, np.ndar
     return ratio[whole] - 1, (cells[:, whole] + 0.5) * _CELL
 
 
-def _rows(name: str, error: np.ndarray, middles: np.ndarray, allowed: float, why: str = "") -> list[Row]:
+def _rows(name: str, error: Array, middles: Array, allowed: float, why: str = "") -> list[Row]:
     worst = int(np.argmax(np.abs(error)))
     i, e, azimuth = np.degrees(middles[:, worst])
     where = f"near i {i:.0f}°, e {e:.0f}°, azimuth {azimuth:.0f}°"
@@ -73,7 +74,7 @@ def _surface(model: str, albedo: float, **changes: Any) -> Settings:
     )
 
 
-def lambert_errors() -> tuple[np.ndarray, np.ndarray]:
+def lambert_errors() -> tuple[Array, Array]:
     """Relative differences of a white Lambert surface on a grid of 5 degrees, and the angles."""
     i, e, azimuth = (
         axis.ravel()

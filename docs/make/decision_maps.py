@@ -17,13 +17,14 @@ import cv2
 import numpy as np
 from icymoon.stereo.images.image_files import encoded, read_png
 from icymoon.stereo.matchers.methods import describe_method
+from icymoon.support.arrays import Array
 
 SIDE_PX, GAP_PX, STRIP_PX = 300, 12, 26
 #: Of screens, for the linear values of the sensor.
 GAMMA = 1 / 2.2
 
 
-def column(image: np.ndarray, title: str) -> np.ndarray:
+def column(image: Array, title: str) -> Array:
     """A square picture with its title above it; wider images are cut in the middle."""
     colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     side = min(colour.shape[:2])
@@ -39,7 +40,7 @@ def column(image: np.ndarray, title: str) -> np.ndarray:
     return np.vstack([strip, square])
 
 
-def left_column(folder: Path, title: str) -> np.ndarray:
+def left_column(folder: Path, title: str) -> Array:
     """The left image of a pair, as a screen shows it."""
     return column((255 * (read_png(folder / "left.png") / 255.0) ** GAMMA).astype(np.uint8), title)
 

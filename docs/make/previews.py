@@ -25,6 +25,7 @@ from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.images.develop import Channels
+from icymoon.support.arrays import Array
 
 #: Pixels of a preview in the usual proportion, and light paths per pixel, denoised. The sidebar shows it at a third.
 WIDTH, HEIGHT, SAMPLES = 256, 192, 32
@@ -108,7 +109,7 @@ def make(name: str, folder: Path) -> Path:
     return target
 
 
-def _write(target: Path, image: np.ndarray) -> None:
+def _write(target: Path, image: Array) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(str(target), image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
 

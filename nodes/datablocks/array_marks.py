@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.labels import BAKED_ATTRIBUTES
 
 _BLOCK, _HALF = 4096, np.uint64(32)
@@ -48,12 +49,12 @@ _INDICES = (".corner_vert", ".edge_verts")
 
 
 @lru_cache(maxsize=1)
-def _weights() -> np.ndarray:
+def _weights() -> Array:
     numbers = np.random.default_rng(1)  # a fixed seed, so that marks can be compared
     return numbers.integers(0, 2**64, (2, _BLOCK), np.uint64) | np.uint64(1)
 
 
-def mark(values: np.ndarray, indices: bool = False) -> str:
+def mark(values: Array, indices: bool = False) -> str:
     """A mark of an array's bytes. It need not withstand attacks, so it takes a third of the time of SHA-256.
 
     It hashes the sums of the array's words with random weights, block by block. In such a sum, changes of the highest
@@ -70,7 +71,7 @@ def mark(values: np.ndarray, indices: bool = False) -> str:
     return found.hexdigest()
 
 
-def read_property(items: Any, name: str, kind: Any = np.float32, width: int = 1) -> np.ndarray:
+def read_property(items: Any, name: str, kind: Any = np.float32, width: int = 1) -> Array:
     """An array of one property, of ``width`` numbers, of all items of a collection."""
     values = np.empty(len(items) * width, kind)
     items.foreach_get(name, values)

@@ -24,6 +24,7 @@ from ...physics.rocks.rocks import HeightAt
 from ...physics.terrain.terrain import Terrain
 from ...settings import changes
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..datablocks.blend_file_paths import content, with_absolute_files
 from .terrain_mesh import MeshedGround, mesh_ground
@@ -54,12 +55,12 @@ class DugGround(MeshedGround):
         assert self.series is not None
         series = self.series
 
-        def heights(x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        def heights(x_m: Array, y_m: Array) -> Array:
             return series.site.grid.interpolate(series.before_m, x_m, y_m, height_at(x_m, y_m))
 
         return heights
 
-    def change_m(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    def change_m(self, x_m: Array, y_m: Array) -> Array:
         """How much higher the ground is in this state than untouched, in metres."""
         assert self.series is not None
         change = self.series.at(self.state).layers.top - self.series.before_m
@@ -151,7 +152,7 @@ def _dig(prepared: _Prepared, state: int) -> DugGround:
     return DugGround(ground.surface, positions, ground.faces, ground.sharp, ground.spacing_m, fine, series, state)
 
 
-def join(ground: MeshedGround, grid: Grid, heights_m: np.ndarray) -> MeshedGround:
+def join(ground: MeshedGround, grid: Grid, heights_m: Array) -> MeshedGround:
     """Ground whose mesh has a patch with the vertices of ``grid``, which come last, at ``heights_m`` (rows, columns).
 
     The triangles that meet the patch are taken out, and the gap is filled by a constrained Delaunay triangulation
@@ -201,7 +202,7 @@ def join(ground: MeshedGround, grid: Grid, heights_m: np.ndarray) -> MeshedGroun
     )
 
 
-def _fill_gap(outer_m: np.ndarray, inner_m: np.ndarray) -> np.ndarray:
+def _fill_gap(outer_m: Array, inner_m: Array) -> Array:
     """Triangles (m, 3), counter-clockwise, between an outer loop (n, 2) and an inner one (k, 2), by the number of their
     corners in both, the outer first."""
     points = np.concatenate([outer_m, inner_m]) - inner_m.mean(axis=0)
@@ -227,7 +228,7 @@ def _fill_gap(outer_m: np.ndarray, inner_m: np.ndarray) -> np.ndarray:
     return _without_loose(made[inside_loop(middle, points[: len(outer_m)]) & ~in_patch], np.sort(edges, axis=1))
 
 
-def _without_loose(faces: np.ndarray, rims: np.ndarray) -> np.ndarray:
+def _without_loose(faces: Array, rims: Array) -> Array:
     """Triangles (m, 3) that are held on every side, by another triangle or by an edge (k, 2) of the rims.
 
     Along a seam of the mesh three corners of the outer rim lie on a line, but for rounding, and a triangle without

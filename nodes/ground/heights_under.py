@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...physics.rocks.rocks import HeightAt
+from ...support.arrays import Array
 
 _ABOVE_M = 1.0
 
@@ -33,7 +34,7 @@ def probe_heights(ground: bpy.types.Object) -> Iterator[HeightAt]:
         scene.collection.objects.link(ground)
         scene.collection.objects.link(points)
 
-        def heights(x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        def heights(x_m: Array, y_m: Array) -> Array:
             x, y = np.broadcast_arrays(x_m, y_m)
             return _drop_points(scene, points, x.ravel(), y.ravel(), start_m).reshape(x.shape)
 
@@ -45,9 +46,7 @@ def probe_heights(ground: bpy.types.Object) -> Iterator[HeightAt]:
         bpy.data.meshes.remove(mesh)
 
 
-def _drop_points(
-    scene: bpy.types.Scene, points: bpy.types.Object, x_m: np.ndarray, y_m: np.ndarray, start_m: float
-) -> np.ndarray:
+def _drop_points(scene: bpy.types.Scene, points: bpy.types.Object, x_m: Array, y_m: Array, start_m: float) -> Array:
     """Heights (n,) in metres where points that drop from ``start_m`` hit the ground; NaN if they hit none."""
     if len(x_m) == 0:
         return np.zeros(0)

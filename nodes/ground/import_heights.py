@@ -14,13 +14,14 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...formats import files_beside, gdal_lines, geotiff
+from ...formats import files_beside, gdal_lines, geotiff, tiff
 from ...formats.exr_layout import KIND as EXR
 from ...formats.exr_layout import read_layout
 from ...formats.geotiff import MapPlace, Site
 from ...formats.image_size import check_pixels
 from ...formats.png import check_png
 from ...physics.mesh.height_map import NO_HEIGHT, clear_stated
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, explained, parse_npy, read
 from .import_mesh import open_scratch_scene
@@ -46,7 +47,7 @@ class Heights:
     origin. ``stored`` is the type of the file's numbers.
     """
 
-    values: np.ndarray
+    values: Array
     pixel_m: tuple[float, float] | None = None
     corner_m: tuple[float, float] | None = None
     unplaced: str = files_beside.NO_SIZE
@@ -74,7 +75,7 @@ def read_heights(
         lambda foreign: foreign.part(0, min(foreign.size, _START)),
         "a height map",
         "check source.file",
-        geotiff.MOST_BYTES,
+        tiff.MOST_BYTES,
     )
     if suffix in gdal_lines.SUFFIXES:
         raise IcyMoonError(f"{path}: {gdal_lines.advise(path, start, body_radius_m)}")
@@ -108,7 +109,7 @@ def _read_tiff(path: Path, start: bytes, site: Site | None, missing: float | Non
 
 
 def _read_npy(path: Path, start: bytes) -> Heights:
-    def parse(foreign: ForeignBytes) -> np.ndarray:
+    def parse(foreign: ForeignBytes) -> Array:
         values = parse_npy(foreign, "iuf")
         if values.ndim != 2:
             raise RefusedError(
@@ -167,12 +168,12 @@ def _shown(name: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in name[:40])
 
 
-def _mask_missing(values: np.ndarray) -> np.ndarray:
+def _mask_missing(values: Array) -> Array:
     """The values, with NaN for those that are missing or too large to be a height."""
     return np.where(np.abs(values) < NO_HEIGHT, values, np.nan)
 
 
-def _load_pixels(path: Path) -> np.ndarray:
+def _load_pixels(path: Path) -> Array:
     """The first channel (rows, columns) float32, loaded by Blender without colour conversion."""
     with open_scratch_scene():
         with explained(path, "an image", "save it again"):

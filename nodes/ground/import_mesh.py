@@ -19,6 +19,7 @@ from ...formats import ply
 from ...formats.mesh_checks import check_mesh
 from ...formats.mesh_file import detect_kind, estimate_cost
 from ...support import printer
+from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
 from ...support.system import bound_memory_and_time
@@ -82,7 +83,7 @@ def _enable_importer(kind: str, path: Path) -> Iterator[Any]:
             addon_utils.disable(name, default_set=False)
 
 
-def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+def read_mesh(path: Path) -> tuple[Array, Array, Array | None]:
     """Vertices (n, 3) float64 and triangles (m, 3) int32 of all meshes in a file, and UV coordinates of the corners.
 
     UV coordinates (m, 3, 2) float32 are from the layer that is rendered. They are NaN for meshes without any, and None
@@ -116,9 +117,7 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     return positions, faces, uv
 
 
-def _read_as_written(
-    path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray | None]:
+def _read_as_written(path: Path, positions: Array, faces: Array, uv: Array | None) -> tuple[Array, Array | None]:
     """Vertices and UV coordinates of a PLY file in full precision, if their number agrees with Blender's import."""
     try:
         written = ply.read_vertices(path)
@@ -135,7 +134,7 @@ def _last_line(error: Exception) -> str:
     return lines[-1].rstrip(".") if lines else type(error).__name__
 
 
-def _read_corners_uv(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
+def _read_corners_uv(mesh: bpy.types.Mesh, loops: Array) -> Array | None:
     """UV coordinates (m, 3, 2) of the corners (m, 3) of triangles in the rendered layer; None if there is no layer."""
     layer = next((each for each in mesh.uv_layers if each.active_render), None)
     if layer is None:
@@ -145,11 +144,11 @@ def _read_corners_uv(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | No
     return values.reshape(-1, 2)[loops]
 
 
-def _read_geometry(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+def _read_geometry(path: Path) -> tuple[Array, Array, Array | None]:
     """All visible meshes of the context's scene as one, with instances and transforms applied; see ``read_mesh``."""
     bpy.context.view_layer.update()
     positions, faces, offset, count = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0, 0
-    uvs: list[tuple[int, np.ndarray | None]] = []
+    uvs: list[tuple[int, Array | None]] = []
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.object.type != "MESH":
             continue

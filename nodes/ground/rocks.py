@@ -16,6 +16,7 @@ import numpy as np
 
 from ...physics.rocks.rocks import Rocks
 from ...physics.rocks.shapes import Shape
+from ...support.arrays import Array
 from ...support.labels import FACE_ATTRIBUTE, FIRST_ROCK_INSTANCE, INSTANCE_AOV, INSTANCE_ATTRIBUTE
 from ..tree.builder import Tree
 from .terrain_mesh import build_mesh_from_arrays
@@ -41,7 +42,7 @@ def label_instances(material: bpy.types.Material) -> None:
 
 
 def build_shapes(
-    name: str, shapes: Sequence[Sequence[Shape]], used: np.ndarray, material: bpy.types.Material
+    name: str, shapes: Sequence[Sequence[Shape]], used: Array, material: bpy.types.Material
 ) -> list[bpy.types.Object]:
     """An object for each of the ``shapes[level][shape]`` whose number is in ``used``.
 
@@ -105,7 +106,7 @@ def _build_group(name: str, shapes: bpy.types.Collection) -> bpy.types.NodeTree:
     return group
 
 
-def _set_attribute(mesh: bpy.types.Mesh, name: str, data_type: str, values: np.ndarray) -> None:
+def _set_attribute(mesh: bpy.types.Mesh, name: str, data_type: str, values: Array) -> None:
     """Add an attribute to the points of a mesh."""
     attribute = mesh.attributes.new(name, data_type, "POINT")
     kind, key = (np.int32, "value") if data_type == "INT" else (np.float32, "value" if values.ndim == 1 else "vector")

@@ -17,6 +17,7 @@ from ...physics.terrain.roughness.statistics import Roughness, measure, power_sp
 from ...physics.terrain.terrain import Terrain, law_range_m
 from ...settings.topics.ground import TerrainSettings
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.labels import UV_LAYER
 
 #: Attribute: distance of vertices from their neighbours in metres, if fine relief is geometry where they carry it.
@@ -53,11 +54,11 @@ class MeshedGround:
     (k, 2) of its mesh."""
 
     surface: Terrain | Graded
-    positions: np.ndarray
-    faces: np.ndarray
-    sharp: np.ndarray
-    spacing_m: np.ndarray | None = None
-    fine: np.ndarray | None = None
+    positions: Array
+    faces: Array
+    sharp: Array
+    spacing_m: Array | None = None
+    fine: Array | None = None
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
         """The smooth-shaded mesh. Where it is as fine as the image, for its fine relief, it is shaded flat: then image
@@ -99,7 +100,7 @@ def build_mesh(name: str, terrain: TerrainSettings, ground: Surface) -> bpy.type
     return build_mesh_from_arrays(name, *grid(terrain, ground))
 
 
-def grid(terrain: TerrainSettings, ground: Surface) -> tuple[np.ndarray, np.ndarray]:
+def grid(terrain: TerrainSettings, ground: Surface) -> tuple[Array, Array]:
     """Positions (n², 3) and faces ((n - 1)², 4) of the grid of ``terrain`` settings, rows from south to north.
 
     Raises ValueError if a height is not finite.
@@ -115,12 +116,12 @@ def grid(terrain: TerrainSettings, ground: Surface) -> tuple[np.ndarray, np.ndar
     return positions.reshape(-1, 3), faces
 
 
-def _check_finite(heights: np.ndarray) -> None:
+def _check_finite(heights: Array) -> None:
     if not np.isfinite(heights).all():
         raise ValueError("terrain heights are not finite")
 
 
-def _mark_spacing(mesh: bpy.types.Mesh, spacing_m: np.ndarray) -> None:
+def _mark_spacing(mesh: bpy.types.Mesh, spacing_m: Array) -> None:
     attribute = mesh.attributes.get(SPACING) or mesh.attributes.new(SPACING, "FLOAT", "POINT")
     attribute.data.foreach_set("value", np.minimum(spacing_m, _UNMOVED_M).astype(np.float32))
 
@@ -130,7 +131,7 @@ def leave_unmoved(mesh: bpy.types.Mesh) -> None:
     _mark_spacing(mesh, np.full(len(mesh.vertices), np.inf))
 
 
-def grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> np.ndarray | None:
+def grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> Array | None:
     """Heights (n, n) in metres of a mesh that ``build_mesh`` made as a grid; None if it is not such a grid any more."""
     n = int(terrain.resolution)
     if len(mesh.vertices) != n * n:
@@ -140,13 +141,13 @@ def grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> np.ndarray |
     return positions[2::3].reshape(n, n).astype(np.float64)
 
 
-def patch_heights(ground: Surface) -> np.ndarray:
+def patch_heights(ground: Surface) -> Array:
     """Heights (n, n) in metres of a ground over its patch, with the wavelengths that this grid can contain."""
     axis = np.linspace(-ground.size_m / 2, ground.size_m / 2, _MEASURED)
     return ground.heights(axis[None, :], axis[:, None], 2 * (axis[1] - axis[0]))
 
 
-def patch_roughness(heights: np.ndarray | None, terrain: TerrainSettings) -> Roughness | None:
+def patch_roughness(heights: Array | None, terrain: TerrainSettings) -> Roughness | None:
     """The roughness of the patch over the distances that both its grid and ``terrain`` settings include."""
     if heights is None or min(heights.shape) < 3:
         return None
@@ -156,7 +157,7 @@ def patch_roughness(heights: np.ndarray | None, terrain: TerrainSettings) -> Rou
     return measure(heights, spacing, terrain.slope_baseline_m, (max(shortest, 6 * spacing), longest))
 
 
-def patch_statistics(heights: np.ndarray | None, terrain: TerrainSettings) -> dict[str, Any]:
+def patch_statistics(heights: Array | None, terrain: TerrainSettings) -> dict[str, Any]:
     """``baseline_m``, the statistics of the patch that ``terrain`` settings ask for, and those that it has."""
     found = patch_roughness(heights, terrain)
     if found is None:
@@ -164,7 +165,7 @@ def patch_statistics(heights: np.ndarray | None, terrain: TerrainSettings) -> di
     return {"baseline_m": found.baseline_m, "asked": asked_numbers(terrain), "made": found.numbers()}
 
 
-def roughness_table(heights: np.ndarray | None, terrain: TerrainSettings) -> list[tuple[str, ...]]:
+def roughness_table(heights: Array | None, terrain: TerrainSettings) -> list[tuple[str, ...]]:
     """Rows of text with distance, measured and set RMS deviation, their ratio, and power spectral density.
 
     The density is that at the wave number 1/distance. Empty if there is no grid to measure.
@@ -198,7 +199,7 @@ def roughness_table(heights: np.ndarray | None, terrain: TerrainSettings) -> lis
 
 
 def build_mesh_from_arrays(
-    name: str, positions: np.ndarray, faces: np.ndarray, sharp: np.ndarray | None = None, uv: np.ndarray | None = None
+    name: str, positions: Array, faces: Array, sharp: Array | None = None, uv: Array | None = None
 ) -> bpy.types.Mesh:
     """A mesh from float32 positions (n, 3) and int32 faces (m, corners per face), smooth-shaded but along ``sharp``
     edges (k, 2), with the UV coordinates (m, corners per face, 2) of the corners if there are any."""
@@ -212,7 +213,7 @@ def build_mesh_from_arrays(
     return mesh
 
 
-def _touches_edges(faces: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def _touches_edges(faces: Array, edges: Array) -> Array:
     """Whether triangles (m, 3) have one of some edges (k, 2), each from the lower to the higher vertex."""
     sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), axis=1)
     many = int(faces.max()) + 1
@@ -220,7 +221,7 @@ def _touches_edges(faces: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return np.asarray(touches.reshape(-1, 3).any(axis=1))
 
 
-def _mark_sharp(mesh: bpy.types.Mesh, edges: np.ndarray) -> None:
+def _mark_sharp(mesh: bpy.types.Mesh, edges: Array) -> None:
     """Let faces meet in edges (k, 2), each from the lower to the higher vertex, without a shared normal."""
     ends = np.empty(2 * len(mesh.edges), np.int32)
     mesh.attributes[".edge_verts"].data.foreach_get("value", ends)
@@ -230,7 +231,7 @@ def _mark_sharp(mesh: bpy.types.Mesh, edges: np.ndarray) -> None:
     mark.data.foreach_set("value", np.isin(low * many + high, edges[:, 0] * many + edges[:, 1]))
 
 
-def fill_mesh(mesh: bpy.types.Mesh, positions: np.ndarray, faces: np.ndarray) -> None:
+def fill_mesh(mesh: bpy.types.Mesh, positions: Array, faces: Array) -> None:
     """Replace the geometry of a mesh, see ``build_mesh_from_arrays``. If only positions differ, faces are kept."""
     if (len(mesh.vertices), len(mesh.polygons)) == (len(positions), len(faces)):
         mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(positions, np.float32).ravel())

@@ -23,6 +23,7 @@ from ...physics.terrain.fine_detail import displace
 from ...settings.topics.ground import SourceSettings
 from ...settings.topics.scene import Settings
 from ...settings.topics.trust_boundary import NO_MARK
+from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
 from ...support.number_text import count_of
@@ -71,12 +72,12 @@ class UserGround:
     that z is up.
     """
 
-    positions: np.ndarray
-    faces: np.ndarray
+    positions: Array
+    faces: Array
     surface: HeightMap | MeshGround
     report: tuple[str, ...]
     warnings: tuple[str, ...]
-    uv: np.ndarray | None = None
+    uv: Array | None = None
     map_place: dict[str, Any] | None = None
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
@@ -154,7 +155,7 @@ def _is_fine(edge_m: float, height_m: float) -> bool:
     return edge_m <= _UNLIKELY_EDGE * height_m
 
 
-def _check_size(path: Path, extents_m: np.ndarray, fix: str, fix_height: str, to_horizon: bool = False) -> list[str]:
+def _check_size(path: Path, extents_m: Array, fix: str, fix_height: str, to_horizon: bool = False) -> list[str]:
     """Warnings of unlikely extents. Raises IcyMoonError for impossible ones; ``to_horizon`` may be wider."""
     widest, relief = float(max(extents_m[:2])), float(extents_m[2])
     most = _LARGEST_HORIZON_M if to_horizon else _LARGEST_M
@@ -179,7 +180,7 @@ def _check_size(path: Path, extents_m: np.ndarray, fix: str, fix_height: str, to
     return warnings
 
 
-def _check_against_camera(path: Path, positions: np.ndarray, faces: np.ndarray, height_m: float, fix: str) -> list[str]:
+def _check_against_camera(path: Path, positions: Array, faces: Array, height_m: float, fix: str) -> list[str]:
     """A warning of a mesh that is too coarse or too small for a camera at this height above it."""
     widest, edge = float(np.ptp(positions[:, :2], axis=0).max()), subdivide.edge_length_m(positions, faces)
     if widest >= height_m and _is_fine(edge, height_m):
@@ -190,7 +191,7 @@ def _check_against_camera(path: Path, positions: np.ndarray, faces: np.ndarray, 
     ]
 
 
-def turned_up(positions: np.ndarray, kind: str, up_axis: str) -> tuple[np.ndarray, str]:
+def turned_up(positions: Array, kind: str, up_axis: str) -> tuple[Array, str]:
     """Vertices of ``read_mesh``, rotated so that ``up_axis`` of the file is z, and that axis."""
     usual = "Y" if kind in ("OBJ", "glTF") else "Z"
     axis = usual if up_axis == "AUTO" else up_axis
@@ -259,8 +260,8 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
 
 
 def _with_roughness(
-    positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None, settings: Settings
-) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, str]:
+    positions: Array, faces: Array, uv: Array | None, settings: Settings
+) -> tuple[Array, Array, Array | None, str]:
     """The mesh, divided to the vertex spacing of ``terrain`` and displaced along its normals, and a sentence on it."""
     edge = subdivide.edge_length_m(positions, faces)
     wanted = shortest_wavelength_m(settings.terrain) / 2
@@ -289,7 +290,7 @@ def _with_roughness(
     )
 
 
-def _coarse_coordinates(path: Path, positions: np.ndarray) -> list[str]:
+def _coarse_coordinates(path: Path, positions: Array) -> list[str]:
     """A warning if single precision rounds large coordinates by more than a thousandth of the vertex spacing."""
     positions = positions[np.isfinite(positions).all(axis=1)]
     if not np.array_equal(positions, positions.astype(np.float32)):
@@ -304,7 +305,7 @@ def _coarse_coordinates(path: Path, positions: np.ndarray) -> list[str]:
     ]
 
 
-def _shift(positions: np.ndarray, source: SourceSettings) -> np.ndarray:
+def _shift(positions: Array, source: SourceSettings) -> Array:
     """Vector that moves the vertices so that the origin of the site is as in the settings."""
     shift = np.array([-source.origin_x_m, -source.origin_y_m, 0.0])
     if source.centre:

@@ -12,6 +12,7 @@ from ...physics.arm.lander_arm import arm_of, joint_values
 from ...physics.arm.lander_solids import body_capsules
 from ...physics.mesh.mesh_heights import MeshGround
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.number_text import show_rounded
 
 #: Margin in metres around the arm within which triangles of the ground are looked at.
@@ -55,7 +56,7 @@ def find_contact(settings: Settings, site_m: float, terrain: bpy.types.Object) -
     )
 
 
-def _heights_near(terrain: bpy.types.Object, low: np.ndarray, high: np.ndarray) -> Heights:
+def _heights_near(terrain: bpy.types.Object, low: Array, high: Array) -> Heights:
     """Heights of the highest triangle of the ground at points between two corners (2,); NaN outside the ground."""
     mesh = terrain.data
     mesh.calc_loop_triangles()

@@ -14,6 +14,7 @@ from ...physics.arm.solids import Solid
 from ...physics.arm.urdf import MOST_LINKS
 from ...physics.light.directions import camera_axes
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.labels import FIRST_LINK_INSTANCE
 from ..datablocks.fingerprint import NAME, TAG
 from ..ground.heights_under import probe_heights
@@ -73,7 +74,7 @@ def _build_link(link: str, key: str, solid: Solid, materials: dict[str, bpy.type
     return item
 
 
-def link_poses(settings: Settings, site_m: float) -> dict[str, np.ndarray]:
+def link_poses(settings: Settings, site_m: float) -> dict[str, Array]:
     """Pose (4, 4) in the world of each link's frame, in double precision."""
     arm, rig = arm_of(settings, site_m), settings.rig
     head = pose(camera_axes(rig.heading_deg, rig.pitch_deg), (rig.x_m, rig.y_m, site_m + rig.height_m))

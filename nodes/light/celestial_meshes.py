@@ -17,6 +17,7 @@ import numpy as np
 from ...physics.light.planetshine import Planet, disc_mesh
 from ...physics.light.saturn_rings import RingMesh
 from ...physics.light.stars import Stars
+from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.labels import PLANET
 from ..tree.builder import Tree, output
@@ -34,7 +35,7 @@ RADIANCE, TRANSMISSION = "radiance", "transmission"
 STAR_PX = 1.0
 
 
-def build_planet(name: str, planet: Planet, colour: np.ndarray, dip_deg: float) -> bpy.types.Object:
+def build_planet(name: str, planet: Planet, colour: Array, dip_deg: float) -> bpy.types.Object:
     """The part of the planet above a horizon ``dip_deg`` under the horizontal, in true proportion."""
     shown = disc_mesh(planet)
     faces = [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()]
@@ -43,7 +44,7 @@ def build_planet(name: str, planet: Planet, colour: np.ndarray, dip_deg: float) 
     )
 
 
-def build_rings(name: str, rings: RingMesh, colour: np.ndarray, dip_deg: float) -> bpy.types.Object:
+def build_rings(name: str, rings: RingMesh, colour: Array, dip_deg: float) -> bpy.types.Object:
     """The part of the rings above a horizon ``dip_deg`` under the horizontal."""
     attributes = {RADIANCE: rings.radiance, TRANSMISSION: rings.transmission}
     return _build_far_mesh(
@@ -85,9 +86,9 @@ def build_stars(name: str, stars: Stars, pixel_rad: float) -> bpy.types.Object:
 
 def _build_far_mesh(
     name: str,
-    vertices: np.ndarray,
+    vertices: Array,
     faces: list[Any],
-    attributes: Mapping[str, np.ndarray],
+    attributes: Mapping[str, Array],
     material: bpy.types.Material,
     dip_deg: float,
 ) -> bpy.types.Object:
@@ -131,7 +132,7 @@ def _cut_below_horizon(mesh: bpy.types.Mesh, slope: float) -> None:
     edited.free()
 
 
-def _build_shining_material(name: str, colour: np.ndarray, attributes: Mapping[str, np.ndarray]) -> bpy.types.Material:
+def _build_shining_material(name: str, colour: Array, attributes: Mapping[str, Array]) -> bpy.types.Material:
     """A material that emits a colour times an attribute, and is transparent if there is an attribute for that."""
     material = bpy.data.materials.new(name)
     tree = Tree(compat.ensure_nodes(material))

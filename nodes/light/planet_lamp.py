@@ -12,10 +12,10 @@ import math
 from typing import Any
 
 import bpy
-import numpy as np
 from mathutils import Vector
 
 from ...physics.light.planetshine import Planet, ellipsoid, lit_chords, mean_direction, unshaded_share
+from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.file_shapes import NUMBER, Each
 from ..datablocks.stored_json import read_stored
@@ -31,7 +31,7 @@ _INPUTS = {
 MEAN = "icymoon_mean"  # property of the lamp: the mean direction of its light
 
 
-def build_planet_light(name: str, planet: Planet, colour: np.ndarray) -> bpy.types.Object:
+def build_planet_light(name: str, planet: Planet, colour: Array) -> bpy.types.Object:
     """A Sun lamp with the angular size of the planet's equator, which shines where the planet is sunlit.
 
     A Sun lamp of energy E and angular radius r has the radiance E / (π sin² r) times the strength of its shader. The

@@ -22,6 +22,7 @@ from ...physics.light.planet_face import (
     spot_axes,
 )
 from ...physics.light.planetshine import Planet, ellipsoid
+from ...support.arrays import Array
 from ...support.blender import compat
 from ..tree.builder import Tree, output
 
@@ -29,7 +30,7 @@ from ..tree.builder import Tree, output
 _RIPPLE_LENGTH, _RIPPLE_STRETCH = 0.2, 8.0
 
 
-def build_planet_material(name: str, planet: Planet, colour: np.ndarray, distance_m: float) -> bpy.types.Material:
+def build_planet_material(name: str, planet: Planet, colour: Array, distance_m: float) -> bpy.types.Material:
     """The material of a mesh about the observer, whose planet is ``distance_m`` away; ``colour`` (3,) is the Sun's."""
     material = bpy.data.materials.new(name)
     tree = Tree(compat.ensure_nodes(material))
@@ -136,7 +137,7 @@ class _Globe:
         return passed
 
 
-def _add_face(globe: _Globe, face: Face, factors: np.ndarray) -> Any:
+def _add_face(globe: _Globe, face: Face, factors: Array) -> Any:
     """The colour of a place: B (μ₀ μ)^k / μ times factors of the bands."""
     tree = globe.tree
     emission = tree.math(

@@ -12,6 +12,7 @@ from mathutils import Vector
 
 from ...physics.light.scene_sun import SceneSun, as_it_stands, described_by
 from ...physics.light.sky import Sky
+from ...support.arrays import Array
 from ...support.blender import compat
 from ..tree.builder import Tree
 
@@ -23,7 +24,7 @@ def build_sun(name: str) -> bpy.types.Object:
     return bpy.data.objects.new(name, lamp)
 
 
-def place_sun(sun: bpy.types.Object, sky: Sky, colour: np.ndarray) -> None:
+def place_sun(sun: bpy.types.Object, sky: Sky, colour: Array) -> None:
     """Set the direction, angular size and irradiance of a Sun lamp, or of a lamp near the ground in its place.
 
     The irradiance is in W/m² on a surface that faces the Sun, and ``colour`` contains the factors for R, G and B. A Sun

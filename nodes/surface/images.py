@@ -19,6 +19,7 @@ from ...formats.tiff import stores_floats
 from ...physics.mesh import texture_coordinates
 from ...physics.surfaces.textures import SIZE, make_maps
 from ...settings.topics.surfaces import TexturesSettings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, explained, parse_part, read
 from ...support.labels import UV_LAYER
@@ -27,7 +28,7 @@ _KEY, _MEAN = "icymoon_key", "icymoon_mean"  # the key of an image, and the mean
 _SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # mark of the part on the ground, and the mean of that part
 #: What ``measure_brightness`` found, by the key of the image. It is not stored with the image, because materials whose
 #: images have got another property count as edited.
-_measured_brightness: dict[str, np.ndarray] = {}
+_measured_brightness: dict[str, Array] = {}
 #: Values of an image that are processed at once: a baked image may have 10⁹.
 _AT_ONCE = 1 << 24
 #: Pixels that an image may have, and more if its file is large: 8192 x 8192, as the largest of most collections.
@@ -106,7 +107,7 @@ def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, M
     return {kind: replace(each, mean=tuple(each.image[_SHOWN_MEAN])) for kind, each in found.items()}
 
 
-def measure_brightness(of: Map) -> np.ndarray:
+def measure_brightness(of: Map) -> Array:
     """The linear values of the brightest band that 0, 1, ... 100 % of the pixels of an image have at most, (101,)."""
     key = of.image[_KEY]
     if key not in _measured_brightness:
@@ -121,7 +122,7 @@ def _find_map(key: str) -> Map | None:
     return Map(image, tuple(image[_MEAN])) if image else None
 
 
-def _remember_map(key: str, image: bpy.types.Image, mean: np.ndarray) -> Map:
+def _remember_map(key: str, image: bpy.types.Image, mean: Array) -> Map:
     """Store the ``key`` and the ``mean`` (3,) of its linear values with an image; the map of it."""
     image[_KEY], image[_MEAN] = key, mean.tolist()
     return Map(image, tuple(mean.tolist()))
@@ -187,7 +188,7 @@ def _unpack_image(source: MeshImage, data: bytes) -> bpy.types.Image:
     return image
 
 
-def _mean(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
+def _mean(path: Path, name: str, image: bpy.types.Image) -> Array:
     """Mean (3,) of an image's linear values. Raises IcyMoonError if it has no pixels or if values are not finite."""
     if image.size[0] * image.size[1] == 0:
         raise IcyMoonError(f"{path}: is not an image that can be read; give a PNG, JPEG, TIFF or EXR as {name}.")
@@ -200,7 +201,7 @@ def _mean(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
     return total / (pixels.shape[0] * pixels.shape[1])
 
 
-def _read_pixels(image: bpy.types.Image) -> np.ndarray:
+def _read_pixels(image: bpy.types.Image) -> Array:
     """Stored pixels (rows, columns, channels) of an image, with row 0 at the bottom."""
     width, height = image.size
     pixels = np.empty(width * height * image.channels, np.float32)
@@ -208,7 +209,7 @@ def _read_pixels(image: bpy.types.Image) -> np.ndarray:
     return pixels.reshape(height, width, image.channels)
 
 
-def _linear(image: bpy.types.Image, pixels: np.ndarray) -> np.ndarray:
+def _linear(image: bpy.types.Image, pixels: Array) -> Array:
     """Linear values (..., 3) of pixels (..., channels) of an image."""
     values = pixels[..., :3] if image.channels >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
     if image.colorspace_settings.name == "sRGB" and not image.is_float:

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...physics.mesh.fine_relief import CARRIED, OCTAVES
 from ...settings.topics.surfaces import SurfaceSettings
+from ...support.arrays import Array
 from ...support.labels import FACE_ATTRIBUTE
 from ..ground.terrain_mesh import SPACING
 from ..tree.builder import Tree, output
@@ -179,7 +180,7 @@ def _add_octaves(tree: Tree, label: str, where: Any, scale: Number | float, deta
 
 
 def mark_elevation(
-    mesh: bpy.types.Mesh, surface: SurfaceSettings, drop_m: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
+    mesh: bpy.types.Mesh, surface: SurfaceSettings, drop_m: Callable[[Array, Array], Array] | None = None
 ) -> None:
     """Set the attribute ``ELEVATION`` of a mesh if ``surface`` settings need it; otherwise remove it.
 

@@ -31,13 +31,15 @@ from ...physics.surfaces import snow
 from ...physics.surfaces.photometry import Law, hemispherical_fit, lunar_lambert_normal_albedo
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import HapkeSettings
+from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
+from ..light.planet_lamp import planet_inputs
 from ..tree.builder import Tree
 from ..tree.formula import Number, Vector
 from . import hapke_nodes
 from .hapke_osl import add_script_node
-from .sun_inputs import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, planet_inputs, sun_inputs
+from .sun_inputs import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, sun_inputs
 
 
 @dataclass(frozen=True)
@@ -285,7 +287,7 @@ def _add_script(ground: Ground, sun: Sun, level: str, inputs: dict[str, Any], la
 
 
 @lru_cache(maxsize=64)
-def _fit(q: model.HapkeParameters, darkest: float, slopes: tuple[float, float]) -> np.ndarray:
+def _fit(q: model.HapkeParameters, darkest: float, slopes: tuple[float, float]) -> Array:
     """Coefficients of the hemispherical albedo, for θ̄ in ``slopes`` and for w times a factor from ``darkest`` to 1."""
     least, most = math.sqrt(1 - q.w), math.sqrt(1 - q.w * darkest)
     gammas = np.linspace(least, most, 5) if most - least > 1e-6 else np.array([least])

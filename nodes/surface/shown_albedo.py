@@ -11,6 +11,7 @@ from ...physics.surfaces import photometry
 from ...physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
+from ...support.arrays import Array
 from ...support.labels import ALBEDO_AOV
 from ..tree.builder import Tree, output
 
@@ -62,7 +63,7 @@ def _add_product(tree: Tree, colour: Any, level: Any) -> Any:
     ).outputs[0]
 
 
-def hapke_curve(settings: Settings, least: float) -> tuple[np.ndarray, np.ndarray]:
+def hapke_curve(settings: Settings, least: float) -> tuple[Array, Array]:
     """Factors on w from ``least`` to 1, and the Bond albedo of Hapke's law with each."""
     known = from_settings(settings.hapke)
     factors = np.unique(np.linspace(least, 1.0, _STEPS))

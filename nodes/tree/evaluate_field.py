@@ -11,6 +11,8 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Nodes that mean the same to shaders and to geometry.
 _SHARED = {
     "ShaderNodeMath",
@@ -71,9 +73,7 @@ class _Translation:
                 target.default_value = source.default_value
 
 
-def evaluate_field(
-    socket: bpy.types.NodeSocket, points: np.ndarray, mesh: bpy.types.Mesh, some: np.ndarray
-) -> np.ndarray:
+def evaluate_field(socket: bpy.types.NodeSocket, points: Array, mesh: bpy.types.Mesh, some: Array) -> Array:
     """Values (k,) float32 of a shader's output at ``points`` (k, 3) of the world, which are ``some`` vertices (k,) of
     ``mesh``.
 
@@ -122,14 +122,14 @@ def _add_output(group: bpy.types.NodeTree, value: bpy.types.NodeSocket) -> None:
         group.links.new(source, target)
 
 
-def _copy_attribute(name: str, source: bpy.types.Mesh, target: bpy.types.Mesh, some: np.ndarray) -> None:
+def _copy_attribute(name: str, source: bpy.types.Mesh, target: bpy.types.Mesh, some: Array) -> None:
     values = read_numbers(source, name)
     if values is None:
         raise NotTranslatable(name)
     target.attributes.new(name, "FLOAT", "POINT").data.foreach_set("value", np.ascontiguousarray(values[some]))
 
 
-def read_numbers(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
+def read_numbers(mesh: bpy.types.Mesh, name: str) -> Array | None:
     """The values (n,) float32 of an attribute of the vertices of a mesh; None if it has no such numbers."""
     there = mesh.attributes.get(name)
     if there is None or (there.data_type, there.domain) != ("FLOAT", "POINT"):

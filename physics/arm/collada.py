@@ -21,6 +21,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.files import shorten
 from ...support.foreign_bytes import Budget, ForeignBytes, RefusedError, parse_xml
 from ...support.number_text import count_of
@@ -35,7 +36,7 @@ _TOGETHER = 2**18
 _LARGEST = 1e9
 _PRIMITIVES = ("triangles", "polylist", "polygons", "trifans", "tristrips")
 #: Vertices (n, 3) and triangles (m, 3).
-Mesh = tuple[np.ndarray, np.ndarray]
+Mesh = tuple[Array, Array]
 
 
 def parse_triangles(foreign: ForeignBytes, most: int) -> Mesh:
@@ -104,7 +105,7 @@ class _Document:
             raise ValueError(f"it has {count_of(len(scenes), 'scene')}, and names none to be shown")
         return scenes[0]
 
-    def _shown(self) -> Iterator[tuple[ElementTree.Element, np.ndarray]]:
+    def _shown(self) -> Iterator[tuple[ElementTree.Element, Array]]:
         """Each geometry that the scene shows, with its place (4, 4)."""
         left = [(node, np.eye(4)) for node in reversed(self._scene().findall("node"))]
         steps = 0
@@ -129,7 +130,7 @@ class _Document:
             ]
             left += [(each, place) for each in reversed(inner)]
 
-    def _pose(self, node: ElementTree.Element) -> np.ndarray:
+    def _pose(self, node: ElementTree.Element) -> Array:
         """The pose (4, 4) of a node: the product of its transforms in their order."""
         made = np.eye(4)
         for each in node:
@@ -142,7 +143,7 @@ class _Document:
                 )
         return made
 
-    def _transform(self, item: ElementTree.Element) -> np.ndarray:
+    def _transform(self, item: ElementTree.Element) -> Array:
         values = self._numbers(item.text, float, _TRANSFORMS[item.tag], f"a <{item.tag}>")
         if not np.abs(values).max() <= _LARGEST:
             raise ValueError(f"a <{item.tag}> has a number that is none")
@@ -173,13 +174,13 @@ class _Document:
             [np.empty((0, 3), np.int64), *(corners + starts[source] for source, corners in found)]
         )
 
-    def _array(self, numbers: ElementTree.Element) -> np.ndarray:
+    def _array(self, numbers: ElementTree.Element) -> Array:
         found = self._numbers(numbers.text, float, _count(numbers, "count"), "an array")
         if not np.isfinite(found).all():
             raise ValueError("an array has a number that is none")
         return found
 
-    def _places(self, source: ElementTree.Element) -> np.ndarray:
+    def _places(self, source: ElementTree.Element) -> Array:
         """The places (n, 3) that a source of positions has."""
         accessor = source.find("technique_common/accessor")
         if accessor is None:
@@ -203,7 +204,7 @@ class _Document:
             raise ValueError("a <vertices> has not one input POSITION")
         return self._find("source", urls[0])
 
-    def _primitive(self, item: ElementTree.Element) -> tuple[ElementTree.Element, np.ndarray]:
+    def _primitive(self, item: ElementTree.Element) -> tuple[ElementTree.Element, Array]:
         """The source of the positions of a primitive, and its triangles (m, 3) in numbers of that source."""
         inputs = [(each, _count(each, "offset")) for each in item.findall("input")]
         width = 1 + max((offset for _, offset in inputs), default=0)
@@ -225,7 +226,7 @@ class _Document:
             triangles[inner % 2 == 1] = triangles[inner % 2 == 1][:, [1, 0, 2]]
         return source, corners.reshape(-1, width)[:, vertex[0][1]][triangles]
 
-    def _corners(self, item: ElementTree.Element, width: int) -> tuple[np.ndarray, np.ndarray]:
+    def _corners(self, item: ElementTree.Element, width: int) -> tuple[Array, Array]:
         """Number of corners of each polygon, fan or strip, and ``width`` numbers of each corner, in a row."""
         lists = [each.text for each in item.findall("p")]
         if item.tag in ("triangles", "polylist"):
@@ -255,7 +256,7 @@ class _Document:
                 raise ValueError(f"a face of a <{item.tag}> has not {width} numbers for each corner")
         return np.array([(end - start) // width for start, end in pairwise(ends)], int), np.array(numbers, np.int64)
 
-    def _numbers(self, text: str | None, kind: type[Number], count: int, where: str) -> np.ndarray:
+    def _numbers(self, text: str | None, kind: type[Number], count: int, where: str) -> Array:
         """The ``count`` numbers of a text. Raises ValueError if it has another count."""
         self.budget.charge(8 * count, "numbers")
         found, at = np.empty(count, np.int64 if kind is int else np.float64), 0
@@ -308,7 +309,7 @@ def _count(item: ElementTree.Element, key: str, default: int | None = None) -> i
     return int(text)
 
 
-def _turned(axis: np.ndarray, angle: float) -> np.ndarray:
+def _turned(axis: Array, angle: float) -> Array:
     """The rotation (3, 3) by an angle in radians about an axis (3,) of any length."""
     length = float(np.linalg.norm(axis))
     if angle == 0:

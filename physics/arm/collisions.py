@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
 from .kinematics import Arm, Capsule, forward
 
-Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Heights = Callable[[Array, Array], Array]
 
 #: Distance in metres between the points on a capsule at which the ground under it is asked.
 _STEP_M = 0.02
@@ -20,12 +21,12 @@ class Line:
     """A capsule in the world: start and end (3,), radius in metres, and the number of its link, -1 for the base."""
 
     link: int
-    start: np.ndarray
-    end: np.ndarray
+    start: Array
+    end: Array
     radius_m: float
 
 
-def lines_of(arm: Arm, joints_rad: np.ndarray, others: tuple[Capsule, ...] = ()) -> list[Line]:
+def lines_of(arm: Arm, joints_rad: Array, others: tuple[Capsule, ...] = ()) -> list[Line]:
     """The capsules of an arm in the world, and ``others`` that are still, in the frame of the arm's base."""
     poses = forward(arm, joints_rad)
     found = []
@@ -36,7 +37,7 @@ def lines_of(arm: Arm, joints_rad: np.ndarray, others: tuple[Capsule, ...] = ())
     return found
 
 
-def segment_distance(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> float:
+def segment_distance(a: Array, b: Array, c: Array, d: Array) -> float:
     """Distance between the segments a-b and c-d (Ericson 2005, *Real-Time Collision Detection*, section 5.1.9)."""
     u, v, w = b - a, d - c, a - c
     uu, uv, vv, uw, vw = u @ u, u @ v, v @ v, u @ w, v @ w
@@ -53,7 +54,7 @@ def clearance_m(one: Line, other: Line) -> float:
     return segment_distance(one.start, one.end, other.start, other.end) - one.radius_m - other.radius_m
 
 
-def find_self_collisions(arm: Arm, joints_rad: np.ndarray, others: tuple[Capsule, ...] = ()) -> list[tuple[str, str]]:
+def find_self_collisions(arm: Arm, joints_rad: Array, others: tuple[Capsule, ...] = ()) -> list[tuple[str, str]]:
     """Pairs of names of the links that overlap, "lander" for the base. Links that share a joint always meet there."""
     names = (*arm.links, "lander")  # -1 is the last
     lines, found = lines_of(arm, joints_rad, others), []
@@ -73,7 +74,7 @@ def _joined(arm: Arm, one: int, other: int) -> bool:
     )
 
 
-def ground_clearances_m(arm: Arm, joints_rad: np.ndarray, heights: Heights) -> dict[str, float]:
+def ground_clearances_m(arm: Arm, joints_rad: Array, heights: Heights) -> dict[str, float]:
     """Least height of each moving link above the ground in metres, negative inside it, NaN beside it.
 
     ``heights`` returns the height in metres of the ground at coordinates (n,).
@@ -89,7 +90,7 @@ def ground_clearances_m(arm: Arm, joints_rad: np.ndarray, heights: Heights) -> d
     return found
 
 
-def find_link_around(arm: Arm, joints_rad: np.ndarray, point: np.ndarray) -> str:
+def find_link_around(arm: Arm, joints_rad: Array, point: Array) -> str:
     """Name of the link whose capsule contains a world point (3,), such as an eye; empty if none does."""
     for line in lines_of(arm, joints_rad):
         if segment_distance(line.start, line.end, point, point) < line.radius_m:

@@ -8,16 +8,17 @@ from typing import Any
 import numpy as np
 
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from .lander_arm import keypoints_of
 
 
 def describe_keypoints(
     settings: Settings,
     pads_m: list[float],
-    links: Mapping[str, np.ndarray],
-    eyes: Mapping[str, np.ndarray],
-    matrix: np.ndarray,
-    depths: Mapping[str, np.ndarray],
+    links: Mapping[str, Array],
+    eyes: Mapping[str, Array],
+    matrix: Array,
+    depths: Mapping[str, Array],
 ) -> list[dict[str, Any]]:
     """The keypoints as ``pair.json`` has them.
 
@@ -37,7 +38,7 @@ def describe_keypoints(
     return found
 
 
-def _project(world: np.ndarray, pose: np.ndarray, matrix: np.ndarray) -> tuple[list[float] | None, float]:
+def _project(world: Array, pose: Array, matrix: Array) -> tuple[list[float] | None, float]:
     """Pixel (x, y) and depth of a point of the world; no pixel behind the eye."""
     x, y, z = pose[:3, :3].T @ (world - pose[:3, 3])
     if z <= 0:
@@ -46,7 +47,7 @@ def _project(world: np.ndarray, pose: np.ndarray, matrix: np.ndarray) -> tuple[l
     return [float(u / w), float(v / w)], float(z)
 
 
-def _is_seen(pixel: list[float] | None, depth: float, radius: float, depths: np.ndarray) -> bool:
+def _is_seen(pixel: list[float] | None, depth: float, radius: float, depths: Array) -> bool:
     if pixel is None:
         return False
     column, row = int(np.floor(pixel[0])), int(np.floor(pixel[1]))

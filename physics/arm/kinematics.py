@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
+
 
 @dataclass(frozen=True)
 class Joint:
@@ -23,8 +25,8 @@ class Joint:
     name: str
     link: str
     parent: int
-    origin: np.ndarray
-    axis: np.ndarray
+    origin: Array
+    axis: Array
     low: float = -np.pi
     high: float = np.pi
     slides: bool = False
@@ -53,8 +55,8 @@ class Arm:
     """
 
     joints: tuple[Joint, ...]
-    base: np.ndarray
-    tip: np.ndarray
+    base: Array
+    tip: Array
     capsules: tuple[Capsule, ...] = ()
     lengths_m: tuple[float, ...] = ()
 
@@ -64,27 +66,27 @@ class Arm:
         return tuple(joint.link for joint in self.joints)
 
     @property
-    def low(self) -> np.ndarray:
+    def low(self) -> Array:
         return np.array([joint.low for joint in self.joints])
 
     @property
-    def high(self) -> np.ndarray:
+    def high(self) -> Array:
         return np.array([joint.high for joint in self.joints])
 
 
-def cross_matrix(axis: np.ndarray) -> np.ndarray:
+def cross_matrix(axis: Array) -> Array:
     """The matrix (3, 3) that maps v to axis x v."""
     x, y, z = axis
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def turn(axis: np.ndarray, angle: float) -> np.ndarray:
+def turn(axis: Array, angle: float) -> Array:
     """Rotation (3, 3) about a unit axis by an angle in radians (Rodrigues)."""
     k = cross_matrix(axis)
     return np.asarray(np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k))
 
 
-def pose(rotation: np.ndarray | None = None, place: tuple[float, ...] | np.ndarray = (0.0, 0.0, 0.0)) -> np.ndarray:
+def pose(rotation: Array | None = None, place: tuple[float, ...] | Array = (0.0, 0.0, 0.0)) -> Array:
     """A rigid transformation (4, 4) from a rotation (3, 3) and a place (3,) in metres."""
     made = np.eye(4)
     made[:3, :3] = np.eye(3) if rotation is None else rotation
@@ -92,15 +94,15 @@ def pose(rotation: np.ndarray | None = None, place: tuple[float, ...] | np.ndarr
     return made
 
 
-def _zero_poses(arm: Arm) -> list[np.ndarray]:
+def _zero_poses(arm: Arm) -> list[Array]:
     """Pose (4, 4) of each link in the base's frame at zero angles."""
-    found: list[np.ndarray] = []
+    found: list[Array] = []
     for joint in arm.joints:
         found.append((found[joint.parent] if joint.parent >= 0 else np.eye(4)) @ joint.origin)
     return found
 
 
-def _exponential(joint: Joint, zero: np.ndarray, angle: float) -> np.ndarray:
+def _exponential(joint: Joint, zero: Array, angle: float) -> Array:
     """The motion (4, 4) in the base's frame that a joint makes, from its axis at zero angles."""
     axis = zero[:3, :3] @ joint.axis
     if joint.slides:
@@ -109,26 +111,26 @@ def _exponential(joint: Joint, zero: np.ndarray, angle: float) -> np.ndarray:
     return pose(rotation, point - rotation @ point)
 
 
-def forward(arm: Arm, joints_rad: np.ndarray) -> np.ndarray:
+def forward(arm: Arm, joints_rad: Array) -> Array:
     """Pose of each moving link in the world, (links, 4, 4), for the angles (links,) in radians.
 
     Limits are not applied: see ``beyond_limits``.
     """
     zeros = _zero_poses(arm)
-    motions: list[np.ndarray] = []
+    motions: list[Array] = []
     for joint, zero, angle in zip(arm.joints, zeros, np.asarray(joints_rad, np.float64), strict=True):
         before = motions[joint.parent] if joint.parent >= 0 else np.eye(4)
         motions.append(before @ _exponential(joint, zero, float(angle)))
     return np.stack([arm.base @ motion @ zero for motion, zero in zip(motions, zeros, strict=True)])
 
 
-def tip_of(arm: Arm, joints_rad: np.ndarray) -> np.ndarray:
+def tip_of(arm: Arm, joints_rad: Array) -> Array:
     """Place (3,) in the world of the tool's point."""
     last = forward(arm, joints_rad)[-1]
     return np.asarray(last[:3, :3] @ arm.tip + last[:3, 3])
 
 
-def beyond_limits(arm: Arm, joints_rad: np.ndarray) -> list[int]:
+def beyond_limits(arm: Arm, joints_rad: Array) -> list[int]:
     """Numbers of the joints whose angle is outside their limits, by more than rounding."""
     # Settings are stored in single precision: an angle at its limit may be 1e-7 of itself beyond it.
     angles, slack = np.asarray(joints_rad, np.float64), 1e-6

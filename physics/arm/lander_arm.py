@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from . import parametric
 from .kinematics import Arm, pose
 from .lander_solids import Keypoint, arm_keypoints, arm_solids, still_keypoints, still_solids
@@ -36,7 +37,7 @@ def arm_of(settings: Settings, site_m: float = 0.0) -> Arm:
     )
 
 
-def joint_values(settings: Settings) -> np.ndarray:
+def joint_values(settings: Settings) -> Array:
     """Values of all joints of ``arm_of`` in radians, or metres of joints that slide, faults included."""
     if not is_own(settings):
         return real_rad(settings.arm)

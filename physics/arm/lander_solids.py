@@ -15,6 +15,7 @@ import numpy as np
 
 from ...settings.topics.lander import ArmSettings, LanderSettings
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from .kinematics import Capsule, pose
 from .parametric import RADII_M
 from .solids import Solid, ball, box, join, lathe, moved, prism, rod
@@ -399,7 +400,7 @@ def body_capsules(settings: Settings) -> tuple[Capsule, ...]:
 
 #: A point on a link: its name, the link, a place (3,) in the link's frame, and how far in metres the surface may be in
 #: front of it. Joints are the middle of their drum, whose surface is up to the radius in front of it.
-Keypoint = tuple[str, str, np.ndarray, float]
+Keypoint = tuple[str, str, Array, float]
 
 
 def arm_keypoints(arm: ArmSettings) -> list[Keypoint]:

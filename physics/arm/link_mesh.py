@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import RefusedError, read
 from ..mesh import obj, stl
@@ -24,7 +25,7 @@ _FORMATS = {
 MOST_TRIANGLES = 1_000_000
 
 
-def read_link_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def read_link_mesh(path: Path) -> tuple[Array, Array]:
     """Vertices (n, 3), of Collada in metres and else in the file's unit, and triangles (m, 3).
 
     Raises IcyMoonError if the file is missing, of another format, too large, empty or broken.
@@ -42,7 +43,7 @@ def read_link_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def _checked(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _checked(vertices: Array, triangles: Array) -> tuple[Array, Array]:
     if not len(triangles):
         raise RefusedError("has no triangle; export it again.")
     if not np.isfinite(vertices).all() or np.abs(vertices).max() > 1e9:

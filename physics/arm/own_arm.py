@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import absolute_path, shorten
 from ...support.foreign_bytes import reason_of
@@ -39,14 +40,14 @@ class OwnArm:
     value is made with, the names of the joints that move by themselves, and the solids by link."""
 
     joints: tuple[Joint, ...]
-    moving: np.ndarray
-    factors: np.ndarray
-    offsets: np.ndarray
+    moving: Array
+    factors: Array
+    offsets: Array
     names: tuple[str, ...]
     solids: dict[str, Solid]
     capsules: tuple[Capsule, ...]
 
-    def values(self, commanded: np.ndarray) -> np.ndarray:
+    def values(self, commanded: Array) -> Array:
         """Radians or metres of all joints from those that move by themselves."""
         padded = np.append(commanded, 0.0)
         return np.asarray(self.factors * padded[self.moving] + self.offsets)
@@ -66,12 +67,12 @@ def arm_files(path: Path) -> list[Path]:
     return [path, *_read(path, _state(path)).files]
 
 
-def arm_of_file(own: OwnArm, base: np.ndarray) -> Arm:
+def arm_of_file(own: OwnArm, base: Array) -> Arm:
     """The arm with its first link at ``base`` (4, 4); its tip is the origin of the last link."""
     return Arm(own.joints, base, np.zeros(3), own.capsules)
 
 
-def commanded(own: OwnArm, text: str) -> np.ndarray:
+def commanded(own: OwnArm, text: str) -> Array:
     """Radians or metres of the joints that move, from ``lander.joints``: ``name=value`` in degrees or metres, or values
     in the order of the file; 0 where none is given. Names may have spaces. Raises IcyMoonError for other text."""
     found = dict.fromkeys(own.names, 0.0)
@@ -179,7 +180,7 @@ def _link_names(urdf: Urdf) -> dict[str, str]:
 
 
 #: Vertices and triangles of mesh files: a robot may name one of them many times.
-Meshes = dict[Path, tuple[np.ndarray, np.ndarray]]
+Meshes = dict[Path, tuple[Array, Array]]
 
 
 def _solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int, meshes: Meshes) -> Solid | None:
@@ -238,6 +239,6 @@ def _capsules(joints: tuple[Joint, ...], solids: Mapping[str, Solid]) -> tuple[C
         low, high = float((at + slack).min()), float((at - slack).max())
         if low > high:
             low = high = (low + high) / 2
-        start, end = (tuple(float(each) for each in middle + t * along) for t in (low, high))
-        found.append(Capsule(k, start, end, radius))  # type: ignore[arg-type]
+        ends = [(float(x), float(y), float(z)) for x, y, z in (middle + low * along, middle + high * along)]
+        found.append(Capsule(k, ends[0], ends[1], radius))
     return tuple(found)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...settings.topics.lander import ArmSettings
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from .kinematics import Arm, Capsule, Joint, pose
 
 #: Joints of the arm in order, as the settings call them, and the link that each moves.
@@ -26,7 +27,7 @@ RADII_M = {"turret": 0.06, "upper_arm": 0.05, "forearm": 0.045, "hand": 0.04}
 _UP, _PITCH, _ALONG = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
 
 
-def lander_pose(settings: Settings, site_m: float = 0.0) -> np.ndarray:
+def lander_pose(settings: Settings, site_m: float = 0.0) -> Array:
     """Pose (4, 4) of the lander's frame in the world; ``site_m`` is the height of the ground under the left camera."""
     rig = settings.rig
     view = math.radians(rig.heading_deg)
@@ -93,24 +94,24 @@ def _capsules(arm: ArmSettings) -> tuple[Capsule, ...]:
     )
 
 
-def commanded_rad(arm: ArmSettings) -> np.ndarray:
+def commanded_rad(arm: ArmSettings) -> Array:
     """The angles (5,) in radians that the joints were told."""
     return np.radians([float(arm[f"{name}_deg"]) for name in JOINTS])
 
 
-def real_rad(arm: ArmSettings) -> np.ndarray:
+def real_rad(arm: ArmSettings) -> Array:
     """The angles (5,) in radians at which the joints are: those commanded, and the fault of each joint."""
     return commanded_rad(arm) + np.radians([float(arm[f"{name}_offset_deg"]) for name in JOINTS])
 
 
-def _turned(angle: np.ndarray) -> np.ndarray:
+def _turned(angle: Array) -> Array:
     """Angles in radians within half a turn of zero."""
     return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def solve(
-    arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float, pitch: float | np.ndarray = DOWN_RAD
-) -> tuple[np.ndarray, np.ndarray]:
+    arm: Arm, x: Array | float, y: Array | float, z: Array | float, pitch: float | Array = DOWN_RAD
+) -> tuple[Array, Array]:
     """Both solutions (2, ..., 5) in radians, elbow up first, and their margins (2, ...), for the tip at world points.
 
     The margin is the smallest distance in radians of a joint to its limits, negative beyond them; both are NaN out of
@@ -134,9 +135,7 @@ def solve(
     return joints, margins
 
 
-def inverse(
-    arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float, pitch: float | np.ndarray = DOWN_RAD
-) -> np.ndarray:
+def inverse(arm: Arm, x: Array | float, y: Array | float, z: Array | float, pitch: float | Array = DOWN_RAD) -> Array:
     """Angles (..., 5) in radians that put the tip at world points in metres; NaN out of reach or beyond a limit.
 
     Of two solutions the one that is farther from the limits. Raises nothing: points may be NaN.
@@ -148,8 +147,8 @@ def inverse(
 
 
 def find_joint_margin(
-    arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float, pitch: float | np.ndarray = DOWN_RAD
-) -> np.ndarray:
+    arm: Arm, x: Array | float, y: Array | float, z: Array | float, pitch: float | Array = DOWN_RAD
+) -> Array:
     """Smallest distance in radians of a joint to its limits with the tip at world points; NaN out of reach.
 
     Of two solutions the better; negative where a joint would be beyond its limit.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Distance in metres before the eye at which triangles are cut off.
 _NEAR_M = 1e-3
 
 
-def find_silhouette(
-    vertices: np.ndarray, triangles: np.ndarray, matrix: np.ndarray, shape: tuple[int, ...]
-) -> np.ndarray:
+def find_silhouette(vertices: Array, triangles: Array, matrix: Array, shape: tuple[int, ...]) -> Array:
     """Mask (rows, columns) of the pixels whose centre a solid covers.
 
     ``vertices`` (n, 3) are in the camera's axes (x right, y down, z forward), in metres; ``matrix`` (3, 3) has pixel
@@ -29,7 +29,7 @@ def find_silhouette(
     return mask
 
 
-def _covers(triangle: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _covers(triangle: Array, x: Array, y: Array) -> Array:
     """Whether points are inside a triangle (3, 2), turned either way."""
     sides = [
         (bx - ax) * (y - ay) - (by - ay) * (x - ax)
@@ -38,7 +38,7 @@ def _covers(triangle: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.asarray((np.minimum.reduce(sides) >= 0) | (np.maximum.reduce(sides) <= 0))
 
 
-def _cut_off(corners: np.ndarray) -> np.ndarray:
+def _cut_off(corners: Array) -> Array:
     """The parts of triangles (m, 3, 3) in front of the eye, as triangles."""
     ahead = corners[..., 2] > _NEAR_M
     kept = [corners[ahead.all(axis=1)]]

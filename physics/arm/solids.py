@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
 from .kinematics import pose
 
 
@@ -19,13 +20,13 @@ class Solid:
     """Vertices (n, 3) in metres, triangles (m, 3) counter-clockwise from outside, and for each triangle the name of its
     material and whether it is shaded smooth."""
 
-    vertices: np.ndarray
-    triangles: np.ndarray
+    vertices: Array
+    triangles: Array
     materials: tuple[str, ...]
-    smooth: np.ndarray
+    smooth: Array
 
 
-def moved(solid: Solid, at: np.ndarray) -> Solid:
+def moved(solid: Solid, at: Array) -> Solid:
     """The solid after a rigid transformation (4, 4)."""
     return Solid(solid.vertices @ at[:3, :3].T + at[:3, 3], solid.triangles, solid.materials, solid.smooth)
 
@@ -49,8 +50,8 @@ def lathe(material: str, profile: Sequence[tuple[float, float]], sides: int = 40
     angles = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.zeros(sides), np.cos(angles), np.sin(angles)], axis=1)
     after = np.roll(np.arange(sides), -1)
-    vertices: list[np.ndarray] = []
-    triangles: list[np.ndarray] = []
+    vertices: list[Array] = []
+    triangles: list[Array] = []
     for (x0, r0), (x1, r1) in itertools.pairwise(profile):
         start = len(vertices) * 2 * sides
         vertices.append(np.concatenate([ring * r0 + [x0, 0, 0], ring * r1 + [x1, 0, 0]]))
@@ -63,7 +64,7 @@ def lathe(material: str, profile: Sequence[tuple[float, float]], sides: int = 40
     return Solid(np.concatenate(vertices), found, (material,) * len(found), np.ones(len(found), bool))
 
 
-def toward(start: Sequence[float], end: Sequence[float]) -> np.ndarray:
+def toward(start: Sequence[float], end: Sequence[float]) -> Array:
     """A pose (4, 4) at ``start`` whose x axis points to ``end``."""
     along = np.subtract(end, start)
     x = along / np.linalg.norm(along)
@@ -122,7 +123,7 @@ def box(
     )
 
 
-def _flat(material: str, faces: Sequence[np.ndarray]) -> Solid:
+def _flat(material: str, faces: Sequence[Array]) -> Solid:
     """A convex solid around the origin of flat faces (k, 3) with vertices of their own, turned outward."""
     vertices, triangles, start = [], [], 0
     for face in faces:

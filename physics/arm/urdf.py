@@ -17,6 +17,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import shorten
 from ...support.foreign_bytes import ForeignBytes, parse_xml, read
@@ -42,7 +43,7 @@ class Shape:
     """
 
     kind: str
-    origin: np.ndarray
+    origin: Array
     size: tuple[float, ...]
     file: Path | None = None
 
@@ -56,8 +57,8 @@ class UrdfJoint:
     kind: str
     parent: str
     child: str
-    origin: np.ndarray
-    axis: np.ndarray
+    origin: Array
+    axis: Array
     low: float
     high: float
     mimic: tuple[str, float, float] | None
@@ -122,7 +123,7 @@ class _Reader:
             found[name] = item
         return found
 
-    def _numbers(self, text: str | None, count: int, where: str, most: float = _MOST_M) -> np.ndarray:
+    def _numbers(self, text: str | None, count: int, where: str, most: float = _MOST_M) -> Array:
         words = (text or "").split()
         try:
             found = np.array([float(word) for word in words])
@@ -134,7 +135,7 @@ class _Reader:
             )
         return found
 
-    def _origin(self, item: ElementTree.Element, where: str) -> np.ndarray:
+    def _origin(self, item: ElementTree.Element, where: str) -> Array:
         """Pose (4, 4) of an element's origin: turned about fixed x, then y, then z."""
         pose, origin = np.eye(4), item.find("origin")
         if origin is None:
@@ -248,7 +249,7 @@ class _Reader:
             found.append(self._shape(inside, self._origin(visual, where), where))
         return tuple(found)
 
-    def _shape(self, item: ElementTree.Element, origin: np.ndarray, where: str) -> Shape:
+    def _shape(self, item: ElementTree.Element, origin: Array, where: str) -> Shape:
         if item.tag == "mesh":
             scale = self._numbers(item.get("scale", "1 1 1"), 3, f"the scale of {where}")
             if (scale == 0).any():

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..rig.focal_length import focal_px
 
@@ -39,8 +40,8 @@ class Blur:
     focus_m: float | None
     f_number: float
     exposure_s: float | None
-    velocity_m_s: np.ndarray  # (3,)
-    turn_deg_s: np.ndarray  # (3,)
+    velocity_m_s: Array  # (3,)
+    turn_deg_s: Array  # (3,)
 
     def to_json(self) -> dict[str, Any]:
         """The ``blur`` table of ``pair.json``: the blur of the rendered images."""
@@ -97,7 +98,7 @@ def is_blurred(rig: RigSettings) -> bool:
     return rig.focus_distance_m != 0 or any(rig[key] for key in MOTION)
 
 
-def _vector(rig: RigSettings, keys: tuple[str, ...]) -> np.ndarray:
+def _vector(rig: RigSettings, keys: tuple[str, ...]) -> Array:
     return np.array([float(rig[key]) for key in keys])
 
 
@@ -167,7 +168,7 @@ def motion_px(column_px: float, row_px: float, depth_m: float, rig: RigSettings,
     return float(np.linalg.norm(np.subtract(*(focal * p[:2] / p[2] for p in seen))))
 
 
-def pose_after(blur: Blur, seconds: float) -> np.ndarray:
+def pose_after(blur: Blur, seconds: float) -> Array:
     """Pose (4, 4) of the left eye some time after the middle of the exposure, in its axes then: x right, y down."""
     pose = np.eye(4)
     angle = math.radians(float(np.linalg.norm(blur.turn_deg_s))) * seconds

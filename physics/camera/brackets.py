@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...settings.topics.camera import SensorSettings
+from ...support.arrays import Array
 from .sensor import black_dn, capacity_e, gain_dn_per_e, top_dn
 
 MERGED_BITS = 16
@@ -19,7 +20,7 @@ def exposure_times(seconds: float, sensor: SensorSettings) -> list[float]:
     return [seconds * 2.0 ** (float(sensor.bracket_stops) * ((count - 1) / 2 - k)) for k in range(count)]
 
 
-def merge_exposures(numbers: Sequence[np.ndarray], seconds: Sequence[float], sensor: SensorSettings) -> np.ndarray:
+def merge_exposures(numbers: Sequence[Array], seconds: Sequence[float], sensor: SensorSettings) -> Array:
     """Electrons per second (H, W) that fit digital numbers of several exposures, longest first.
 
     Each exposure's electrons over its time, weighted by the inverse of the variance that shot noise,
@@ -34,7 +35,7 @@ def merge_exposures(numbers: Sequence[np.ndarray], seconds: Sequence[float], sen
     charge = [(image - black_dn(sensor)) / gain for image in numbers]
     usable = [(image < full_dn) | (k == len(numbers) - 1) for k, image in enumerate(numbers)]
 
-    def mean(weights: Sequence[np.ndarray | float]) -> np.ndarray:
+    def mean(weights: Sequence[Array | float]) -> Array:
         total = sum(w * use for w, use in zip(weights, usable, strict=True))
         parts = (w * use * e / t for w, use, e, t in zip(weights, usable, charge, seconds, strict=True))
         return np.asarray(sum(parts) / total)
@@ -44,14 +45,14 @@ def merge_exposures(numbers: Sequence[np.ndarray], seconds: Sequence[float], sen
     return mean([t**2 / (rough * t + steady) for t in seconds])
 
 
-def full_rate(left_rate: np.ndarray, shortest_s: float, sensor: SensorSettings) -> float:
+def full_rate(left_rate: Array, shortest_s: float, sensor: SensorSettings) -> float:
     """Electrons per second to put at the top of the merged image of both eyes: a little above all but the
     brightest thousandth of the left one, and no more than fill the shortest exposure."""
     full = capacity_e(sensor) / shortest_s
     return min(float(np.quantile(left_rate, 0.999)) / 0.9, full) if left_rate.max() > 0 else full
 
 
-def quantise(rate: np.ndarray, full: float) -> np.ndarray:
+def quantise(rate: Array, full: float) -> Array:
     """Merged electrons per second as linear uint16, ``full`` at the top."""
     top = 2**MERGED_BITS - 1
     return np.clip(np.rint(rate / max(full, 1e-300) * top), 0, top).astype(np.uint16)

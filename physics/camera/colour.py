@@ -13,6 +13,7 @@ import numpy as np
 
 from ...settings.topics.camera import SensorSettings
 from ...settings.topics.light import LightSettings
+from ...support.arrays import Array
 from ..light.bands import band_shares
 from ..light.photons import optics_m2_sr, photons_by_wavelength
 from ..light.sunlight import sun_colour
@@ -23,7 +24,7 @@ GREY_WEIGHTS = {"LUMINANCE": (0.2126, 0.7152, 0.0722), "MEAN": (1 / 3, 1 / 3, 1 
 _LEAST_WHITE = 1e-6
 #: Interpolation of a missing colour, 5 x 5 weights about the pixel, by where its samples are: beside the pixel on all
 #: four sides, on its left and right, above and below, or on its diagonals.
-_Kernels = dict[str, np.ndarray]
+_Kernels = dict[str, Array]
 
 
 def _kernels(cross: list[list[float]], row: list[list[float]], diagonal: list[list[float]]) -> _Kernels:
@@ -64,7 +65,7 @@ LINEAR = {
 }
 
 
-def filter_efficiency(sensor: SensorSettings, wavelength_m: np.ndarray) -> np.ndarray:
+def filter_efficiency(sensor: SensorSettings, wavelength_m: Array) -> Array:
     """Electrons per photon (channels, n) at wavelengths (n,) within the camera's band: one channel, or R, G, B."""
     if sensor.colour == "MONO":
         return np.full((1, len(wavelength_m)), float(sensor.quantum_efficiency))
@@ -82,7 +83,7 @@ def filter_efficiency(sensor: SensorSettings, wavelength_m: np.ndarray) -> np.nd
     )
 
 
-def channel_rates(light: LightSettings, sensor: SensorSettings, pitch_m: float) -> np.ndarray:
+def channel_rates(light: LightSettings, sensor: SensorSettings, pitch_m: float) -> Array:
     """Photo-electrons per second (channels, 3) in a pixel of side ``pitch_m`` per W/(m² sr) in a pair's R, G, B.
 
     White ground in sunlight has the bands ``sun_colour``, whatever the temperature of the Sun, and of it a channel sees
@@ -94,18 +95,18 @@ def channel_rates(light: LightSettings, sensor: SensorSettings, pitch_m: float) 
     return np.asarray(optics_m2_sr(sensor, pitch_m) * (seen @ band_shares(wavelength).T) / white)
 
 
-def white_rates(light: LightSettings, rates: np.ndarray) -> np.ndarray:
+def white_rates(light: LightSettings, rates: Array) -> Array:
     """Electrons per second (channels,) per W/(m² sr) of white ground in sunlight, from ``rates`` (channels, 3) of the
     bands."""
     return np.asarray(rates @ sun_colour(light.sun_temperature_k))
 
 
-def can_balance(white: np.ndarray) -> bool:
+def can_balance(white: Array) -> bool:
     """Whether each channel sees enough of white ground; ``white`` (channels,) are their signals of it."""
     return bool(white.min() > _LEAST_WHITE * white.max())
 
 
-def white_gains(white: np.ndarray, sensor: SensorSettings) -> np.ndarray:
+def white_gains(white: Array, sensor: SensorSettings) -> Array:
     """Factors (3,) on R, G, B after demosaicing; with SUN white ground becomes grey, and none is below 1.
 
     They are 1 if a channel sees less than a millionth of another's light: then there is nothing to balance.
@@ -120,7 +121,7 @@ def channel_at(pattern: str, row: int, column: int) -> int:
     return "RGB".index(pattern[2 * (row % 2) + column % 2])
 
 
-def mosaic(planes: np.ndarray, pattern: str) -> np.ndarray:
+def mosaic(planes: Array, pattern: str) -> Array:
     """The values (H, W) that pixels see through their own filters, from planes (3, H, W) of R, G, B."""
     result = np.empty_like(planes[0])
     for row, column in np.ndindex(2, 2):
@@ -128,7 +129,7 @@ def mosaic(planes: np.ndarray, pattern: str) -> np.ndarray:
     return result
 
 
-def demosaic(numbers: np.ndarray, pattern: str, method: str) -> np.ndarray:
+def demosaic(numbers: Array, pattern: str, method: str) -> Array:
     """R, G and B, float64 (H, W, 3), of a mosaic (H, W) of at least 3 x 3 pixels, by a method of LINEAR.
 
     Beyond its border the image goes on as in a mirror at the outermost pixels, which keeps the pattern. Results may be
@@ -161,6 +162,6 @@ def _samples_at(pattern: str, row: int, column: int, channel: int) -> str:
     return "cross" if beside and above else "row" if beside else "column" if above else "diagonal"
 
 
-def grey_of(colours: np.ndarray, sensor: SensorSettings) -> np.ndarray:
+def grey_of(colours: Array, sensor: SensorSettings) -> Array:
     """The grey image (H, W) of colours (H, W, 3) that matchers get."""
     return np.asarray(colours @ np.array(GREY_WEIGHTS[sensor.grey]))

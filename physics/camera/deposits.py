@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from ...settings.topics.camera import RigSettings, SensorSettings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..random_numbers.seeds import generator
 from ..rig.focal_length import focal_px
@@ -29,7 +30,7 @@ _STREAM = 2
 
 def blocked_share(
     sensor: SensorSettings, rig: RigSettings, shape: tuple[int, int], seed: int, eye: str
-) -> np.ndarray | None:
+) -> Array | None:
     """Share (H, W) from 0 to 1 of each pixel's light that deposits block, on the sensor; None without deposits.
 
     ``seed`` is the data set's: the same deposits are in all of its images. Raises IcyMoonError for too many
@@ -64,7 +65,7 @@ def blocked_share(
     return np.clip(_mean_in_discs(covered, pupil / 2)[reach : reach + shape[0], reach : reach + shape[1]], 0.0, 1.0)
 
 
-def apply_deposits(light: np.ndarray, blocked: np.ndarray | None, sensor: SensorSettings) -> np.ndarray:
+def apply_deposits(light: Array, blocked: Array | None, sensor: SensorSettings) -> Array:
     """Light (H, W) behind the window: the light that passes, and a veil of the light that the grains scatter.
 
     Of blocked light ``sensor.deposit_scatter`` goes on, evenly from the whole image.
@@ -75,7 +76,7 @@ def apply_deposits(light: np.ndarray, blocked: np.ndarray | None, sensor: Sensor
     return (1.0 - blocked) * light + float(sensor.deposit_scatter) * blocked * light.mean()
 
 
-def _sum_of_discs(places: np.ndarray, radius: float, shape: tuple[int, int]) -> np.ndarray:
+def _sum_of_discs(places: Array, radius: float, shape: tuple[int, int]) -> Array:
     """For each pixel (row, column), a number whose negative exponential is the share that no disc covers."""
     total = np.zeros(shape[0] * shape[1])
     reach = math.ceil(radius + 0.5)
@@ -93,7 +94,7 @@ def _sum_of_discs(places: np.ndarray, radius: float, shape: tuple[int, int]) -> 
     return total.reshape(shape)
 
 
-def _mean_in_discs(image: np.ndarray, radius: float) -> np.ndarray:
+def _mean_in_discs(image: Array, radius: float) -> Array:
     """The mean in a disc around each pixel; only right at least a radius from the border."""
     rows, columns = image.shape
     y, x = np.fft.fftfreq(rows, 1.0 / rows)[:, None], np.fft.fftfreq(columns, 1.0 / columns)[None, :]

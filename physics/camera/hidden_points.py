@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Disparity, px, by which an occluder must be nearer. Between two rays of the other eye disparity is taken as linear,
 #: and on curved ground it is not. ``benchmarks/occlusion.py`` has what this and other numbers find.
 _NEARER_PX = 0.25
@@ -16,18 +18,18 @@ _NEARER_PX = 0.25
 _NEARER_SHARE = 0.25
 
 
-def matching_column(disparity: np.ndarray, eye: str = "left") -> np.ndarray:
+def matching_column(disparity: Array, eye: str = "left") -> Array:
     """Column, in the other eye's image, of the point that each pixel of ``eye`` sees, float64 (H, W)."""
     return np.arange(disparity.shape[1]) - disparity * (1 if eye == "left" else -1)
 
 
-def warped(image: np.ndarray, column: np.ndarray) -> np.ndarray:
+def warped(image: Array, column: Array) -> Array:
     """``image`` (H, W) interpolated linearly at fractional columns (H, any); constant beyond the edges."""
     before, after, weight = _neighbours(image, column)
     return np.asarray((1 - weight) * before + weight * after)
 
 
-def _neighbours(image: np.ndarray, column: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _neighbours(image: Array, column: Array) -> tuple[Array, Array, Array]:
     """The pixels of ``image`` before and after fractional columns, and how far these are from the first, 0 to 1."""
     column = np.clip(np.nan_to_num(column, nan=0.0), 0.0, image.shape[1] - 1.0)
     first = np.floor(column).astype(np.intp)
@@ -35,13 +37,13 @@ def _neighbours(image: np.ndarray, column: np.ndarray) -> tuple[np.ndarray, np.n
     return np.take_along_axis(image, first, axis=1), np.take_along_axis(image, second, axis=1), column - first
 
 
-def is_in_frame(column: np.ndarray) -> np.ndarray:
+def is_in_frame(column: Array) -> Array:
     """Boolean (H, W): this column, of an image of W columns, is in it; False for NaN."""
     with np.errstate(invalid="ignore"):
         return np.asarray((column >= -0.5) & (column <= column.shape[1] - 0.5))
 
 
-def find_hidden(disparity: np.ndarray, other: np.ndarray, eye: str) -> np.ndarray:
+def find_hidden(disparity: Array, other: Array, eye: str) -> Array:
     """Boolean (H, W): the point that a pixel of ``eye`` sees is in the other eye's frame, and hidden there.
 
     ``disparity`` (H, W), px, is of the eye's pixel centres. ``other`` (H, n W), px too, is of the points

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from ...settings.topics.camera import RigSettings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")  # in OpenCV's order
@@ -20,7 +21,7 @@ def coefficients(rig: RigSettings) -> tuple[float, ...]:
     return tuple(float(rig[f"distortion_{name}"]) for name in COEFFICIENTS)
 
 
-def distort(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
+def distort(points: Array, k: tuple[float, ...]) -> Array:
     """Where points (..., 2) of a pinhole image appear through the lens."""
     k1, k2, p1, p2, k3 = k
     x, y = points[..., 0], points[..., 1]
@@ -32,7 +33,7 @@ def distort(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
     )
 
 
-def _jacobian(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
+def _jacobian(points: Array, k: tuple[float, ...]) -> Array:
     """Jacobian (..., 2, 2) of ``distort``."""
     k1, k2, p1, p2, k3 = k
     x, y = points[..., 0], points[..., 1]
@@ -49,7 +50,7 @@ def _jacobian(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
     )
 
 
-def undistort(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
+def undistort(points: Array, k: tuple[float, ...]) -> Array:
     """Where points (..., 2) that are seen through the lens are in a pinhole image, to 1e-9; NaN where nowhere.
 
     Newton's method from the point itself. A point beyond the fold of a polynomial that turns back has
@@ -110,7 +111,7 @@ def overscan_needed(rig: RigSettings) -> float | None:
     return float(np.max(np.maximum(beyond - 1e-6, 0) / size))
 
 
-def refuse_folds(points: np.ndarray, k: tuple[float, ...]) -> None:
+def refuse_folds(points: Array, k: tuple[float, ...]) -> None:
     """Raise IcyMoonError if the lens would show two of the points (..., 2) of a pinhole image in one place."""
     slope = _jacobian(points, k)
     if (np.linalg.det(slope) <= 0).any():

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..light.directions import camera_axes
 from ..rocks.beyond_patch import view_beyond
@@ -113,14 +114,14 @@ def _greatest(ground: RockyGround, rig: RigSettings, focal: float) -> float | No
 
 
 def _depths_in_image(
-    points: np.ndarray,
-    toward: np.ndarray,
-    size: np.ndarray,
-    eye: np.ndarray,
-    axes: np.ndarray,
+    points: Array,
+    toward: Array,
+    size: Array,
+    eye: Array,
+    axes: Array,
     rig: RigSettings,
     focal: float,
-) -> np.ndarray:
+) -> Array:
     """Planar depths of the near sides of things at ``points`` (n, 3) that reach ``toward`` (n,) the camera and are
     ``size`` (n,) wide to any side, for those that are in the image."""
     x, y, z = ((points - eye) @ axes).T

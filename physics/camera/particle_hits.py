@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...settings.topics.camera import SensorSettings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
 MOST_HITS = 1_000_000
@@ -22,7 +23,7 @@ def expected_hits(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float
 
 def draw_hits(
     sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, seconds: float, random: np.random.Generator
-) -> np.ndarray:
+) -> Array:
     """Electrons (H, W) that particles leave in one exposure.
 
     Their number is Poisson. An isotropic flux crosses a plane with cos² θ even between 0 and 1. A
@@ -48,9 +49,7 @@ def draw_hits(
     return _draw_tracks(start, direction, length_px * kept, electrons * kept, shape)
 
 
-def _draw_tracks(
-    start: np.ndarray, direction: np.ndarray, length_px: np.ndarray, electrons: np.ndarray, shape: tuple[int, int]
-) -> np.ndarray:
+def _draw_tracks(start: Array, direction: Array, length_px: Array, electrons: Array, shape: tuple[int, int]) -> Array:
     """Tracks cut into steps of at most half a pixel, each step's electrons given to the pixel of its middle."""
     steps = np.ceil(2 * length_px).astype(np.intp) + 1
     track = np.repeat(np.arange(len(steps)), steps)

@@ -7,11 +7,12 @@ import math
 import numpy as np
 
 from ...settings.topics.camera import SensorSettings
+from ...support.arrays import Array
 
 _REACH = 4.0  # standard deviations; beyond lies 6e-5 of a Gaussian
 
 
-def apply_lens(radiance: np.ndarray, sensor: SensorSettings) -> np.ndarray:
+def apply_lens(radiance: Array, sensor: SensorSettings) -> Array:
     """Radiance (H, W) as the lens passes it on, float64.
 
     ``sensor.psf_sigma_px``: Gaussian point spread, its standard deviation. ``sensor.veiling_glare``:
@@ -28,7 +29,7 @@ def apply_lens(radiance: np.ndarray, sensor: SensorSettings) -> np.ndarray:
     return image
 
 
-def gaussian_kernel(sigma_px: float) -> np.ndarray:
+def gaussian_kernel(sigma_px: float) -> Array:
     """Weights of a Gaussian integrated over each pixel, odd in number, their sum 1."""
     reach = math.ceil(_REACH * sigma_px)
     edges = (np.arange(-reach, reach + 2) - 0.5) / (math.sqrt(2) * sigma_px)
@@ -36,13 +37,13 @@ def gaussian_kernel(sigma_px: float) -> np.ndarray:
     return weights / weights.sum()
 
 
-def _blur(image: np.ndarray, sigma: float, axis: int) -> np.ndarray:
+def _blur(image: Array, sigma: float, axis: int) -> Array:
     kernel = gaussian_kernel(sigma)
     reach = len(kernel) // 2
     padded = np.pad(image, [(reach, reach) if k == axis else (0, 0) for k in (0, 1)], mode="edge")
     length = image.shape[axis]
 
-    def shifted(k: int) -> np.ndarray:
+    def shifted(k: int) -> Array:
         return padded[k : k + length] if axis == 0 else padded[:, k : k + length]
 
     result = kernel[reach] * shifted(reach)

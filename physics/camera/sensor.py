@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...settings.topics.camera import SensorSettings
+from ...support.arrays import Array
 from ..random_numbers.seeds import generator
 
 EYE_STREAMS = {"left": 0, "right": 1}
@@ -51,7 +52,7 @@ def capacity_e(sensor: SensorSettings) -> float:
     return float(sensor.full_well_e) / max(1.0, float(sensor.gain))
 
 
-def exposure_s(left_light: np.ndarray, rate: float, sensor: SensorSettings) -> float:
+def exposure_s(left_light: Array, rate: float, sensor: SensorSettings) -> float:
     """Exposure time in seconds of both eyes.
 
     ``left_light`` is the left eye's grey radiance, any shape. With auto exposure its
@@ -62,7 +63,7 @@ def exposure_s(left_light: np.ndarray, rate: float, sensor: SensorSettings) -> f
     return exposure_of_level(metered_level(left_light, sensor) if sensor.auto_exposure else 0.0, rate, sensor)
 
 
-def metered_level(left_light: np.ndarray, sensor: SensorSettings) -> float:
+def metered_level(left_light: Array, sensor: SensorSettings) -> float:
     """The radiance that auto exposure puts at ``auto_target`` of the capacity, see ``exposure_s``; 0 for none."""
     light = _clear_defects(left_light)
     light = light[np.isfinite(light)]
@@ -110,8 +111,8 @@ def dark_current_e_s(sensor: SensorSettings) -> float:
 class Pattern:
     """Fixed differences between the pixels of one sensor, (H, W) or the neutral number."""
 
-    response: np.ndarray | float = 1.0  # factor on photo-electrons (PRNU)
-    offset_e: np.ndarray | float = 0.0  # electrons added to the dark signal (DSNU)
+    response: Array | float = 1.0  # factor on photo-electrons (PRNU)
+    offset_e: Array | float = 0.0  # electrons added to the dark signal (DSNU)
 
 
 def draw_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: SensorSettings) -> Pattern:
@@ -123,14 +124,14 @@ def draw_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: SensorSett
 
 
 def electrons(
-    light: np.ndarray,
+    light: Array,
     seconds: float,
     rate: float,
     sensor: SensorSettings,
     random: np.random.Generator,
     pattern: Pattern | None = None,
-    hits_e: np.ndarray | float = 0.0,
-) -> np.ndarray:
+    hits_e: Array | float = 0.0,
+) -> Array:
     """Electrons, float64 and of the shape of ``light``, that are read from each pixel.
 
     ``light`` is radiance in W/(m² sr) behind the lens, ``hits_e`` electrons that particles freed. NaN and negative
@@ -159,7 +160,7 @@ def electrons(
     return charge
 
 
-def spread_overflow(charge: np.ndarray, full_well_e: float, share: float) -> np.ndarray:
+def spread_overflow(charge: Array, full_well_e: float, share: float) -> Array:
     """Electrons (H, W) after overflow along the columns.
 
     ``share`` of a pixel's electrons above ``full_well_e`` runs over, half of it up and half down, and
@@ -178,7 +179,7 @@ def spread_overflow(charge: np.ndarray, full_well_e: float, share: float) -> np.
     return result
 
 
-def digital_numbers(charge: np.ndarray, sensor: SensorSettings) -> np.ndarray:
+def digital_numbers(charge: Array, sensor: SensorSettings) -> Array:
     """The converter's output, uint16 and of the shape of ``charge`` (electrons).
 
     Linear above the black level with ``gain_dn_per_e``, rounded to the nearest number and held at
@@ -195,5 +196,5 @@ def noise_generator(seed: int, pair_id: str, eye: str, *index: int) -> np.random
     return generator(seed, "sensor", digest, EYE_STREAMS[eye], *index)
 
 
-def _clear_defects(radiance: np.ndarray) -> np.ndarray:
+def _clear_defects(radiance: Array) -> Array:
     return np.maximum(np.nan_to_num(np.asarray(radiance, np.float64), nan=0.0, posinf=np.inf), 0.0)

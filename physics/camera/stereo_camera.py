@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...settings.topics.camera import RigSettings
+from ...support.arrays import Array
 from ...support.file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe
 from ..rig.focal_length import focal_px
 
@@ -85,14 +86,14 @@ class StereoCamera:
         """Columns and rows of the rendered images, margins included."""
         return self.width_px + 2 * self.margin_x_px, self.height_px + 2 * self.margin_y_px
 
-    def eye_rotation(self, eye: str) -> np.ndarray:
+    def eye_rotation(self, eye: str) -> Array:
         """Rotation (3, 3) from the axes of the parallel rig into the eye's, which is turned toward the other eye."""
         angle = math.radians(self.toe_in_deg) * (1 if eye == "left" else -1)
         return np.array(
             [[math.cos(angle), 0.0, -math.sin(angle)], [0.0, 1.0, 0.0], [math.sin(angle), 0.0, math.cos(angle)]]
         )
 
-    def cropped(self, image: np.ndarray) -> np.ndarray:
+    def cropped(self, image: Array) -> Array:
         """A rendered image (H + margins, W + margins, …) without its margins."""
         return image[
             self.margin_y_px : self.margin_y_px + self.height_px, self.margin_x_px : self.margin_x_px + self.width_px
@@ -106,11 +107,11 @@ class StereoCamera:
             math.degrees(2 * math.atan(self.height_px / 2 / self.focal_px)),
         )
 
-    def disparity(self, depth_m: np.ndarray) -> np.ndarray:
+    def disparity(self, depth_m: Array | np.floating[Any]) -> Array:
         """Disparity in px of planar depths in metres; NaN stays NaN (sky)."""
         return self.focal_baseline_px_m / np.asarray(depth_m, np.float64) - self.doffs_px
 
-    def depth(self, disparity_px: np.ndarray) -> np.ndarray:
+    def depth(self, disparity_px: Array) -> Array:
         """Planar depth in metres of disparities in px; NaN for disparities that no point before the camera has."""
         reach = np.asarray(disparity_px, np.float64) + self.doffs_px
         with np.errstate(over="ignore", invalid="ignore"):

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from ...support.arrays import Array
 from .grid import Grid
 
 #: Index of the power law of the number of clods that are wider than a width: fragments of brittle bodies have 2 to 3.
@@ -34,12 +35,12 @@ _TOPS, _TOP_TILT, _TOP_HIGH, _BURIED = 3, 0.45, (0.45, 0.85), 0.3
 
 def with_clods(
     grid: Grid,
-    ground_m: np.ndarray,
-    spoil_m: np.ndarray,
+    ground_m: Array,
+    spoil_m: Array,
     largest_m: float,
     repose_deg: float,
     random: np.random.Generator,
-) -> np.ndarray:
+) -> Array:
     """Thickness (rows, columns) of spoil with clods of up to ``largest_m``; its sum is the sum of ``spoil_m``.
 
     The bare spoil is lowered everywhere by the same share, to make up for the clods.
@@ -56,13 +57,13 @@ def with_clods(
         np.stack([row, column], axis=1).astype(np.float64),
         math.tan(math.radians(repose_deg)) * _friction(width, random),
     )
-    raised = _raise_clods(top, place, width, grid.cell_m, random) - top
+    raised: Array = _raise_clods(top, place, width, grid.cell_m, random) - top
     held = float(raised.sum())
     raised *= min(1.0, _MOST_SHARE * total / held) if held > 0.0 else 0.0
     return np.asarray(spoil_m * (1.0 - float(raised.sum()) / total) + raised)
 
 
-def _draw_widths(cell_m: float, cells: int, largest_m: float, random: np.random.Generator) -> np.ndarray:
+def _draw_widths(cell_m: float, cells: int, largest_m: float, random: np.random.Generator) -> Array:
     """Widths (n,) in metres of the clods on a number of ``cells`` of spoil, the smallest first."""
     least = max(_SMALLEST_CELLS * cell_m, largest_m / _RANGE)
     most = max(largest_m, least)
@@ -72,17 +73,17 @@ def _draw_widths(cell_m: float, cells: int, largest_m: float, random: np.random.
     return np.sort(_width_at(random.uniform(0.0, 1.0, count), ends))
 
 
-def _width_at(share: np.ndarray, ends: tuple[float, float]) -> np.ndarray:
+def _width_at(share: Array, ends: tuple[float, float]) -> Array:
     return (ends[0] + share * (ends[1] - ends[0])) ** (-1.0 / _INDEX)
 
 
-def _friction(width: np.ndarray, random: np.random.Generator) -> np.ndarray:
+def _friction(width: Array, random: np.random.Generator) -> Array:
     """Friction (n,) of clods relative to spoil."""
     span = math.log(float(width[-1] / width[0])) or 1.0
     return _HELD - np.log(width / width[0]) / span * (_HELD - random.uniform(*_ROLLING, len(width)))
 
 
-def _slide(top: np.ndarray, place: np.ndarray, friction: np.ndarray) -> np.ndarray:
+def _slide(top: Array, place: Array, friction: Array) -> Array:
     """Where (n, 2) clods come to rest that slide from ``place``: rows and columns, and heights in cells.
 
     A clod is a point that its slope accelerates and friction slows. At the rim of the grid it stops.
@@ -103,9 +104,7 @@ def _slide(top: np.ndarray, place: np.ndarray, friction: np.ndarray) -> np.ndarr
     return place
 
 
-def _raise_clods(
-    top: np.ndarray, place: np.ndarray, width: np.ndarray, cell_m: float, random: np.random.Generator
-) -> np.ndarray:
+def _raise_clods(top: Array, place: Array, width: Array, cell_m: float, random: np.random.Generator) -> Array:
     """Heights (rows, columns) of ground with clods on it, each a convex body of plane faces that is sunk into it."""
     count, sides = len(width), (len(width), _SIDES)
     turn = (

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from .grid import Grid
 
 #: Places in a cell along each axis.
@@ -32,8 +33,8 @@ class Pull:
     y_m: float
     heading_deg: float
     width_m: float
-    along_m: np.ndarray
-    depth_m: np.ndarray
+    along_m: Array
+    depth_m: Array
     from_deg: float | None = None
 
     def place(self, x_m: Any, y_m: Any) -> tuple[Any, Any]:
@@ -60,7 +61,7 @@ class Pull:
         x, y = zip(*corners, strict=True)
         return min(x), min(y), max(x), max(y)
 
-    def depth_at(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    def depth_at(self, x_m: Array, y_m: Array) -> Array:
         """Depth of the blade's edge at points that it passes over, in metres; -inf at others."""
         along, right = self.place(x_m, y_m)
         over = (np.abs(right) <= self.width_m / 2) & (along >= self.along_m[0]) & (along <= self.along_m[-1])
@@ -70,7 +71,7 @@ class Pull:
             over |= (along <= 0.0) & (past >= 0.0) & (np.hypot(along, right) <= self.width_m / 2)
         return np.where(over, np.interp(along, self.along_m, self.depth_m), -np.inf)
 
-    def beside(self, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def beside(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
         """Distance in metres of points to the nearest that the blade passes over, 0 there, and its depth there."""
         along, right = self.place(x_m, y_m)
         nearest = np.clip(along, self.along_m[0], self.along_m[-1])
@@ -85,7 +86,7 @@ def bounds_of(pulls: Sequence[Pull], margin_m: float = 0.0) -> tuple[float, floa
     return float(low[0]), float(low[1]), float(high[2]), float(high[3])
 
 
-def fit_plane(grid: Grid, heights: np.ndarray, pulls: Sequence[Pull]) -> np.ndarray:
+def fit_plane(grid: Grid, heights: Array, pulls: Sequence[Pull]) -> Array:
     """The least squares plane (3,), height = a + b east + c north, of the ground that the pulls pass over.
 
     It is level where that is less than three cells wide.
@@ -109,7 +110,7 @@ def fit_plane(grid: Grid, heights: np.ndarray, pulls: Sequence[Pull]) -> np.ndar
     return np.array([a - b * middle_east - c * middle_north, b, c])
 
 
-def cut_heights(grid: Grid, top_m: np.ndarray, plane: np.ndarray, pulls: Sequence[Pull]) -> np.ndarray:
+def cut_heights(grid: Grid, top_m: Array, plane: Array, pulls: Sequence[Pull]) -> Array:
     """How much (rows, columns) in metres the pulls take off the ground, whose top is at ``top_m``.
 
     ``plane`` is what depths count from, as ``fit_plane`` returns it.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...settings.topics.excavation import ExcavationSettings
+from ...support.arrays import Array
 from ..random_numbers.seeds import generator
 from ..terrain.noise.lattice_noise import gradient_noise
 from .clods import with_clods
@@ -57,7 +58,7 @@ class Series:
     site: Site
     excavation: ExcavationSettings
     seed: int
-    before_m: np.ndarray
+    before_m: Array
     level_m: float | None = None
     states: list[State] = field(default_factory=list)
     bare: list[Layers] = field(default_factory=list)
@@ -106,7 +107,7 @@ class Series:
         """Whether clods are single bodies of many sizes, not noise."""
         return bool(self.excavation.clod_sizes == "MANY")
 
-    def _lumps_m(self) -> np.ndarray:
+    def _lumps_m(self) -> Array:
         """How uneven (rows, columns) the heap is, see ``Heap.thickness``: by a few clods, over many."""
         size, key = float(self.excavation.clods_m), int(generator(self.seed, "terrain", 8).integers(0, 2**32))
         size *= _MANY_UNEVEN if self.has_many_sizes else 1.0
@@ -144,7 +145,7 @@ class Series:
         spoil = np.maximum(spoil, 0.0)
         return Layers(layers.ground, spoil * (total / float(spoil.sum())))
 
-    def _slides(self, number: int, lowest_m: float) -> np.ndarray:
+    def _slides(self, number: int, lowest_m: float) -> Array:
         """Where ground may slide: as far from the blade as a slope rises from the lowest floor on level ground.
 
         On a slope near the angle of friction a slide would climb without end, over ground that stood before.
@@ -157,13 +158,13 @@ class Series:
         return near
 
     @property
-    def plane(self) -> np.ndarray:
+    def plane(self) -> Array:
         """The plane (3,) that depths count from: of the untouched ground, see ``cut.fit_plane``, or level."""
         if self.level_m is not None:
             return np.array([self.level_m, 0.0, 0.0])
         return fit_plane(self.site.grid, self.before_m, [pull for each in self.site.pulls for pull in each])
 
-    def _cut(self, layers: Layers, number: int) -> np.ndarray:
+    def _cut(self, layers: Layers, number: int) -> Array:
         """Depth (rows, columns) in metres that the blade takes away in a state.
 
         While walls stand, a cell that was cut in part keeps its uncut part, and no later bite through the same place
@@ -177,7 +178,7 @@ class Series:
         # Ground that no blade has touched may have spoil on it.
         return np.where(left < self.before_m, np.maximum(top - left, 0.0), 0.0)
 
-    def _take(self, layers: Layers, cut: np.ndarray) -> tuple[float, float]:
+    def _take(self, layers: Layers, cut: Array) -> tuple[float, float]:
         """Take a depth (rows, columns) off the surface, in place: spoil first; the volume and the mass."""
         area = self.site.grid.cell_m**2
         loose = np.minimum(cut, layers.spoil)
@@ -186,7 +187,7 @@ class Series:
         spoil, solid = float(loose.sum()) * area, float((cut - loose).sum()) * area
         return spoil + solid, spoil * self.spoil_kg_m3 + solid * self.excavation.density_kg_m3
 
-    def _chips(self, layers: Layers, pulls: tuple[Pull, ...]) -> np.ndarray:
+    def _chips(self, layers: Layers, pulls: tuple[Pull, ...]) -> Array:
         """Depth (rows, columns) in metres that breaks off the rims of standing walls."""
         most = float(self.excavation.chips_m)
         chipped = np.zeros_like(self.before_m)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -20,12 +22,12 @@ class Grid:
     cell_m: float
 
     @property
-    def east_m(self) -> np.ndarray:
+    def east_m(self) -> Array:
         """East coordinates (columns,), as single precision stores them."""
         return (self.x_m + self.cell_m * np.arange(self.columns)).astype(np.float32).astype(np.float64)
 
     @property
-    def north_m(self) -> np.ndarray:
+    def north_m(self) -> Array:
         """North coordinates (rows,), as single precision stores them."""
         return (self.y_m + self.cell_m * np.arange(self.rows)).astype(np.float32).astype(np.float64)
 
@@ -50,11 +52,11 @@ class Grid:
         )
         return rows, columns
 
-    def points(self, window: tuple[slice, slice]) -> tuple[np.ndarray, np.ndarray]:
+    def points(self, window: tuple[slice, slice]) -> tuple[Array, Array]:
         """East (1, columns) and north (rows, 1) coordinates of the vertices in a window."""
         return self.east_m[None, window[1]], self.north_m[window[0], None]
 
-    def interpolate(self, values: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, outside: np.ndarray) -> np.ndarray:
+    def interpolate(self, values: Array, x_m: Array, y_m: Array, outside: Array) -> Array:
         """Bilinear values at points, of ``values`` (rows, columns); beyond the grid the values of ``outside``."""
         u, v = (np.asarray(x_m) - self.x_m) / self.cell_m, (np.asarray(y_m) - self.y_m) / self.cell_m
         inside = (u >= 0) & (v >= 0) & (u <= self.columns - 1) & (v <= self.rows - 1)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
 from .grid import Grid
 
 
@@ -43,9 +44,7 @@ class Heap:
         """Length of the line."""
         return math.dist(self.start_m, self.end_m)
 
-    def thickness(
-        self, grid: Grid, volume_m3: float, lumps_m: np.ndarray | float = 0.0, crest_m: float = 0.0
-    ) -> np.ndarray:
+    def thickness(self, grid: Grid, volume_m3: float, lumps_m: Array | float = 0.0, crest_m: float = 0.0) -> Array:
         """Thickness (rows, columns) in metres of spoil of this volume on level ground; its sum is exact.
 
         ``lumps_m`` is how much farther from the line each place is taken to be, which makes the heap uneven;
@@ -63,7 +62,7 @@ class Heap:
             total = grid.cell_m**2
         return shape * (volume_m3 / total)
 
-    def _distance(self, grid: Grid) -> np.ndarray:
+    def _distance(self, grid: Grid) -> Array:
         x, y = grid.east_m[None, :] - self.start_m[0], grid.north_m[:, None] - self.start_m[1]
         east, north = self.end_m[0] - self.start_m[0], self.end_m[1] - self.start_m[1]
         share = np.clip((x * east + y * north) / max(east**2 + north**2, 1e-30), 0.0, 1.0)

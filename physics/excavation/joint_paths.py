@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import read_number_lines
 from ...support.files import absolute_path
@@ -74,7 +75,7 @@ def keep_near_ground(settings: Settings, pulls: list[list[Pull]]) -> tuple[list[
     return kept if any(kept) else pulls, max(depths.values())
 
 
-def _read(path: Path, arm: Arm, own: OwnArm | None) -> np.ndarray:
+def _read(path: Path, arm: Arm, own: OwnArm | None) -> Array:
     """State and joints (n, 1 + joints) in radians or metres of the joints that move."""
     moving = [joint for joint in arm.joints if own is None or joint.name in own.names]
     columns = ("state", *(f"{joint.name}_m" if joint.slides else f"{joint.name}_deg" for joint in moving))
@@ -107,7 +108,7 @@ def _beyond(joint: Joint, value: float) -> str:
     )
 
 
-def _between_poses(rows: np.ndarray) -> np.ndarray:
+def _between_poses(rows: Array) -> Array:
     """The joints (k, joints) of recorded poses (n, joints), and between them in steps of a degree."""
     steps = [rows[:1]]
     for a, b in itertools.pairwise(rows):
@@ -116,7 +117,7 @@ def _between_poses(rows: np.ndarray) -> np.ndarray:
     return np.concatenate(steps)
 
 
-def _places(arm: Arm, own: OwnArm | None, poses: np.ndarray) -> list[np.ndarray]:
+def _places(arm: Arm, own: OwnArm | None, poses: Array) -> list[Array]:
     """East, north and depth (3,) of the tip in each of the poses."""
     tips = [tip_of(arm, values if own is None else own.values(values)) for values in poses]
     return [tip * (1.0, 1.0, -1.0) for tip in tips]

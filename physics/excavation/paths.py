@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...settings.topics.excavation import ExcavationSettings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import read_number_lines
 from ...support.files import absolute_path
@@ -69,7 +70,7 @@ def _recorded(excavation: ExcavationSettings) -> list[list[Pull]]:
     return made
 
 
-def between(a: np.ndarray, b: np.ndarray, width_m: float) -> Pull | None:
+def between(a: Array, b: Array, width_m: float) -> Pull | None:
     """The straight pull between two places (east, north, depth); None if they are above each other."""
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     if length == 0.0:
@@ -78,7 +79,7 @@ def between(a: np.ndarray, b: np.ndarray, width_m: float) -> Pull | None:
     return Pull(float(a[0]), float(a[1]), heading, width_m, np.array([0.0, length]), np.array([a[2], b[2]]))
 
 
-def pulls_through(points: Iterable[np.ndarray], width_m: float) -> list[Pull]:
+def pulls_through(points: Iterable[Array], width_m: float) -> list[Pull]:
     """Straight pulls through places (east, north, depth) in metres; none between places that coincide."""
     pulls: list[Pull] = []
     for a, b in itertools.pairwise(points):
@@ -96,7 +97,7 @@ def _turned(pull: Pull, before: Pull) -> Pull:
     return replace(pull, from_deg=before.heading_deg) if math.cos(turn) > 1e-9 else pull
 
 
-def read_path(path: Path) -> np.ndarray:
+def read_path(path: Path) -> Array:
     """State, east, north and depth below the plane of the untouched ground (n, 4), in metres, of a CSV file whose
     first line names its columns; others than ``COLUMNS`` are not read.
 

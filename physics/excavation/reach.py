@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ..arm.kinematics import Arm
 from ..arm.lander_arm import arm_of, is_own
 from ..arm.parametric import find_joint_margin
@@ -31,7 +32,7 @@ def share_in_reach(arm: Arm, pulls: list[Pull], east_m: float = 0.0, north_m: fl
     return float((np.nan_to_num(find_joint_margin(arm, x + east_m, y + north_m, z), nan=-1.0) >= 0.0).mean())
 
 
-def _few(pull: Pull) -> tuple[np.ndarray, np.ndarray]:
+def _few(pull: Pull) -> tuple[Array, Array]:
     """Distances along a pull and the depths there."""
     along = np.linspace(pull.along_m[0], pull.along_m[-1], _PLACES)
     return along, np.interp(along, pull.along_m, pull.depth_m)

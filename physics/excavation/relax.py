@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Rows and columns from a cell to its neighbours: 8 of 16 directions, the other 8 are their opposites. ``_TURNED`` are
 #: steps on the transposed grid. With 8 directions slopes would be up to 5 % too steep.
 _STEPS = ((1, 0), (1, 1), (1, -1), (2, 1), (2, -1))
@@ -36,15 +38,15 @@ _AROUND = 12
 class Layers:
     """Undisturbed ground and the loose spoil on it: heights and thicknesses (rows, columns) in metres."""
 
-    ground: np.ndarray
-    spoil: np.ndarray
+    ground: Array
+    spoil: Array
 
     def copy(self) -> Layers:
         """The same heights, which may be changed."""
         return Layers(self.ground.copy(), self.spoil.copy())
 
     @property
-    def top(self) -> np.ndarray:
+    def top(self) -> Array:
         """Heights of the surface."""
         return self.ground + self.spoil
 
@@ -54,8 +56,8 @@ def relax(
     cell_m: float,
     repose_deg: float,
     bulking: float = 1.0,
-    stood_m: np.ndarray | None = None,
-    slides: np.ndarray | None = None,
+    stood_m: Array | None = None,
+    slides: Array | None = None,
 ) -> tuple[int, bool]:
     """Let spoil slide, in place; cells at the rim slide inward only. Returns the number of sweeps and if all rests.
 
@@ -77,7 +79,7 @@ def relax(
     return sweeps, rests
 
 
-def _book(layers: Layers, change_m: np.ndarray, bulking: float) -> float:
+def _book(layers: Layers, change_m: Array, bulking: float) -> float:
     """Apply a volume-preserving change of the surface to the layers: spoil leaves before ground, and arrives as spoil.
 
     Ground grows as it becomes spoil: one factor raises all material that arrives. Returns the greatest height in metres
@@ -96,7 +98,7 @@ def _book(layers: Layers, change_m: np.ndarray, bulking: float) -> float:
 
 
 def _settle(
-    top: np.ndarray, spoil: np.ndarray | None, cell_m: float, repose_deg: float, stood_m: np.ndarray | None
+    top: Array, spoil: Array | None, cell_m: float, repose_deg: float, stood_m: Array | None
 ) -> tuple[int, bool]:
     """Let slopes that are too steep slide, in place; with ``spoil``, only spoil slides. Returns the number of sweeps
     and whether all rests.
@@ -116,11 +118,11 @@ def _settle(
 
 
 def _sweep_often(
-    top: np.ndarray,
-    spoil: np.ndarray | None,
+    top: Array,
+    spoil: Array | None,
     cell_m: float,
     repose_deg: float,
-    stood_m: np.ndarray | None,
+    stood_m: Array | None,
     stride: int,
     most: int,
 ) -> tuple[int, bool]:
@@ -142,7 +144,7 @@ def _sweep_often(
 
 
 def _moving_window(
-    top: np.ndarray, spoil: np.ndarray | None, cell_m: float, tangent: float, stood_m: np.ndarray | None
+    top: Array, spoil: Array | None, cell_m: float, tangent: float, stood_m: Array | None
 ) -> tuple[slice, slice] | None:
     """Rows and columns of all loose cells that are too steep, with a margin; None if there are no such cells."""
     steep = np.zeros(top.shape, bool)
@@ -173,7 +175,7 @@ def _part(axis: int, of: slice) -> tuple[slice, slice]:
 _Limit = tuple[bool, tuple[slice, slice], tuple[slice, slice], Any]
 
 
-def _limits(stood_m: np.ndarray | None, shape: tuple[int, ...], rise_m: float, stride: int) -> list[_Limit]:
+def _limits(stood_m: Array | None, shape: tuple[int, ...], rise_m: float, stride: int) -> list[_Limit]:
     """Greatest difference in height of all pairs of cells: by the angle of repose, or as they stood before if that is
     more.
 
@@ -194,7 +196,7 @@ def _limits(stood_m: np.ndarray | None, shape: tuple[int, ...], rise_m: float, s
     return found
 
 
-def _sweep(top: np.ndarray, spoil: np.ndarray | None, limits: list[_Limit]) -> float:
+def _sweep(top: Array, spoil: Array | None, limits: list[_Limit]) -> float:
     """One sweep over all pairs, in place; the most that moved between two cells, in metres."""
     most = 0.0
     for turned, a, b, limit in limits:

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...support.arrays import Array
 from ..rocks.rocks import HeightAt, Rocks, rest_on
 from ..rocks.shapes import Shape
 
@@ -27,10 +28,10 @@ _ROLLS_DEG, _STEP, _MOST_STEPS = 20.0, 0.25, 60
 #: Share of a rock's diameter from which on another rock is in its way.
 _IN_THE_WAY = 0.5
 
-ChangeAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
+ChangeAt = Callable[[Array, Array], Array]
 
 
-def find_unsupported(rocks: Rocks, change_m: ChangeAt) -> np.ndarray:
+def find_unsupported(rocks: Rocks, change_m: ChangeAt) -> Array:
     """Numbers of the rocks whose middle is not over the ground that is left under them.
 
     ``change_m`` gives the height of the ground over the untouched ground, at east and north.
@@ -45,7 +46,7 @@ def find_unsupported(rocks: Rocks, change_m: ChangeAt) -> np.ndarray:
     return touched[~_spans_middle(left.any(axis=1))]
 
 
-def _spans_middle(left: np.ndarray) -> np.ndarray:
+def _spans_middle(left: Array) -> Array:
     """Whether the middle is in the convex hull of points in some of equal directions (n, directions) around it.
 
     It is unless they leave out more than half a turn.
@@ -76,7 +77,7 @@ def settle_rocks(
     return replace(rocks, position_m=all_positions, rotation=all_rotations), len(falls)
 
 
-def _roll(places: np.ndarray, rock: int, diameters: np.ndarray, surface: HeightAt) -> np.ndarray:
+def _roll(places: Array, rock: int, diameters: Array, surface: HeightAt) -> Array:
     """Where a rock comes to rest, from where all rocks are (n, 2): east and north in metres."""
     place, diameter = places[rock], float(diameters[rock])
     touch = 0.5 * (diameters + diameter)
@@ -88,7 +89,7 @@ def _roll(places: np.ndarray, rock: int, diameters: np.ndarray, surface: HeightA
     turn = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
     dx, dy = 0.45 * diameter * np.cos(turn), 0.45 * diameter * np.sin(turn)
 
-    def ground(at: np.ndarray) -> tuple[float, np.ndarray]:
+    def ground(at: Array) -> tuple[float, Array]:
         z = surface(at[0] + dx, at[1] + dy)
         # Least squares on a ring is a projection, as in ``rocks.py``.
         fall = -np.array([(z * dx).sum(), (z * dy).sum()]) / (_ROUND / 2 * (0.45 * diameter) ** 2)

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Directions that the share of indirect light is looked for in, their width, and how far below the horizon they go.
 _DIRECTIONS, _WIDE_DEG, _LOWEST_DEG = 12, 60.0, 60.0
 
 
-def noise_of(halves: Sequence[np.ndarray], triangles: np.ndarray) -> float:
+def noise_of(halves: Sequence[Array], triangles: Array) -> float:
     """Standard error within triangles (n, 3 vertices) of the mean of two halves (vertices, bands), over that mean.
 
     The halves differ by the root of two times the error of one, and their mean has that error over the root of two.
@@ -28,9 +30,7 @@ def noise_of(halves: Sequence[np.ndarray], triangles: np.ndarray) -> float:
     return float(np.sqrt(np.mean(square))) / 2 / mean
 
 
-def largest_share(
-    direct: np.ndarray, indirect: np.ndarray, positions: np.ndarray, triangles: np.ndarray, eye: np.ndarray
-) -> float:
+def largest_share(direct: Array, indirect: Array, positions: Array, triangles: Array, eye: Array) -> float:
     """Share of ``indirect`` light in all light that an ``eye`` (3,) gets from ground, in the direction where it is
     largest.
 
@@ -65,5 +65,5 @@ def samples_needed(noise: float, share: float, count: int, limit: float, most: i
     return max(count, min(most, math.ceil(count * (seen / limit) ** 2)))
 
 
-def _mean(halves: Sequence[np.ndarray]) -> float:
+def _mean(halves: Sequence[Array]) -> float:
     return float((halves[0] + halves[1]).mean(dtype=np.float64)) / 2

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Terms of the light on a rock: 1, x, y, z, xy, yz, zx, x² - y², 3 z² - 1 of the normal, and the place of a point.
 TERMS = 12
 #: Points of a rock, by its level of detail, finest first.
@@ -30,24 +32,24 @@ class Points:
     """``n`` points of rocks: which ``rock`` (n,), place on the unit shape (n, 3), unit ``normal`` (n, 3), and the
     ``corners`` (n, 3, 3) in metres of a small triangle just above each."""
 
-    rock: np.ndarray
-    place: np.ndarray
-    normal: np.ndarray
-    corners: np.ndarray
+    rock: Array
+    place: Array
+    normal: Array
+    corners: Array
 
 
-def terms_of(normal: np.ndarray, place: np.ndarray) -> np.ndarray:
+def terms_of(normal: Array, place: Array) -> Array:
     """The ``TERMS`` (n, 12) at unit normals (n, 3) and places (n, 3)."""
     x, y, z = normal.T
     return np.column_stack([np.ones_like(x), x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1, place])
 
 
 def draw_points(
-    vertices: np.ndarray,
-    triangles: np.ndarray,
-    rocks: np.ndarray,
-    matrices: np.ndarray,
-    positions: np.ndarray,
+    vertices: Array,
+    triangles: Array,
+    rocks: Array,
+    matrices: Array,
+    positions: Array,
     count: int,
     random: np.random.Generator,
 ) -> Points:
@@ -78,7 +80,7 @@ def draw_points(
     return Points(rocks[rock], place, normal, middle[:, None] + _WIDTH * size[:, None] * ways)
 
 
-def fit(points: Points, light: np.ndarray, used: np.ndarray, rocks: int) -> np.ndarray:
+def fit(points: Points, light: Array, used: Array, rocks: int) -> Array:
     """The numbers (rocks, 12, 3) whose terms fit ``light`` (n, 3) at the points that are ``used`` (n,).
 
     A rock without used points, which nobody sees, gets none.
@@ -95,6 +97,6 @@ def fit(points: Points, light: np.ndarray, used: np.ndarray, rocks: int) -> np.n
     return found
 
 
-def light_of(numbers: np.ndarray, points: Points) -> np.ndarray:
+def light_of(numbers: Array, points: Points) -> Array:
     """The light (n, 3) of the numbers (rocks, 12, 3) at points, at least 0."""
     return np.maximum(np.einsum("nt,ntb->nb", terms_of(points.normal, points.place), numbers[points.rock]), 0.0)

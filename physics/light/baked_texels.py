@@ -15,6 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Most corners of a facet that has texels.
 MOST_CORNERS = 4
 #: Texels along a side of a facet's square; a triangle uses three texels of the square.
@@ -44,15 +46,13 @@ class Texels:
     """
 
     side: int
-    places: np.ndarray
-    vertices: tuple[np.ndarray, np.ndarray]
-    texels: tuple[np.ndarray, np.ndarray]
-    areas: tuple[np.ndarray, np.ndarray]
+    places: Array
+    vertices: tuple[Array, Array]
+    texels: tuple[Array, Array]
+    areas: tuple[Array, Array]
 
 
-def lay_out(
-    starts: np.ndarray, counts: np.ndarray, corners: np.ndarray, areas: np.ndarray, wanted: np.ndarray
-) -> Texels:
+def lay_out(starts: Array, counts: Array, corners: Array, areas: Array, wanted: Array) -> Texels:
     """The texels of a mesh: of each facet its first corner, number of corners and area; of each corner its vertex.
 
     Facets that are not ``wanted`` (facets,) get none, and their corners are outside of the image. Raises ValueError for
@@ -78,14 +78,14 @@ def lay_out(
     return Texels(side, places, (vertices[0], vertices[1]), (texels[0], texels[1]), (of_kind[0], of_kind[1]))
 
 
-def _turned_square() -> np.ndarray:
+def _turned_square() -> Array:
     """The corners of a quadrilateral in its square."""
     turn = math.radians(_TURN_DEG)
     turned = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
     return _SIDE / 2 + (_NEAREST * _SIDE - _SIDE / 2) @ turned
 
 
-def gather_open(found: Texels, image: np.ndarray, covered: np.ndarray, vertices: int) -> np.ndarray:
+def gather_open(found: Texels, image: Array, covered: Array, vertices: int) -> Array:
     """``gather`` without the texels that are ``covered`` (texels,).
 
     A vertex around which all texels are covered gets the mean of the nearest vertices that have light, since a facet
@@ -110,7 +110,7 @@ def gather_open(found: Texels, image: np.ndarray, covered: np.ndarray, vertices:
     return light
 
 
-def gather(found: Texels, image: np.ndarray, vertices: int) -> np.ndarray:
+def gather(found: Texels, image: Array, vertices: int) -> Array:
     """Light (vertices, 3) at the vertices, from an image (texels, 4) whose alpha is 0 where nothing was baked."""
     total, weights = np.zeros((vertices, 3)), np.zeros(vertices)
     for at, texels, areas, shape in zip(found.vertices, found.texels, found.areas, (_LINEAR, _BILINEAR), strict=True):

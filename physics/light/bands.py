@@ -16,6 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from ...support.arrays import Array
 from ..surfaces.spectra import MATERIALS, bubbly_ice_reflectance, ice_absorption_1_m, snow_reflectance
 from .photons import planck
 from .sunlight import BANDS_M, SUN_TEMPERATURE_K
@@ -24,14 +25,14 @@ from .sunlight import BANDS_M, SUN_TEMPERATURE_K
 VISIBLE_NM = np.arange(400.0, 701.0, 2.0)
 
 
-def band_shares(wavelength_m: np.ndarray) -> np.ndarray:
+def band_shares(wavelength_m: Array) -> Array:
     """How much each of R, G, B counts at wavelengths (n,) in metres: (3, n), whose sum over the bands is 1."""
     ascending = np.argsort(BANDS_M)
     centres = np.array(BANDS_M)[ascending]
     return np.stack([np.interp(wavelength_m, centres, one) for one in np.eye(3)[:, ascending]])
 
 
-def band_reflectances(reflectance: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float, float]:
+def band_reflectances(reflectance: Callable[[Array], Array]) -> tuple[float, float, float]:
     """The reflectances in R, G, B that stand for a spectrum, a function of wavelengths in nm.
 
     Lines through them at the bands' wavelengths are nearest to the spectrum, by least squares over the visible, each

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ...support.arrays import Array
 from .planetshine import Planet, ellipsoid
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
@@ -32,7 +33,7 @@ def hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
         - (shape.observer @ shape.observer - 1) * (shape.stretch @ shape.stretch) / shape.radius**2
     )
     sun = planet.sun
-    up = planet.direction - (planet.direction @ sun) * sun  # chords run toward the planet, across its limb
+    up: Array = planet.direction - (planet.direction @ sun) * sun  # chords run toward the planet, across its limb
     if np.linalg.norm(up) < 1e-12:
         up = np.cross(sun, np.eye(3)[np.abs(sun).argmin()])
     up /= np.linalg.norm(up)
@@ -46,7 +47,7 @@ def hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
     return float(np.clip((weight * hidden).sum() / (weight * 2 * np.sin(half)).sum(), 0.0, 1.0))
 
 
-def _hidden(foot: np.ndarray, up: np.ndarray, half: float, quadric: np.ndarray, toward: np.ndarray) -> float:
+def _hidden(foot: Array, up: Array, half: float, quadric: Array, toward: Array) -> float:
     """Sum of the cosines of the distance from the foot, along a great circle from -half to half, that is hidden.
 
     On the circle w = cos φ foot + sin φ up the quadric is mean + swing cos(2 φ - turn).

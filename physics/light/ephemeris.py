@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import shorten
 from .bodies import BODIES, Orbit
@@ -30,15 +31,15 @@ _OBLIQUITY = math.radians(23.43928)  # of the ecliptic, J2000
 class Positions:
     """Sun and planet in the sky of a site; directions are unit vectors (3,): east, north, up."""
 
-    sun: np.ndarray
+    sun: Array
     sun_distance_au: float
     planet_name: str  # in capitals
-    planet: np.ndarray
+    planet: Array
     planet_distance_km: float
     planet_equator_km: float
     planet_pole_km: float
-    planet_axis: np.ndarray
-    from_j2000: np.ndarray  # (3, 3) from the J2000 equatorial frame
+    planet_axis: Array
+    from_j2000: Array  # (3, 3) from the J2000 equatorial frame
 
 
 #: A date, all but its year optional, and the lead of its clock over UTC.
@@ -119,7 +120,7 @@ def refuse_unknown_years(date_utc: str) -> None:
         )
 
 
-def heliocentric_au(orbit: Orbit, days: float) -> np.ndarray:
+def heliocentric_au(orbit: Orbit, days: float) -> Array:
     """Position (3,) from the Sun in the J2000 equatorial frame."""
     century = days / 36525
     a, e, inclination, longitude, perihelion, node = (
@@ -146,15 +147,13 @@ def heliocentric_au(orbit: Orbit, days: float) -> np.ndarray:
     return np.asarray(_about_x(-_OBLIQUITY) @ to_ecliptic @ plane)
 
 
-def body_frame(orientation: tuple[float, float, float]) -> np.ndarray:
+def body_frame(orientation: tuple[float, float, float]) -> Array:
     """Matrix (3, 3) from the J2000 equatorial to the body-fixed frame, of pole and W in degrees."""
     ascension, declination, turned = (math.radians(angle % 360) for angle in orientation)
     return _about_z(turned) @ _about_x(math.pi / 2 - declination) @ _about_z(math.pi / 2 + ascension)
 
 
-def site_frame(
-    radii_km: tuple[float, float, float], latitude_deg: float, longitude_deg: float
-) -> tuple[np.ndarray, np.ndarray]:
+def site_frame(radii_km: tuple[float, float, float], latitude_deg: float, longitude_deg: float) -> tuple[Array, Array]:
     """Position in km (3,) and rows east, north, up (3, 3), body-fixed, of planetocentric coordinates.
 
     Up is the normal of the ellipsoid; on Enceladus it leans up to 1.9° from the radius.
@@ -168,7 +167,7 @@ def site_frame(
     return position, local_axes(position / radii**2, longitude, radii_km)
 
 
-def local_axes(normal: np.ndarray, longitude: float, radii_km: Sequence[float]) -> np.ndarray:
+def local_axes(normal: Array, longitude: float, radii_km: Sequence[float]) -> Array:
     """Rows east, north, up (3, 3) of the normal of an ellipsoid at a longitude in radians, also at a pole, where north
     is the limit along the meridian of the longitude."""
     up = normal / np.linalg.norm(normal)
@@ -208,11 +207,11 @@ def positions(body: str, date_utc: str, latitude_deg: float, longitude_deg: floa
     )
 
 
-def _about_x(angle: float) -> np.ndarray:
+def _about_x(angle: float) -> Array:
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
 
 
-def _about_z(angle: float) -> np.ndarray:
+def _about_z(angle: float) -> Array:
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])

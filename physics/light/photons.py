@@ -11,6 +11,7 @@ import numpy as np
 
 from ...settings.topics.camera import RigSettings, SensorSettings
 from ...settings.topics.light import LightSettings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
 # CODATA 2018, exact.
@@ -21,7 +22,7 @@ BOLTZMANN_J_K = 1.380649e-23
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
 
-def planck(wavelength_m: np.ndarray | float, temperature_k: float) -> np.ndarray:
+def planck(wavelength_m: Array | float, temperature_k: float) -> Array:
     """Spectral radiance of a black body, W/(m² sr m), at wavelengths in metres."""
     wavelength = np.asarray(wavelength_m, np.float64)
     x = PLANCK_J_S * LIGHT_M_S / (wavelength * BOLTZMANN_J_K * temperature_k)
@@ -35,7 +36,7 @@ def total_radiance(temperature_k: float) -> float:
     return sigma * temperature_k**4 / math.pi
 
 
-def _band(sensor: SensorSettings) -> tuple[np.ndarray, np.ndarray]:
+def _band(sensor: SensorSettings) -> tuple[Array, Array]:
     """Wavelengths in metres across the camera's band and the weights of an integral over it."""
     half = sensor.band_width_nm * 0.5e-9
     centre = sensor.band_centre_nm * 1e-9
@@ -69,7 +70,7 @@ def photons_per_joule(light: LightSettings, sensor: SensorSettings) -> float:
     return photons if light.irradiance_band == "CAMERA" else photons * band_share(light, sensor)
 
 
-def photons_by_wavelength(light: LightSettings, sensor: SensorSettings) -> tuple[np.ndarray, np.ndarray]:
+def photons_by_wavelength(light: LightSettings, sensor: SensorSettings) -> tuple[Array, Array]:
     """Wavelengths (n,) in metres across the camera's band, and how many of ``photons_per_joule`` each stands for."""
     wavelength, weight = _band(sensor)
     each = planck(wavelength, float(light.sun_temperature_k)) * weight * wavelength

@@ -19,6 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...support.arrays import Array
 from .planetshine import Planet, VisibleCap, cap_nodes
 
 #: Least cosine of the angle of emission, so that the limb stays finite.
@@ -116,9 +117,9 @@ def _jupiter() -> Face:
 FACES = {"SATURN": _saturn(), "JUPITER": _jupiter()}
 
 
-def spot_axes(planet: Planet, spot: Spot) -> np.ndarray:
+def spot_axes(planet: Planet, spot: Spot) -> Array:
     """Normal of the globe in the middle of a spot, and directions to the east and the north there: rows of (3, 3)."""
-    front = -planet.direction + (planet.direction @ planet.pole) * planet.pole
+    front: Array = -planet.direction + (planet.direction @ planet.pole) * planet.pole
     if np.linalg.norm(front) < 1e-9:  # seen from above a pole
         front = np.cross(planet.pole, np.eye(3)[np.abs(planet.pole).argmin()])
     front /= np.linalg.norm(front)
@@ -133,7 +134,7 @@ def spot_axes(planet: Planet, spot: Spot) -> np.ndarray:
     )
 
 
-def _reflectance(face: Face, planet: Planet, normal: np.ndarray) -> np.ndarray:
+def _reflectance(face: Face, planet: Planet, normal: Array) -> Array:
     """B (..., 3) at places with unit normals (..., 3)."""
     sine = normal @ planet.pole
     found = np.stack([np.interp(sine, face.sine, band) for band in np.transpose(face.reflectance)], axis=-1)
@@ -147,7 +148,7 @@ def _reflectance(face: Face, planet: Planet, normal: np.ndarray) -> np.ndarray:
     return found
 
 
-def _over_zenith(face: Face, planet: Planet, normal: np.ndarray, toward: np.ndarray) -> np.ndarray:
+def _over_zenith(face: Face, planet: Planet, normal: Array, toward: Array) -> Array:
     """Unscaled radiance (..., 3) relative to a place of an even globe with the Sun in its zenith; without ripples.
 
     ``normal`` and ``toward`` (..., 3) are unit vectors, the second toward the observer.
@@ -157,7 +158,7 @@ def _over_zenith(face: Face, planet: Planet, normal: np.ndarray, toward: np.ndar
     return np.asarray(_reflectance(face, planet, normal) * (incidence * emission) ** np.array(face.limb) / emission)
 
 
-def face_tint(planet: Planet) -> np.ndarray:
+def face_tint(planet: Planet) -> Array:
     """Ratio (3,) of the planet's light to sunlight in each band; the mean of the bands is 1."""
     return np.array(FACES[planet.face].tint if planet.face in FACES else (1.0, 1.0, 1.0))
 
@@ -175,7 +176,7 @@ def face_scale(planet: Planet) -> tuple[float, float, float]:
     return r, g, b
 
 
-def face_radiance(planet: Planet, position: np.ndarray) -> np.ndarray:
+def face_radiance(planet: Planet, position: Array) -> Array:
     """Radiance (..., 3) in W/(m² sr) of places of the planet (..., 3) relative to the observer, in R, G, B of sunlight.
 
     Edges of bands waver in an image, which is left out here.

@@ -15,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: How far the published phase curves reach, in degrees; beyond, the ratio to a Lambert sphere is held.
 _JUPITER_END, _SATURN_END = 130.0, 150.0
 
@@ -34,11 +36,11 @@ class Planet:
     """A planet as it is seen from the site; directions are unit vectors (3,) in the local frame. Planets of equal
     values are equal."""
 
-    direction: np.ndarray  # of its centre
+    direction: Array  # of its centre
     angular_diameter_deg: float  # of its equator
     flattening: float  # 1 - polar radius / equatorial radius
-    pole: np.ndarray  # its axis
-    sun: np.ndarray  # direction of the Sun
+    pole: Array  # its axis
+    sun: Array  # direction of the Sun
     sun_irradiance_wm2: float
     geometric_albedo: float
     phase_law: str  # "LAMBERT", "JUPITER" or "SATURN"
@@ -113,8 +115,8 @@ class Ellipsoid:
     """A planet as the unit sphere of a space that is stretched along its pole, its centre the origin."""
 
     radius: float  # of its equator, in units of its distance
-    stretch: np.ndarray  # (3, 3), to that space but for the radius
-    observer: np.ndarray  # (3,), in that space
+    stretch: Array  # (3, 3), to that space but for the radius
+    observer: Array  # (3,), in that space
     full_radiance: float  # W/(m² sr) where the Sun stands in the zenith
 
 
@@ -144,32 +146,32 @@ class VisibleCap:
         self.x = np.cross(side, self.axis) / np.linalg.norm(np.cross(side, self.axis))
         self.y = np.cross(self.axis, self.x)
 
-    def sphere(self, angle: np.ndarray, around: np.ndarray) -> np.ndarray:
+    def sphere(self, angle: Array, around: Array) -> Array:
         """Unit vectors of the stretched space."""
         return np.cos(angle)[..., None] * self.axis + np.sin(angle)[..., None] * (
             np.cos(around)[..., None] * self.x + np.sin(around)[..., None] * self.y
         )
 
-    def position(self, sphere: np.ndarray) -> np.ndarray:
+    def position(self, sphere: Array) -> Array:
         """Relative to the observer."""
         return self.planet.direction + self.shape.radius * sphere @ self.shrink
 
-    def sphere_of(self, position: np.ndarray) -> np.ndarray:
+    def sphere_of(self, position: Array) -> Array:
         """Unit vectors of the stretched space at places relative to the observer, or near to the globe there."""
         found = (position - self.planet.direction) @ self.shape.stretch
         return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
 
-    def normal(self, sphere: np.ndarray) -> np.ndarray:
+    def normal(self, sphere: Array) -> Array:
         """Unit normals of the planet."""
         found = sphere @ self.shape.stretch
         return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
 
-    def radiance(self, sphere: np.ndarray) -> np.ndarray:
+    def radiance(self, sphere: Array) -> Array:
         """W/(m² sr); 0 in the night."""
         lit = np.maximum(self.normal(sphere) @ self.planet.sun, 0.0)
         return np.asarray(self.shape.full_radiance * lit * self.passed(sphere))
 
-    def passed(self, sphere: np.ndarray) -> np.ndarray:
+    def passed(self, sphere: Array) -> Array:
         """Share (...) of the sunlight that the rings let through to points of the planet."""
         point, passed = sphere @ self.shrink, np.ones(sphere.shape[:-1])
         up = float(self.planet.sun @ self.planet.pole)
@@ -187,9 +189,9 @@ class VisibleCap:
 class CapNodes:
     """Nodes (n, 2n) of a quadrature over the planet that is seen above the horizon."""
 
-    sphere: np.ndarray  # (n, 2n, 3) unit vectors of the stretched space
-    ray: np.ndarray  # (n, 2n, 3) unit vectors toward the nodes
-    solid_angle: np.ndarray  # (n, 2n) sr; 0 below the horizon
+    sphere: Array  # (n, 2n, 3) unit vectors of the stretched space
+    ray: Array  # (n, 2n, 3) unit vectors toward the nodes
+    solid_angle: Array  # (n, 2n) sr; 0 below the horizon
 
 
 def cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
@@ -216,7 +218,7 @@ def cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
 
 
 @lru_cache(maxsize=4)  # one change of the light asks for the same planet's a dozen times
-def light_rays(planet: Planet, nodes: int = 96) -> tuple[np.ndarray, np.ndarray]:
+def light_rays(planet: Planet, nodes: int = 96) -> tuple[Array, Array]:
     """The planet's light in rays: unit vectors (n, 3) toward its surface and the irradiance (n,) in W/m² that each
     brings on a surface facing it.
 
@@ -232,13 +234,13 @@ def light_rays(planet: Planet, nodes: int = 96) -> tuple[np.ndarray, np.ndarray]
     return rays, brought
 
 
-def irradiance_wm2(planet: Planet, normal: np.ndarray | None = None, nodes: int = 96) -> float:
+def irradiance_wm2(planet: Planet, normal: Array | None = None, nodes: int = 96) -> float:
     """Irradiance from the planet on a surface; ``normal`` (3,) is its unit normal, else it faces the planet."""
     ray, brought = light_rays(planet, nodes)
     return float(brought @ np.maximum(ray @ (planet.direction if normal is None else normal), 0.0))
 
 
-def mean_direction(planet: Planet) -> np.ndarray:
+def mean_direction(planet: Planet) -> Array:
     """Unit vector (3,) of the direction that the planet's light comes from in the mean; its centre if it is dark."""
     ray, brought = light_rays(planet)
     total = brought @ ray
@@ -246,13 +248,13 @@ def mean_direction(planet: Planet) -> np.ndarray:
     return np.asarray(total / length if length > 0 else planet.direction)
 
 
-def lit_chords(planet: Planet) -> tuple[np.ndarray, float]:
+def lit_chords(planet: Planet) -> tuple[Array, float]:
     """The lit part of the planet's circle: the direction across it toward the Sun, a unit vector (3,), and the share of
     each chord along it, from the Sun's side, that holds all lit points.
 
     The circle is the equator's about the planet's centre, in coordinates that keep areas.
     """
-    across = planet.sun - (planet.sun @ planet.direction) * planet.direction
+    across: Array = planet.sun - (planet.sun @ planet.direction) * planet.direction
     if np.linalg.norm(across) < 1e-6:
         across = np.cross(planet.direction, np.eye(3)[np.abs(planet.direction).argmin()])
     across /= np.linalg.norm(across)
@@ -279,8 +281,8 @@ def unshaded_share(planet: Planet) -> float:
 class Disc:
     """The part of a planet that is seen as a mesh about the observer; its centre is at distance 1."""
 
-    vertices: np.ndarray  # (n, 3)
-    faces: np.ndarray  # (m, 4), the first ring has its first vertex twice; towards the observer
+    vertices: Array  # (n, 3)
+    faces: Array  # (m, 4), the first ring has its first vertex twice; towards the observer
 
 
 def disc_mesh(planet: Planet, rings: int = 48) -> Disc:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
 from .planetshine import Planet, Ring
 
 SATURN_EQUATOR_KM = 60268.0
@@ -48,12 +49,12 @@ def _phase_scale() -> float:
 _PHASE_SCALE = _phase_scale()
 
 
-def phase_function(phase: np.ndarray) -> np.ndarray:
+def phase_function(phase: Array) -> Array:
     """Light that a particle scatters at phase angles (radians) over the mean of all directions."""
     return np.asarray(_PHASE_SCALE * (1 - phase / math.pi) ** _PHASE_POWER)
 
 
-def brightness(ring: Ring, sun: float, seen: np.ndarray, phase: np.ndarray, lit: bool) -> np.ndarray:
+def brightness(ring: Ring, sun: float, seen: Array, phase: Array, lit: bool) -> Array:
     """I/F of a ring: its radiance relative to a white matt surface that faces the Sun.
 
     ``sun`` and ``seen`` are sines of the elevations of the Sun and the observer above the ring's plane; ``lit`` is
@@ -73,13 +74,13 @@ def brightness(ring: Ring, sun: float, seen: np.ndarray, phase: np.ndarray, lit:
 class RingMesh:
     """Rings about the observer as quadrilaterals; the planet's centre is at distance 1."""
 
-    vertices: np.ndarray  # (n, 3)
-    faces: np.ndarray  # (m, 4)
-    radiance: np.ndarray  # (n,) W/(m² sr)
-    transmission: np.ndarray  # (n,) share of the light from behind that passes
+    vertices: Array  # (n, 3)
+    faces: Array  # (m, 4)
+    radiance: Array  # (n,) W/(m² sr)
+    transmission: Array  # (n,) share of the light from behind that passes
 
 
-def shadow_half_angle(radius: np.ndarray, sun_elevation: float, flattening: float) -> np.ndarray:
+def shadow_half_angle(radius: Array, sun_elevation: float, flattening: float) -> Array:
     """Half the angle at the planet, in radians, by which its shadow lies on circles of ``radius`` equatorial radii.
 
     In the space in which the planet is the unit sphere, a point r (cos φ, sin φ, 0) is in the shadow of a Sun at

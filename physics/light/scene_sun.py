@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from .sky import azimuth_deg, elevation_deg
 
 #: Where a Sun comes from: a choice of ``light.directions_from``, or this.
@@ -28,7 +29,7 @@ class SceneSun:
     the origin of the site, less the part that the planet hides. ``distance_m`` is the lamp's, 0 for the Sun.
     """
 
-    direction: np.ndarray
+    direction: Array
     irradiance_wm2: float
     angular_diameter_deg: float
     source: str = ""
@@ -81,7 +82,7 @@ def described_by(facts: Mapping[str, Any], source: str) -> SceneSun:
 
 
 def as_it_stands(
-    described: SceneSun, direction: np.ndarray, irradiance_wm2: float, angular_diameter_deg: float, distance_m: float
+    described: SceneSun, direction: Array, irradiance_wm2: float, angular_diameter_deg: float, distance_m: float
 ) -> SceneSun:
     """The Sun of a lamp that was set up as ``described`` and that the user may have turned or changed since."""
     stands = np.array([*direction, distance_m])

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...settings.topics.light import LightSettings
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import absolute_path
 from . import ephemeris, spice
@@ -30,12 +31,12 @@ from .sunlight import apparent_diameter_deg, sun_diameter_deg, sun_irradiance_wm
 class Sky:
     """The lights of a scene."""
 
-    sun: np.ndarray  # unit vector (3,) toward it
+    sun: Array  # unit vector (3,) toward it
     sun_irradiance_wm2: float  # on a facing surface
     sun_diameter_deg: float
     planet: Planet | None
     eclipse: float  # share of the Sun's disc that the planet hides, shown or not
-    from_j2000: np.ndarray  # (3, 3) from the J2000 equatorial to the local frame
+    from_j2000: Array  # (3, 3) from the J2000 equatorial to the local frame
     sun_distance_m: float = 0.0  # of a lamp in its place from the origin of the site; 0 for the real Sun
 
     @property
@@ -87,17 +88,17 @@ def compare_lights(planet: float, planet_level: float, sun: float, sun_level: fl
     return max(planet_level / sun_level, planet / sun) if sun_level > 0 else math.inf
 
 
-def elevation_deg(direction: np.ndarray) -> float:
+def elevation_deg(direction: Array) -> float:
     """Angle of a direction above the horizon."""
     return _above(np.array([0.0, 0.0, 1.0]), direction)
 
 
-def _above(axis: np.ndarray, direction: np.ndarray) -> float:
+def _above(axis: Array, direction: Array) -> float:
     """Angle of a direction above the plane that an axis is normal to."""
     return math.degrees(math.asin(float(np.clip(axis @ direction, -1, 1))))
 
 
-def azimuth_deg(direction: np.ndarray) -> float:
+def azimuth_deg(direction: Array) -> float:
     """Angle of a direction from north over east, 0 to 360."""
     return math.degrees(math.atan2(direction[0], direction[1])) % 360.0
 
@@ -167,7 +168,7 @@ def _rings(light: LightSettings) -> tuple[Ring, ...]:
     return tuple(RINGS.values()) if light.planet_rings else ()
 
 
-def _stars_by_angles(light: LightSettings) -> np.ndarray:
+def _stars_by_angles(light: LightSettings) -> Array:
     """The J2000 equatorial frame over a site without a date: its pole is the body's pole, right ascension 0 h is on the
     meridian, in the south where the pole is up in the north."""
     latitude = math.radians(light.latitude_deg)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import backslash_note
 from .ephemeris import Positions, date_text, local_axes, parse_date
@@ -73,7 +74,7 @@ def _positions(
     radii = spice.bodvrd(body, "RADII", 3)[1]
     axes = local_axes(np.asarray(spice.surfnm(*radii, site)), longitude, radii)
 
-    def seen(target: str) -> np.ndarray:
+    def seen(target: str) -> Array:
         state, _ = spice.spkcpo(target, time, frame, "OBSERVER", "LT+S", site, body, frame)
         return axes @ state[:3]
 

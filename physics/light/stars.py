@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...support.arrays import Array
 from ..random_numbers.seeds import generator
 from .sunlight import SOLAR_CONSTANT_WM2, sun_colour
 
@@ -31,8 +32,8 @@ _COUNTS = (55, 191, 558, 1744, 5326, 16503, 48559)
 class Stars:
     """Stars above the horizon (n of them)."""
 
-    direction: np.ndarray  # (n, 3) unit vectors
-    irradiance_wm2: np.ndarray  # (n, 3) on a facing surface in R, G, B
+    direction: Array  # (n, 3) unit vectors
+    irradiance_wm2: Array  # (n, 3) on a facing surface in R, G, B
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,9 @@ class Catalogue:
     """Stars by name (n of them), J2000 equator and epoch."""
 
     name: tuple[str, ...]
-    direction: np.ndarray  # (n, 3) unit vectors
-    v_mag: np.ndarray  # (n,)
-    b_v: np.ndarray  # (n,)
+    direction: Array  # (n, 3) unit vectors
+    v_mag: Array  # (n,)
+    b_v: Array  # (n,)
 
 
 @lru_cache(maxsize=1)
@@ -63,7 +64,7 @@ def read_catalogue() -> Catalogue:
     return Catalogue(tuple(row["name"] for row in rows), direction, v_mag, b_v)
 
 
-def irradiance_wm2(v_mag: np.ndarray) -> np.ndarray:
+def irradiance_wm2(v_mag: Array) -> Array:
     """Irradiance (n,) on a facing surface of stars of V magnitudes (n,)."""
     return np.asarray(V0_WM2 * 10 ** (-0.4 * v_mag))
 
@@ -73,12 +74,12 @@ def temperature_k(b_v: float) -> float:
     return 4600 * (1 / (0.92 * b_v + 1.7) + 1 / (0.92 * b_v + 0.62))
 
 
-def count_to(v_mag: float | np.ndarray) -> np.ndarray:
+def count_to(v_mag: float | Array) -> Array:
     """Number of stars in the whole sky that are as bright as a V magnitude from 2 to 8."""
     return np.exp(np.interp(v_mag, np.arange(2, 2 + len(_COUNTS)), np.log(_COUNTS)))
 
 
-def _draw_faint(faintest_mag: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def _draw_faint(faintest_mag: float, seed: int) -> tuple[Array, Array]:
     """Directions (n, 3) and V magnitudes (n,) of stars fainter than the catalogue's, evenly over the sky.
 
     Those there are crowd towards the Milky Way, about three times as dense there as at its poles. Magnitudes are
@@ -95,7 +96,7 @@ def _draw_faint(faintest_mag: float, seed: int) -> tuple[np.ndarray, np.ndarray]
     return np.stack([flat * np.cos(around), flat * np.sin(around), z], axis=1)[keep], v_mag[keep]
 
 
-def stars_above_horizon(faintest_mag: float, seed: int, from_j2000: np.ndarray) -> Stars:
+def stars_above_horizon(faintest_mag: float, seed: int, from_j2000: Array) -> Stars:
     """The stars above the horizon, z > 0 in the frame that the matrix ``from_j2000`` (3, 3) leads to."""
     known = read_catalogue()
     bright = known.v_mag <= faintest_mag

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ...support.arrays import Array
 from .photons import planck
 
 SOLAR_CONSTANT_WM2 = 1361.0  # at 1 au; IAU 2015 nominal
@@ -34,7 +35,7 @@ def sun_diameter_deg(distance_au: float) -> float:
     return apparent_diameter_deg(SUN_RADIUS_KM, distance_au * AU_KM)
 
 
-def sun_colour(temperature_k: float) -> np.ndarray:
+def sun_colour(temperature_k: float) -> Array:
     """Light (3,) of a black body over the light of the Sun in the bands R, G, B, relative to their mean."""
     wavelength = np.array(BANDS_M)
     ratio = planck(wavelength, temperature_k) / planck(wavelength, SUN_TEMPERATURE_K)

@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ..terrain.landforms import Walls
 from ..terrain.noise.lattice_noise import hash_lattice, to_uniform
 from .split_triangles import split_sides
@@ -55,13 +56,13 @@ class Broken:
     ``spacing_m`` (n,) are spacings of vertices on the map; an added vertex has the mean of two others.
     """
 
-    positions: np.ndarray
-    faces: np.ndarray
-    of_face: np.ndarray
-    spacing_m: np.ndarray
+    positions: Array
+    faces: Array
+    of_face: Array
+    spacing_m: Array
 
 
-def scoops(points: np.ndarray, key: int) -> np.ndarray:
+def scoops(points: Array, key: int) -> Array:
     """Depth (n,) of scoops about 1 wide at points (n, 3), from 0 to about 1, continuous, with edges between scoops.
 
     Each cell of a lattice has a point with a bowl, and the deepest of the bowls counts.
@@ -82,12 +83,12 @@ def scoops(points: np.ndarray, key: int) -> np.ndarray:
     return deepest
 
 
-def _tenth_bits(h: np.ndarray, third: int) -> np.ndarray:
+def _tenth_bits(h: Array, third: int) -> Array:
     """Numbers in [0, 1) from ten bits of hashes."""
     return np.asarray(((h >> np.uint32(10 * third)) & np.uint32(1023)) * (1.0 / 1024.0))
 
 
-def chip_depth_m(points: np.ndarray, walls: Walls, finest_m: np.ndarray) -> np.ndarray:
+def chip_depth_m(points: Array, walls: Walls, finest_m: Array) -> Array:
     """How deep the chips of walls are at points (n, 3), in metres; those finer than ``finest_m`` (n,) are left out."""
     total = np.zeros(len(points))
     for octave, size in enumerate(_SCOOPS):
@@ -100,22 +101,20 @@ def chip_depth_m(points: np.ndarray, walls: Walls, finest_m: np.ndarray) -> np.n
     return total
 
 
-def steepness(normals: np.ndarray) -> np.ndarray:
+def steepness(normals: Array) -> Array:
     """0 to 1 (n,): how much of a wall ground with upward normals (n, 3) is, which need not be of unit length."""
     up = normals[:, 2] / np.maximum(np.linalg.norm(normals, axis=1), 1e-30)
     t = np.clip((_GROUND - up) / (_GROUND - _WALL), 0.0, 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
-def face_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def face_normals(positions: Array, faces: Array) -> Array:
     """Normals (m, 3) of triangles, as long as twice their area."""
     a, b, c = (positions[faces[:, k]] for k in range(3))
     return np.cross(b - a, c - a)
 
 
-def break_walls(
-    positions: np.ndarray, faces: np.ndarray, walls: Walls, spacing_m: np.ndarray, pixel_m: np.ndarray, most: int
-) -> Broken:
+def break_walls(positions: Array, faces: Array, walls: Walls, spacing_m: Array, pixel_m: Array, most: int) -> Broken:
     """Break the walls of a mesh whose vertices are ``spacing_m`` (n,) apart on the map.
 
     Pixels are ``pixel_m`` (n,) wide, and infinite where nothing is seen; walls are left there. Long sides of triangles
@@ -143,7 +142,7 @@ def break_walls(
     return Broken(positions - _chips(positions, faces, walls, np.isfinite(seen_m)), faces, of_face, spacing_m)
 
 
-def _smooth_walls(positions: np.ndarray, faces: np.ndarray, free: np.ndarray) -> np.ndarray:
+def _smooth_walls(positions: Array, faces: Array, free: Array) -> Array:
     """Positions (n, 3) of the mesh with walls that are smooth over a few triangles, where vertices are ``free`` (n,).
 
     Rims and feet run obliquely to the mesh, so its columns begin at distances of its period: flutes of the mesh.
@@ -167,7 +166,7 @@ def _smooth_walls(positions: np.ndarray, faces: np.ndarray, free: np.ndarray) ->
     return positions
 
 
-def _normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _normals(positions: Array, faces: Array) -> Array:
     """Sums (n, 3) of the normals of some triangles at each vertex."""
     of_faces = face_normals(positions, faces)
     return np.stack(
@@ -182,18 +181,18 @@ def _normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     )
 
 
-def _vertex_steepness(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _vertex_steepness(positions: Array, faces: Array) -> Array:
     """Steepness (n,) of the vertices of some triangles, 0 of all others."""
     normals = _normals(positions, faces)
     return steepness(normals) * (normals[:, 2] != 0.0)
 
 
-def _sides(faces: np.ndarray) -> np.ndarray:
+def _sides(faces: Array) -> Array:
     """The sides (m, 3, 2) of triangles, each from the lower to the higher vertex."""
     return np.sort(np.stack([faces[:, [k, (k + 1) % 3]] for k in range(3)], axis=1), axis=2).astype(np.int64)
 
 
-def _border(faces: np.ndarray, near: np.ndarray) -> np.ndarray:
+def _border(faces: Array, near: Array) -> Array:
     """Vertices on sides that only one triangle has, among those ``near`` (n,)."""
     sides = _sides(faces[near[faces].any(axis=1)]).reshape(-1, 2)
     sides = sides[near[sides].any(axis=1)]  # of these, all triangles are here
@@ -202,9 +201,7 @@ def _border(faces: np.ndarray, near: np.ndarray) -> np.ndarray:
     return np.concatenate([keys // len(near), keys % len(near)])
 
 
-def _long_sides(
-    positions: np.ndarray, faces: np.ndarray, seen_m: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _long_sides(positions: Array, faces: Array, seen_m: Array) -> tuple[Array, Array, Array]:
     """Long sides (k, 2) of walls, which of them the sides of triangles are (c, 3) or -1, and these triangles (c,)."""
     near = np.flatnonzero(np.isfinite(seen_m)[faces].any(axis=1))
     wall = near[steepness(face_normals(positions, faces[near])) > 0.0]
@@ -224,7 +221,7 @@ def _long_sides(
     return np.stack([keys // many, keys % many], axis=1), which[cut], some[cut]
 
 
-def _chips(positions: np.ndarray, faces: np.ndarray, walls: Walls, free: np.ndarray) -> np.ndarray:
+def _chips(positions: Array, faces: Array, walls: Walls, free: Array) -> Array:
     """By how much chips move each vertex of a mesh into the ice (n, 3), in metres; by nothing unless it is ``free``."""
     near = faces[free[faces].any(axis=1)]
     normals = _normals(positions, near)

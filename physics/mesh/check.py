@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.number_text import count_of
 
 _AXES = "XYZ"
@@ -64,13 +65,13 @@ class MeshReport:
         ]
 
 
-def face_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def face_normals(positions: Array, faces: Array) -> Array:
     """Normals (m, 3) of triangles, their length twice the area."""
     a, b, c = (np.asarray(positions, np.float64)[faces[:, k]] for k in range(3))
     return np.cross(b - a, c - a)
 
 
-def label_components(n: int, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def label_components(n: int, a: Array, b: Array) -> Array:
     """Label (n,) of each of n nodes: the smallest node that links ``a``-``b`` connect it with."""
     label = np.arange(n)
     while len(a):
@@ -84,7 +85,7 @@ def label_components(n: int, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return label
 
 
-def find_equal_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_equal_rows(rows: Array) -> tuple[Array, Array]:
     """First place (k,) of every distinct row, and for each row (n,) which of these it equals.
 
     ``np.unique`` along an axis does the same ten times slower.
@@ -98,7 +99,7 @@ def find_equal_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return order[new], which
 
 
-def _count_groups(label: np.ndarray) -> int:
+def _count_groups(label: Array) -> int:
     """Number of components that labels tell apart."""
     return int(np.count_nonzero(label == np.arange(len(label))))
 
@@ -109,14 +110,14 @@ class _Edges:
     belong to the half-edge; ``first`` (e,) is where an edge starts and ``count`` (e,) its faces;
     ``ends`` (e, 2) are its vertices, the smaller first."""
 
-    face: np.ndarray
-    forward: np.ndarray
-    first: np.ndarray
-    count: np.ndarray
-    ends: np.ndarray
+    face: Array
+    forward: Array
+    first: Array
+    count: Array
+    ends: Array
 
 
-def _sort_edges(faces: np.ndarray, vertices: int) -> _Edges:
+def _sort_edges(faces: Array, vertices: int) -> _Edges:
     begin, end = faces[:, [0, 1, 2]].ravel().astype(np.int64), faces[:, [1, 2, 0]].ravel().astype(np.int64)
     low, high = np.minimum(begin, end), np.maximum(begin, end)
     order = np.argsort(low * vertices + high, kind="stable")
@@ -131,13 +132,13 @@ def _sort_edges(faces: np.ndarray, vertices: int) -> _Edges:
     )
 
 
-def _neighbours(edges: _Edges) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _neighbours(edges: _Edges) -> tuple[Array, Array, Array]:
     """Faces on both sides of the edges that exactly two share, and whether both are turned alike."""
     at = edges.first[edges.count == 2]
     return edges.face[at], edges.face[at + 1], edges.forward[at] != edges.forward[at + 1]
 
 
-def examine(positions: np.ndarray, faces: np.ndarray) -> MeshReport:
+def examine(positions: Array, faces: Array) -> MeshReport:
     """Examine a mesh. Vertices that are not finite are counted and left out of everything else."""
     finite = np.isfinite(positions).all(axis=1)
     good = faces[finite[faces].all(axis=1)]
@@ -171,7 +172,7 @@ def examine(positions: np.ndarray, faces: np.ndarray) -> MeshReport:
     )
 
 
-def _degenerate(positions: np.ndarray, faces: np.ndarray, twice_area: np.ndarray) -> np.ndarray:
+def _degenerate(positions: Array, faces: Array, twice_area: Array) -> Array:
     """Which faces of finite vertices have no area within the rounding of single precision, which grows with the
     distance from the middle: a site with its ground out to the horizon has fine triangles there."""
     if not len(faces):
@@ -181,9 +182,7 @@ def _degenerate(positions: np.ndarray, faces: np.ndarray, twice_area: np.ndarray
     return np.asarray(twice_area <= 1e-14 * np.maximum(away[faces].max(axis=1), 1e-30) ** 2)
 
 
-def repair(
-    positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+def repair(positions: Array, faces: Array, uv: Array | None = None) -> tuple[Array, Array, Array | None]:
     """The mesh without parts that cannot be rendered, and with its upper side up.
 
     Drops faces with a vertex that is not a number, without area, or there twice; merges vertices of
@@ -211,7 +210,7 @@ def repair(
     return kept[used], (np.cumsum(used) - 1)[turned].astype(np.int32), uv
 
 
-def orient_faces(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def orient_faces(positions: Array, faces: Array) -> Array:
     """The faces, turned alike within each part: an open part up, a closed one outward.
 
     Every face is a node twice, as it is and turned; links connect states that fit together, so that one

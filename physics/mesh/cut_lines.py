@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
 from .split_triangles import split_sides
 
 #: A signed distance, in metres, of places (x_m, y_m) from the nearest line. It may jump where that is another line.
-Line = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Line = Callable[[Array, Array], Array]
 #: Vertices nearer to the line than this share of their step are moved onto it. Below a half, so that no triangle folds.
 _NEAR = 0.42
 #: Newton's steps onto the line, and bisections of an edge, after which a double is exact.
@@ -31,18 +32,18 @@ _THINNEST = 0.05
 class Cut:
     """Places (n, 2) and triangles (m, 3) of a mesh, and which places are on a line (n,)."""
 
-    places: np.ndarray
-    faces: np.ndarray
-    on_line: np.ndarray
+    places: Array
+    faces: Array
+    on_line: Array
 
-    def sharp_edges(self) -> np.ndarray:
+    def sharp_edges(self) -> Array:
         """The edges (k, 2) of the triangles that lie on a line."""
         faces = self.faces[self.on_line[self.faces].sum(axis=1) > 1]  # a hundredth of all
         edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
         return np.unique(edges[self.on_line[edges].all(axis=1)], axis=0)
 
 
-def cut_along(places: np.ndarray, faces: np.ndarray, step_m: np.ndarray, line: Line, apart_m: float) -> Cut:
+def cut_along(places: Array, faces: Array, step_m: Array, line: Line, apart_m: float) -> Cut:
     """Cut triangles along lines that are about ``apart_m`` from each other.
 
     ``step_m`` (n,) is the length of the edges at each place. Triangles that are too coarse for the lines stay whole,
@@ -62,9 +63,7 @@ def cut_along(places: np.ndarray, faces: np.ndarray, step_m: np.ndarray, line: L
     return Cut(moved, np.concatenate([np.delete(faces, fine, axis=0), number[cut.faces].astype(faces.dtype)]), on_line)
 
 
-def _cut_fine(
-    places: np.ndarray, faces: np.ndarray, step_m: np.ndarray, line: Line, apart_m: float, fixed: np.ndarray
-) -> Cut:
+def _cut_fine(places: Array, faces: Array, step_m: Array, line: Line, apart_m: float, fixed: Array) -> Cut:
     """Cut triangles with at least two corners that are fine enough; see ``cut_along``."""
     places, widest_m = np.array(places, np.float64), _WIDEST * apart_m
     value = line(places[:, 0], places[:, 1])
@@ -78,9 +77,7 @@ def _cut_fine(
     return _split(places, faces, value, on_line, _crossed(value, faces, widest_m), line, widest_m)
 
 
-def _move_without_folding(
-    places: np.ndarray, faces: np.ndarray, which: np.ndarray, moved: np.ndarray, step_m: np.ndarray
-) -> np.ndarray:
+def _move_without_folding(places: Array, faces: Array, which: Array, moved: Array, step_m: Array) -> Array:
     """Move places, in place, except those by which a triangle would lose nearly all of its area; which moved (n,)."""
     start, on_line = places[which].copy(), np.zeros(len(places), bool)
     places[which], on_line[which] = moved, True
@@ -98,18 +95,18 @@ def _move_without_folding(
         places[which[back]] = start[back]
 
 
-def _crosses(value: np.ndarray, start: np.ndarray, end: np.ndarray, widest_m: float) -> np.ndarray:
+def _crosses(value: Array, start: Array, end: Array, widest_m: float) -> Array:
     one, other = value[start], value[end]
     return (one * other < 0.0) & (np.abs(one - other) < widest_m)
 
 
-def _crossed(value: np.ndarray, faces: np.ndarray, widest_m: float) -> np.ndarray:
+def _crossed(value: Array, faces: Array, widest_m: float) -> Array:
     """Indices of the triangles with an edge that a line crosses."""
     edges = [_crosses(value, faces[:, k], faces[:, (k + 1) % 3], widest_m) for k in range(3)]
     return np.flatnonzero(np.logical_or.reduce(edges))
 
 
-def _move_onto(start: np.ndarray, line: Line, furthest_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _move_onto(start: Array, line: Line, furthest_m: Array) -> tuple[Array, Array]:
     """Places on the line near those given, and which of them were found within the distance."""
     places, h = start.copy(), 1e-3 * furthest_m
     for _ in range(_NEWTON if len(start) else 0):
@@ -123,11 +120,11 @@ def _move_onto(start: np.ndarray, line: Line, furthest_m: np.ndarray) -> tuple[n
 
 
 def _split(
-    places: np.ndarray,
-    faces: np.ndarray,
-    value: np.ndarray,
-    on_line: np.ndarray,
-    crossed: np.ndarray,
+    places: Array,
+    faces: Array,
+    value: Array,
+    on_line: Array,
+    crossed: Array,
     line: Line,
     widest_m: float,
 ) -> Cut:
@@ -144,7 +141,7 @@ def _split(
     return Cut(places, made.astype(faces.dtype), on_line)
 
 
-def _bisect(places: np.ndarray, edges: np.ndarray, value: np.ndarray, line: Line) -> np.ndarray:
+def _bisect(places: Array, edges: Array, value: Array, line: Line) -> Array:
     """Where the line crosses each edge (k, 2)."""
     start, end = places[edges[:, 0]].copy(), places[edges[:, 1]].copy()
     sign = np.sign(value[edges[:, 0]])

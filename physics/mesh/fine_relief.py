@@ -19,6 +19,7 @@ import numpy as np
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
+from ...support.arrays import Array
 from ...support.number_text import show_rounded
 from ..rig.focal_length import focal_px
 
@@ -44,7 +45,7 @@ OF_THE_SURFACE = ("relief", "grain_size_m", "grain_amplitude_m")
 OF_THE_RIG = ("pitch_deg", "heading_deg", "principal_x_px", "principal_y_px", "overscan", "toe_in_deg")
 
 
-def wavelengths_m(surface: SurfaceSettings) -> np.ndarray:
+def wavelengths_m(surface: SurfaceSettings) -> Array:
     """Wavelengths (4,) of the octaves of fine relief in metres, longest first."""
     return np.asarray(surface.grain_size_m * 0.5 ** np.arange(OCTAVES))
 
@@ -105,7 +106,7 @@ class FineRelief:
         """Largest vertex spacing in pixels before triangles are cut."""
         return self.parts * self.spacing_px
 
-    def is_cut(self, distance_m: np.ndarray) -> np.ndarray:
+    def is_cut(self, distance_m: Array) -> Array:
         """Whether triangles at distances (n,) in metres from the nearer eye are cut if the cameras see them."""
         return np.full(np.shape(distance_m), True) if self.everywhere else np.asarray(distance_m <= self.to_m)
 

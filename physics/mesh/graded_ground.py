@@ -10,6 +10,7 @@ import numpy as np
 
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ..rig.seen_points import is_seen
 from ..terrain.landforms import Walls
 from ..terrain.terrain import Terrain
@@ -34,11 +35,11 @@ class GradedMesh:
     for other vertices, and ``fine`` (m,) is whether a triangle is part of a cut one.
     """
 
-    positions: np.ndarray
-    faces: np.ndarray
-    sharp: np.ndarray
-    spacing_m: np.ndarray | None = None
-    fine: np.ndarray | None = None
+    positions: Array
+    faces: Array
+    sharp: Array
+    spacing_m: Array | None = None
+    fine: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class Graded:
         """Shortest wavelength in metres that the mesh carries at the site."""
         return CARRIED * self.grading.finest_m
 
-    def heights(self, x_m: Any, y_m: Any, shortest_m: Any = 0.0) -> np.ndarray:
+    def heights(self, x_m: Any, y_m: Any, shortest_m: Any = 0.0) -> Array:
         """Heights in metres over the tangent plane, as ``Surface`` has them."""
         return self.ground.heights(x_m, y_m, shortest_m) - self.drop_m(x_m, y_m)
 
@@ -78,7 +79,7 @@ class Graded:
             np.hypot(np.asarray(x_m, np.float64) - at.x_m, np.asarray(y_m, np.float64) - at.y_m), self.body_radius_m
         )
 
-    def mesh(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def mesh(self) -> tuple[Array, Array, Array]:
         """Vertices (n, 3) in metres, triangles (m, 3) int32, counter-clockwise from above, and sharp edges (k, 2).
 
         Wavelengths much shorter than the spacing at a vertex are left out there. Vertex 0 is under the left eye.
@@ -111,11 +112,11 @@ class Graded:
         crests = [each.crests for each in self.ground.landforms if self.cuts_crests and each.crests]
         return [(line, each.apart_m) for each in crests for line in each.lines]
 
-    def _from_the_site(self, places: np.ndarray) -> np.ndarray:
+    def _from_the_site(self, places: Array) -> Array:
         """East and north (2, n) of the left eye of places or positions (n, 2 or 3), in metres."""
         return np.stack([places[:, 0] - self.grading.view.x_m, places[:, 1] - self.grading.view.y_m])
 
-    def _raise(self, places: np.ndarray, step: np.ndarray) -> np.ndarray:
+    def _raise(self, places: Array, step: Array) -> Array:
         """Positions (n, 3) of the ground at places (n, 2) of a mesh with spacings ``step`` (n,)."""
         positions = np.concatenate([places, np.zeros((len(places), 1))], axis=1)
         shortest = _round_to_single(CARRIED * step)
@@ -124,7 +125,7 @@ class Graded:
             positions[some, 2] = self.heights(positions[some, 0], positions[some, 1], shortest[some])
         return positions
 
-    def _cut_for_relief(self, whole: GradedMesh, step: np.ndarray) -> GradedMesh:
+    def _cut_for_relief(self, whole: GradedMesh, step: Array) -> GradedMesh:
         """The mesh with smaller triangles where the cameras see it and fine relief is high enough, or everywhere."""
         relief, at = self.grading.relief, self.grading.view
         assert relief is not None
@@ -196,7 +197,7 @@ class Graded:
         )
 
 
-def _round_to_single(values: np.ndarray) -> np.ndarray:
+def _round_to_single(values: Array) -> Array:
     """Values as Blender stores them. Sines and powers differ between machines in the last bit; these do not."""
     return values.astype(np.float32).astype(np.float64)
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ..rig.seen_points import is_seen
 from ..terrain.terrain import Terrain
 from .fine_relief import FineRelief, relief_in_mesh
@@ -90,8 +91,8 @@ class Grading:
     ``relief`` is the cut for fine relief; the spacing is before the cut."""
 
     view: View
-    nearest_m: np.ndarray
-    spacing_m: np.ndarray
+    nearest_m: Array
+    spacing_m: Array
     farthest_m: float
     error_px: float
     wanted_vertices: float
@@ -147,7 +148,7 @@ def _count_cut(grading: Grading, rig: RigSettings, most: int) -> int:
     return (relief.parts**2 - 1) * int(np.sum(is_seen(rig, x[near], y[near], np.full(int(near.sum()), -at.height_m))))
 
 
-def _even_points(count: int, dimensions: int) -> np.ndarray:
+def _even_points(count: int, dimensions: int) -> Array:
     """Points (dimensions, count) that fill the unit cube evenly: multiples of powers of one number, modulo 1.
 
     Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018: the number is the root of x^(d+1) = x + 1.
@@ -209,14 +210,14 @@ class _Probe:
         return worst * self._view.pixels_per_radian
 
 
-def _typical_error(errors: np.ndarray, weights: np.ndarray) -> float:
+def _typical_error(errors: Array, weights: Array) -> float:
     """A bound on weighted errors: nearly all are below it, and so is their RMS, which a few large ones raise."""
     order = np.argsort(errors)
     below = np.cumsum(weights[order]) / weights.sum()
     return max(float(np.interp(_SHARE, below, errors[order])), math.sqrt(float(np.average(errors**2, weights=weights))))
 
 
-def _measure_curve(probe: _Probe, longest_px: float, error_px: float) -> tuple[np.ndarray, np.ndarray]:
+def _measure_curve(probe: _Probe, longest_px: float, error_px: float) -> tuple[Array, Array]:
     """Spacings in pixels, falling, and the errors they leave, down to the first that keeps to ``error_px``."""
     spacings, errors = [longest_px], [probe.error_px(longest_px)]
     while errors[-1] > error_px and len(spacings) < _HALVINGS:
@@ -225,7 +226,7 @@ def _measure_curve(probe: _Probe, longest_px: float, error_px: float) -> tuple[n
     return np.array(spacings), np.array(errors)
 
 
-def _interpolate(x: float, xs: np.ndarray, ys: np.ndarray) -> float:
+def _interpolate(x: float, xs: Array, ys: Array) -> float:
     """``ys`` at ``x``, a power law between points; ``xs`` rises."""
     tiny = 1e-30
     return math.exp(

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from .height_surface import Surface, fine_part
 
 #: Magnitude from which a value is no height: the most negative float32 is a usual mark of missing ones.
@@ -28,7 +29,7 @@ class HeightMap:
     pixel. The ground is the part of it within ``size_m``/2 of the origin; beyond it heights are NaN.
     """
 
-    heights_m: np.ndarray
+    heights_m: Array
     pixel_m: tuple[float, float]
     west_m: float
     south_m: float
@@ -52,7 +53,7 @@ class HeightMap:
         """Shortest wavelength that the measured heights carry: two pixels of the finer axis."""
         return 2.0 * min(self.pixel_m)
 
-    def heights(self, x_m: Any, y_m: Any, shortest_m: float = 0.0) -> np.ndarray:
+    def heights(self, x_m: Any, y_m: Any, shortest_m: float = 0.0) -> Array:
         """Heights in metres at east and north coordinates (arrays that broadcast); NaN beyond the ground.
 
         ``shortest_m`` limits the added roughness only: measured heights are taken as they are.
@@ -66,7 +67,7 @@ class HeightMap:
             total = total + fine_part(self.roughness, x, y, self.resolution_m, shortest_m)
         return total
 
-    def _bilinear(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def _bilinear(self, x: Array, y: Array) -> Array:
         rows, columns = self.heights_m.shape
         column = np.clip((x - self.west_m) / self.pixel_m[0], 0.0, columns - 1.0)
         row = np.clip((rows - 1) - (y - self.south_m) / self.pixel_m[1], 0.0, rows - 1.0)
@@ -79,7 +80,7 @@ class HeightMap:
 
 
 def place_map(
-    heights_m: np.ndarray,
+    heights_m: Array,
     pixel_m: tuple[float, float],
     corner_m: tuple[float, float],
     *,
@@ -106,7 +107,7 @@ def add_roughness(ground: HeightMap, roughness: Surface) -> HeightMap:
     return replace(ground, roughness=roughness)
 
 
-def fill_holes(heights_m: np.ndarray) -> np.ndarray:
+def fill_holes(heights_m: Array) -> Array:
     """Heights with the NaN pixels filled smoothly from their surroundings; known pixels are untouched.
 
     Push-pull (Gortler et al., "The Lumigraph", SIGGRAPH 1996): averages over ever larger squares,
@@ -119,7 +120,7 @@ def fill_holes(heights_m: np.ndarray) -> np.ndarray:
     return _fill(np.where(known, heights_m, 0.0).astype(np.float64), known.astype(np.float64))
 
 
-def _fill(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def _fill(total: Array, weight: Array) -> Array:
     """Averages ``total`` where ``weight`` is 1, filled where it is 0."""
     if weight.all():
         return total
@@ -133,7 +134,7 @@ def _fill(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
     return np.where(weight > 0, total, _double(coarse, total.shape))
 
 
-def _double(coarse: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def _double(coarse: Array, shape: tuple[int, ...]) -> Array:
     """A grid of twice the resolution, bilinear between the centres of the coarse squares."""
     for axis in (0, 1):
         at = np.clip((np.arange(shape[axis]) - 0.5) / 2, 0, coarse.shape[axis] - 1)
@@ -144,7 +145,7 @@ def _double(coarse: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     return coarse
 
 
-def clear_mark(values: np.ndarray, mark: float, number: np.dtype[Any]) -> int:
+def clear_mark(values: Array, mark: float, number: np.dtype[Any]) -> int:
     """Set values equal to ``mark`` to NaN, in place; returns their number. ``number`` is the type of the file's values;
     a mark may be stated with fewer digits than the values have."""
     with np.errstate(over="ignore", invalid="ignore"):
@@ -154,13 +155,13 @@ def clear_mark(values: np.ndarray, mark: float, number: np.dtype[Any]) -> int:
     return int(found.sum())
 
 
-def clear_stated(values: np.ndarray, mark: float, number: np.dtype[Any]) -> tuple[str, ...]:
+def clear_stated(values: Array, mark: float, number: np.dtype[Any]) -> tuple[str, ...]:
     """Clear a mark that the settings state, see ``clear_mark``; a sentence on it."""
     count = clear_mark(values, mark, number)
     return (f"{count} pixel{'s' * (count != 1)} of {mark:g} without a height, by source.missing",)
 
 
-def clear_unmarked(values: np.ndarray) -> tuple[np.ndarray, list[str]]:
+def clear_unmarked(values: Array) -> tuple[Array, list[str]]:
     """Heights with NaN where a value looks like a mark of missing ones that the file does not state, and sentences.
 
     Such a value is the lowest or the highest one, several pixels have it to the bit or it is a usual mark, and it is
@@ -192,7 +193,7 @@ _USUAL_MARKS = (9999.0, 32768.0, 32767.0, 65535.0, 99999.0, 999999.0)
 _ALONE, _MOST_MARKED = 3.0, 0.5
 
 
-def grid_mesh(heights_m: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def grid_mesh(heights_m: Array, x_m: Array, y_m: Array) -> tuple[Array, Array]:
     """Vertices (n, 3) float32 and quadrilaterals (m, 4) int32 of heights (rows, columns) at ``x_m`` and ``y_m``."""
     rows, columns = heights_m.shape
     positions = np.empty((rows, columns, 3), np.float32)

@@ -6,6 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ...support.arrays import Array
+
 
 class Surface(Protocol):
     """Ground, made up or from a file."""
@@ -15,7 +17,7 @@ class Surface(Protocol):
         """Side in metres of the square about the origin that contains the ground."""
         ...
 
-    def heights(self, x_m: Any, y_m: Any, shortest_m: float = 0.0) -> np.ndarray:
+    def heights(self, x_m: Any, y_m: Any, shortest_m: float = 0.0) -> Array:
         """Heights in metres at east and north coordinates (arrays that broadcast); NaN where there is no ground.
 
         Wavelengths below ``shortest_m`` that are made up are left out.
@@ -23,7 +25,7 @@ class Surface(Protocol):
         ...
 
 
-def fine_part(roughness: Surface, x_m: np.ndarray, y_m: np.ndarray, longest_m: float, shortest_m: float) -> np.ndarray:
+def fine_part(roughness: Surface, x_m: Array, y_m: Array, longest_m: float, shortest_m: float) -> Array:
     """The part of the heights of a made-up ground that wavelengths from ``shortest_m`` to ``longest_m`` add."""
     if shortest_m >= longest_m:
         return np.zeros(np.broadcast_shapes(np.shape(x_m), np.shape(y_m)))

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.foreign_bytes import LONGEST_LINE, ForeignBytes
 
 #: Bytes that are looked at together, which stay in the processor's cache; most forms that are kept, and
@@ -80,7 +81,7 @@ def reduced(text: bytes) -> bytes:
     return kept.tobytes().translate(None, b"\0")
 
 
-def _has_long_exponent(values: np.ndarray, is_digit: np.ndarray) -> bool:
+def _has_long_exponent(values: Array, is_digit: Array) -> bool:
     """Whether three digits follow an e, with or without a sign between them."""
     three = is_digit[:-2] & is_digit[1:-1] & is_digit[2:]
     exponent = (values | 0x20) == ord("e")

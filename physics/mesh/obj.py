@@ -10,6 +10,7 @@ from array import array
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.files import shorten
 from ...support.foreign_bytes import LONGEST_LINE, ForeignBytes, RefusedError
 from .line_forms import Forms, UnusualError, reduced, whole_lines
@@ -19,7 +20,7 @@ _OF_A_FACE = b"0123456789/- \t"
 _MOST_LIBRARIES = 100
 
 
-def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[np.ndarray, np.ndarray]:
+def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
     """Vertices (n, 3), as they stand in the file, and triangles (m, 3); a face of more corners becomes a fan.
 
     Raises ValueError, with the line, if the file is malformed, RefusedError for more than ``most`` triangles, or three

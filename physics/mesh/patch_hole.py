@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: How often triangles at vertices where a rim meets itself are taken out too.
 _PINCHES = 8
 #: How far an edge may be from the side that it lies on, in lengths of that.
@@ -11,8 +13,8 @@ _ON_SIDE = 1.0e-3
 
 
 def cut_hole(
-    positions: np.ndarray, faces: np.ndarray, bounds_m: tuple[float, float, float, float], free_m: float
-) -> tuple[np.ndarray, np.ndarray] | None:
+    positions: Array, faces: Array, bounds_m: tuple[float, float, float, float], free_m: float
+) -> tuple[Array, Array] | None:
     """Which triangles (m,) of a mesh stay, and the loop of vertices, counter-clockwise, round those that do not.
 
     All go whose box meets the rectangle west, south, east, north, widened by ``free_m``, those at a vertex where the
@@ -41,7 +43,7 @@ def cut_hole(
     return ~meets, loop
 
 
-def _close_seams(positions: np.ndarray, faces: np.ndarray, meets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _close_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, Array]:
     """Which triangles (m,) go, with those across a seam, and the edges (k, 2) between them and those that stay."""
     while True:
         edges, owners, sides = _find_seams(positions, faces, meets)
@@ -57,9 +59,7 @@ def _close_seams(positions: np.ndarray, faces: np.ndarray, meets: np.ndarray) ->
     return meets, rim[~np.isin(rim[:, 0] * many + rim[:, 1], seams[:, 0] * many + seams[:, 1])]
 
 
-def _find_seams(
-    positions: np.ndarray, faces: np.ndarray, meets: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _find_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, Array, Array]:
     """Edges (k, 2) near the triangles to remove, the triangle of each edge (k,), and pairs (n, 2) of numbers of edges:
     the first belongs to a larger triangle, and the second lies along it."""
     used = np.zeros(len(positions), bool)
@@ -82,7 +82,7 @@ def _find_seams(
     return edges, owners, np.array(pairs, np.int64).reshape(-1, 2)
 
 
-def _loop_of(once: np.ndarray) -> np.ndarray | None:
+def _loop_of(once: Array) -> Array | None:
     """The vertices of edges (k, 2), in order; None if they are not one loop."""
     if not len(once):
         return None
@@ -95,7 +95,7 @@ def _loop_of(once: np.ndarray) -> np.ndarray | None:
     return np.array(loop) if len(loop) == len(once) else None
 
 
-def _rim_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _rim_edges(faces: Array) -> tuple[Array, Array]:
     """Edges (k, 2) of triangles that have a triangle on their left only, and the number of that triangle (k,)."""
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
     many = int(faces.max()) + 1 if len(faces) else 1
@@ -104,13 +104,13 @@ def _rim_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return edges[once], once // 3
 
 
-def rim_of(rows: int, columns: int) -> np.ndarray:
+def rim_of(rows: int, columns: int) -> Array:
     """Numbers of the vertices on the rim of a grid, counter-clockwise from the first."""
     number = np.arange(rows * columns).reshape(rows, columns)
     return np.concatenate([number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:0:-1, 0]])
 
 
-def inside_loop(points: np.ndarray, loop: np.ndarray) -> np.ndarray:
+def inside_loop(points: Array, loop: Array) -> Array:
     """Whether points (n, 2) are inside a loop (k, 2): whether a ray eastward crosses it an odd number of times."""
     inside = np.zeros(len(points), bool)
     for (x0, y0), (x1, y1) in zip(loop, np.roll(loop, -1, axis=0), strict=True):

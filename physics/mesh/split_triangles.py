@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
+
 
 @dataclass(frozen=True)
 class Split:
@@ -16,20 +18,20 @@ class Split:
     ``bordering`` (n,) is whether a vertex touches, or lies on an edge of, a triangle that was not cut.
     """
 
-    parents: np.ndarray
-    weights: np.ndarray
-    faces: np.ndarray
-    cut: np.ndarray
-    bordering: np.ndarray
+    parents: Array
+    weights: Array
+    faces: Array
+    cut: Array
+    bordering: Array
 
-    def spread(self, values: np.ndarray) -> np.ndarray:
+    def spread(self, values: Array) -> Array:
         """Values (n, …) of all vertices from the ``values`` of the vertices before the cut."""
         of_parents = np.asarray(values)[self.parents]
         weights = self.weights.reshape(self.weights.shape + (1,) * (of_parents.ndim - 2))
         return np.concatenate([values, (of_parents * weights).sum(axis=1)])
 
 
-def split_triangles(faces: np.ndarray, which: np.ndarray, vertices: int, parts: int) -> Split:
+def split_triangles(faces: Array, which: Array, vertices: int, parts: int) -> Split:
     """Cut each side of the triangles (k, 3) in a mask (k,) into equal ``parts``; the mesh has ``vertices`` vertices.
 
     Both triangles at an edge get the same vertices on it. Vertices on the border of the mask are on straight edges of
@@ -43,12 +45,12 @@ def split_triangles(faces: np.ndarray, which: np.ndarray, vertices: int, parts: 
     along, inside = parts - 1, (parts - 1) * (parts - 2) // 2
     first_inside = vertices + along * len(keys)
 
-    def on_edge(side: int, step: int) -> np.ndarray:
+    def on_edge(side: int, step: int) -> Array:
         """Vertices ``step`` parts from the begin of a side, of each triangle."""
         from_low = np.where(begin[:, side] == low[:, side], step, parts - step)
         return np.asarray(vertices + along * edge[:, side] + from_low - 1)
 
-    ids: dict[tuple[int, int], np.ndarray] = {(0, 0): chosen[:, 0], (parts, 0): chosen[:, 1], (0, parts): chosen[:, 2]}
+    ids: dict[tuple[int, int], Array] = {(0, 0): chosen[:, 0], (parts, 0): chosen[:, 1], (0, parts): chosen[:, 2]}
     for k in range(1, parts):
         ids[k, 0], ids[parts - k, k], ids[0, parts - k] = on_edge(0, k), on_edge(1, k), on_edge(2, k)
     middle = [(i, j) for j in range(1, parts) for i in range(1, parts - j)]
@@ -74,16 +76,16 @@ def split_triangles(faces: np.ndarray, which: np.ndarray, vertices: int, parts: 
     )
 
 
-def split_sides(faces: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def split_sides(faces: Array, middle: Array) -> tuple[Array, Array]:
     """Triangles (m, 3) from some (c, 3), cut at vertices ``middle`` (c, 3) on their sides; which each is part of (m,).
 
     Side k is that from corner k to the next; -1 for a side that is not cut. Each triangle has at least one cut.
     """
-    made: list[np.ndarray] = []
-    which: list[np.ndarray] = []
+    made: list[Array] = []
+    which: list[Array] = []
     number, index = (middle >= 0).sum(axis=1), np.arange(len(faces))
 
-    def add(some: np.ndarray, *corners: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    def add(some: Array, *corners: tuple[Array, Array, Array]) -> None:
         made.extend(np.stack(each, axis=1)[some] for each in corners)
         which.extend([index[some]] * len(corners))
 

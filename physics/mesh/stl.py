@@ -9,6 +9,7 @@ from array import array
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.foreign_bytes import ForeignBytes, RefusedError
 from .line_forms import Forms, UnusualError, reduced, whole_lines
 from .obj import parse_vertex
@@ -26,7 +27,7 @@ def count_triangles(foreign: ForeignBytes) -> int | None:
     return count if foreign.size == _HEADER + _TRIANGLE.itemsize * count else None
 
 
-def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[np.ndarray, np.ndarray]:
+def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
     """Corners (3 n, 3) float64 and triangles (n, 3).
 
     Raises ValueError if the file is malformed, RefusedError for more than ``most`` triangles as soon as they are read.
@@ -46,7 +47,7 @@ def _check_count(triangles: int, most: int) -> None:
         raise RefusedError(f"has more than {most} triangles; make it coarser.")
 
 
-def _read_text(foreign: ForeignBytes, most: int) -> np.ndarray:
+def _read_text(foreign: ForeignBytes, most: int) -> Array:
     numbers, begun = array("d"), False
     for number, line in foreign.lines():
         words = line.split(None, 4)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...support.arrays import Array
 from .check import face_normals
 
 
-def edge_length_m(positions: np.ndarray, faces: np.ndarray) -> float:
+def edge_length_m(positions: Array, faces: Array) -> float:
     """Median length in metres of the triangles' edges: the resolution of the mesh."""
     return float(np.median(np.linalg.norm(positions[faces] - positions[faces[:, [1, 2, 0]]], axis=2)))
 
 
-def vertex_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def vertex_normals(positions: Array, faces: Array) -> Array:
     """Unit normals (n, 3), faces weighted by area; zero where a vertex has no face."""
     normals = face_normals(positions, faces)
     corners, n = faces.ravel(), len(positions)
@@ -20,7 +21,7 @@ def vertex_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
 
 
-def halve_edges(positions: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def halve_edges(positions: Array, faces: Array) -> tuple[Array, Array]:
     """The mesh with each triangle cut into four at the middles of its edges; its shape stays."""
     begin, end = faces.astype(np.int64), faces[:, [1, 2, 0]].astype(np.int64)
     n = len(positions)

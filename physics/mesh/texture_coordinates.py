@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Points of the surface that the mean of an image is taken over: right within 1/256 of its contrast.
 _POINTS = 65536
 #: Steps that fill line and square evenly (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
 _LINE, _SQUARE = 0.6180339887498949, (0.7548776662466927, 0.5698402909980532)
 
 
-def halve_coordinates(uv: np.ndarray) -> np.ndarray:
+def halve_coordinates(uv: Array) -> Array:
     """Coordinates of the triangles that ``subdivide.halve_edges`` cuts each triangle into, in its order."""
     a, b, c = uv[:, 0], uv[:, 1], uv[:, 2]
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
@@ -23,7 +25,7 @@ def halve_coordinates(uv: np.ndarray) -> np.ndarray:
     )
 
 
-def repair_coordinates(uv: np.ndarray) -> tuple[np.ndarray | None, list[str]]:
+def repair_coordinates(uv: Array) -> tuple[Array | None, list[str]]:
     """The coordinates with 0 in place of NaN and infinity, None if they cover no area, and sentences about them."""
     known = np.isfinite(uv).all(axis=2)
     kept = np.where(known[..., None], uv, np.float32(0.0))
@@ -40,13 +42,13 @@ def repair_coordinates(uv: np.ndarray) -> tuple[np.ndarray | None, list[str]]:
     return kept, found
 
 
-def _areas(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _areas(positions: Array, faces: Array) -> Array:
     """Areas (m,) of triangles, each twice."""
     corner = positions[faces].astype(np.float64)
     return np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
 
 
-def sample_surface(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def sample_surface(positions: Array, faces: Array, uv: Array) -> tuple[Array, Array]:
     """Coordinates (k, 2) float64 of points spread over the surface of a mesh, and the area (k,) that each stands for.
 
     ``positions`` are (n, 3) metres, ``faces`` (m, 3) vertices. The weights sum to 1.
@@ -66,7 +68,7 @@ def sample_surface(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> 
     return (at[..., None] * corner).sum(axis=1), weight / weight.sum()
 
 
-def pixels_at(uv: np.ndarray, rows: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
+def pixels_at(uv: Array, rows: int, columns: int) -> tuple[Array, Array]:
     """Row (k,), from the bottom, and column (k,) of the pixels of an image, repeated, at coordinates ``uv`` (k, 2)."""
     u, v = (uv % 1.0).T
     return (v * rows).astype(np.int64).clip(max=rows - 1), (u * columns).astype(np.int64).clip(max=columns - 1)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Distance between rings over the spacing along them, which makes the triangles equilateral.
 RINGS_APART = math.sqrt(3.0) / 2.0
 _FEWEST = 6
@@ -19,11 +21,11 @@ class Rings:
     Vertex 0 is the centre; the rings follow from the inside out, each counter-clockwise from east.
     """
 
-    radius_m: np.ndarray
-    count: np.ndarray
+    radius_m: Array
+    count: Array
 
     @classmethod
-    def of(cls, radius_m: np.ndarray, spacing_m: np.ndarray) -> Rings:
+    def of(cls, radius_m: Array, spacing_m: Array) -> Rings:
         """Rings whose vertices are about ``spacing_m`` (n,) apart."""
         count = np.maximum(np.rint(2 * np.pi * radius_m / spacing_m), _FEWEST).astype(np.int64)
         return cls(np.asarray(radius_m, np.float64), count)
@@ -33,18 +35,18 @@ class Rings:
         """Number of vertices, the centre's included."""
         return 1 + int(self.count.sum())
 
-    def map_positions(self) -> tuple[np.ndarray, np.ndarray]:
+    def map_positions(self) -> tuple[Array, Array]:
         """East and north (vertices,) of the vertices from the centre, in metres."""
         ring, place = self._places()
         angle = (place + 0.5 * (ring % 2)) * (2 * np.pi / self.count[ring])
         x, y = (np.concatenate([[0.0], self.radius_m[ring] * f(angle)]) for f in (np.cos, np.sin))
         return x, y
 
-    def of_vertices(self, values: np.ndarray, centre: float) -> np.ndarray:
+    def of_vertices(self, values: Array, centre: float) -> Array:
         """Values (n,) of the rings, as values (vertices,) of their vertices."""
         return np.concatenate([[centre], np.repeat(values, self.count)])
 
-    def faces(self) -> np.ndarray:
+    def faces(self) -> Array:
         """Triangles (m, 3) int32, counter-clockwise from above.
 
         Between two rings the edges of both follow one another by the azimuth of their middles; each
@@ -61,12 +63,12 @@ class Rings:
         inward = self._strip(ring[ring > 0], place[ring > 0], turned[ring > 0], -1, first)
         return np.concatenate([fan, outward, inward]).astype(np.int32)
 
-    def _places(self) -> tuple[np.ndarray, np.ndarray]:
+    def _places(self) -> tuple[Array, Array]:
         """Ring and place on it of each vertex but the centre's."""
         ring = np.repeat(np.arange(len(self.count)), self.count)
         return ring, np.arange(len(ring)) - np.repeat(np.cumsum(self.count) - self.count, self.count)
 
-    def _strip(self, ring: np.ndarray, place: np.ndarray, turned: np.ndarray, to: int, first: np.ndarray) -> np.ndarray:
+    def _strip(self, ring: Array, place: Array, turned: Array, to: int, first: Array) -> Array:
         """Triangles of the edges that start at places on rings, with a vertex of the next ring out (1) or in (-1)."""
         own, other = self.count[ring], self.count[ring + to]
         # Edges of the other ring whose middle comes before this one's; of two at one azimuth the inner is first.

@@ -11,6 +11,8 @@ from statistics import NormalDist
 
 import numpy as np
 
+from ...support.arrays import Array
+
 _BITS = 32
 #: For each dimension after the first: the primitive polynomial modulo 2 as a binary number, and the initial
 #: direction numbers m. Joe and Kuo 2008, SIAM J. Sci. Comput. 30, 2635: file new-joe-kuo-6.21201.
@@ -43,7 +45,7 @@ _JOE_KUO: tuple[tuple[int, tuple[int, ...]], ...] = (
 MOST_DIMENSIONS = 1 + len(_JOE_KUO)
 
 
-def _directions(dimension: int) -> np.ndarray:
+def _directions(dimension: int) -> Array:
     """Direction numbers (32,) uint64 of a dimension: the binary fractions that the bits of an index add, modulo 2."""
     if dimension == 0:
         return np.array([1 << (_BITS - 1 - k) for k in range(_BITS)], np.uint64)
@@ -59,7 +61,7 @@ def _directions(dimension: int) -> np.ndarray:
     return np.array(v, np.uint64)
 
 
-def sobol(count: int, randoms: Sequence[np.random.Generator]) -> np.ndarray:
+def sobol(count: int, randoms: Sequence[np.random.Generator]) -> Array:
     """The first ``count`` points (count, d) of Sobol's sequence in (0, 1), each of d axes shifted by its random.
 
     The order is by Antonov and Saleev (1979). A digital shift (exclusive or with a random number) keeps the property
@@ -80,7 +82,7 @@ def sobol(count: int, randoms: Sequence[np.random.Generator]) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def latin_hypercube(count: int, randoms: Sequence[np.random.Generator]) -> np.ndarray:
+def latin_hypercube(count: int, randoms: Sequence[np.random.Generator]) -> Array:
     """``count`` points (count, d) in [0, 1), one in each of ``count`` equal parts of every axis, at random within it.
 
     McKay, Beckman and Conover 1979, Technometrics 21, 239. An axis is drawn from its own random.
@@ -88,22 +90,22 @@ def latin_hypercube(count: int, randoms: Sequence[np.random.Generator]) -> np.nd
     return np.stack([(random.permutation(count) + random.random(count)) / count for random in randoms], axis=1)
 
 
-def independent(count: int, randoms: Sequence[np.random.Generator]) -> np.ndarray:
+def independent(count: int, randoms: Sequence[np.random.Generator]) -> Array:
     """``count`` independent, uniform points (count, d) in [0, 1), an axis from its own random."""
     return np.stack([random.random(count) for random in randoms], axis=1)
 
 
-def uniform(share: np.ndarray, low: float, high: float) -> np.ndarray:
+def uniform(share: Array, low: float, high: float) -> Array:
     """Values below which these shares (0 to 1) of a uniform distribution lie."""
     return low + share * (high - low)
 
 
-def log_uniform(share: np.ndarray, low: float, high: float) -> np.ndarray:
+def log_uniform(share: Array, low: float, high: float) -> Array:
     """The same of a distribution that is uniform in the logarithm; both ends are above 0."""
     return np.clip(np.exp(uniform(share, np.log(low), np.log(high))), low, high)
 
 
-def normal(share: np.ndarray, mean: float, deviation: float, low: float, high: float) -> np.ndarray:
+def normal(share: Array, mean: float, deviation: float, low: float, high: float) -> Array:
     """The same of a normal distribution that is cut off at ``low`` and ``high`` (and renormalised).
 
     A mean beyond them is turned to the nearer tail, where the distribution function is accurate. Raises
@@ -121,6 +123,6 @@ def normal(share: np.ndarray, mean: float, deviation: float, low: float, high: f
     return np.clip(mean + deviation * mirror * np.array([law.inv_cdf(p) for p in inside.tolist()]), low, high)
 
 
-def whole(share: np.ndarray, low: int, high: int) -> np.ndarray:
+def whole(share: Array, low: int, high: int) -> Array:
     """Whole numbers from ``low`` to ``high``, both included, equally often."""
     return low + np.minimum((share * (high - low + 1)).astype(np.int64), high - low)

@@ -7,13 +7,14 @@ import math
 import numpy as np
 
 from ...settings.topics.camera import RigSettings
+from ...support.arrays import Array
 from .focal_length import focal_px
 
 #: Margin around the view of the cameras as a share of the image, for tilted ground and for eyes that turn or move.
 _MARGIN = 0.05
 
 
-def sides_passed(rig: RigSettings, right_m: np.ndarray, down_m: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
+def sides_passed(rig: RigSettings, right_m: Array, down_m: Array, depth_m: Array) -> Array:
     """Which of the five sides of the space that the eyes see points (n,) are beyond, bool (n, 5).
 
     Points are metres right of, below and before the left eye, in axes of its camera. The space is a convex one that
@@ -35,7 +36,7 @@ def sides_passed(rig: RigSettings, right_m: np.ndarray, down_m: np.ndarray, dept
     )
 
 
-def is_seen(rig: RigSettings, east_m: np.ndarray, north_m: np.ndarray, above_m: np.ndarray) -> np.ndarray:
+def is_seen(rig: RigSettings, east_m: Array, north_m: Array, above_m: Array) -> Array:
     """Whether either eye of the rig has points in its frame or near it.
 
     The points (n,) are metres east and north of the left eye and above it (most often negative).
@@ -48,7 +49,7 @@ def is_seen(rig: RigSettings, east_m: np.ndarray, north_m: np.ndarray, above_m: 
     return ~sides_passed(rig, right, down, depth).any(axis=-1)
 
 
-def find_seen_facets(passed: np.ndarray, starts: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def find_seen_facets(passed: Array, starts: Array, corners: Array) -> Array:
     """Which facets of a mesh may be seen, bool (facets,): all but those that are beyond one side with all corners.
 
     ``passed`` (vertices, 5) is ``sides_passed`` of the vertices, ``corners`` are the vertices of the facets' corners

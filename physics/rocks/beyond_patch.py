@@ -14,6 +14,7 @@ import numpy as np
 
 from ...settings.topics.rocks import RocksSettings
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ..rig.focal_length import focal_px
 from .size_laws import SizeLaw, size_law
 
@@ -36,9 +37,9 @@ class Drawn:
     """Places (n, 2) and diameters (n,) in metres, largest first, and the angles (n,) in radians under which they are
     seen from the nearest place on the patch; ``smallest_rad`` is the angle that was kept to."""
 
-    places_m: np.ndarray
-    diameter_m: np.ndarray
-    angle_rad: np.ndarray
+    places_m: Array
+    diameter_m: Array
+    angle_rad: Array
     smallest_rad: float
 
 
@@ -72,19 +73,19 @@ def draw_beyond(rocks: RocksSettings, size_m: float, view: View, random: np.rand
     return Drawn(xy, diameter, diameter / _nearest_m(np.hypot(*xy.T), size_m, view), angle)
 
 
-def _nearest_m(radius_m: np.ndarray, size_m: float, view: View) -> np.ndarray:
+def _nearest_m(radius_m: Array, size_m: float, view: View) -> Array:
     """Distance from the nearest eye over the patch of places at distances from its middle, in metres."""
     return np.hypot(np.maximum(radius_m - size_m * math.sqrt(0.5), 0.0), view.height_m)
 
 
-def _per_m2_above(law: SizeLaw, diameter_m: np.ndarray) -> np.ndarray:
+def _per_m2_above(law: SizeLaw, diameter_m: Array) -> Array:
     """Rocks per square metre larger than any diameters, also those outside the law."""
     largest = law.diameter_m(np.zeros(1))
     inside = np.where(diameter_m < largest, law.per_m2_above(np.clip(diameter_m, law.smallest_m, largest)), 0.0)
     return np.where(diameter_m <= law.smallest_m, law.total_per_m2, inside)
 
 
-def _count(law: SizeLaw, size_m: float, view: View, angle: float) -> tuple[np.ndarray, np.ndarray]:
+def _count(law: SizeLaw, size_m: float, view: View, angle: float) -> tuple[Array, Array]:
     """Distances in metres from the middle of the patch, and how many rocks lie within each, the patch's corners
     counted as if they were outside."""
     last = min(float(np.max(law.diameter_m(np.zeros(1)))) / angle + size_m * math.sqrt(0.5), view.farthest_m)
@@ -93,7 +94,7 @@ def _count(law: SizeLaw, size_m: float, view: View, angle: float) -> tuple[np.nd
     return radii, np.append(0.0, np.cumsum((rings[1:] + rings[:-1]) / 2.0 * np.diff(radii)))
 
 
-def _gather(rocks: RocksSettings, xy: np.ndarray, per_m2: float, random: np.random.Generator) -> np.ndarray:
+def _gather(rocks: RocksSettings, xy: Array, per_m2: float, random: np.random.Generator) -> Array:
     """Places with the share ``clustering`` of them drawn to clusters; each square of the map has one cluster."""
     member = random.random(len(xy)) < rocks.clustering
     away = random.normal(0.0, rocks.cluster_radius_m, xy.shape)

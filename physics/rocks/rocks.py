@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from ...settings.topics.rocks import RocksSettings
+from ...support.arrays import Array
 from ...support.files import absolute_path
 from ..random_numbers.seeds import generator
 from .beyond_patch import View, draw_beyond
@@ -21,7 +22,7 @@ from .size_laws import draw_diameters, size_law
 from .table import TABLE, read_table
 
 #: Height of the ground in metres at arrays of east and north coordinates; NaN where there is no ground.
-HeightAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
+HeightAt = Callable[[Array, Array], Array]
 
 #: Rocks with a lower rank in size than this have the finest level of their shape, and so on.
 LEVEL_RANKS = (500, 5000)
@@ -42,18 +43,18 @@ class Rocks:
     wide, 0 if none were asked for.
     """
 
-    position_m: np.ndarray
-    rotation: np.ndarray
-    scale_m: np.ndarray
-    level: np.ndarray
-    shape: np.ndarray
-    diameter_m: np.ndarray
-    reach_m: np.ndarray
+    position_m: Array
+    rotation: Array
+    scale_m: Array
+    level: Array
+    shape: Array
+    diameter_m: Array
+    reach_m: Array
     smallest_m: float = 0.0
     beyond_rad: float = 0.0
 
 
-def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.Generator) -> np.ndarray:
+def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.Generator) -> Array:
     """Positions (n, 2) in metres on a square patch centred on the origin.
 
     A share ``clustering`` of the rocks belongs to a Thomas process: clusters at random places, each
@@ -68,7 +69,7 @@ def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.G
     return np.mod(np.where(member[:, None], of, where) + size_m / 2, size_m) - size_m / 2
 
 
-def _turn(axis: int, angle: np.ndarray) -> np.ndarray:
+def _turn(axis: int, angle: Array) -> Array:
     """Rotation matrices (n, 3, 3) about a coordinate axis."""
     turned = np.zeros((len(angle), 3, 3))
     a, b = (axis + 1) % 3, (axis + 2) % 3
@@ -79,7 +80,7 @@ def _turn(axis: int, angle: np.ndarray) -> np.ndarray:
     return turned
 
 
-def _upright_to(normal: np.ndarray) -> np.ndarray:
+def _upright_to(normal: Array) -> Array:
     """The least rotations (n, 3, 3) that take the vertical to unit vectors (n, 3) above the horizon."""
     nx, ny, nz = normal.T
     k = 1.0 / (1.0 + nz)
@@ -87,7 +88,7 @@ def _upright_to(normal: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
 
 
-def euler_xyz(rotation: np.ndarray) -> np.ndarray:
+def euler_xyz(rotation: Array) -> Array:
     """Angles (n, 3) in radians of rotation matrices (n, 3, 3) that turn about x, then y, then z."""
     # Copies: of a strided view numpy takes now one, now another routine, as the result happens to lie in memory,
     # and they differ in the last bit.
@@ -97,12 +98,12 @@ def euler_xyz(rotation: np.ndarray) -> np.ndarray:
     )
 
 
-def euler_matrices(angles: np.ndarray) -> np.ndarray:
+def euler_matrices(angles: Array) -> Array:
     """Rotation matrices (n, 3, 3) that turn by angles (n, 3) in radians about x, then y, then z."""
     return _turn(2, angles[:, 2]) @ _turn(1, angles[:, 1]) @ _turn(0, angles[:, 0])
 
 
-def _footprint_ground(xy: np.ndarray, radius: np.ndarray, surface: HeightAt) -> tuple[np.ndarray, np.ndarray]:
+def _footprint_ground(xy: Array, radius: Array, surface: HeightAt) -> tuple[Array, Array]:
     """Unit normals (n, 3) of the ground under footprints, and its height (n,) at their centres where the
     deepest of the sampled points would lie on a plane with that normal; NaN if the centre is off the ground."""
     ring = np.linspace(0, 2 * np.pi, 8, endpoint=False)
@@ -118,13 +119,13 @@ def _footprint_ground(xy: np.ndarray, radius: np.ndarray, surface: HeightAt) -> 
 
 
 def _extent(
-    rotation: np.ndarray,
-    scale: np.ndarray,
-    level: np.ndarray,
-    shape: np.ndarray,
-    normal: np.ndarray,
+    rotation: Array,
+    scale: Array,
+    level: Array,
+    shape: Array,
+    normal: Array,
     shapes: Sequence[Sequence[Shape]],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[Array, Array, Array]:
     """Of turned rocks: the vertex (n, 3) deepest along the ground's normal, relative to the centre,
     the thickness (n,) along the normal, and the reach (n,) to any side, all in metres."""
     deepest, thickness, reach = np.empty((len(shape), 3)), np.empty(len(shape)), np.empty(len(shape))
@@ -184,7 +185,7 @@ def scatter(
     return Rocks(**arrays, smallest_m=smallest, beyond_rad=drawn.smallest_rad)
 
 
-def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[np.ndarray, np.ndarray, float]:
+def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[Array, Array, float]:
     """Places (n, 2) and diameters (n,) that follow the law of sizes, largest first, and the smallest diameter."""
     diameter, smallest = draw_diameters(size_law(rocks), size_m**2, int(rocks.most), generator(seed, "rocks", _SIZES))
     # Rocks stay on the patch: places are drawn on all of it, then drawn in by half a diameter.
@@ -193,7 +194,7 @@ def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[np.nda
     return xy, diameter, smallest
 
 
-def _read_places(rocks: RocksSettings) -> tuple[np.ndarray, np.ndarray, float]:
+def _read_places(rocks: RocksSettings) -> tuple[Array, Array, float]:
     """The same of the user's table; the smallest diameter is 0 unless some rocks are left out."""
     table = read_table(absolute_path(rocks.file, "rocks.file"))
     kept = table[: int(rocks.most)]
@@ -202,9 +203,9 @@ def _read_places(rocks: RocksSettings) -> tuple[np.ndarray, np.ndarray, float]:
 
 def _lay(
     rocks: RocksSettings,
-    xy: np.ndarray,
-    diameter: np.ndarray,
-    level: np.ndarray,
+    xy: Array,
+    diameter: Array,
+    level: Array,
     random: np.random.Generator,
     surface: HeightAt,
     shapes: Sequence[Sequence[Shape]],
@@ -245,12 +246,12 @@ def _lay(
 
 def rest_on(
     rocks: Rocks,
-    which: np.ndarray,
-    xy: np.ndarray,
+    which: Array,
+    xy: Array,
     surface: HeightAt,
     before: HeightAt,
     shapes: Sequence[Sequence[Shape]],
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Array, Array]:
     """Positions (m, 3) and Euler angles (m, 3) of the rocks ``which`` (m,) laid loosely on other places (m, 2).
 
     A rock turns from the slope under its footprint on the ground ``before`` to that on ``surface``, and is lowered

@@ -21,6 +21,7 @@ from itertools import combinations
 
 import numpy as np
 
+from ...support.arrays import Array
 from ..random_numbers.seeds import generator
 
 FAMILIES = ("FRAGMENTS", "BOULDERS", "SLABS", "BROKEN_ICE")
@@ -44,15 +45,15 @@ class Shape:
     outside, ``plane`` (m,) whether a triangle is flat, as part of a plane face or of broken ice, and not rounded,
     ``height`` a factor on the height of rocks of this family, ``face`` (m,) int32 the plane that a triangle lies on."""
 
-    vertices: np.ndarray
-    triangles: np.ndarray
-    plane: np.ndarray
+    vertices: Array
+    triangles: Array
+    plane: Array
     height: float
-    face: np.ndarray
+    face: Array
 
 
 @lru_cache(maxsize=8)
-def icosphere(subdivisions: int) -> tuple[np.ndarray, np.ndarray]:
+def icosphere(subdivisions: int) -> tuple[Array, Array]:
     """Unit directions (n, 3) and triangles (20·4^subdivisions, 3) of a subdivided icosahedron."""
     golden = (1 + 5**0.5) / 2
     points = [(a, b * golden, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
@@ -78,7 +79,7 @@ def icosphere(subdivisions: int) -> tuple[np.ndarray, np.ndarray]:
     return vertices / np.linalg.norm(vertices, axis=1, keepdims=True), triangles.astype(np.int32)
 
 
-def corners_of(normals: np.ndarray, depths: np.ndarray) -> np.ndarray:
+def corners_of(normals: Array, depths: Array) -> Array:
     """Corners (n, 3) of the polyhedron of points p with p·normals (k, 3) <= depths (k,), which is bounded."""
     triples = np.array(list(combinations(range(len(normals)), 3)))
     systems = normals[triples]
@@ -87,7 +88,7 @@ def corners_of(normals: np.ndarray, depths: np.ndarray) -> np.ndarray:
     return points[(points @ normals.T <= depths + 1e-9).all(axis=1)]
 
 
-def _draw_planes(family: str, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _draw_planes(family: str, random: np.random.Generator) -> tuple[Array, Array]:
     """Unit normals and distances from the centre of the planes that bound a rock."""
     if family == "SLABS":
         sides = random.integers(5, 8)
@@ -105,10 +106,10 @@ def _draw_planes(family: str, random: np.random.Generator) -> tuple[np.ndarray, 
     return normals / np.linalg.norm(normals, axis=1, keepdims=True), depths
 
 
-def _draw_cleavage(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _draw_cleavage(random: np.random.Generator) -> tuple[Array, Array]:
     """Unit normals and distances from the centre of the planes that bound a rock of broken ice."""
 
-    def unit(vectors: np.ndarray) -> np.ndarray:
+    def unit(vectors: Array) -> Array:
         return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
@@ -126,7 +127,7 @@ def _draw_cleavage(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]
     return np.concatenate([normals, chips]), np.append(depths, reach)
 
 
-def _hull_area(points: np.ndarray) -> float:
+def _hull_area(points: Array) -> float:
     """Area of the convex hull of points (n, 2), by Andrew's monotone chain."""
     # Points inside the polygon of those farthest out in 32 directions are not on the hull (Akl and Toussaint 1978).
     angles = np.linspace(0, 2 * np.pi, 32, endpoint=False)
@@ -155,7 +156,7 @@ def _hull_area(points: np.ndarray) -> float:
     return abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))) / 2
 
 
-def _round_edges(normals: np.ndarray, depths: np.ndarray, wear: float) -> list[tuple[np.ndarray, np.ndarray]]:
+def _round_edges(normals: Array, depths: Array, wear: float) -> list[tuple[Array, Array]]:
     """Vertices at every level, and which triangles are plane faces, of a polyhedron whose edges are worn round."""
     radius = wear * depths.min()
     corners = corners_of(normals, depths - radius)
@@ -170,8 +171,8 @@ def _round_edges(normals: np.ndarray, depths: np.ndarray, wear: float) -> list[t
 
 
 def _blend_planes(
-    normals: np.ndarray, depths: np.ndarray, angularity: float, random: np.random.Generator
-) -> list[tuple[np.ndarray, np.ndarray]]:
+    normals: Array, depths: Array, angularity: float, random: np.random.Generator
+) -> list[tuple[Array, Array]]:
     """Vertices at every level of a boulder: planes blended smoothly, with low lumps; no plane faces."""
     power = 4.0 + 8.0 * angularity
     waves, phases = random.normal(0, 2.0, (5, 3)), random.uniform(0, 2 * np.pi, 5)
@@ -184,7 +185,7 @@ def _blend_planes(
     return levels
 
 
-def _follow_edges(directions: np.ndarray, planes: np.ndarray, step: float) -> np.ndarray:
+def _follow_edges(directions: Array, planes: Array, step: float) -> Array:
     """Unit directions (n, 3), those within 0.4 of a ``step`` (rad) of an edge moved onto it: edges have no teeth.
 
     ``planes`` (k, 3) are normals over distances from the centre.
@@ -201,8 +202,8 @@ def _follow_edges(directions: np.ndarray, planes: np.ndarray, step: float) -> np
 
 
 def _break_ice(
-    normals: np.ndarray, depths: np.ndarray, angularity: float, random: np.random.Generator
-) -> list[tuple[np.ndarray, np.ndarray]]:
+    normals: Array, depths: Array, angularity: float, random: np.random.Generator
+) -> list[tuple[Array, Array]]:
     """Vertices at every level of a rock of broken ice, all of whose triangles are flat."""
     waves = [(random.normal(0, number, (3, 4)), random.uniform(0, 1, 4)) for number in _STEP_WAVES]
     power = 8.0 + 42.0 * angularity  # rounds edges by about a step of the finest mesh at 0.9
@@ -222,7 +223,7 @@ def _break_ice(
     return levels
 
 
-def _faces_of(vertices: np.ndarray, triangles: np.ndarray, planes: np.ndarray) -> np.ndarray:
+def _faces_of(vertices: Array, triangles: Array, planes: Array) -> Array:
     """The plane (m,) int32 that each triangle lies on, of ``planes`` (k, 3), normals over distances from the centre."""
     return np.argmax(vertices[triangles].mean(axis=1) @ planes.T, axis=1).astype(np.int32)
 

@@ -22,6 +22,7 @@ from typing import Protocol
 import numpy as np
 
 from ...settings.topics.rocks import RocksSettings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
 _TABLE = 8192  # nodes of Golombek's law; the trapezoidal rule is then within 1e-6
@@ -40,11 +41,11 @@ class SizeLaw(Protocol):
         """Rocks per square metre of all sizes of the law."""
         ...
 
-    def per_m2_above(self, diameter_m: np.ndarray) -> np.ndarray:
+    def per_m2_above(self, diameter_m: Array) -> Array:
         """Rocks per square metre that are larger than diameters in metres."""
         ...
 
-    def diameter_m(self, per_m2: np.ndarray) -> np.ndarray:
+    def diameter_m(self, per_m2: Array) -> Array:
         """The diameters in metres above which there are ``per_m2`` rocks per square metre."""
         ...
 
@@ -79,13 +80,13 @@ class PowerLaw:
         """Share that the law without an upper end would have above the largest diameter."""
         return (self.smallest_m / self.largest_m) ** self.index
 
-    def per_m2_above(self, diameter_m: np.ndarray) -> np.ndarray:
+    def per_m2_above(self, diameter_m: Array) -> Array:
         """Rocks per square metre larger than diameters in metres; NaN if there is but one size."""
         d = np.clip(diameter_m, self.smallest_m, self.largest_m)
         with np.errstate(invalid="ignore"):
             return self.total_per_m2 * ((self.smallest_m / d) ** self.index - self._rest) / (1.0 - self._rest)
 
-    def diameter_m(self, per_m2: np.ndarray) -> np.ndarray:
+    def diameter_m(self, per_m2: Array) -> Array:
         """The diameters in metres above which there are ``per_m2`` rocks per square metre."""
         share = np.asarray(per_m2) / self.total_per_m2
         return self.smallest_m * (share * (1.0 - self._rest) + self._rest) ** (-1.0 / self.index)
@@ -104,12 +105,12 @@ class Golombek:
         """Decay of the covered share with diameter, per metre."""
         return 1.79 + 0.152 / self.k
 
-    def cover_above(self, diameter_m: np.ndarray) -> np.ndarray:
+    def cover_above(self, diameter_m: Array) -> Array:
         """Share of the ground under rocks larger than diameters in metres, without an upper end."""
         return self.k * np.exp(-self.q_per_m * np.asarray(diameter_m))
 
     @cached_property
-    def _table(self) -> tuple[np.ndarray, np.ndarray]:
+    def _table(self) -> tuple[Array, Array]:
         """Diameters from the largest down, and the rocks per square metre above each."""
         log_d = np.linspace(math.log(self.largest_m), math.log(self.smallest_m), _TABLE)
         d = np.exp(log_d)
@@ -123,12 +124,12 @@ class Golombek:
         """Rocks per square metre of all sizes."""
         return float(self._table[1][-1])
 
-    def per_m2_above(self, diameter_m: np.ndarray) -> np.ndarray:
+    def per_m2_above(self, diameter_m: Array) -> Array:
         """Rocks per square metre larger than diameters in metres."""
         d, above = self._table
         return np.interp(np.log(diameter_m), np.log(d[::-1]), above[::-1])
 
-    def diameter_m(self, per_m2: np.ndarray) -> np.ndarray:
+    def diameter_m(self, per_m2: Array) -> Array:
         """The diameters in metres above which there are ``per_m2`` rocks per square metre."""
         d, above = self._table
         return np.exp(np.interp(per_m2, above, np.log(d)))
@@ -150,7 +151,7 @@ def size_law(rocks: RocksSettings) -> SizeLaw:
     return PowerLaw(float(rocks.coverage), smallest, largest, float(rocks.power_index))
 
 
-def draw_diameters(law: SizeLaw, area_m2: float, most: int, random: np.random.Generator) -> tuple[np.ndarray, float]:
+def draw_diameters(law: SizeLaw, area_m2: float, most: int, random: np.random.Generator) -> tuple[Array, float]:
     """Diameters in metres of the rocks on an area, largest first, and the smallest that could be drawn.
 
     The number is the law's, at most ``most``: then the largest ones are drawn, as many as the whole

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import read_number_lines
 
@@ -14,7 +15,7 @@ COLUMNS = ("x_m", "y_m", "diameter_m")
 TABLE = "TABLE"
 
 
-def read_table(path: Path) -> np.ndarray:
+def read_table(path: Path) -> Array:
     """Places east and north and diameters (n, 3) in metres, largest first, from a CSV file whose first line names its
     columns; others than ``COLUMNS`` are not read.
 
@@ -34,6 +35,6 @@ def read_table(path: Path) -> np.ndarray:
     return values[np.argsort(-values[:, 2], kind="stable")]
 
 
-def covered_share(table: np.ndarray, size_m: float) -> float:
+def covered_share(table: Array, size_m: float) -> float:
     """Share of a square patch under the rocks of a table (n, 3), counting overlaps twice."""
     return float(np.pi / 4 * (table[:, 2] ** 2).sum() / size_m**2)

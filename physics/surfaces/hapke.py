@@ -24,9 +24,8 @@ from typing import Any
 import numpy as np
 
 from ...settings.topics.surfaces import HapkeSettings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-
-Array = np.ndarray
 
 H_FUNCTIONS = ("1981", "1993", "2002")
 #: Where K(filling factor) = -ln(1 - 1.209 f^(2/3)) / (1.209 f^(2/3)) becomes infinite.

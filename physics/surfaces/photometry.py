@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-Array = np.ndarray
+from ...support.arrays import Array
+
 Law = Callable[[Array, Array, Array], Array]
 
 #: Bond albedo of the law 2 µ0/(µ0 + µ), whose normal albedo is 1.

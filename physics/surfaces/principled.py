@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ...settings.topics.surfaces import SurfaceSettings
+from ...support.arrays import Array
 
 #: The measured tables by the Blender that they were measured with; which one holds, ``use_table`` chooses.
 TABLES = {"4.2": "principled_4_2.json", "5.0": "principled.json", "5.2": "principled_5_2.json"}
@@ -33,12 +34,12 @@ def use_table(blender: str) -> None:
     _used = blender
 
 
-def _table() -> dict[str, np.ndarray]:
+def _table() -> dict[str, Array]:
     return _read_table(TABLES[_used])
 
 
 @functools.cache
-def _read_table(name: str) -> dict[str, np.ndarray]:
+def _read_table(name: str) -> dict[str, Array]:
     read = json.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
     return {k: np.array(v) for k, v in read.items() if isinstance(v, list)}
 
@@ -67,11 +68,11 @@ def diffuse_fresnel_reflectance(refractive_index: float) -> float:
     return float(np.sum(weights / 2 * 2 * x * 2 * mu * (across + along) / 2))
 
 
-def _interpolate(values: np.ndarray, root: float, roughness: float) -> Any:
+def _interpolate(values: Array, root: float, roughness: float) -> Any:
     """Bilinear interpolation in the first two axes of a table."""
     table = _table()
 
-    def weights(axis: np.ndarray, value: float) -> tuple[int, float]:
+    def weights(axis: Array, value: float) -> tuple[int, float]:
         k = int(np.clip(np.searchsorted(axis, value) - 1, 0, len(axis) - 2))
         return k, float(np.clip((value - axis[k]) / (axis[k + 1] - axis[k]), 0.0, 1.0))
 
@@ -81,7 +82,7 @@ def _interpolate(values: np.ndarray, root: float, roughness: float) -> Any:
     return low + u * (high - low)
 
 
-def curve(surface: SurfaceSettings) -> tuple[np.ndarray, np.ndarray]:
+def curve(surface: SurfaceSettings) -> tuple[Array, Array]:
     """Base colours (n,) from 0 to 1 and the reflectances (n,) that they give with the other ``surface`` settings.
 
     Between them the reflectance is linear in the base colour.
@@ -103,7 +104,7 @@ def curve(surface: SurfaceSettings) -> tuple[np.ndarray, np.ndarray]:
     return base, reflectance * np.interp(steepness, table["steepness"], table["bump"])
 
 
-def inverse_curve(surface: SurfaceSettings) -> tuple[np.ndarray, np.ndarray]:
+def inverse_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
     """Reflectances from 0 to 1 and the base colours that give them, or the nearest that there are, each (n,);
     straight lines are meant between them."""
     base, reflectance = curve(surface)

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from .photometry import Array, Law
+from ...support.arrays import Array
+from .photometry import Law
 
 #: Constants of the reflectance without absorption: A, B and C, then the amplitude and the decay per degree of the two
 #: parts of the phase function.

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...settings.topics.surfaces import TexturesSettings
+from ...support.arrays import Array
 from ..random_numbers.seeds import generator
 
 SETS = ("FROST", "GRAINS", "CRACKS")
@@ -25,12 +26,12 @@ class Maps:
     """Maps (SIZE, SIZE) of one set, row 0 at the bottom: ``albedo`` with a mean of 1, ``roughness`` (0 to 1),
     ``height`` from 0 to 1."""
 
-    albedo: np.ndarray
-    roughness: np.ndarray
-    height: np.ndarray
+    albedo: Array
+    roughness: Array
+    height: Array
 
 
-def _draw_waves(random: np.random.Generator, slope: float, shortest: float, longest: float) -> np.ndarray:
+def _draw_waves(random: np.random.Generator, slope: float, shortest: float, longest: float) -> Array:
     """A periodic random field of unit standard deviation whose amplitude falls as wave number^-slope between
     two wavelengths in texture widths."""
     k_x, k_y = np.fft.rfftfreq(SIZE, 1 / SIZE), np.fft.fftfreq(SIZE, 1 / SIZE)
@@ -40,7 +41,7 @@ def _draw_waves(random: np.random.Generator, slope: float, shortest: float, long
     return np.asarray(field / field.std())
 
 
-def _draw_cells(random: np.random.Generator, across: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _draw_cells(random: np.random.Generator, across: int) -> tuple[Array, Array, Array]:
     """Distances to the nearest and second nearest of across² points, one in each square of a periodic grid,
     in squares, and a random number for each cell."""
     jitter, values = random.random((across, across, 2)), random.random((across, across))
@@ -60,11 +61,11 @@ def _draw_cells(random: np.random.Generator, across: int) -> tuple[np.ndarray, n
     return first, second, value
 
 
-def _stretch(field: np.ndarray) -> np.ndarray:
+def _stretch(field: Array) -> Array:
     return (field - field.min()) / np.ptp(field)
 
 
-def _pack_maps(height: np.ndarray, albedo: np.ndarray, roughness: np.ndarray) -> Maps:
+def _pack_maps(height: Array, albedo: Array, roughness: Array) -> Maps:
     return Maps(
         *(
             np.ascontiguousarray(a, np.float32)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ..random_numbers.seeds import ground_generator
 from .noise.lattice_noise import gradient_noise_3d
 from .roughness.roughness import RELIEF_SPAN, amplitudes, carried_share, wavelengths_m
@@ -21,9 +22,7 @@ from .roughness.structure_function import structure
 _DIMENSIONS = 3
 
 
-def relief(
-    points_m: np.ndarray, settings: Settings, seed: int, longest_m: float = math.inf, shortest_m: Any = 0.0
-) -> np.ndarray:
+def relief(points_m: Array, settings: Settings, seed: int, longest_m: float = math.inf, shortest_m: Any = 0.0) -> Array:
     """Heights (n,) in metres of the described roughness at points (n, 3) in metres, any order.
 
     ``longest_m`` leaves out waves that the mesh has already (it is about two of the lengths that the mesh resolves),
@@ -66,13 +65,13 @@ _CUT_VARIANCE = (1.0 - 2.0 * 2.0 * math.exp(-2.0) / math.sqrt(2 * math.pi) + 3.0
 
 
 def displace(
-    points_m: np.ndarray,
-    normals: np.ndarray,
+    points_m: Array,
+    normals: Array,
     settings: Settings,
     seed: int,
     longest_m: float = math.inf,
     shortest_m: Any = 0.0,
-) -> np.ndarray:
+) -> Array:
     """Points (n, 3) moved by ``relief`` along their unit ``normals`` (n, 3)."""
     heights = relief(points_m, settings, seed, longest_m, shortest_m)
     return np.asarray(points_m, np.float64) + heights[:, None] * normals

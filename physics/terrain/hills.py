@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...settings.topics.ground import HillsSettings, TerrainLayer
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from .landforms.common import Landform, only_where, smooth_step
 from .layers import MOST_OCTAVES, Layer, make_layer
@@ -44,11 +45,11 @@ def make_hills(settings: HillsSettings, random: np.random.Generator, size_m: flo
     start = size_m * math.sqrt(0.5)
     level = _mean_around_m(hills, start)
 
-    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
         x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)
         return only_where(np.hypot(x_m, y_m) > start, beyond, x_m, y_m, shortest_m)
 
-    def beyond(x_m: np.ndarray, y_m: np.ndarray, shortest_m: np.ndarray) -> np.ndarray:
+    def beyond(x_m: Array, y_m: Array, shortest_m: Array) -> Array:
         share = smooth_step(np.log(np.hypot(x_m, y_m) / start) / math.log(_WHOLE_AT))
         return share * (hills.heights(x_m, y_m, shortest_m) - level)
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...settings.topics.ground import TerrainLayer
+from ...support.arrays import Array
 from .noise.bases_and_fractals import BASES, FRACTALS
 from .noise.lattice_noise import gradient_noise
 from .roughness.roughness import carried_share
@@ -38,12 +39,12 @@ class Layer:
     roughness: float
     warp_m: float
     keys: tuple[int, ...]
-    offsets: np.ndarray
+    offsets: Array
     signal_mean: float = 0.0
     centre: float = 0.0
     factor: float = 1.0
 
-    def heights(self, x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any = 0.0) -> np.ndarray:
+    def heights(self, x_m: Array, y_m: Array, shortest_m: Any = 0.0) -> Array:
         """Heights in metres; ``x_m`` and ``y_m`` broadcast, ``shortest_m`` is a number or one per point.
 
         Octaves fade out between 1.5 and 1 times ``shortest_m``.
@@ -61,7 +62,7 @@ class Layer:
         total = FRACTALS[self.fractal].of(signal, self.octaves, self.roughness)
         return np.broadcast_to((total - self.centre) * self.factor, shape)
 
-    def signal(self, k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    def signal(self, k: int, x_m: Array, y_m: Array) -> Array:
         """The fractal's signal of octave k of the noise."""
         wavelength = self.scale_m / self.lacunarity**k
         cos, sin = math.cos(k * _TURN) / wavelength, math.sin(k * _TURN) / wavelength
@@ -70,7 +71,7 @@ class Layer:
         )
         return FRACTALS[self.fractal].signal(noise)
 
-    def _warped(self, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _warped(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
         """The points moved sideways by noise of the layer's scale and RMS ``warp_m``."""
         x_m, y_m = np.broadcast_arrays(x_m, y_m)
         east, north = (

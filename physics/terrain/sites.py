@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ..rocks.beyond_patch import view_beyond
 from ..rocks.rocks import Rocks, euler_matrices, scatter
 from ..rocks.shapes import Shape, make_rock_shapes
@@ -29,8 +30,8 @@ class Eyes:
     """Why cameras cannot stand where they do: of each of n, the height in metres of the other eye above the ground
     (negative under it), and whether that eye is in a rock."""
 
-    above_m: np.ndarray
-    in_rock: np.ndarray
+    above_m: Array
+    in_rock: Array
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class RockyGround:
         patch = self.settings.terrain
         return 2 * patch.size_m / (patch.resolution - 1) if math.isfinite(self.half_m) else 0.0
 
-    def heights(self, x_m: Any, y_m: Any) -> np.ndarray:
+    def heights(self, x_m: Any, y_m: Any) -> Array:
         """Heights in metres at east and north coordinates; NaN where there is no ground."""
         inside = np.maximum(np.abs(x_m), np.abs(y_m)) <= self.half_m
         return np.where(inside, self.ground.heights(x_m, y_m, self.shortest_m), np.nan)
@@ -81,9 +82,7 @@ class RockyGround:
         away = np.hypot(rocks.position_m[:, 0] - x_m, rocks.position_m[:, 1] - y_m)
         return float((away - rocks.reach_m).min())
 
-    def eyes(
-        self, x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray, heading_deg: np.ndarray, baseline_m: np.ndarray
-    ) -> Eyes:
+    def eyes(self, x_m: Array, y_m: Array, height_m: Array, heading_deg: Array, baseline_m: Array) -> Eyes:
         """The surroundings of the right eyes of n cameras whose left eyes stand ``height_m`` above the ground.
 
         Heights are NaN where there is no ground. A left eye is in no rock: the build leaves such rocks out.
@@ -97,7 +96,7 @@ class RockyGround:
         ]
         return Eyes(eye - self.heights(x, y), np.array(inside, bool))
 
-    def _in_rock(self, eye_m: np.ndarray, left_m: tuple[float, float]) -> bool:
+    def _in_rock(self, eye_m: Array, left_m: tuple[float, float]) -> bool:
         # The build keeps this circle about the left eye clear; without it rocks need not be drawn.
         if math.dist(eye_m[:2], left_m) <= self.settings.rocks.clear_radius_m:
             return False
@@ -109,7 +108,7 @@ class RockyGround:
         stays = np.hypot(*(centres[:, :2] - left_m).T) > self.settings.rocks.clear_radius_m + rocks.reach_m
         return any(self._contains(rocks, k, eye_m) for k in np.flatnonzero(near & stays))
 
-    def _contains(self, rocks: Rocks, k: int, point_m: np.ndarray) -> bool:
+    def _contains(self, rocks: Rocks, k: int, point_m: Array) -> bool:
         """Whether a point is behind all faces of a rock; shapes are convex but for the lumps of boulders."""
         shape = self.shapes[rocks.level[k]][rocks.shape[k]]
         turn = euler_matrices(rocks.rotation[k : k + 1])[0]
@@ -119,7 +118,7 @@ class RockyGround:
 
     def choose_places(
         self, count: int, clearance_m: float, margin_m: float, apart_m: float, random: np.random.Generator
-    ) -> np.ndarray:
+    ) -> Array:
         """Places (k, 2) in metres on the patch, k at most ``count``, at random.
 
         Each is ``clearance_m`` or more from every rock, ``margin_m`` from the patch's edge and ``apart_m`` from the

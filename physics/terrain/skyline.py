@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from .terrain import Terrain, make_terrain
 
 #: Ratio of the distances at which the skyline is looked for: steps are a tenth of the narrowest hill there or less.
@@ -30,7 +31,7 @@ def skyline_deg(
     return math.degrees(math.atan(float((rise / distance).max())))
 
 
-def skyline_advice(settings: Settings, toward_sun: np.ndarray, sun_diameter_deg: float) -> list[str]:
+def skyline_advice(settings: Settings, toward_sun: Array, sun_diameter_deg: float) -> list[str]:
     """A sentence if distant hills hide the Sun, whose direction is a unit vector (3,), from the site; else none."""
     elevation = math.degrees(math.asin(float(np.clip(toward_sun[2], -1.0, 1.0))))
     if settings.hills.rms_slope_deg == 0.0 or settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...support.arrays import Array
 
-def fill(below_m: np.ndarray, thickness_m: float) -> np.ndarray:
+
+def fill(below_m: Array, thickness_m: float) -> Array:
     """Metres of snow on ground that lies ``below_m`` under its smoothed surroundings (negative: above).
 
     Shallow hollows are filled to that surface, deep ones by ``thickness_m``, with no step between:

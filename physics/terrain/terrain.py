@@ -17,6 +17,7 @@ import numpy as np
 
 from ...settings.topics.ground import TerrainSettings
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ..random_numbers.seeds import ground_generator
 from .hills import make_hills
 from .landforms import MAKERS, Landform, make_plugin_landforms
@@ -58,7 +59,7 @@ class Terrain:
     mantle_level_m: float = field(default=0.0, repr=False)
     hills: Landform | None = None
 
-    def heights(self, x_m: Any, y_m: Any, shortest_m: Any = 0.0) -> np.ndarray:
+    def heights(self, x_m: Any, y_m: Any, shortest_m: Any = 0.0) -> Array:
         """Heights in metres at east and north coordinates (arrays that broadcast).
 
         Waves shorter than ``shortest_m`` (a number, or one per point) are left out: a mesh with
@@ -85,7 +86,7 @@ class Terrain:
         """The same ground for a mesh that has edges along the crests of its landforms."""
         return replace(self, landforms=tuple(each.with_sharp_crests() for each in self.landforms))
 
-    def _tile(self, x: np.ndarray, y: np.ndarray, shortest_m: Any) -> np.ndarray:
+    def _tile(self, x: Array, y: Array, shortest_m: Any) -> Array:
         total = self._ground(x, y, shortest_m)
         for landform in self.landforms:
             # Only a mesh of one spacing leaves out landforms too fine for it; the error of a graded one is bounded.
@@ -99,14 +100,14 @@ class Terrain:
             total += self._regional(x, y)
         return total
 
-    def _regional(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def _regional(self, x: Array, y: Array) -> Array:
         """The regional slope: a plane on the patch, levelling out beyond it to a flank of twice the patch's height."""
         rise = self.slope_east * x + self.slope_north * y
         end = math.hypot(self.slope_east, self.slope_north) * self.size_m * math.sqrt(0.5)
         beyond = np.maximum(np.abs(rise) - end, 0.0)
         return rise if not np.any(beyond) else rise - np.sign(rise) * (beyond + end * np.expm1(-beyond / end))
 
-    def _ground(self, x: np.ndarray, y: np.ndarray, shortest_m: Any) -> np.ndarray:
+    def _ground(self, x: Array, y: Array, shortest_m: Any) -> Array:
         """The random surface, the layers on it, and the distant hills that it lies on."""
         total = self.base.heights(x, y, shortest_m)
         for each in self.layers:
@@ -122,7 +123,7 @@ def _tiles(rows: int, columns: int) -> Iterator[tuple[slice, slice]]:
             yield slice(j, j + _TILE), slice(i, i + _TILE)
 
 
-def _order_by_place(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _order_by_place(x: Array, y: Array) -> Array:
     """An order of scattered points in which neighbours are near each other, so that they share lattice cells."""
     if x.size <= _TILE**2:
         return np.arange(x.size)

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ...physics.light.baked_rocks import TERMS
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_atomically
 from ...support.foreign_bytes import ForeignBytes, parse_npz, parse_part, read_regular
@@ -43,9 +44,9 @@ class BakedLight:
     ``cpu_seconds`` is the processor time of the bake, which files do not contain.
     """
 
-    values: np.ndarray
-    error: np.ndarray
-    rocks: np.ndarray
+    values: Array
+    error: Array
+    rocks: Array
     noise: float
     share: float
     samples: int

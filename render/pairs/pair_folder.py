@@ -22,6 +22,7 @@ from ...physics.light.scene_sun import SceneSun, from_json
 from ...settings.changes import response
 from ...settings.description import Restorer, merged, restored
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import (
     COUNT,
@@ -38,10 +39,9 @@ from ...support.file_shapes import (
     Maybe,
     check_record,
     find_fault,
-    parse_json,
-    reason_of,
 )
 from ...support.files import PART, json_text, quote, read_text, replace_if_unchanged, sha256
+from ...support.foreign_bytes import parse_json, reason_of
 from .our_files import check_no_link, checked_id, folder_of_pairs, is_regular
 from .statements import find_contradictions
 from .workspace_cells import WORKSPACE_FILE
@@ -90,10 +90,10 @@ class Pair:
         """Camera-to-world matrices of the eyes of the parallel rig; None if the pair does not contain them."""
         return self.data.get("poses_rectified_to_world") or self.data.get("poses_camera_to_world")
 
-    def rectified_pose(self, eye: str) -> np.ndarray | None:
+    def rectified_pose(self, eye: str) -> Array | None:
         """The matrix (4, 4) from an eye of the parallel rig, in OpenCV's axes, to the world; None without a pose."""
         try:
-            pose = np.array(self.rectified_poses[eye], np.float64)  # type: ignore[index]
+            pose = np.array((self.rectified_poses or {})[eye], np.float64)
         except (KeyError, TypeError, ValueError):
             return None
         return pose if pose.shape == (4, 4) and np.isfinite(pose).all() else None

@@ -20,6 +20,7 @@ from ...physics.light.directions import camera_axes, toward
 from ...physics.light.scene_sun import described_by, from_json
 from ...physics.light.sky import azimuth_deg, elevation_deg, sky, sky_facts
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import NUMBER
 from ...support.files import quote
@@ -101,7 +102,7 @@ def _compare_poses(
         )
 
 
-def _compare_pose(name: str, stated: np.ndarray, wanted: np.ndarray, place_m: float) -> Iterator[str]:
+def _compare_pose(name: str, stated: Array, wanted: Array, place_m: float) -> Iterator[str]:
     limits = np.full((4, 4), _SINGLE)
     limits[:3, 3] = place_m + 1e-12 * np.abs(wanted[:3, 3])  # a large number has no more digits
     for row, column in np.argwhere(np.abs(stated - wanted) > limits):
@@ -188,7 +189,7 @@ def _compare_planet(stated: Any, wanted: Mapping[str, Any] | None) -> Iterator[s
     )
 
 
-def _compare_direction(name: str, stated: Mapping[str, Any], wanted: np.ndarray) -> Iterator[str]:
+def _compare_direction(name: str, stated: Mapping[str, Any], wanted: Array) -> Iterator[str]:
     """Contradictions in a direction and its angles, which are compared as a direction: at the zenith any azimuth is
     right, and in the north 0 is 360."""
     yield from _compare(name, stated, {"direction_to_world": wanted.tolist()}, _SINGLE)

@@ -19,6 +19,7 @@ from ...settings.preset_files import load, preset_path
 from ...settings.table import TOPICS
 from ...settings.topics.declaration import Parts, Setting
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import NUMBER
 from ...support.files import parse_path, quote, shorten
@@ -232,9 +233,7 @@ def _make_cases(sweep: Sweep, base: Settings) -> list[Variation]:
     return made
 
 
-def _read_law(
-    name: str, setting: Setting | None, law: Any, place: Place, kind: str
-) -> Callable[[np.ndarray], list[Any]]:
+def _read_law(name: str, setting: Setting | None, law: Any, place: Place, kind: str) -> Callable[[Array], list[Any]]:
     """A function from fractions (0 to 1) to values of a factor, by the distribution that the plan states."""
     stated = dict(law) if isinstance(law, Mapping) else {}
     within = stated.pop("within", None)
@@ -275,7 +274,7 @@ def _read_law(
 
 def _read_normal(
     setting: Setting, name: str, law: tuple[float, float], limits: tuple[float, float], place: Place
-) -> Callable[[np.ndarray], list[Any]]:
+) -> Callable[[Array], list[Any]]:
     _check_range(setting, name, *limits, place)
     if law[1] <= 0:
         raise IcyMoonError(f"{place}: the deviation of {name} is {law[1]:g}, it must be above 0.")
@@ -289,7 +288,7 @@ def _read_normal(
     return lambda fraction: _rounded(setting, sampling.normal(fraction, *law, *limits))
 
 
-def _rounded(setting: Setting, values: np.ndarray) -> list[Any]:
+def _rounded(setting: Setting, values: Array) -> list[Any]:
     """Values as the setting takes them: whole numbers, or six digits, which keeps a file of settings legible."""
     if setting.kind == "int":
         return [round(v) for v in values.tolist()]

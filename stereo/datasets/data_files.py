@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ...formats import tiff
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
 from ..adapters.icymoon_serve import drop_single_axes
@@ -73,7 +74,7 @@ def read_text(path: Path) -> str:
     return read(path, ForeignBytes.text, "a text file", "save it as UTF-8", MOST_TEXT)
 
 
-def read_image(path: Path) -> np.ndarray:
+def read_image(path: Path) -> Array:
     """A PNG, JPEG, TIFF or WebP image as uint8, grey (H, W) or BGR (H, W, 3); 16 bits are scaled down.
 
     Raises IcyMoonError if it is missing, damaged, too large or of another kind.
@@ -100,7 +101,7 @@ def _parse_image(foreign: ForeignBytes) -> Encoded:
     return _parse_tiff_image(foreign) if is_tiff else parse_picture(foreign)
 
 
-def _decode_image(foreign: ForeignBytes) -> np.ndarray:
+def _decode_image(foreign: ForeignBytes) -> Array:
     return decode(_parse_image(foreign))
 
 
@@ -119,13 +120,13 @@ def _parse_tiff_image(foreign: ForeignBytes) -> Encoded:
     return Encoded(foreign.content(), width, height, most)
 
 
-def read_radiance(path: Path) -> np.ndarray:
+def read_radiance(path: Path) -> Array:
     """A PFM image, grey or in colours, as the mean of its bands, float64 (H, W), 0 where it is no number."""
     values = np.nan_to_num(read_pfm(path, colours=True).astype(np.float64), posinf=0.0)
     return values if values.ndim == 2 else np.asarray(values.mean(axis=-1))
 
 
-def read_map(file: MapFile) -> np.ndarray:
+def read_map(file: MapFile) -> Array:
     """A map as float64 (H, W), NaN where unknown; numbers below zero stay.
 
     Reads PFM, PNG, npy, npz, OpenEXR and TIFF. Raises IcyMoonError if the file is missing, damaged, too large
@@ -145,7 +146,7 @@ def read_map(file: MapFile) -> np.ndarray:
     return values
 
 
-def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[np.ndarray, float]:
+def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[Array, float]:
     """The numbers of a file, and the usual steps per px or metre of its format."""
     start = foreign.part(0, min(32, foreign.size))
     if start.startswith(EXR):
@@ -175,7 +176,7 @@ def _describe_png(file: MapFile) -> str:
     )
 
 
-def _steps_of(image: np.ndarray, file: MapFile) -> np.ndarray:
+def _steps_of(image: Array, file: MapFile) -> Array:
     """The numbers of a PNG: of 8 bits only where their steps are stated, since such a file may be a mere picture."""
     if image.ndim != 2:
         raise RefusedError(
@@ -194,7 +195,7 @@ def _steps_of(image: np.ndarray, file: MapFile) -> np.ndarray:
     return image
 
 
-def _read_sintel(path: Path) -> np.ndarray:
+def _read_sintel(path: Path) -> Array:
     """R, G and B are the three digits of the disparity, of 4, 1/64 and 1/16384 px."""
     image = read_image(path)
     if image.ndim != 3:
@@ -203,12 +204,12 @@ def _read_sintel(path: Path) -> np.ndarray:
     return np.asarray(4 * red + green / 64 + blue / 16384)
 
 
-def _parse_exr(foreign: ForeignBytes, file: MapFile) -> np.ndarray:
+def _parse_exr(foreign: ForeignBytes, file: MapFile) -> Array:
     channels = parse_channels(foreign)
     names = [channel.full_name for channel in channels]
     name = find_stated(names, file.channel) if file.channel else choose_channel(names, file.kind, file.predicted)
 
-    def decoded(name: str) -> np.ndarray:
+    def decoded(name: str) -> Array:
         return decode_exr(file.path, channels[names.index(name)], foreign.budget.most - foreign.budget.left)
 
     found = decoded(name)
@@ -218,7 +219,7 @@ def _parse_exr(foreign: ForeignBytes, file: MapFile) -> np.ndarray:
     return found
 
 
-def _parse_npz(foreign: ForeignBytes, file: MapFile) -> np.ndarray:
+def _parse_npz(foreign: ForeignBytes, file: MapFile) -> Array:
     """The array of an npz that is stated, or called as the kind of the map, or its only one."""
     wanted = file.channel or file.kind
     found = parse_npz(foreign, {wanted}, "fiu") or parse_npz(foreign, kinds="fiu")
@@ -226,7 +227,7 @@ def _parse_npz(foreign: ForeignBytes, file: MapFile) -> np.ndarray:
     return found[find_stated(names, file.channel) if file.channel else choose_array(names, file.kind, file.predicted)]
 
 
-def _parse_tiff(foreign: ForeignBytes) -> np.ndarray:
+def _parse_tiff(foreign: ForeignBytes) -> Array:
     tiff.grant_memory(foreign)
     image = tiff.read_directories(foreign)[0]
     height, width = image.shape

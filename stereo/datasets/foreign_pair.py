@@ -15,6 +15,7 @@ import numpy as np
 
 from ...physics.camera.hidden_points import is_in_frame, matching_column
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import FILE_NAME
 from ...support.files import read_checksum
@@ -124,7 +125,7 @@ class ForeignPair:
         facts["depth_scale_m"] = [scale.low, scale.high]
         return Prepared(pair, left, right, truth, visible, gradient, classes, _UNCHECKED, scale, facts, known)
 
-    def _image(self, path: Path) -> np.ndarray:
+    def _image(self, path: Path) -> Array:
         if path.suffix != ".pfm":
             return read_image(path)
         radiance = read_radiance(path)
@@ -132,8 +133,8 @@ class ForeignPair:
         return np.asarray(np.rint(255 * level).astype(np.uint8))
 
     def _true_disparity(
-        self, camera: StereoCamera, image: np.ndarray, places: Places, turned: Mapping[Path, int]
-    ) -> tuple[np.ndarray, tuple[float, ...], list[str], list[str]]:
+        self, camera: StereoCamera, image: Array, places: Places, turned: Mapping[Path, int]
+    ) -> tuple[Array, tuple[float, ...], list[str], list[str]]:
         """The true disparity of the left eye, the numbers that stand for unknown ones, notes on how it was read, and
         warnings about it.
 
@@ -158,7 +159,7 @@ class ForeignPair:
         disparity, doubts = self._possible(_as_disparity(values, kind, camera))
         return disparity, markers, notes, [*warnings, *doubts]
 
-    def _possible(self, disparity: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    def _possible(self, disparity: Array) -> tuple[Array, list[str]]:
         """The disparities that two images of this width can have, NaN for the others, and a warning if there are some.
 
         Raises IcyMoonError if no other remains.
@@ -178,8 +179,8 @@ class ForeignPair:
         ]
 
     def _values(
-        self, file: MapFile, camera: StereoCamera, image: np.ndarray, turned: Mapping[Path, int] = MappingProxyType({})
-    ) -> np.ndarray:
+        self, file: MapFile, camera: StereoCamera, image: Array, turned: Mapping[Path, int] = MappingProxyType({})
+    ) -> Array:
         """The depths along the optical axis, or the disparities, of a map."""
         values = read_map(file)
         if values.shape != image.shape[:2]:
@@ -192,12 +193,12 @@ class ForeignPair:
 
     def _visible(
         self,
-        disparity: np.ndarray,
-        truth: np.ndarray,
+        disparity: Array,
+        truth: Array,
         camera: StereoCamera,
-        image: np.ndarray,
+        image: Array,
         markers: tuple[float, ...],
-    ) -> tuple[np.ndarray, bool, list[str]]:
+    ) -> tuple[Array, bool, list[str]]:
         """Where the right eye sees the point of a pixel too, whether that is known of more than the frame, and warnings
         about it; ``markers`` stand for unknown values in the truth."""
         inside = np.isfinite(truth) & is_in_frame(matching_column(disparity))
@@ -215,8 +216,8 @@ class ForeignPair:
     def _facts(
         self,
         camera: StereoCamera,
-        truth: np.ndarray,
-        visible: np.ndarray | None,
+        truth: Array,
+        visible: Array | None,
         notes: Sequence[str],
         warnings: Sequence[str],
     ) -> dict[str, Any]:
@@ -294,7 +295,7 @@ def _describe_marker(value: float, kind: str) -> str:
     return f"the depth {value:g} m" if kind == "depth" else f"the disparity {value:g} px"
 
 
-def _as_disparity(values: np.ndarray, kind: str, camera: StereoCamera) -> np.ndarray:
+def _as_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
     """Disparities in px of a map of depths in m or of disparities, NaN where it has no usable number."""
     if kind == "disparity":
         return values
@@ -310,7 +311,7 @@ class PhotographedPair:
     camera: StereoCamera
     search_range: SearchRange
 
-    def rectified_pose(self, eye: str) -> np.ndarray | None:
+    def rectified_pose(self, eye: str) -> Array | None:
         """Pose of an ``eye`` in the axes of the left one, which the points use too: x right, y down, z ahead."""
         pose = np.eye(4)
         pose[0, 3] = 0.0 if eye == "left" else self.camera.baseline_m

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..measure.fit_check import KINDS, Fault, Places, find_fault, find_misfit, known_places
 from ..measure.metrics import usable
@@ -45,7 +46,7 @@ class Files(Protocol):
         """The true map."""
 
 
-def check_truth(pair: Files, values: np.ndarray, camera: StereoCamera, places: Places) -> list[str]:
+def check_truth(pair: Files, values: Array, camera: StereoCamera, places: Places) -> list[str]:
     """Warnings about the numbers (H, W) of a true map that the images do not confirm.
 
     Raises IcyMoonError if they cannot be right, or if the images fit another reading of them.
@@ -136,7 +137,7 @@ def doubt_camera(camera: StereoCamera) -> list[str]:
     return found
 
 
-def doubt_brightness(left: np.ndarray, right: np.ndarray) -> list[str]:
+def doubt_brightness(left: Array, right: Array) -> list[str]:
     """A warning if one of two grey images (H, W) is too dark for matchers, which compare values, to find much."""
     means = float(np.mean(left)), float(np.mean(right))
     if max(means) <= _MOST_UNLIKE * min(means):
@@ -182,7 +183,7 @@ def round_factor(size: float) -> float:
     return near if abs(size / near - 1) <= _NEAR else float(f"{size:.3g}")
 
 
-def check_prediction(path: Path, disparity: np.ndarray, true_depth: np.ndarray, camera: StereoCamera) -> None:
+def check_prediction(path: Path, disparity: Array, true_depth: Array, camera: StereoCamera) -> None:
     """Raise IcyMoonError if a ``disparity`` map, NaN where unknown, has another size, sign, unit or orientation than
     the pair, whose ``true_depth`` in metres is NaN where unknown."""
     true_disparity = camera.disparity(true_depth)
@@ -247,5 +248,5 @@ def _find_resize(shape: tuple[int, ...], wanted: tuple[int, ...], kind: str) -> 
     return f"give a {kind} for each pixel of the image"
 
 
-def _is_unit(ratio: np.ndarray, factor: float) -> bool:
+def _is_unit(ratio: Array, factor: float) -> bool:
     return bool(abs(np.median(ratio) / factor - 1) <= _NEAR and np.mean(np.abs(ratio / factor - 1) <= _TIGHT) >= 0.5)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ..measure.fit_check import Places, are_seen
 
 #: Least share of an image that a plateau has, and the factor by which it is nearer or farther than all other points.
@@ -17,7 +18,7 @@ _SHARE, _BEYOND = 0.002, 1.5
 _STEPS = 2
 
 
-def find_markers(values: np.ndarray, kind: str, camera: StereoCamera, places: Places) -> tuple[float, ...]:
+def find_markers(values: Array, kind: str, camera: StereoCamera, places: Places) -> tuple[float, ...]:
     """Values that stand for unknown ones in a map (H, W) of "depth" (m) or "disparity" (px), NaN where unknown.
 
     Such a value is the nearest or the farthest one, is the same to the bit in many pixels, and lies far beyond all
@@ -30,7 +31,7 @@ def find_markers(values: np.ndarray, kind: str, camera: StereoCamera, places: Pl
     )
 
 
-def _find_plateau(values: np.ndarray, kind: str, camera: StereoCamera, places: Places, nearest: bool) -> float | None:
+def _find_plateau(values: Array, kind: str, camera: StereoCamera, places: Places, nearest: bool) -> float | None:
     """The value of the plateau at one end of the range, if there is one."""
     disparity = _disparity(values, kind, camera)
     known = disparity > -camera.doffs_px  # there is nothing at the horizon and behind the camera
@@ -50,13 +51,13 @@ def _find_plateau(values: np.ndarray, kind: str, camera: StereoCamera, places: P
     return None if are_seen(plateau, end, places) else float(values[plateau][0])
 
 
-def is_possible(disparity: np.ndarray) -> np.ndarray:
+def is_possible(disparity: Array) -> Array:
     """Boolean (H, W): where a map of disparities in px is smaller than its width, so that both images can show a point;
     also where it is NaN."""
     return ~(np.abs(disparity) >= disparity.shape[1])
 
 
-def _disparity(values: np.ndarray, kind: str, camera: StereoCamera) -> np.ndarray:
+def _disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
     """Disparities in px, NaN where no depth is in front of the camera."""
     if kind == "disparity":
         return values

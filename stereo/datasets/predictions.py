@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import is_of_file_manager
 from ..matchers import complete_options
@@ -100,7 +101,7 @@ def _find_misnamed(root: Path, pair: str) -> Path | None:
     return found[0] if len(found) == 1 else None
 
 
-def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dict[str, Any]]:
+def read_prediction(method: Method, prepared: Prepared) -> tuple[Array, dict[str, Any]]:
     """The disparity, float32 (H, W), NaN where invalid, and an ``info`` like the one of ``match``.
 
     Raises IcyMoonError if the file is missing, damaged, or of another size, sign or unit.

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...physics.camera.hidden_points import find_hidden, is_in_frame, matching_column
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..images.image_values import describe_size, to_grey
 from ..images.masks import overlap
@@ -38,7 +39,7 @@ class Mask:
     files: tuple[Path, ...]
 
 
-def read_mask(mask: Mask, disparity: np.ndarray) -> np.ndarray:
+def read_mask(mask: Mask, disparity: Array) -> Array:
     """Boolean (H, W): the right eye sees the point of a pixel too, by ``mask``.
 
     Raises IcyMoonError if it has another size than the true ``disparity`` (H, W), px, NaN where unknown, or other
@@ -68,7 +69,7 @@ def read_mask(mask: Mask, disparity: np.ndarray) -> np.ndarray:
     return np.asarray(seen)
 
 
-def _check_numbers(path: Path, mask: np.ndarray) -> None:
+def _check_numbers(path: Path, mask: Array) -> None:
     levels = np.unique(mask)
     if len(levels) > len(_NUMBERS) and np.mean(~np.isin(mask, _NUMBERS)) > _OTHERS:
         raise IcyMoonError(
@@ -82,7 +83,7 @@ def _check_numbers(path: Path, mask: np.ndarray) -> None:
         )
 
 
-def find_better_reading(seen: np.ndarray, disparity: np.ndarray) -> str | None:
+def find_better_reading(seen: Array, disparity: Array) -> str | None:
     """Another reading, in words, of ``seen``, a Boolean mask (H, W) of the pixels that the right eye sees, if it fits
     the left eye's true ``disparity`` (H, W), px, far better. None if no reading does or nearly nothing is hidden."""
     known = np.isfinite(disparity)
@@ -97,7 +98,7 @@ def find_better_reading(seen: np.ndarray, disparity: np.ndarray) -> str | None:
     return best if shares[best] >= max(_FITS, _BETTER * stated) else None
 
 
-def _readings(seen: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+def _readings(seen: Array) -> Iterator[tuple[str, Array]]:
     yield "with seen and hidden exchanged", ~seen
     for name, turn in TURNS.items():
         yield KINDS[name], turn(seen)
@@ -108,7 +109,7 @@ def right_camera(camera: StereoCamera) -> StereoCamera:
     return replace(camera, cx_px=camera.cx_px + camera.doffs_px)
 
 
-def check_right_truth(file: MapFile, values: np.ndarray, camera: StereoCamera, disparity: np.ndarray) -> list[str]:
+def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, disparity: Array) -> list[str]:
     """Warnings about the map ``values`` (H, W) of the right eye that the left eye's true ``disparity`` (H, W), px, NaN
     where unknown, does not confirm.
 
@@ -140,7 +141,7 @@ def check_right_truth(file: MapFile, values: np.ndarray, camera: StereoCamera, d
     )
 
 
-def find_fault_of_right(values: np.ndarray, kind: str, camera: StereoCamera, disparity: np.ndarray) -> Fault | None:
+def find_fault_of_right(values: Array, kind: str, camera: StereoCamera, disparity: Array) -> Fault | None:
     """The fault of the right eye's map ``values`` (H, W), of ``kind`` "depth" (m) or "disparity" (px), by the left
     eye's true ``disparity`` (H, W); both NaN where unknown. None if they fit. "right_eye" is the left eye's map."""
     # Mirrored, the right eye is the left one of a pair. Its places are where the left eye's truth puts them.

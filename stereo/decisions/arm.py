@@ -11,6 +11,7 @@ from ...physics.arm.kinematics import forward
 from ...physics.arm.lander_solids import arm_solids
 from ...physics.arm.parametric import JOINTS, arm_of, commanded_rad, real_rad
 from ...render.pairs.pair_folder import Pair
+from ...support.arrays import Array
 from ..images.exr import NORMAL_PASSES, read_truth
 from .dem import points_of
 from .scoop_pose import find_pose, pose_error, sample_surface
@@ -23,14 +24,14 @@ _MODEL_POINTS = 6000
 class Scoop:
     """The scoop of a pair. Poses (4, 4) lead from the link to the site."""
 
-    mask: np.ndarray  # boolean (H, W) of the left image
-    true: np.ndarray
-    commanded: np.ndarray
-    model: np.ndarray  # points and normals (n, 6) of its surface
-    middle: np.ndarray  # (3,), in the link's frame
+    mask: Array  # boolean (H, W) of the left image
+    true: Array
+    commanded: Array
+    model: Array  # points and normals (n, 6) of its surface
+    middle: Array  # (3,), in the link's frame
 
 
-def find_scoop(pair: Pair, pose: np.ndarray, random: np.random.Generator) -> Scoop | None:
+def find_scoop(pair: Pair, pose: Array, random: np.random.Generator) -> Scoop | None:
     """The scoop of a pair whose left eye has this ``pose`` (4, 4); None if there is no arm of ours in it."""
     links = {link["name"]: link for link in pair.data.get("lander", {}).get("links", ())}
     if SCOOP not in links or pair.settings.lander.kind != "PARAMETRIC":
@@ -63,9 +64,7 @@ def stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
     }
 
 
-def locate(
-    scoop: Scoop, depth_m: np.ndarray, pair: Pair, pose: np.ndarray, random: np.random.Generator
-) -> dict[str, Any]:
+def locate(scoop: Scoop, depth_m: Array, pair: Pair, pose: Array, random: np.random.Generator) -> dict[str, Any]:
     """Where a planar depth (H, W) finds the scoop, seen from a left eye that is taken to have this ``pose``.
 
     ``error_mm`` at its middle and ``error_deg`` from the true pose, ``apart_mm`` of the true pose from the commanded

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
 from .dem import Grid
 from .footprints import disc, sums
 
@@ -38,14 +39,14 @@ class Change:
     known: float
 
 
-def region_cells(grid: Grid, region_m: Sequence[float]) -> np.ndarray:
+def region_cells(grid: Grid, region_m: Sequence[float]) -> Array:
     """Boolean (rows, columns): cells whose centre is in [x_min, y_min, x_max, y_max], metres."""
     east, north = grid.centres()
     west, south, last_east, last_north = region_m
     return np.asarray((east >= west) & (east <= last_east) & (north >= south) & (north <= last_north))
 
 
-def measure_change(before_m: np.ndarray, after_m: np.ndarray, region: np.ndarray, cell_m: float) -> Change | None:
+def measure_change(before_m: Array, after_m: Array, region: Array, cell_m: float) -> Change | None:
     """The change of heights (rows, columns), NaN unknown, over *all* cells of a region.
 
     Summing only those beyond a level of detection would lose shallow cuts. Unknown cells count as the mean of the known
@@ -61,7 +62,7 @@ def measure_change(before_m: np.ndarray, after_m: np.ndarray, region: np.ndarray
     )
 
 
-def local_sigma(error_m: np.ndarray, cell_m: float, diameter_m: float) -> np.ndarray:
+def local_sigma(error_m: Array, cell_m: float, diameter_m: float) -> Array:
     """The standard deviation of the heights of each cell about the truth (rows, columns), metres: the root mean square
     of the known errors in a disc around it, NaN where there is none."""
     known, around = np.isfinite(error_m), disc(diameter_m, cell_m)
@@ -70,7 +71,7 @@ def local_sigma(error_m: np.ndarray, cell_m: float, diameter_m: float) -> np.nda
     return np.sqrt(np.divide(square, count, out=np.full(count.shape, np.nan), where=count > 0))
 
 
-def find_level(before_sigma_m: np.ndarray, after_sigma_m: np.ndarray) -> np.ndarray:
+def find_level(before_sigma_m: Array, after_sigma_m: Array) -> Array:
     """The level of detection of each cell at 95 %, metres, from the standard deviations of both heights."""
     return np.asarray(_LEVEL * np.hypot(before_sigma_m, after_sigma_m))
 
@@ -79,15 +80,15 @@ def find_level(before_sigma_m: np.ndarray, after_sigma_m: np.ndarray) -> np.ndar
 class Detection:
     """Cells whose change is beyond their ``level_m`` (rows, columns), and how right they are."""
 
-    level_m: np.ndarray
-    changed_m: np.ndarray  # measured, positive where ground was taken; NaN where a height is not known
+    level_m: Array
+    changed_m: Array  # measured, positive where ground was taken; NaN where a height is not known
 
     @property
-    def significant(self) -> np.ndarray:
+    def significant(self) -> Array:
         """Boolean (rows, columns)."""
         return np.asarray(np.abs(self.changed_m) > self.level_m)
 
-    def score(self, true_m: np.ndarray) -> dict[str, float | None]:
+    def score(self, true_m: Array) -> dict[str, float | None]:
         """``level_m``, its median over the known cells; of those that truly changed by more than their level, the
         share that is ``noticed``; of those that did not change, the share that is a ``false_alarm``. None where there
         is no such cell."""
@@ -101,10 +102,10 @@ class Detection:
 
 
 def detect(
-    before_m: np.ndarray,
-    after_m: np.ndarray,
-    truth_before_m: np.ndarray,
-    truth_after_m: np.ndarray,
+    before_m: Array,
+    after_m: Array,
+    truth_before_m: Array,
+    truth_after_m: Array,
     cell_m: float,
     diameter_m: float,
 ) -> Detection:

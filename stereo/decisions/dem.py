@@ -13,6 +13,7 @@ import numpy as np
 from ...formats.geotiff import map_notes
 from ...formats.tiff_write import Place, encode_tiff
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import MOST_BYTES, ForeignBytes, RefusedError, parse_npy, read
 
@@ -35,13 +36,14 @@ class Grid:
     west_m: float
     north_m: float
 
-    def centres(self) -> tuple[np.ndarray, np.ndarray]:
+    def centres(self) -> tuple[Array, Array]:
         """East and north (rows, columns) of the centres of the cells, metres."""
         east = self.west_m + (np.arange(self.columns) + 0.5) * self.cell_m
         north = self.north_m - (np.arange(self.rows) + 0.5) * self.cell_m
-        return tuple(np.meshgrid(east, north))  # type: ignore[return-value]
+        x, y = np.meshgrid(east, north)
+        return x, y
 
-    def cells_of(self, position_m: np.ndarray) -> np.ndarray:
+    def cells_of(self, position_m: Array) -> Array:
         """The number of the cell, row by row, of each point (n, 2 or 3); -1 outside."""
         column = np.floor((position_m[:, 0] - self.west_m) / self.cell_m)
         row = np.floor((self.north_m - position_m[:, 1]) / self.cell_m)
@@ -57,11 +59,11 @@ class Dem:
     numbers."""
 
     grid: Grid
-    height_m: np.ndarray
-    points: np.ndarray
+    height_m: Array
+    points: Array
 
     @property
-    def known(self) -> np.ndarray:
+    def known(self) -> Array:
         """Boolean (rows, columns): the height is known."""
         return np.isfinite(self.height_m)
 
@@ -75,13 +77,13 @@ class Dem:
         return encode_tiff(self.height_m.astype(np.float32), place)
 
 
-def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> np.ndarray:
+def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> Array:
     """The numbers of all cells that a file in numpy's format contains: float32 or boolean of this shape, as float64.
 
     ``fix`` is an imperative without a full stop. Raises IcyMoonError for a file that is missing, damaged, or another.
     """
 
-    def parse(foreign: ForeignBytes) -> np.ndarray:
+    def parse(foreign: ForeignBytes) -> Array:
         found = parse_npy(foreign, "fb")
         if found.shape != shape or found.dtype not in (np.float32, np.bool_):
             cells = " x ".join(map(str, shape))
@@ -91,7 +93,7 @@ def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> np.ndarray:
     return read(path, parse, "a map of cells", fix, most=min(4 * math.prod(shape) + _HEADER, MOST_BYTES))
 
 
-def points_of(depth_m: np.ndarray, camera: StereoCamera, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def points_of(depth_m: Array, camera: StereoCamera, pose: Array) -> tuple[Array, Array]:
     """Points (n, 3) in the site's frame of the pixels of a planar depth (H, W) that are known, and their flat indices.
 
     ``pose`` (4, 4) leads from the eye of the parallel rig, in OpenCV's axes, to the site.
@@ -109,7 +111,7 @@ def points_of(depth_m: np.ndarray, camera: StereoCamera, pose: np.ndarray) -> tu
     return (rays * depth_m.ravel()[index, None]) @ pose[:3, :3].T + pose[:3, 3], index
 
 
-def grid_points(position_m: np.ndarray, grid: Grid, fewest: int = FEWEST_POINTS) -> Dem:
+def grid_points(position_m: Array, grid: Grid, fewest: int = FEWEST_POINTS) -> Dem:
     """The median height of the points (n, 3) in each cell; a median, because matchers leave flying points at edges."""
     cell = grid.cells_of(position_m)
     inside = cell >= 0
@@ -126,7 +128,7 @@ def grid_points(position_m: np.ndarray, grid: Grid, fewest: int = FEWEST_POINTS)
     return Dem(grid, median.reshape(shape), count.reshape(shape))
 
 
-def mean_by_cell(position_m: np.ndarray, values: np.ndarray, grid: Grid) -> np.ndarray:
+def mean_by_cell(position_m: Array, values: Array, grid: Grid) -> Array:
     """The mean of values (n,) over the points of each cell, NaN in cells without points."""
     cell = grid.cells_of(position_m)
     inside = cell >= 0
@@ -135,7 +137,7 @@ def mean_by_cell(position_m: np.ndarray, values: np.ndarray, grid: Grid) -> np.n
     return np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0).reshape(grid.rows, grid.columns)
 
 
-def height_errors(found: Dem, truth_m: np.ndarray, over: np.ndarray) -> dict[str, float | None]:
+def height_errors(found: Dem, truth_m: Array, over: Array) -> dict[str, float | None]:
     """Errors of the heights of the cells that are true in ``over``, metres; None where no cell is known.
 
     ``bias_m`` mean, ``rmse_m``, ``nmad_m`` 1.4826 times the median distance from the median, ``le90_m`` the 90th

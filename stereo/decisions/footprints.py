@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Fewest known cells of a footprint through which a plane is fitted.
 _FEWEST = 4
 #: The least determinant of the spread of the cells, over the square of its trace: through a line goes no one plane.
@@ -21,24 +23,24 @@ _LINE = 1e-6
 class Planes:
     """Least-squares planes under the footprints: arrays (rows, columns), NaN without a plane."""
 
-    slope_deg: np.ndarray
-    roughness_m: np.ndarray  # root mean square distance of the heights from the plane, along z
-    middle_m: np.ndarray  # height of the plane in the middle of the footprint
+    slope_deg: Array
+    roughness_m: Array  # root mean square distance of the heights from the plane, along z
+    middle_m: Array  # height of the plane in the middle of the footprint
 
 
-def disc(diameter_m: float, cell_m: float) -> np.ndarray:
+def disc(diameter_m: float, cell_m: float) -> Array:
     """Cells, 1.0 or 0.0, of a disc on a square of an odd number of cells; its centre always is."""
     reach = max(0, int(np.floor(diameter_m / 2 / cell_m + 1e-9)))
     north, east = np.mgrid[-reach : reach + 1, -reach : reach + 1] * cell_m
     return np.asarray((east**2 + north**2 <= (diameter_m / 2) ** 2 * (1 + 1e-9)), np.float64)
 
 
-def sums(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def sums(values: Array, weights: Array) -> Array:
     """The sum of values (rows, columns) under the footprint ``weights`` around each cell; beyond the border is 0."""
     return np.asarray(cv2.filter2D(values.astype(np.float64), cv2.CV_64F, weights, borderType=cv2.BORDER_CONSTANT))
 
 
-def fit_planes(height_m: np.ndarray, cell_m: float, diameter_m: float) -> Planes:
+def fit_planes(height_m: Array, cell_m: float, diameter_m: float) -> Planes:
     """The planes under discs of a diameter, through the heights that are not NaN."""
     shape = disc(diameter_m, cell_m)
     reach = shape.shape[0] // 2
@@ -67,7 +69,7 @@ def fit_planes(height_m: np.ndarray, cell_m: float, diameter_m: float) -> Planes
     )
 
 
-def share_under(mask: np.ndarray, cell_m: float, diameter_m: float, among: np.ndarray | None = None) -> np.ndarray:
+def share_under(mask: Array, cell_m: float, diameter_m: float, among: Array | None = None) -> Array:
     """The share of the cells under each footprint where ``mask`` is true, or its mean value. If ``among`` is given,
     only its cells count, and footprints without any are NaN. Cells beyond the border count as false."""
     shape = disc(diameter_m, cell_m)
@@ -78,7 +80,7 @@ def share_under(mask: np.ndarray, cell_m: float, diameter_m: float, among: np.nd
     return np.clip(np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0), 0.0, 1.0)
 
 
-def distance_to(mask: np.ndarray, cell_m: float) -> np.ndarray:
+def distance_to(mask: Array, cell_m: float) -> Array:
     """The distance of each cell's centre to the nearest cell where ``mask`` is true, metres; infinite if none is."""
     if not mask.any():
         return np.full(mask.shape, np.inf)

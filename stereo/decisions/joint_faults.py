@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.number_text import count_of
 from ..matchers.methods import describe_method
 
@@ -54,7 +55,7 @@ def _find_by_method(
     joints: Mapping[str, Any],
     off: Mapping[str, Mapping[str, float]],
 ) -> list[dict[str, Any]]:
-    sound: dict[str, list[np.ndarray]] = {}
+    sound: dict[str, list[Array]] = {}
     for pair, place in own.items():
         if not off[pair] and place is not None:
             sound.setdefault(_told(joints[pair]), []).append(np.array(place))
@@ -87,7 +88,7 @@ def _find_by_method(
     return found
 
 
-def _rates(angles: Mapping[float, Sequence[float]], sound: np.ndarray, limit: float | None) -> dict[str, Any]:
+def _rates(angles: Mapping[float, Sequence[float]], sound: Array, limit: float | None) -> dict[str, Any]:
     rates = [
         {
             "deg": angle,
@@ -106,7 +107,7 @@ def _rates(angles: Mapping[float, Sequence[float]], sound: np.ndarray, limit: fl
     return {"angles": rates, "noticed_from_deg": surely, "roc_area": roc_area(every, sound)}
 
 
-def roc_area(scores: np.ndarray, sound: np.ndarray) -> float | None:
+def roc_area(scores: Array, sound: Array) -> float | None:
     """The area under the ROC curve: the chance that a pair with a fault (n,) scores more than one without (m,); equal
     scores count half (Mann and Whitney). None without either."""
     if not (len(scores) and len(sound)):
@@ -115,13 +116,13 @@ def roc_area(scores: np.ndarray, sound: np.ndarray) -> float | None:
     return float(above.mean() + (scores[:, None] == sound).mean() / 2)
 
 
-def _scores_without(places: Sequence[np.ndarray]) -> list[float]:
+def _scores_without(places: Sequence[Array]) -> list[float]:
     """Distance of each place (3,) from the mean of the others."""
     total, count = np.sum(places, axis=0), len(places)
     return [float(np.linalg.norm(place - (total - place) / (count - 1))) for place in places] if count > 1 else []
 
 
-def _limit(scores: np.ndarray) -> float | None:
+def _limit(scores: Array) -> float | None:
     """The limit that one more score exceeds in 5 of 100 cases, by Student's t of the scores' mean and deviation; None
     for fewer than FEWEST_SOUND scores."""
     if len(scores) < FEWEST_SOUND:

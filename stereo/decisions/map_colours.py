@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...support.arrays import Array
 from ..images.colours import ERROR, INVALID_GREY, signed_colours
 from .stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap
 
@@ -45,7 +46,7 @@ _STOPS = {
 }
 
 
-def colour_cells(stored: StoredMap) -> np.ndarray:
+def colour_cells(stored: StoredMap) -> Array:
     """RGB uint8 (rows, columns, 3)."""
     values = stored.values
     if stored.kind == HEIGHT_ERROR:

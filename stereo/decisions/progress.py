@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...settings.table import TOPICS
+from ...support.arrays import Array
 from ...support.number_text import count_of
 from ..images.image_files import write_png
 from ..matchers.methods import describe_method
@@ -193,5 +194,5 @@ def _between(
     return measure_change(heights[0], heights[1], region, grid.cell_m), float(known.mean()) if known.size else 0.0
 
 
-def _read(out: Path, fact: _Entry, file: str) -> np.ndarray:
+def _read(out: Path, fact: _Entry, file: str) -> Array:
     return read_cells(out / file, (fact["rows"], fact["columns"]), "delete it and decide again")

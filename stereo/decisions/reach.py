@@ -6,6 +6,7 @@ import numpy as np
 
 from ...physics.arm.parametric import arm_of, find_joint_margin
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 
 #: Margin of every joint while nothing states an arm: more than any rule asks for.
 _ANYWHERE_DEG = 180.0
@@ -16,9 +17,7 @@ def has_arm(settings: Settings) -> bool:
     return settings.lander.kind == "PARAMETRIC"
 
 
-def find_margins(
-    settings: Settings, site_m: float, east_m: np.ndarray, north_m: np.ndarray, height_m: np.ndarray
-) -> np.ndarray:
+def find_margins(settings: Settings, site_m: float, east_m: Array, north_m: Array, height_m: Array) -> Array:
     """The smallest distance of a joint to its limit, degrees (rows, columns); NaN out of reach or of unknown height.
 
     ``site_m`` is the height of the ground under the left camera, on which the lander stands.

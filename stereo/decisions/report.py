@@ -13,6 +13,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.files import escape_cell, read_text, write_json, write_text
 from ...support.foreign_bytes import parse_toml
 from ...support.number_text import count_of, show_rounded
@@ -162,9 +163,7 @@ def write_decisions(
     return report
 
 
-def _matrix(
-    rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], label: str
-) -> tuple[np.ndarray, np.ndarray]:
+def _matrix(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], label: str) -> tuple[Array, Array]:
     """Numbers (pairs, columns) of a method on the pairs that count, and the scene of each."""
     scene_of = {fact["pair"]: fact["scene"] for fact in facts}
     own = [row for row in rows if row["method"] == label and row["status"] == "ok" and row["pair"] in scene_of]

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...physics.arm.kinematics import pose, turn
+from ...support.arrays import Array
 
 #: Maximum number of steps; the turn (rad) and shift (m) below which the steps end.
 _STEPS, _STILL = 40, 1e-6
@@ -43,11 +44,11 @@ _FAR_M = 0.02
 class PoseFound:
     """A pose (4, 4) from the link to the frame of the points, and the root mean square distance that is left, m."""
 
-    pose: np.ndarray
+    pose: Array
     residual_m: float
 
 
-def sample_surface(vertices: np.ndarray, triangles: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
+def sample_surface(vertices: Array, triangles: Array, count: int, random: np.random.Generator) -> Array:
     """Points and unit normals (count, 6) spread evenly over triangles (m, 3) of vertices (n, 3)."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     cross = np.cross(b - a, c - a)
@@ -59,7 +60,7 @@ def sample_surface(vertices: np.ndarray, triangles: np.ndarray, count: int, rand
 
 
 def find_pose(
-    model: np.ndarray, points: np.ndarray, commanded: np.ndarray, eye: np.ndarray, random: np.random.Generator
+    model: Array, points: Array, commanded: Array, eye: Array, random: np.random.Generator
 ) -> PoseFound | None:
     """The pose of a link whose surface is ``model`` (n, 6: points and normals in its own frame), from the points (m, 3)
     that an ``eye`` (3,) sees of it, starting at the ``commanded`` pose (4, 4). None if there are too few points.
@@ -81,7 +82,7 @@ def find_pose(
     return PoseFound(found, left)
 
 
-def _best_start(surface: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _best_start(surface: Array, points: Array) -> Array:
     """The motion (4, 4) of a surface (n, 6) from which steps reach the pose that fits points (m, 3) best."""
     few = points[:: math.ceil(len(points) / _FEW_POINTS)]
     moved = pose(None, np.median(points, axis=0))
@@ -93,7 +94,7 @@ def _best_start(surface: np.ndarray, points: np.ndarray) -> np.ndarray:
     return reached[best if misfits[best] < _BETTER * misfits[0] else 0]
 
 
-def _drawn(surface: np.ndarray, points: np.ndarray, motion: np.ndarray, steps: int) -> tuple[np.ndarray, float]:
+def _drawn(surface: Array, points: Array, motion: Array, steps: int) -> tuple[Array, float]:
     """The motion (4, 4) after at most ``steps`` steps that draw a surface (n, 6) to points (m, 3), and the points'
     distance from it, RMS."""
     left = math.inf
@@ -105,7 +106,7 @@ def _drawn(surface: np.ndarray, points: np.ndarray, motion: np.ndarray, steps: i
     return motion, left
 
 
-def _misfit(surface: np.ndarray, points: np.ndarray) -> float:
+def _misfit(surface: Array, points: Array) -> float:
     """Distance of points (m, 3) from a surface (n, 6), RMS in m, each limited to ``_FAR_M``."""
     place = surface[:, :3]
     squared = (place**2).sum(axis=1) - 2 * points @ place.T
@@ -113,7 +114,7 @@ def _misfit(surface: np.ndarray, points: np.ndarray) -> float:
     return float(np.sqrt(np.clip(apart, 0.0, _FAR_M**2).mean()))
 
 
-def _step(surface: np.ndarray, points: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, float]:
+def _step(surface: Array, points: Array, motion: Array) -> tuple[Array, float]:
     """The motion (4, 4) of a surface (n, 6), after the ``motion`` that it has had, that brings it nearer to points
     (m, 3) and to the commanded pose; and the points' distance from it, RMS."""
     place, normal = surface[:, :3], surface[:, 3:]
@@ -134,7 +135,7 @@ def _step(surface: np.ndarray, points: np.ndarray, motion: np.ndarray) -> tuple[
     return pose(turn(solved[:3] / angle, angle) if angle else None, solved[3:]), left
 
 
-def _turn_vector(rotation: np.ndarray) -> np.ndarray:
+def _turn_vector(rotation: Array) -> Array:
     """The axis of a rotation (3, 3) times its angle, rad; below half a turn."""
     sines = (
         np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
@@ -144,16 +145,16 @@ def _turn_vector(rotation: np.ndarray) -> np.ndarray:
     return sines * (math.atan2(sine, (np.trace(rotation) - 1) / 2) / sine) if sine else sines
 
 
-def _transformed(cloud: np.ndarray, motion: np.ndarray) -> np.ndarray:
+def _transformed(cloud: Array, motion: Array) -> Array:
     return np.hstack([cloud[:, :3] @ motion[:3, :3].T + motion[:3, 3], cloud[:, 3:] @ motion[:3, :3].T])
 
 
-def _facing(cloud: np.ndarray, eye: np.ndarray) -> np.ndarray:
+def _facing(cloud: Array, eye: Array) -> Array:
     """The points whose normals face the eye: it sees no others, and the far side would pull the near one back."""
     return cloud[((eye - cloud[:, :3]) * cloud[:, 3:]).sum(axis=1) > 0]
 
 
-def pose_error(found: np.ndarray, true: np.ndarray, point: np.ndarray) -> tuple[float, float]:
+def pose_error(found: Array, true: Array, point: Array) -> tuple[float, float]:
     """Error of a pose (4, 4) against the true one: mm at a ``point`` (3,) of the link's frame, and degrees."""
     apart = (found[:3, :3] - true[:3, :3]) @ point + found[:3, 3] - true[:3, 3]
     apart_by = found[:3, :3] @ true[:3, :3].T

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from .sites import Sites, choose
 
 #: The shares of unsafe cells taken for safe at which a ROC curve is given.
@@ -29,7 +30,7 @@ NUMBERS = (
 )
 
 
-def score_sites(found: Sites, truth: Sites, among: np.ndarray) -> dict[str, Any]:
+def score_sites(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:
     """Scores of a suitability map against the true one over the cells ``among``; None where a number is undefined.
 
     * ``base_rate``: share of safe cells, which is the average precision of a coin.
@@ -56,7 +57,7 @@ def score_sites(found: Sites, truth: Sites, among: np.ndarray) -> dict[str, Any]
     return result | {"cells": [int(safe.size), int(safe.sum()), int(taken.sum()), both]}
 
 
-def rank_scores(score: np.ndarray, positive: np.ndarray) -> dict[str, Any]:
+def rank_scores(score: Array, positive: Array) -> dict[str, Any]:
     """Average precision, area under the ROC curve and the curve at ``ROC_AT``, of scores (n,) and truth (n,).
 
     Equal scores are one step of the curves. None if all or none are positive.
@@ -78,7 +79,7 @@ def rank_scores(score: np.ndarray, positive: np.ndarray) -> dict[str, Any]:
     }
 
 
-def _choice(found: Sites, truth: Sites, among: np.ndarray) -> dict[str, Any]:
+def _choice(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:
     place, best = choose(found, among), choose(truth, among)
     chosen = None if place is None else list(place)
     if best is None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
 from .dem import Dem
 from .footprints import disc, distance_to, fit_planes, share_under, sums
 from .rules import SiteRules
@@ -27,12 +28,12 @@ _FITS = 3
 class Layers:
     """The quantities that the rules limit, arrays (rows, columns), NaN where unknown."""
 
-    known_share: np.ndarray
-    slope_deg: np.ndarray
-    roughness_m: np.ndarray
-    rock_distance_m: np.ndarray
-    joint_margin_deg: np.ndarray
-    lit_share: np.ndarray
+    known_share: Array
+    slope_deg: Array
+    roughness_m: Array
+    rock_distance_m: Array
+    joint_margin_deg: Array
+    lit_share: Array
 
 
 @dataclass(frozen=True)
@@ -40,17 +41,17 @@ class Sites:
     """A suitability map. ``margin`` is the least of ``(limit - value) / limit`` over the rules: safe from 0 on, at most
     1, minus infinity where something is unknown. ``failed`` is SAFE or the code of the first rule that fails."""
 
-    margin: np.ndarray
-    failed: np.ndarray
+    margin: Array
+    failed: Array
     layers: Layers
 
     @property
-    def safe(self) -> np.ndarray:
+    def safe(self) -> Array:
         """Boolean (rows, columns)."""
         return np.asarray(self.failed == SAFE)
 
 
-def find_rocks(height_m: np.ndarray, cell_m: float, rules: SiteRules) -> np.ndarray:
+def find_rocks(height_m: Array, cell_m: float, rules: SiteRules) -> Array:
     """Boolean (rows, columns): cells that stand at least ``rock_height_m`` above the plane of the ground around them.
 
     The plane is fitted again without what stands above it, so that a rock does not lift its own ground.
@@ -65,7 +66,7 @@ def find_rocks(height_m: np.ndarray, cell_m: float, rules: SiteRules) -> np.ndar
 
 
 def measure_layers(
-    dem: Dem, joint_margin_deg: np.ndarray, lit: np.ndarray, rules: SiteRules, rocks: np.ndarray | None = None
+    dem: Dem, joint_margin_deg: Array, lit: Array, rules: SiteRules, rocks: Array | None = None
 ) -> Layers:
     """The layers of an elevation model.
 
@@ -105,15 +106,15 @@ def judge(layers: Layers, rules: SiteRules) -> Sites:
     )
 
 
-def _at_most(value: np.ndarray, limit: float) -> np.ndarray:
+def _at_most(value: Array, limit: float) -> Array:
     return (limit - value) / limit
 
 
-def _at_least(value: np.ndarray, limit: float) -> np.ndarray:
+def _at_least(value: Array, limit: float) -> Array:
     return (value - limit) / limit
 
 
-def choose(sites: Sites, among: np.ndarray) -> tuple[int, int] | None:
+def choose(sites: Sites, among: Array) -> tuple[int, int] | None:
     """Row and column of the site that would be chosen: the safe one ``among`` these with the largest margin.
 
     Of equal ones it is the nearest to the middle of the map, then the first by row and column. None if none is safe.
@@ -128,7 +129,7 @@ def choose(sites: Sites, among: np.ndarray) -> tuple[int, int] | None:
     return int(row[k]), int(column[k])
 
 
-def cast_light(height_m: np.ndarray, cell_m: float, toward_sun: np.ndarray) -> np.ndarray:
+def cast_light(height_m: Array, cell_m: float, toward_sun: Array) -> Array:
     """1.0 where the middle of the Sun, in this direction of the site, is seen from a cell over the heights, 0.0 where
     ground stands before it, NaN where the height is unknown. What stands outside the map casts no shadow."""
     east, north, up = (float(each) for each in toward_sun)
@@ -147,7 +148,7 @@ def cast_light(height_m: np.ndarray, cell_m: float, toward_sun: np.ndarray) -> n
     return np.where(known, lit.astype(np.float64), np.nan)
 
 
-def _shifted(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
+def _shifted(values: Array, rows: int, columns: int) -> Array:
     """For each cell the value of the cell ``rows`` and ``columns`` further on; minus infinity beyond the border."""
     result = np.full(values.shape, -np.inf)
     height, width = values.shape
@@ -158,7 +159,7 @@ def _shifted(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
     return result
 
 
-def judge_pads(dem: Dem, diameter_m: float, slope_deg: float, rock_height_m: float, known_share: float) -> np.ndarray:
+def judge_pads(dem: Dem, diameter_m: float, slope_deg: float, rock_height_m: float, known_share: float) -> Array:
     """uint8 (rows, columns) for a landing pad centred on each cell: 0 fits, 1 unknown, 2 too steep, 3 a rock under it.
 
     A rock is what stands higher than ``rock_height_m`` above the plane under the pad.

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import COUNT, FILE_NAME, FLAG, NUMBER, POSITIVE, TEXT, Each, Maybe, read_record
 from .dem import Grid, read_cells
@@ -48,9 +49,9 @@ class StoredMap:
 
     kind: str  # SUITABILITY, SLOPE or HEIGHT_ERROR
     grid: Grid
-    values: np.ndarray  # float64: a margin, minus infinity where something is not known; degrees; or metres
-    height_m: np.ndarray  # the true heights
-    reach: np.ndarray | None  # boolean: where the arm gets; None without an arm
+    values: Array  # float64: a margin, minus infinity where something is not known; degrees; or metres
+    height_m: Array  # the true heights
+    reach: Array | None  # boolean: where the arm gets; None without an arm
     chosen: tuple[int, int] | None  # row and column of the site that would be chosen
     disc_m: float  # diameter of the footprint
     slope_deg: float  # the slope that the rules allow
@@ -119,13 +120,13 @@ def _grid_of(facts: Mapping[str, Any], path: Path) -> Grid:
     return Grid(float(facts["cell_m"]), rows, columns, *map(float, facts["origin_m"]))
 
 
-def _values(folder: Path, files: Mapping[str, str], kind: str, grid: Grid, truth: np.ndarray) -> np.ndarray:
+def _values(folder: Path, files: Mapping[str, str], kind: str, grid: Grid, truth: Array) -> Array:
     if kind == HEIGHT_ERROR:
         return np.asarray(_read_cells(folder, files, "dem", grid) - truth)
     return _read_cells(folder, files, kind.lower(), grid)
 
 
-def _read_cells(folder: Path, files: Mapping[str, str], name: str, grid: Grid) -> np.ndarray:
+def _read_cells(folder: Path, files: Mapping[str, str], name: str, grid: Grid) -> Array:
     """Numbers of all cells, float64."""
     path = folder / files.get(name, "")
     if name not in files or "\0" in files[name] or not path.resolve().is_relative_to(folder.resolve()):
@@ -138,7 +139,7 @@ def _place(chosen: list[int] | None, grid: Grid) -> tuple[int, int] | None:
     return (chosen[0], chosen[1]) if fits and chosen else None
 
 
-def outlines(cells: np.ndarray) -> list[np.ndarray]:
+def outlines(cells: Array) -> list[Array]:
     """The closed outlines of the true cells (rows, columns): corners (n, 2) of cells, row first, in the order in which
     they follow; holes have outlines of their own."""
     padded = np.pad(cells, 1)

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from ...render.pairs.pair_folder import Pair
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.labels import LANDER
 from ..images.disparity_and_occlusion import scene_depth
@@ -40,7 +41,7 @@ class Maps:
 
     dem: Dem
     sites: Sites
-    pads: np.ndarray
+    pads: Array
 
 
 @dataclass(frozen=True)
@@ -49,12 +50,12 @@ class Workspace:
 
     prepared: Prepared
     pair: Pair
-    pose: np.ndarray  # (4, 4), from the left eye of the parallel rig to the site
+    pose: Array  # (4, 4), from the left eye of the parallel rig to the site
     rules: Rules
     exact: bool  # the true heights come from the meshes; otherwise from the true depth of both eyes
-    seen: np.ndarray  # boolean (rows, columns): a pixel of the left image lies in this cell
-    inside: np.ndarray  # boolean: the whole footprint of a site lies in the workspace
-    reached: np.ndarray  # boolean: inside, and the arm reaches the cell within its joint limits
+    seen: Array  # boolean (rows, columns): a pixel of the left image lies in this cell
+    inside: Array  # boolean: the whole footprint of a site lies in the workspace
+    reached: Array  # boolean: inside, and the arm reaches the cell within its joint limits
     truth: Maps
 
     @property
@@ -105,7 +106,7 @@ def open_workspace(prepared: Prepared, rules: Rules, cell_m: float | None = None
     )
 
 
-def toward_sun(pair: Pair) -> np.ndarray:
+def toward_sun(pair: Pair) -> Array:
     """Unit vector from the site to the Sun. Raises IcyMoonError if the pair does not contain it."""
     if pair.sun is None:
         raise IcyMoonError(
@@ -114,7 +115,7 @@ def toward_sun(pair: Pair) -> np.ndarray:
     return pair.sun.direction
 
 
-def decide(workspace: Workspace, depth_m: np.ndarray, pose: np.ndarray | None = None) -> Maps:
+def decide(workspace: Workspace, depth_m: Array, pose: Array | None = None) -> Maps:
     """The maps from a planar depth (H, W) of the left image, NaN where unknown.
 
     ``pose`` is the pose that the lander assumes for its left eye; by default the true one.
@@ -152,9 +153,7 @@ def compare(workspace: Workspace, found: Maps) -> dict[str, Any]:
     }
 
 
-def compare_beside_lander(
-    workspace: Workspace, found: Maps, depth_m: np.ndarray, pose: np.ndarray
-) -> dict[str, float | None]:
+def compare_beside_lander(workspace: Workspace, found: Maps, depth_m: Array, pose: Array) -> dict[str, float | None]:
     """The effect of leaving out the pixels beside the lander, over the seen cells in reach.
 
     ``beside_rmse_m``: of the heights that these pixels alone give; ``beside_bias_m`` of them; ``beside_share``: the
@@ -175,7 +174,7 @@ def compare_beside_lander(
     }
 
 
-def disturb(pose: np.ndarray, error_mm: float, error_deg: float, random: np.random.Generator) -> np.ndarray:
+def disturb(pose: Array, error_mm: float, error_deg: float, random: np.random.Generator) -> Array:
     """The pose (4, 4) with an error: a shift and a turn about the eye, each normal in three axes, these their standard
     deviations per axis."""
     turn = np.radians(error_deg) * random.standard_normal(3)
@@ -189,14 +188,14 @@ def disturb(pose: np.ndarray, error_mm: float, error_deg: float, random: np.rand
     return result
 
 
-def _margins(pair: Pair, pose: np.ndarray, dem: Dem) -> np.ndarray:
+def _margins(pair: Pair, pose: Array, dem: Dem) -> Array:
     """The arm's margins, of a lander whose camera has this ``pose``."""
     return find_margins(
         pair.settings, float(pose[2, 3]) - pair.settings.rig.height_m, *dem.grid.centres(), dem.height_m
     )
 
 
-def _score_pads(found: np.ndarray, truth: np.ndarray, among: np.ndarray) -> dict[str, float | None]:
+def _score_pads(found: Array, truth: Array, among: Array) -> dict[str, float | None]:
     fits, taken = truth[among] == 0, found[among] == 0
     both = float((fits & taken).sum())
     return {
@@ -206,23 +205,23 @@ def _score_pads(found: np.ndarray, truth: np.ndarray, among: np.ndarray) -> dict
     }
 
 
-def _pads(dem: Dem, rules: Rules) -> np.ndarray:
+def _pads(dem: Dem, rules: Rules) -> Array:
     pad = rules.pad
     return judge_pads(dem, pad.disc_m, pad.slope_deg, pad.rock_height_m, pad.known_share)
 
 
-def _is_ground(prepared: Prepared) -> np.ndarray:
+def _is_ground(prepared: Prepared) -> Array:
     return np.asarray(prepared.classes[MATERIAL.key] != _LANDER)
 
 
-def _is_apart_from_lander(prepared: Prepared) -> np.ndarray:
+def _is_apart_from_lander(prepared: Prepared) -> Array:
     """Ground (H, W) around which a matcher's window sees no lander: a lander knows where its arm is."""
     lander = (~_is_ground(prepared)).astype(np.uint8)
     side = 2 * _SMEARED_PX + 1
     return np.asarray(cv2.dilate(lander, np.ones((side, side), np.uint8)) == 0)
 
 
-def _lit_pixels(workspace: Workspace) -> np.ndarray:
+def _lit_pixels(workspace: Workspace) -> Array:
     """1.0 or 0.0 (H, W): the left image is brighter than a share of the median of its ground."""
     image = workspace.prepared.left
     grey = (image if image.ndim == 2 else image.mean(axis=2)).astype(np.float64)
@@ -231,12 +230,12 @@ def _lit_pixels(workspace: Workspace) -> np.ndarray:
     return (level > workspace.rules.site.lit_level * np.median(level[ground])).astype(np.float64)
 
 
-def _read_heights(pair: Pair, stated: Mapping[str, Any]) -> np.ndarray:
+def _read_heights(pair: Pair, stated: Mapping[str, Any]) -> Array:
     """The true heights, float64 (2, rows, columns). Raises IcyMoonError if the file is missing, damaged or another."""
     return read_cells(pair.folder / stated["file"], (2, *stated["shape"]), "render the pair again")
 
 
-def _points_of_right_eye(pair: Pair) -> np.ndarray:
+def _points_of_right_eye(pair: Pair) -> Array:
     pose = pair.rectified_pose("right")
     view = read_depth(pair.truth("right"), "right")
     ground = np.ones(view.depth.shape, bool) if view.semantic is None else view.semantic != LANDER
@@ -244,7 +243,7 @@ def _points_of_right_eye(pair: Pair) -> np.ndarray:
     return points_of(depth, pair.camera.rectified, pose)[0] if pose is not None else np.empty((0, 3))
 
 
-def _grid_ahead(pair: Pair, points: np.ndarray, cell_m: float) -> Grid:
+def _grid_ahead(pair: Pair, points: Array, cell_m: float) -> Grid:
     """Cells around the middle of the ground that the left image shows, as large as the settings' workspace."""
     workspace = pair.settings.workspace
     size = workspace.size_m

@@ -18,6 +18,7 @@ from ...physics.arm.lander_arm import solids_of
 from ...physics.arm.silhouette import find_silhouette
 from ...physics.arm.solids import Solid
 from ...render.pairs.pair_folder import EYES
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_json
 from ..images.develop import to_8_bit
@@ -37,7 +38,7 @@ class _Models:
     """The models so far: number by link and shape, and the facts of each."""
 
     numbers: dict[tuple[str, bytes], int] = field(default_factory=dict)
-    centres: dict[int, np.ndarray] = field(default_factory=dict)
+    centres: dict[int, Array] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
 
     def copy(self) -> _Models:
@@ -60,7 +61,7 @@ class _Models:
         return self.numbers[key]
 
 
-def _facts(places: np.ndarray) -> dict[str, float]:
+def _facts(places: Array) -> dict[str, float]:
     """Diameter and box of a model in millimetres, as ``models_info.json`` has them."""
     low, size = places.min(axis=0), np.ptp(places, axis=0)
     # The farthest two vertices are ends of it in some direction.
@@ -74,7 +75,7 @@ def _facts(places: np.ndarray) -> dict[str, float]:
     }
 
 
-def _vertex_normals(solid: Solid) -> np.ndarray:
+def _vertex_normals(solid: Solid) -> Array:
     """Unit normals (n, 3): the mean of the triangles around, by area."""
     a, b, c = (solid.vertices[solid.triangles[:, k]] for k in range(3))
     normals, faces = np.zeros_like(solid.vertices), np.cross(b - a, c - a)
@@ -126,7 +127,7 @@ def _write_image(pair: Loaded, eye: str, folder: Path, image: int) -> list[Loss]
     return losses
 
 
-def _matrix(pair: Loaded) -> np.ndarray:
+def _matrix(pair: Loaded) -> Array:
     camera = pair.pair.camera.rectified
     return np.array([[camera.focal_px, 0.0, camera.cx_px], [0.0, camera.focal_px, camera.cy_px], [0.0, 0.0, 1.0]])
 
@@ -161,7 +162,7 @@ def _write_links(
     return poses, facts
 
 
-def _pixels(whole: np.ndarray, seen: np.ndarray, depth: np.ndarray) -> dict[str, Any]:
+def _pixels(whole: Array, seen: Array, depth: Array) -> dict[str, Any]:
     every = int(whole.sum())
     return {
         "bbox_obj": _box(whole),
@@ -173,7 +174,7 @@ def _pixels(whole: np.ndarray, seen: np.ndarray, depth: np.ndarray) -> dict[str,
     }
 
 
-def _box(mask: np.ndarray) -> list[int]:
+def _box(mask: Array) -> list[int]:
     """x, y, width and height of a mask; -1 where it is empty, as BOP has it."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):

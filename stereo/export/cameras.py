@@ -14,6 +14,7 @@ from ...physics.camera.lens_distortion import coefficients
 from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
 from ...settings import changes
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_json, write_text
 from ..images.develop import to_8_bit
@@ -27,7 +28,7 @@ FRAME = "ICYMOON_SITE_EAST_NORTH_UP"
 _POINTS = 2000
 
 
-def pose_of(pair: Loaded, eye: str) -> np.ndarray:
+def pose_of(pair: Loaded, eye: str) -> Array:
     """The matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair does not contain it."""
     pose = pair.pair.rectified_pose(eye)
     if pose is None:
@@ -37,7 +38,7 @@ def pose_of(pair: Loaded, eye: str) -> np.ndarray:
     return pose
 
 
-def rays_of(camera: StereoCamera) -> np.ndarray:
+def rays_of(camera: StereoCamera) -> Array:
     """Directions (H, W, 3) of the pixels' centres in the camera's axes, with z = 1: times planar depth, points."""
     v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     return np.stack(
@@ -56,9 +57,7 @@ def write_cahvor(pair: Loaded, out: Path) -> None:
     k, images = coefficients(pair.settings.rig), pair.images
     for eye in EYES:
         pose = pose_of(pair, eye)
-        named: dict[str, tuple[np.ndarray, tuple[float, ...], np.ndarray]] = {
-            eye: (images.for_files(eye), (), np.eye(3))
-        }
+        named: dict[str, tuple[Array, tuple[float, ...], Array]] = {eye: (images.for_files(eye), (), np.eye(3))}
         if any(k) or camera.toe_in_deg:
             named[f"{eye}_sensor"] = (getattr(images, f"detected_{eye}"), k, camera.eye_rotation(eye))
         for name, (image, distortion, turn) in named.items():
@@ -74,7 +73,7 @@ def write_cahvor(pair: Loaded, out: Path) -> None:
             write_text(folder / f"{name}.lbl", pds_text(model, FRAME))
 
 
-def _centre_matrix(camera: StereoCamera) -> np.ndarray:
+def _centre_matrix(camera: StereoCamera) -> Array:
     """K with pixels counted from the centre of the first one."""
     matrix = np.array(camera.matrix)
     matrix[:2, 2] -= 0.5
@@ -171,7 +170,7 @@ def _add_pair(model: _Model, pair: Loaded, folder: Path) -> None:
         model.points.append(f"{first_point + n} {place} {red} {green} {blue} 0 {first_image} {n} {first_image + 1} {n}")
 
 
-def _chosen(pair: Loaded) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _chosen(pair: Loaded) -> tuple[Array, Array, Array]:
     """Rows and columns of left pixels that both eyes see, evenly spread, and where the right eye sees their points."""
     rows, columns = np.nonzero(pair.visible["left"])
     step = max(1, len(rows) // _POINTS)
@@ -180,14 +179,14 @@ def _chosen(pair: Loaded) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return rows, columns, columns + 0.5 - disparity
 
 
-def _points(pair: Loaded, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def _points(pair: Loaded, rows: Array, columns: Array) -> Array:
     """World coordinates (n, 3) in metres of the points that left pixels see."""
     pose = pose_of(pair, "left")
     eye = rays_of(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
     return eye @ pose[:3, :3].T + pose[:3, 3]
 
 
-def quaternion(rotation: np.ndarray) -> np.ndarray:
+def quaternion(rotation: Array) -> Array:
     """w, x, y, z of a rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack 2000, JGCD 23, 1085)."""
     m = rotation
     k = (

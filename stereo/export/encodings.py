@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...support.arrays import Array
 from ..images.image_files import write_bytes
 from .losses import Loss
 
@@ -15,7 +16,7 @@ MILLIMETRES = 1000.0
 _MOST_STEPS = 65535
 
 
-def write_pfm(path: Path, values: np.ndarray) -> None:
+def write_pfm(path: Path, values: Array) -> None:
     """Write (H, W) or (H, W, 3; R, G, B) as a portable float map: float32, bottom row first, little-endian.
 
     A value that is not finite is written as infinity, which means unknown in Middlebury's files.
@@ -26,7 +27,7 @@ def write_pfm(path: Path, values: np.ndarray) -> None:
     write_bytes(path, header + np.ascontiguousarray(single[::-1]).tobytes())
 
 
-def in_steps(values: np.ndarray, scale: float, what: str, unit: str) -> tuple[np.ndarray, list[Loss]]:
+def in_steps(values: Array, scale: float, what: str, unit: str) -> tuple[Array, list[Loss]]:
     """``values`` (H, W) times ``scale`` as uint16, 0 where undefined, and the loss: values outside of 1 / scale to
     65535 / scale."""
     with np.errstate(invalid="ignore", over="ignore"):
@@ -41,7 +42,7 @@ def in_steps(values: np.ndarray, scale: float, what: str, unit: str) -> tuple[np
     return np.where(fits, steps, 0).astype(np.uint16), [Loss(what, lost / int(known.sum()), why)] if lost else []
 
 
-def run_lengths(pixels: np.ndarray, count: int) -> list[int]:
+def run_lengths(pixels: Array, count: int) -> list[int]:
     """COCO's uncompressed run lengths of a mask: zeros and ones in turn, column by column.
 
     ``pixels`` are the ascending indices of the mask's pixels, in the same order, in an image of ``count`` pixels.

@@ -32,6 +32,7 @@ from ...formats.geotiff import MAP_FORMULA
 from ...physics.camera.stereo_camera import StereoCamera
 from ...plugins.installed import Plugin
 from ...render.pairs.pair_folder import EYES
+from ...support.arrays import Array
 from ...support.errors import DiskError, IcyMoonError, describe_error
 from ...support.files import escape_cell, write_atomically, write_json, write_text
 from ...support.labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
@@ -150,11 +151,11 @@ class _Pairs:
         self._tell({"type": "error", "message": self.failed[-1]})
 
 
-def _disparity(pair: Loaded, eye: str) -> np.ndarray:
+def _disparity(pair: Loaded, eye: str) -> Array:
     return pair.pair.camera.disparity(pair.depth[eye])
 
 
-def _image(pair: Loaded, eye: str) -> np.ndarray:
+def _image(pair: Loaded, eye: str) -> Array:
     """The image of an eye, grey (H, W) or in colour (H, W, 3) in the order B, G, R."""
     return pair.images.for_files(eye)
 
@@ -188,7 +189,7 @@ def _write_png8(pair: Loaded, out: Path) -> None:
 def _write_png16(pair: Loaded, out: Path) -> list[Loss]:
     folder = out / pair.pair.folder.name
     labels = _instance_labels(pair)
-    maps: dict[str, np.ndarray] = {}
+    maps: dict[str, Array] = {}
     losses: list[Loss] = []
     for eye in EYES:
         for what, values, scale, unit in (
@@ -217,14 +218,14 @@ def _write_png16(pair: Loaded, out: Path) -> list[Loss]:
     return losses
 
 
-def _image_16_bit(pair: Loaded, eye: str) -> np.ndarray:
+def _image_16_bit(pair: Loaded, eye: str) -> Array:
     """The image of ``_write_8_bit`` in 16 bits."""
     level = _image(pair, eye) / (2.0**pair.images.bits - 1)
     level = np.sqrt(level) if pair.images.encoding == "SQUARE_ROOT" else level
     return np.asarray(np.rint(65535 * level).astype(np.uint16))
 
 
-def _instance_labels(pair: Loaded) -> np.ndarray:
+def _instance_labels(pair: Loaded) -> Array:
     """The instance labels of both eyes in ascending order, from 0. Their positions fit 16 bits."""
     found = [np.unique(view.instance) for view in pair.views.values() if view.instance is not None]
     labels = np.unique(np.concatenate([[0], *found]))
@@ -361,7 +362,7 @@ def _write_coco(each: Each, out: Path) -> None:
     write_atomically(out / "annotations.json", fill)
 
 
-def coco_annotations(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator[dict[str, Any]]:
+def coco_annotations(instance: Array | None, semantic: Array | None) -> Iterator[dict[str, Any]]:
     """COCO annotations of the THINGS in an image: mask as run lengths, box (x, y, width, height) and area.
 
     ``instance`` and ``semantic`` are labels (H, W). The category is the most frequent one among the instance's pixels.

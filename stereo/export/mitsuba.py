@@ -29,6 +29,7 @@ from ...render.plans.planned_pair import PlannedPair
 from ...render.workers.process import Message
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_json, write_text
 from ...support.version import ROOT
@@ -194,7 +195,7 @@ def _lights(pair: Pair, shown: Sky, folder: Path) -> dict[str, Plugin]:
     return found
 
 
-def _sun(direction: np.ndarray, energy: float, diameter_deg: float) -> Plugin:
+def _sun(direction: Array, energy: float, diameter_deg: float) -> Plugin:
     if diameter_deg == 0:
         return {"type": "directional", "direction": [float(-axis) for axis in direction], "irradiance": [energy] * 3}
     half = math.radians(diameter_deg / 2)
@@ -215,7 +216,7 @@ def _sun(direction: np.ndarray, energy: float, diameter_deg: float) -> Plugin:
 _SKY_TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 
 
-def _sky_map(seen: VisibleCap) -> np.ndarray:
+def _sky_map(seen: VisibleCap) -> Array:
     """Radiance (rows, 2 rows, 3) of the planet by direction, as Mitsuba's ``envmap`` reads it; 0 below the horizon."""
     rows = _SKY_ROWS
     # Mitsuba: u = atan2(x, -z) / 2π over the columns, v = acos(y) / π from the middle of the first row to the middle of

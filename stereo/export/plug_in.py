@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...plugins.installed import Found, Plugin, explained, find, function_of, load
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..measure.prepare import Loaded
 from . import EXPORTS
@@ -33,19 +34,19 @@ class ExportedPair:
     """
 
     name: str
-    left: np.ndarray
-    right: np.ndarray
+    left: Array
+    right: Array
     bits: int
-    radiance_left: np.ndarray
-    radiance_right: np.ndarray
-    depth_left_m: np.ndarray
-    depth_right_m: np.ndarray
-    disparity_left_px: np.ndarray
-    disparity_right_px: np.ndarray
-    visible_left: np.ndarray
-    visible_right: np.ndarray
-    semantic_left: np.ndarray | None
-    instance_left: np.ndarray | None
+    radiance_left: Array
+    radiance_right: Array
+    depth_left_m: Array
+    depth_right_m: Array
+    disparity_left_px: Array
+    disparity_right_px: Array
+    visible_left: Array
+    visible_right: Array
+    semantic_left: Array | None
+    instance_left: Array | None
     focal_px: float
     cx_px: float
     cy_px: float

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from ..images.colours import signed_colours
 from ..images.image_files import write_bytes
 from ..measure.prepare import Prepared
@@ -33,7 +34,7 @@ _LAYOUT = np.dtype(
 _KINDS = {"f4": "float", "u1": "uchar"}
 
 
-def write_points(path: Path, prepared: Prepared, disparity: np.ndarray) -> None:
+def write_points(path: Path, prepared: Prepared, disparity: Array) -> None:
     """Write the measured points in world axes, metres, as binary PLY.
 
     Normals point to the camera. ``error_m`` is the measured minus the true depth, NaN where there is no true one.
@@ -56,7 +57,7 @@ def write_points(path: Path, prepared: Prepared, disparity: np.ndarray) -> None:
     write_bytes(path, "".join(f"{line}\n" for line in header).encode("ascii") + points.tobytes())
 
 
-def measured_points(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
+def measured_points(prepared: Prepared, disparity: Array) -> Array:
     """The points as a structured array of _LAYOUT; see ``write_points``."""
     camera = prepared.pair.camera
     pose = pose_of(prepared)
@@ -86,24 +87,24 @@ def measured_points(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
     return points
 
 
-def missing_points(prepared: Prepared, disparity: np.ndarray) -> int:
+def missing_points(prepared: Prepared, disparity: Array) -> int:
     """Number of pixels in ``measured_points``' grid that have a true depth and no measured one."""
     step = _step(disparity)
     depth, truth = (values[::step, ::step] for values in (depth_of(prepared, disparity), prepared.truth))
     return int((np.isfinite(truth) & ~np.isfinite(depth)).sum())
 
 
-def _step(disparity: np.ndarray) -> int:
+def _step(disparity: Array) -> int:
     """Step in rows and columns between the pixels that become points."""
     return max(1, int(np.ceil(np.sqrt(disparity.size / MOST_POINTS))))
 
 
-def pose_of(prepared: Prepared) -> np.ndarray | None:
+def pose_of(prepared: Prepared) -> Array | None:
     """The matrix (4, 4) from the rectified left camera, in OpenCV's axes, to the world; None if the pair has none."""
     return prepared.pair.rectified_pose("left")
 
 
-def add_points(images: dict[str, Any], out: Path, prepared: Prepared, disparity: np.ndarray) -> dict[str, Any]:
+def add_points(images: dict[str, Any], out: Path, prepared: Prepared, disparity: Array) -> dict[str, Any]:
     """The ``images`` of a row with its ``points``; these are written beside its disparity unless they are there."""
     if "points" in images:
         return images

@@ -18,6 +18,7 @@ from ...formats.fits import Image, encode_fits
 from ...formats.tiff_write import encode_tiff
 from ...physics.light.sunlight import sun_colour
 from ...render.pairs.pair_folder import EYES
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.labels import LIGHT_GROUPS
 from ..images.develop import scaled_radiance
@@ -39,10 +40,10 @@ class Photometry:
     ``irradiance_wm2`` is E, the mean of the bands."""
 
     irradiance_wm2: float
-    radiance_factor: np.ndarray
-    incidence_deg: np.ndarray
-    emission_deg: np.ndarray
-    phase_deg: np.ndarray
+    radiance_factor: Array
+    incidence_deg: Array
+    emission_deg: Array
+    phase_deg: Array
 
 
 def photometry_of(pair: Loaded, eye: str) -> Photometry:
@@ -70,7 +71,7 @@ def photometry_of(pair: Loaded, eye: str) -> Photometry:
     back = -(rays / np.linalg.norm(rays, axis=-1, keepdims=True)) @ pose[:3, :3].T
     known = np.isfinite(depth)
 
-    def where_known(angle: np.ndarray) -> np.ndarray:
+    def where_known(angle: Array) -> Array:
         return np.where(known, angle, np.nan)
 
     none = np.full(depth.shape, np.nan)
@@ -85,7 +86,7 @@ def photometry_of(pair: Loaded, eye: str) -> Photometry:
     )
 
 
-def angle_deg(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def angle_deg(one: Array, other: Array) -> Array:
     """Degrees between vectors (..., 3) of any length. Cosines near 1 of rounded normals tell no angle."""
     first = one.astype(np.float64)
     return np.asarray(

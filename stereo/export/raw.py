@@ -11,6 +11,7 @@ import numpy as np
 from ...physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
+from ...support.arrays import Array
 from ...support.files import write_json, write_text
 from ..images.develop import exposure_facts
 from ..images.image_files import write_npy, write_png
@@ -54,7 +55,7 @@ def write_raw(pair: Loaded, out: Path) -> None:
     )
 
 
-def opencv_calibration(camera: StereoCamera, distortion: tuple[float, ...]) -> dict[str, np.ndarray]:
+def opencv_calibration(camera: StereoCamera, distortion: tuple[float, ...]) -> dict[str, Array]:
     """The calibration under the names of OpenCV's stereo programs, lengths in metres, pixels counted from centres.
 
     M, D: matrix and distortion of each eye; x2 = R x1 + T; E, F: essential and fundamental matrix; R1, R2, P1, P2, Q:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...render.pairs.pair_folder import EYES
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import explain_disk_errors, part_of
 from ...support.system import remove_folder, replace
@@ -76,7 +77,7 @@ def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, An
     def header(frame: str) -> Any:
         return kinds["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
-    def image(pixels: np.ndarray, encoding: str, frame: str) -> Any:
+    def image(pixels: Array, encoding: str, frame: str) -> Any:
         rows, columns = pixels.shape[:2]
         data = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
         return kinds["sensor_msgs/msg/Image"](

@@ -22,6 +22,7 @@ import numpy as np
 
 from ...render.pairs.pair_folder import EYES
 from ...render.pairs.scene_splits import scene_of, split_of_pair
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import explain_disk_errors, part_of, write_json, write_text
 from ...support.number_text import count_of
@@ -142,7 +143,7 @@ def write_webdataset(each: Each, out: Path) -> None:
     write_json(out / "croissant.json", _croissant(out, names))
 
 
-def _files_of(pair: Loaded, steps: np.ndarray) -> dict[str, bytes]:
+def _files_of(pair: Loaded, steps: Array) -> dict[str, bytes]:
     """The files of a pair in a shard, by their suffix; ``steps`` are its disparities."""
     top = 2.0**pair.images.bits - 1
     found = {}

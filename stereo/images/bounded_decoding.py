@@ -28,6 +28,7 @@ from typing import IO, Any
 import numpy as np
 
 from ...support import system
+from ...support.arrays import Array
 from ...support.foreign_bytes import RefusedError, parse_json
 from .exr_header import Channel
 from .image_headers import Encoded
@@ -44,7 +45,7 @@ _TYPES = ("u1", "u2", "u4", "i1", "i2", "i4", "f2", "f4", "f8")
 _ENVIRONMENT = {"MALLOC_ARENA_MAX": "1", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
-def decode(image: Encoded) -> np.ndarray:
+def decode(image: Encoded) -> Array:
     """The pixels of an image, (H, W) or (H, W, 3 or 4), as OpenCV gives them.
 
     Raises ValueError if it is damaged, RefusedError if it cannot be decoded within the bounds.
@@ -55,7 +56,7 @@ def decode(image: Encoded) -> np.ndarray:
     return pixels
 
 
-def decode_exr(path: Path, channel: Channel, all_bytes: int) -> np.ndarray:
+def decode_exr(path: Path, channel: Channel, all_bytes: int) -> Array:
     """The pixels of one channel of an EXR file, whose channels have ``all_bytes``. Raises as ``decode`` does."""
     request = {"path": str(path), "part": channel.part, "channel": channel.name}
     pixels = _ask(request, b"", all_bytes)
@@ -90,9 +91,9 @@ class _Decoder:
                 f"({error.strerror or error}); end other programs."
             ) from None
 
-    def ask(self, request: Mapping[str, Any], content: bytes, most_bytes: int) -> np.ndarray | str:
+    def ask(self, request: Mapping[str, Any], content: bytes, most_bytes: int) -> Array | str:
         """The pixels, or the error in words. Raises _DiedError if it has ended, TimeoutError if it takes too long."""
-        answer: queue.SimpleQueue[np.ndarray | str | None] = queue.SimpleQueue()
+        answer: queue.SimpleQueue[Array | str | None] = queue.SimpleQueue()
         # A thread, since Windows has no pipe that can be waited for with a limit.
         threading.Thread(target=self._talk, args=(request, content, most_bytes, answer), daemon=True).start()
         end = time.monotonic() + _LIMIT_S
@@ -109,7 +110,7 @@ class _Decoder:
         request: Mapping[str, Any],
         content: bytes,
         most_bytes: int,
-        answer: queue.SimpleQueue[np.ndarray | str | None],
+        answer: queue.SimpleQueue[Array | str | None],
     ) -> None:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -133,7 +134,7 @@ class _Decoder:
         return status
 
 
-def _read_answer(stream: IO[bytes], most_bytes: int) -> np.ndarray | str:
+def _read_answer(stream: IO[bytes], most_bytes: int) -> Array | str:
     """The pixels, or the error in words. Raises ValueError for any other answer."""
     line = stream.readline(_LONGEST_LINE)
     if not line.endswith(b"\n"):
@@ -163,7 +164,7 @@ _lock = threading.Lock()
 _running: list[_Decoder] = []
 
 
-def _ask(request: dict[str, Any], content: bytes, most_bytes: int) -> np.ndarray:
+def _ask(request: dict[str, Any], content: bytes, most_bytes: int) -> Array:
     cpu_s = _CPU_S + _CPU_S_PER_BYTE * most_bytes
     request |= {"bytes": len(content), "cpu_s": cpu_s, "memory": _COPIES * most_bytes + 2 * len(content) + _MEMORY}
     with _lock:
@@ -206,7 +207,7 @@ def main(arguments: Sequence[str]) -> int:
     while line := source.readline():
         request = json.loads(line)
         content = source.read(request["bytes"])
-        pixels: np.ndarray | None = None
+        pixels: Array | None = None
         decode_now = _exr_decoder(request) if "path" in request else _image_decoder(content)
         try:
             with system.bound_memory_and_time(request["memory"], request["cpu_s"]):
@@ -226,16 +227,16 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _image_decoder(content: bytes) -> Callable[[], np.ndarray]:
+def _image_decoder(content: bytes) -> Callable[[], Array]:
     from .image_files import decode_here  # the library is loaded before time is counted
 
     return lambda: decode_here(Encoded(content, 0, 0, 0))
 
 
-def _exr_decoder(request: Mapping[str, Any]) -> Callable[[], np.ndarray]:
+def _exr_decoder(request: Mapping[str, Any]) -> Callable[[], Array]:
     import OpenEXR
 
-    def decode_channel() -> np.ndarray:
+    def decode_channel() -> Array:
         for part in OpenEXR.File(request["path"], separate_channels=True).parts:
             if part.part_index == request["part"]:
                 return np.asarray(part.channels[request["channel"]].pixels)

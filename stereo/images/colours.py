@@ -14,6 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from ...support.arrays import Array
 from .lettering import put_text, text_width
 
 INVALID_GREY = 150  # no measurement
@@ -35,7 +36,7 @@ MAGMA = (
 
 
 @lru_cache(maxsize=2)
-def _levels(colormap: str) -> np.ndarray:
+def _levels(colormap: str) -> Array:
     """BGR uint8 (256, 3) of a colour map."""
     stops = np.frombuffer(bytes.fromhex(colormap), np.uint8).reshape(-1, 3)
     at = np.linspace(0, 255, len(stops))
@@ -56,12 +57,12 @@ class Scale:
         """Round numbers that label the scale."""
         return _ticks(self.low, self.high)
 
-    def position(self, value: np.ndarray | float) -> np.ndarray:
+    def position(self, value: Array | float) -> Array:
         """Where values lie on the scale, from 0 to 1; values beyond its ends lie at the ends."""
         logarithm = np.log(np.maximum(value, np.finfo(np.float64).tiny))
         return np.clip((logarithm - math.log(self.low)) / math.log(self.high / self.low), 0.0, 1.0)
 
-    def colours(self, value: np.ndarray, greys: Mapping[int, np.ndarray] | None = None) -> np.ndarray:
+    def colours(self, value: Array, greys: Mapping[int, Array] | None = None) -> Array:
         """BGR uint8 (H, W, 3) of values (H, W); a grey where its mask is set, the last one that is. NaN without a grey
         gets an arbitrary colour."""
         held = np.fmin(np.fmax(value, self.low), self.high).astype(np.float32)
@@ -82,7 +83,7 @@ class Scale:
 ERROR = Scale(0.01, 1.0, MAGMA, "|depth error| (m), log scale")
 
 
-def depth_scale(truth: np.ndarray) -> Scale:
+def depth_scale(truth: Array) -> Scale:
     """The scale for a pair's depths: from the 1st to the 99th percentile of its true depth (m)."""
     known = truth[np.isfinite(truth)]
     low, high = (float(q) for q in np.quantile(known, (0.01, 0.99))) if known.size else (1.0, 10.0)
@@ -91,17 +92,17 @@ def depth_scale(truth: np.ndarray) -> Scale:
     return Scale(low, high)
 
 
-def depth_picture(depth: np.ndarray, scale: Scale) -> np.ndarray:
+def depth_picture(depth: Array, scale: Scale) -> Array:
     """BGR picture of planar depth (m); INVALID_GREY where the depth is unknown."""
     return scale.colours(depth, {INVALID_GREY: ~np.isfinite(depth)})
 
 
-def true_depth_picture(truth: np.ndarray, scale: Scale) -> np.ndarray:
+def true_depth_picture(truth: Array, scale: Scale) -> Array:
     """BGR picture of the true planar depth (m); SKY_GREY for sky."""
     return scale.colours(truth, {SKY_GREY: ~np.isfinite(truth)})
 
 
-def error_picture(prediction: np.ndarray, truth: np.ndarray) -> np.ndarray:
+def error_picture(prediction: Array, truth: Array) -> Array:
     """BGR picture of |prediction - truth| on the scale ERROR; SKY_GREY and INVALID_GREY elsewhere."""
     return ERROR.colours(
         np.abs(prediction - truth), {INVALID_GREY: ~np.isfinite(prediction), SKY_GREY: ~np.isfinite(truth)}
@@ -112,7 +113,7 @@ def error_picture(prediction: np.ndarray, truth: np.ndarray) -> np.ndarray:
 _TOO_NEAR, _TOO_FAR, _RIGHT = (0x2B, 0x5F, 0xC4), (0xC4, 0x2B, 0x2B), (0xF4, 0xF4, 0xF4)
 
 
-def signed_colours(error_m: np.ndarray, full_m: float = ERROR.high) -> np.ndarray:
+def signed_colours(error_m: Array, full_m: float = ERROR.high) -> Array:
     """RGB uint8 (n, 3) of signed depth errors: blue for too near, red for too far, white below 1 cm, INVALID_GREY for
     NaN. The scale is logarithmic, as in the error pictures, with the full colour from ``full_m`` on."""
     scale = replace(ERROR, high=full_m)
@@ -135,7 +136,7 @@ _OUTCOMES = (
 )
 
 
-def outcome_picture(flags: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def outcome_picture(flags: Array, shape: tuple[int, ...]) -> Array:
     """BGR picture of ``shape`` (H, W) of each pixel's outcome, from whole numbers (h, w) of any size."""
     colours = np.array(_OUTCOMES, np.uint8)[flags.astype(np.intp) % len(_OUTCOMES)]
     row, column = (np.arange(wanted) * had // wanted for wanted, had in zip(shape, flags.shape, strict=True))
@@ -152,12 +153,12 @@ def outcome_legend(counts: Mapping[str, int]) -> list[tuple[str, str, float]]:
     ]
 
 
-def with_bar(picture: np.ndarray, scale: Scale) -> np.ndarray:
+def with_bar(picture: Array, scale: Scale) -> Array:
     """The picture, with the scale's colour bar, ticks and title in a strip below it."""
     return np.vstack([picture, bar(picture.shape[1], scale)])
 
 
-def bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, paper: int = 255) -> np.ndarray:
+def bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, paper: int = 255) -> Array:
     """A scale's colour bar with ticks and title: BGR (``_STRIP_PX`` times ``size``, ``width``, 3), in these greys."""
 
     def px(length: float) -> int:

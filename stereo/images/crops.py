@@ -13,6 +13,7 @@ from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.topics.camera import SensorSettings
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.labels import GROUP_PASSES
 from .develop import Channels, Images, develop, grey, scaled_radiance
 from .disparity_and_occlusion import scene_depth, visible_in_right
@@ -37,7 +38,7 @@ class Crops:
     def __init__(self) -> None:
         self._levels: dict[tuple[str, float, float, float], float] = {}
 
-    def read(self, pair: Pair, settings: Settings, crop: Crop) -> dict[str, np.ndarray] | None:
+    def read(self, pair: Pair, settings: Settings, crop: Crop) -> dict[str, Array] | None:
         """``read_whole`` of a window; None where pixels depend on others, so that the whole is needed.
 
         The noise of each pixel is another one than in the whole image, of the same strength.
@@ -69,19 +70,19 @@ class Crops:
         return self._levels[key]
 
 
-def read_whole(pair: Pair, settings: Settings) -> dict[str, np.ndarray]:
+def read_whole(pair: Pair, settings: Settings) -> dict[str, Array]:
     """The developed images ``left`` and ``right``, 0 to 1, (H, W) or (H, W, 3), and the truth of the left one, (H, W):
     ``disparity_px``, 0 where unknown, ``valid`` and ``occluded``."""
     light, views = zip(*(read_eye(pair, eye, _unneeded(_needs_groups(settings))) for eye in EYES), strict=True)
     return _shown(develop(pair, light[0], light[1], settings)) | _truth_of(pair.camera, *views)
 
 
-def _shown(images: Images) -> dict[str, np.ndarray]:
+def _shown(images: Images) -> dict[str, Array]:
     top = 2.0**images.bits - 1
     return {eye: images.seen(eye) / top for eye in EYES}
 
 
-def _truth_of(camera: StereoCamera, left: Truth, right: Truth) -> dict[str, np.ndarray]:
+def _truth_of(camera: StereoCamera, left: Truth, right: Truth) -> dict[str, Array]:
     depth, other = scene_depth(left), scene_depth(right)
     disparity = camera.disparity(depth)
     valid = np.isfinite(disparity)

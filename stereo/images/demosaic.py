@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ...physics.camera import colour
+from ...support.arrays import Array
 
 #: OpenCV names a mosaic by the second and third pixel of its second row.
 _OPENCV = {"RGGB": "BG", "BGGR": "RG", "GRBG": "GB", "GBRG": "GR"}
 
 
-def demosaic(numbers: np.ndarray, bits: int, pattern: str, method: str) -> np.ndarray:
+def demosaic(numbers: Array, bits: int, pattern: str, method: str) -> Array:
     """R, G and B, float64 (H, W, 3) from 0 to the top of ``bits`` bits, of digital numbers (H, W), uint16, of a
     mosaic."""
     if method == "EDGE_AWARE":

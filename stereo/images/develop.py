@@ -33,6 +33,7 @@ from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.topics.camera import SensorSettings
 from ...settings.topics.light import LightSettings
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.labels import LIGHT_GROUPS
 from .demosaic import demosaic
@@ -46,8 +47,8 @@ class Frame:
     mosaic."""
 
     seconds: float
-    left: np.ndarray
-    right: np.ndarray
+    left: Array
+    right: Array
 
 
 @dataclass(frozen=True)
@@ -57,10 +58,10 @@ class Images:
     ``left`` and ``right`` of a colour sensor are its grey images, see ``sensor.grey``.
     """
 
-    left: np.ndarray  # rectified, on the truth
-    right: np.ndarray
-    detected_left: np.ndarray  # on the sensor: a colour sensor's mosaic; else the same unless the lens distorts or the
-    detected_right: np.ndarray  # eyes are toed in
+    left: Array  # rectified, on the truth
+    right: Array
+    detected_left: Array  # on the sensor: a colour sensor's mosaic; else the same unless the lens distorts or the
+    detected_right: Array  # eyes are toed in
     bits: int
     frames: tuple[Frame, ...]  # the exposures, longest first
     exposure_s: float  # of the metered exposure
@@ -70,35 +71,35 @@ class Images:
     saturated: float  # share of the left pixels at the converter's top, in the shortest exposure
     encoding: str
     warnings: tuple[str, ...]  # about blur in the render and about the exposure
-    colour_left: np.ndarray | None = None  # (H, W, 3), R, G, B, rectified; None for a monochrome sensor
-    colour_right: np.ndarray | None = None
+    colour_left: Array | None = None  # (H, W, 3), R, G, B, rectified; None for a monochrome sensor
+    colour_right: Array | None = None
     white_gains: tuple[float, ...] = ()  # factors that the white balance put on R, G, B
     #: By eye, uint8 (H, W), rectified: 255 times the share of the light that deposits block. Empty without deposits.
-    blocked: Mapping[str, np.ndarray] = field(default_factory=dict)
+    blocked: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def is_mosaic(self) -> bool:
         """Whether the image of the sensor is a Bayer mosaic."""
         return self.colour_left is not None
 
-    def seen(self, eye: str) -> np.ndarray:
+    def seen(self, eye: str) -> Array:
         """The image of an eye, rectified: R, G, B (H, W, 3) of a colour sensor, or grey (H, W)."""
         colours = self.colour_left if eye == "left" else self.colour_right
         if colours is not None:
             return colours
         return self.left if eye == "left" else self.right
 
-    def for_files(self, eye: str) -> np.ndarray:
+    def for_files(self, eye: str) -> Array:
         """The same in the order B, G, R, in which OpenCV writes colours."""
         image = self.seen(eye)
         return image[..., ::-1] if image.ndim == 3 else image
 
-    def for_matchers(self) -> tuple[np.ndarray, np.ndarray]:
+    def for_matchers(self) -> tuple[Array, Array]:
         """Left and right as uint8, the only type that OpenCV's matchers take; more bits are scaled down."""
         return to_8_bit(self.left, self.bits, self.encoding), to_8_bit(self.right, self.bits, self.encoding)
 
 
-def grey(radiance: np.ndarray) -> np.ndarray:
+def grey(radiance: Array) -> Array:
     """Mean of the bands, float64 (H, W), of radiance (H, W, 3).
 
     A panchromatic camera weights the bands equally; luminance weights belong to the human eye. Clean ice is grey, so
@@ -108,7 +109,7 @@ def grey(radiance: np.ndarray) -> np.ndarray:
     return (radiance[..., 0].astype(np.float64) + radiance[..., 1] + radiance[..., 2]) / 3
 
 
-def scaled_radiance(view: Light, pair: Pair, light: LightSettings) -> np.ndarray:
+def scaled_radiance(view: Light, pair: Pair, light: LightSettings) -> Array:
     """Radiance (H, W, 3) with the Sun and the planet scaled by ``sun_scale`` and ``planet_scale``.
 
     Light is linear, so a new render would give the same. A pair without light groups has one light, the Sun. Raises
@@ -170,7 +171,7 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
         bits, final = brackets.MERGED_BITS, {eye: brackets.quantise(merged[eye], full_s) for eye in EYES}
     saturated = float(np.mean(image["left"][-1] == top_dn(sensor)))
     detected = final
-    colours: dict[str, np.ndarray] = {}
+    colours: dict[str, Array] = {}
     if sensor.colour == "BAYER":
         black = black_dn(sensor) if len(frames) == 1 else 0.0
         colours = {
@@ -233,7 +234,7 @@ class Channels:
                     "wavelengths of the filters, or set sensor.white_balance to NONE.",
                 )
 
-    def planes(self, radiance: np.ndarray) -> list[np.ndarray]:
+    def planes(self, radiance: Array) -> list[Array]:
         """Signal of each channel from a radiance (H, W, 3), float64 (H, W); times ``rate``, electrons per second."""
         if self._weights is None:
             return [grey(radiance)]
@@ -241,23 +242,23 @@ class Channels:
         red, green, blue = (np.minimum(radiance[..., k].astype(np.float64), 1e30) for k in range(3))
         return [r * red + g * green + b * blue for r, g, b in self._weights.tolist()]
 
-    def at_pixels(self, planes: list[np.ndarray]) -> np.ndarray:
+    def at_pixels(self, planes: list[Array]) -> Array:
         """Signal (H, W) at the pixels of the sensor, from the signals of its channels."""
         return planes[0] if len(planes) == 1 else mosaic(np.stack(planes), self._sensor.bayer_pattern)
 
-    def balanced(self, values: np.ndarray) -> np.ndarray:
+    def balanced(self, values: Array) -> Array:
         """Values (H, W) at the pixels of the sensor times the gains of the white balance."""
         if len(self.gains) == 1:
             return values
         gains = self.gains[:, None, None] * np.ones((1, *values.shape))
         return np.asarray(values * mosaic(gains, self._sensor.bayer_pattern))
 
-    def colours(self, numbers: np.ndarray, bits: int, black: float) -> np.ndarray:
+    def colours(self, numbers: Array, bits: int, black: float) -> Array:
         """R, G, B, uint16 (H, W, 3), of a mosaic of digital numbers whose black is ``black``, with white balance."""
         found = demosaic(numbers, bits, self._sensor.bayer_pattern, self._sensor.demosaicing)
         return np.rint(np.clip((found - black) * self.gains + black, 0.0, 2.0**bits - 1)).astype(np.uint16)
 
-    def matcher_level(self, radiance: np.ndarray, top: float) -> np.ndarray:
+    def matcher_level(self, radiance: Array, top: float) -> Array:
         """The grey image (H, W) of matchers, 1 at its top, without noise; ``top`` is Images.saturation_radiance."""
         seen = [
             np.clip(gain * plane / top, 0.0, 1.0) for gain, plane in zip(self.gains, self.planes(radiance), strict=True)
@@ -265,17 +266,17 @@ class Channels:
         return seen[0] if len(seen) == 1 else grey_of(np.stack(seen, axis=-1), self._sensor)
 
 
-def _rectified(numbers: np.ndarray, lens: Lens | None) -> np.ndarray:
+def _rectified(numbers: Array, lens: Lens | None) -> Array:
     return numbers if lens is None else lens.rectify(numbers)
 
 
-def _on_sensor(light: np.ndarray, camera: StereoCamera, lens: Lens | None) -> np.ndarray:
+def _on_sensor(light: Array, camera: StereoCamera, lens: Lens | None) -> Array:
     return camera.cropped(light) if lens is None else lens.distort(light)
 
 
 def _exposures(
-    light: np.ndarray, times: list[float], rate: float, settings: Settings, stream: tuple[int, str, str], pitch_m: float
-) -> list[np.ndarray]:
+    light: Array, times: list[float], rate: float, settings: Settings, stream: tuple[int, str, str], pitch_m: float
+) -> list[Array]:
     """Digital numbers of one eye, exposed for each of ``times``."""
     sensor, seed = settings.sensor, int(settings.sensor.noise_seed)
     shape = light.shape[0], light.shape[1]
@@ -312,7 +313,7 @@ def exposure_facts(images: Images) -> Mapping[str, Any]:
     }
 
 
-def to_8_bit(numbers: np.ndarray, bits: int, encoding: str = "LINEAR") -> np.ndarray:
+def to_8_bit(numbers: Array, bits: int, encoding: str = "LINEAR") -> Array:
     """uint8 of digital numbers of ``bits`` bits; both ends of the range stay at the ends."""
     if bits == 8 and encoding == "LINEAR":
         return numbers.astype(np.uint8)

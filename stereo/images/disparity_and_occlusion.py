@@ -6,6 +6,7 @@ import numpy as np
 
 from ...physics.camera.hidden_points import find_hidden, is_in_frame, matching_column
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ...support.labels import PLANET
 from .exr import Truth
 
@@ -14,7 +15,7 @@ from .exr import Truth
 RAYS, ESTIMATED, MASK = "RAYS", "ESTIMATED", "MASK"
 
 
-def scene_depth(view: Truth) -> np.ndarray:
+def scene_depth(view: Truth) -> Array:
     """Planar depth in metres, float64 (H, W), NaN for sky and for the planet.
 
     To a stereo camera the planet is sky: its disparity is too small to measure.
@@ -24,9 +25,7 @@ def scene_depth(view: Truth) -> np.ndarray:
     return np.where(view.semantic == PLANET, np.nan, view.depth)
 
 
-def visible_in_right(
-    left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera, hidden: np.ndarray | None = None
-) -> np.ndarray:
+def visible_in_right(left_depth: Array, right_depth: Array, camera: StereoCamera, hidden: Array | None = None) -> Array:
     """Boolean (H, W): the point that a left pixel sees is inside the right image and not hidden there.
 
     Both depths are planar metres, NaN for sky; sky is not visible. ``hidden``, Boolean (H, W), marks the points that
@@ -35,16 +34,12 @@ def visible_in_right(
     return _visible(left_depth, right_depth, camera, "left", hidden)
 
 
-def visible_in_left(
-    left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera, hidden: np.ndarray | None = None
-) -> np.ndarray:
+def visible_in_left(left_depth: Array, right_depth: Array, camera: StereoCamera, hidden: Array | None = None) -> Array:
     """The same for the pixels of the right image."""
     return _visible(right_depth, left_depth, camera, "right", hidden)
 
 
-def _visible(
-    depth: np.ndarray, other_depth: np.ndarray, camera: StereoCamera, eye: str, hidden: np.ndarray | None
-) -> np.ndarray:
+def _visible(depth: Array, other_depth: Array, camera: StereoCamera, eye: str, hidden: Array | None) -> Array:
     disparity = camera.disparity(depth)
     if hidden is None:
         hidden = find_hidden(disparity, camera.disparity(other_depth), eye)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import numpy as np
-
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import parse_npz, read
 
@@ -15,7 +14,7 @@ _NAME = "disparity"
 _VALUE, _HEADER = 8, 2**14
 
 
-def read_disparity(path: Path, shape: tuple[int, ...]) -> np.ndarray | None:
+def read_disparity(path: Path, shape: tuple[int, ...]) -> Array | None:
     """The float32 disparity that ``image_files.write_disparity`` stored; None if it is damaged or of another shape."""
     try:
         stored = read(

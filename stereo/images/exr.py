@@ -22,6 +22,7 @@ import numpy as np
 from ...formats.exr_layout import KIND, MOST_BYTES, check_decodable
 from ...formats.exr_pixels import decode_parts
 from ...render.pairs.pair_folder import EYES
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, Parsed, explained
 from ...support.foreign_bytes import read as read_foreign
@@ -49,26 +50,26 @@ NORMAL_PASSES = tuple(f"{TRUTH}.{name}" for name in ("Normal", NORMAL_AOV))
 _FIX = "render the pair again"
 _SEMANTIC = ("Material Index", "IndexMA")  # the pass with the semantic labels, by version
 
-_Channels = dict[tuple[str, str, str], np.ndarray]  # (layer, pass, component) -> (height, width)
+_Channels = dict[tuple[str, str, str], Array]  # (layer, pass, component) -> (height, width)
 
 
 @dataclass(frozen=True)
 class Light:
     """The light in the EXR file of one eye: (H, W, 3) float32, linear, W/(m² sr) in the bands R, G, B."""
 
-    radiance: np.ndarray
-    groups: dict[str, np.ndarray]  # parts of it by the light they come from, see labels.LIGHT_GROUPS; may be empty
+    radiance: Array
+    groups: dict[str, Array]  # parts of it by the light they come from, see labels.LIGHT_GROUPS; may be empty
 
 
 @dataclass(frozen=True)
 class Truth:
     """The truth in the EXR file of one eye, of height H and width W, sampled at pixel centres."""
 
-    depth: np.ndarray  # (H, W) float64, planar metres, NaN for sky
-    normal: np.ndarray | None  # (H, W, 3) float32, world axes: of the facet, else the shading normal
-    instance: np.ndarray | None  # (H, W) int32, see labels
-    semantic: np.ndarray | None  # (H, W) int32, see labels.SEMANTIC
-    hidden: np.ndarray | None = None  # (H, W) bool, from the other eye by something nearer; None if nobody has asked
+    depth: Array  # (H, W) float64, planar metres, NaN for sky
+    normal: Array | None  # (H, W, 3) float32, world axes: of the facet, else the shading normal
+    instance: Array | None  # (H, W) int32, see labels
+    semantic: Array | None  # (H, W) int32, see labels.SEMANTIC
+    hidden: Array | None = None  # (H, W) bool, from the other eye by something nearer; None if nobody has asked
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ def read_light(path: Path, eye: str | None = None, groups: bool = True, rows: ra
     return _light(_read_channels(path, eye, passes, rows=rows), path, groups)
 
 
-def read_baked_error(path: Path, eye: str | None = None) -> dict[str, np.ndarray]:
+def read_baked_error(path: Path, eye: str | None = None) -> dict[str, Array]:
     """The error of baked light by its light group, float64 (H, W), see ``labels.BAKED_ERROR_AOVS``; empty if the file
     has none.
 
@@ -150,7 +151,7 @@ def _light(channels: _Channels, path: Path, groups: bool) -> Light:
     return Light(radiance, found if groups else {})
 
 
-def _radiance(channels: _Channels, pass_name: str, path: Path) -> np.ndarray:
+def _radiance(channels: _Channels, pass_name: str, path: Path) -> Array:
     bands = [_find(channels, BEAUTY, pass_name, band, path) for band in "RGB"]
     return np.stack(bands, axis=-1).astype(np.float32, copy=False)
 
@@ -183,7 +184,7 @@ def _read_file(path: Path, parse: Callable[[ForeignBytes], Parsed]) -> Parsed:
 
 def _read_parts(
     path: Path, passes: Collection[str], without: Collection[str], rows: range | None
-) -> list[tuple[str, dict[str, np.ndarray]]]:
+) -> list[tuple[str, dict[str, Array]]]:
     """Of each part of a file the view that it states, if any, and its channels by name."""
     if rows is None:
         return _read_whole(path, passes, without)
@@ -198,9 +199,7 @@ def _read_parts(
     ]
 
 
-def _read_whole(
-    path: Path, passes: Collection[str], without: Collection[str]
-) -> list[tuple[str, dict[str, np.ndarray]]]:
+def _read_whole(path: Path, passes: Collection[str], without: Collection[str]) -> list[tuple[str, dict[str, Array]]]:
     if is_in_blender():
         return _decode(path, passes, without)
     try:
@@ -220,12 +219,12 @@ def _read_whole(
     ]
 
 
-def _full(values: np.ndarray) -> np.ndarray:
+def _full(values: Array) -> Array:
     """Values of a channel, 16-bit floats as float32: arithmetic with them would round again."""
     return values.astype(np.float32) if values.dtype == np.float16 else values
 
 
-def _decode(path: Path, passes: Collection[str], without: Collection[str]) -> list[tuple[str, dict[str, np.ndarray]]]:
+def _decode(path: Path, passes: Collection[str], without: Collection[str]) -> list[tuple[str, dict[str, Array]]]:
     """The same in numpy, for what Blender writes."""
     return _read_file(path, lambda foreign: list(decode_parts(_cut(foreign.content(), passes, without))))
 
@@ -254,14 +253,14 @@ def _cut(data: bytes, passes: Collection[str], without: Collection[str]) -> byte
     return without_passes(data, without) if without else data
 
 
-def _find(channels: _Channels, layer: str, pass_name: str, component: str, path: Path) -> np.ndarray:
+def _find(channels: _Channels, layer: str, pass_name: str, component: str, path: Path) -> Array:
     try:
         return channels[layer, pass_name, component]
     except KeyError:
         raise IcyMoonError(f"{path} has no channel {layer}.{pass_name}.{component}; {_FIX}.") from None
 
 
-def _normal(channels: _Channels, path: Path) -> np.ndarray | None:
+def _normal(channels: _Channels, path: Path) -> Array | None:
     """Normals of facets. The materials of the user's own objects do not write these; there it is the shading normal."""
     found = [
         [_find(channels, TRUTH, name, axis, path) for axis in components]
@@ -278,13 +277,13 @@ def _normal(channels: _Channels, path: Path) -> np.ndarray | None:
     return normal
 
 
-def _instances(channels: _Channels) -> np.ndarray | None:
+def _instances(channels: _Channels) -> Array | None:
     """Labels of objects and of rocks; each rock has its own label and no object index."""
     objects, rocks = _labels(channels, ("Object Index", "IndexOB")), _labels(channels, (INSTANCE_AOV,))
     return objects if rocks is None or objects is None else np.where(rocks > 0, rocks, objects)
 
 
-def _labels(channels: _Channels, passes: tuple[str, ...]) -> np.ndarray | None:
+def _labels(channels: _Channels, passes: tuple[str, ...]) -> Array | None:
     for name in passes:
         for layer in (TRUTH, BEAUTY):  # with the light, of a pair that has no other truth
             if (layer, name, "X") in channels:

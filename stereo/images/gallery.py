@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from ...render.pairs.pair_folder import read_pair
+from ...support.arrays import Array
 from .develop import grey
 from .exr import read_light
 from .image_files import encoded, read_picture, write_bytes
@@ -50,7 +51,7 @@ def write_sheet(pictures: Sequence[tuple[Path, str, str]], file: Path, most_byte
     write_bytes(file, content)
 
 
-def _read_cell(picture: Path, title: str, line: str) -> np.ndarray:
+def _read_cell(picture: Path, title: str, line: str) -> Array:
     image = read_picture(picture)
     image = np.repeat(image[..., None], 3, axis=-1) if image.ndim == 2 else image[..., :3]
     height = max(1, round(image.shape[0] * _CELL_PX / image.shape[1]))

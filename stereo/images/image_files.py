@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.files import write_atomically
 from ...support.foreign_bytes import ForeignBytes, RefusedError, read
 from .image_headers import MOST_IMAGE_MEMORY, Encoded, check_size, parse_picture, parse_png
@@ -23,7 +24,7 @@ _MOST_OWN_PIXELS = 2**29
 _MOST_PFM_HEADER, _LONGEST_NUMBER = 4096, 24
 _SPACES = b" \t\r\n\v\f"
 _AGAIN = "make it again"
-Decode = Callable[[Encoded], np.ndarray]
+Decode = Callable[[Encoded], Array]
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -35,18 +36,18 @@ def _fill(part: Path, content: bytes) -> None:
     part.write_bytes(content)
 
 
-def write_png(path: Path, image: np.ndarray) -> None:
+def write_png(path: Path, image: Array) -> None:
     """Write uint8 or uint16 grey (H, W) or BGR (H, W, 3) as PNG, atomically."""
     write_bytes(path, encoded(image, ".png"))
 
 
-def encoded(image: np.ndarray, suffix: str, quality: int = 85) -> bytes:
+def encoded(image: Array, suffix: str, quality: int = 85) -> bytes:
     """The bytes of an image file of the format ``suffix``; ``quality`` is for JPEG only."""
     parameters = [cv2.IMWRITE_JPEG_QUALITY, quality] if suffix == ".jpg" else []
     return bytes(cv2.imencode(suffix, image, parameters)[1].tobytes())
 
 
-def decode_here(image: Encoded) -> np.ndarray:
+def decode_here(image: Encoded) -> Array:
     """The pixels of an image, decoded by OpenCV in this process, which is for files of ours.
 
     Those of others are decoded by ``bounded_decoding.decode``. Raises ValueError if it is damaged.
@@ -60,7 +61,7 @@ def decode_here(image: Encoded) -> np.ndarray:
     return pixels
 
 
-def read_png(path: Path, decode: Decode | None = None) -> np.ndarray:
+def read_png(path: Path, decode: Decode | None = None) -> Array:
     """A PNG file as uint8 or uint16, grey (H, W), BGR (H, W, 3) or BGRA (H, W, 4).
 
     ``decode`` is for files of others, see ``decode_here``. Raises IcyMoonError if it is missing, not a PNG, damaged,
@@ -76,12 +77,12 @@ def read_png(path: Path, decode: Decode | None = None) -> np.ndarray:
     )
 
 
-def read_picture(path: Path, decode: Decode = decode_here) -> np.ndarray:
+def read_picture(path: Path, decode: Decode = decode_here) -> Array:
     """A PNG, JPEG or WebP file, as from ``read_png``. Raises IcyMoonError if it is another, damaged or too large."""
     return read(path, lambda foreign: decode(parse_picture(foreign)), "a whole image", _AGAIN, memory=MOST_IMAGE_MEMORY)
 
 
-def read_pfm(path: Path, colours: bool = False) -> np.ndarray:
+def read_pfm(path: Path, colours: bool = False) -> Array:
     """A grey PFM file as float32 (H, W), or with ``colours`` any as (H, W) or (H, W, 3), top row first.
 
     The sign of its scale gives the byte order; values are not scaled. Raises IcyMoonError if it is missing, of another
@@ -92,7 +93,7 @@ def read_pfm(path: Path, colours: bool = False) -> np.ndarray:
     )
 
 
-def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> np.ndarray:
+def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> Array:
     """The values of a PFM file, see ``read_pfm``.
 
     Raises RefusedError for another kind of file, and one that can be read in two ways; ValueError if it is damaged.
@@ -166,16 +167,14 @@ def _is_gap(gap: bytes, windows: bool) -> bool:
     return not rest or (rest.endswith(b"\n") and all(line.startswith(b"#") for line in rest[:-1].split(b"\n")))
 
 
-def write_npy(path: Path, values: np.ndarray) -> None:
+def write_npy(path: Path, values: Array) -> None:
     """Write an array as npy, atomically."""
     stream = io.BytesIO()
     np.save(stream, values, allow_pickle=False)
     write_bytes(path, stream.getvalue())
 
 
-def write_disparity(
-    path: Path, disparity: np.ndarray, arrays: Mapping[str, np.ndarray] | None = None, **facts: float
-) -> None:
+def write_disparity(path: Path, disparity: Array, arrays: Mapping[str, Array] | None = None, **facts: float) -> None:
     """Write an npz with ``disparity`` (float32 px, NaN where invalid), named arrays and numbers, atomically."""
     values = {
         "disparity": disparity.astype(np.float32),

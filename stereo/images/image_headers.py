@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...formats.image_size import webp_size
+from ...support.arrays import Array
 from ...support.foreign_bytes import Cursor, ForeignBytes, RefusedError
 from .exif import UPRIGHT, parse_orientation
 
@@ -176,7 +177,7 @@ def _next_marker(cursor: Cursor) -> int:
     raise ValueError(f"no marker at byte {cursor.at - 1}")
 
 
-def _end_of_scan(values: np.ndarray, at: int) -> int:
+def _end_of_scan(values: Array, at: int) -> int:
     """Position of the first marker after ``at`` that is neither a stuffed byte nor a restart.
 
     Raises ValueError if no marker follows: the file was cut off.

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Rings of the spectrum from this many cycles per image to this part of its side, and their number.
 _FEWEST_CYCLES, _MOST_CYCLES, _RINGS = 4.0, 0.35, 13
 #: Least side in pixels of a square whose spectrum says something: 4 to 0.35 sides is a range of 2.8 and more.
@@ -16,7 +18,7 @@ LEAST_SIDE_PX = 32
 DARK = 0.02
 
 
-def find_largest_square(mask: np.ndarray) -> tuple[slice, slice]:
+def find_largest_square(mask: Array) -> tuple[slice, slice]:
     """Rows and columns of the largest square in which a mask (H, W) is true; empty slices if it is false all over."""
     side = np.zeros((mask.shape[0] + 1, mask.shape[1] + 1), np.int32)
     for row in range(mask.shape[0]):
@@ -28,7 +30,7 @@ def find_largest_square(mask: np.ndarray) -> tuple[slice, slice]:
     return slice(bottom - most, bottom), slice(right - most, right)
 
 
-def measure_spectral_slope(light: np.ndarray) -> float:
+def measure_spectral_slope(light: Array) -> float:
     """The exponent α of f^-α, the power spectrum of linear light (n, n); NaN for less than 32 pixels or no contrast.
 
     The mean is taken off, a Hann window fades the borders, and a line is fitted to the logarithm of the mean power in
@@ -51,7 +53,7 @@ def measure_spectral_slope(light: np.ndarray) -> float:
     return -float(np.polyfit(np.log(middle), np.log(mean), 1)[0])
 
 
-def measure_shares(level: np.ndarray, ground: np.ndarray) -> tuple[float, float]:
+def measure_shares(level: Array, ground: Array) -> tuple[float, float]:
     """Of the pixels that show ``ground`` (H, W), the shares that are saturated and darker than 2 % of the full scale.
 
     ``level`` (H, W) is the image from 0 to 1, the full scale. NaN without ground.

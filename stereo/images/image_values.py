@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Rows that are scaled at once.
 _ROWS = 256
 
 
-def to_8_bit(image: np.ndarray) -> np.ndarray:
+def to_8_bit(image: Array) -> Array:
     """A uint8 image as it is; a uint16 one scaled to 8 bits."""
     if image.dtype != np.uint16:
         return np.ascontiguousarray(image)
@@ -18,13 +20,13 @@ def to_8_bit(image: np.ndarray) -> np.ndarray:
     return scaled
 
 
-def to_grey(image: np.ndarray) -> np.ndarray:
+def to_grey(image: Array) -> Array:
     """uint8 (H, W): the mean of the three bands of an image, as matchers without colour get it."""
     if image.ndim == 3:
         image = np.rint(image[..., :3].mean(axis=-1)).astype(image.dtype)
     return to_8_bit(image)
 
 
-def describe_size(image: np.ndarray) -> str:
+def describe_size(image: Array) -> str:
     """Width and height, in words."""
     return f"{image.shape[1]} x {image.shape[0]} px"

@@ -15,32 +15,33 @@ import numpy as np
 from ...physics.camera.lens_distortion import coefficients, distort, refuse_folds, undistort
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.topics.camera import RigSettings
+from ...support.arrays import Array
 
 
 @dataclass(frozen=True)
 class Lens:
     """Where the pixels of one image are in another: maps (H, W, 2), float32, of column and row; NaN for nowhere."""
 
-    sensor_in_rendered: np.ndarray
-    rectified_in_sensor: np.ndarray
-    rectified_in_rendered: np.ndarray
+    sensor_in_rendered: Array
+    rectified_in_sensor: Array
+    rectified_in_rendered: Array
     rendered_px: tuple[int, int]  # columns and rows of the rendered image
 
-    def distort(self, radiance: np.ndarray) -> np.ndarray:
+    def distort(self, radiance: Array) -> Array:
         """The radiance on the sensor, from rendered radiance; 0 beyond the edges of the render."""
         seen = _remapped(radiance, self.sensor_in_rendered, cubic=True)
         return np.maximum(np.nan_to_num(seen), 0.0)
 
-    def rectify(self, numbers: np.ndarray) -> np.ndarray:
+    def rectify(self, numbers: Array) -> Array:
         """The rectified image, from the sensor's numbers (H, W) and of their type; 0 where the sensor has none."""
         seen = _remapped(numbers.astype(np.float32), self.rectified_in_sensor)
         return np.rint(np.nan_to_num(seen)).astype(numbers.dtype)
 
-    def rectify_radiance(self, radiance: np.ndarray) -> np.ndarray:
+    def rectify_radiance(self, radiance: Array) -> Array:
         """Rendered radiance, of any number of bands, on the pixels of the rectified image; 0 where unknown."""
         return np.nan_to_num(_remapped(radiance, self.rectified_in_rendered))
 
-    def depth_of_sensor(self, depth: np.ndarray) -> np.ndarray:
+    def depth_of_sensor(self, depth: Array) -> Array:
         """The planar depth at the sensor's pixels, from a rendered ``depth`` (H, W); NaN outside and where it is NaN.
 
         Within a surface 1 / depth is interpolated linearly, which is exact on planes. Between surfaces the nearest
@@ -64,7 +65,7 @@ class Lens:
         return np.where(usable, 1 / np.where(usable, between, 1.0), nearest)
 
     @property
-    def sees(self) -> np.ndarray:
+    def sees(self) -> Array:
         """Boolean (H, W): the sensor sees this pixel of the rectified image."""
         height, width = self.sensor_in_rendered.shape[:2]
         return _inside(self.rectified_in_sensor, (width, height), 0.0) & _inside(
@@ -89,7 +90,7 @@ def _lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
     points = (pixels - principal) / camera.focal_px
     refuse_folds(points, k)
 
-    def columns_and_rows(normalised: np.ndarray, beside: np.ndarray | float = 0.0) -> np.ndarray:
+    def columns_and_rows(normalised: Array, beside: Array | float = 0.0) -> Array:
         return (normalised * camera.focal_px + principal - 0.5 + beside).astype(np.float32)
 
     rectified = _turned(points, camera.eye_rotation(eye), k) if camera.toe_in_deg else points
@@ -101,7 +102,7 @@ def _lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
     )
 
 
-def _turned(points: np.ndarray, rotation: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
+def _turned(points: Array, rotation: Array, k: tuple[float, ...]) -> Array:
     """Normalised points (H, W, 2) of the parallel rig in the pinhole image of the toed-in eye; NaN for points behind
     it and beyond the fold of its lens."""
     rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1) @ rotation.T
@@ -116,14 +117,14 @@ def _turned(points: np.ndarray, rotation: np.ndarray, k: tuple[float, ...]) -> n
 _STEEPER, _UNEVEN = 2.0, 0.01
 
 
-def _within_surfaces(inverse: np.ndarray) -> np.ndarray:
+def _within_surfaces(inverse: Array) -> Array:
     """Boolean (H - 1, W - 1): the pixel, the one to its right and the two below are of one surface, by inverse depths
     (H, W), NaN where unknown."""
     across, down = _are_continued(inverse), _are_continued(inverse.T).T
     return across[:-1] & across[1:] & down[:, :-1] & down[:, 1:]
 
 
-def _are_continued(inverse: np.ndarray) -> np.ndarray:
+def _are_continued(inverse: Array) -> Array:
     """Boolean (H, W - 1): the step to the next pixel of a row is like the smaller one of the steps before and behind
     it, as on a plane; false for NaN."""
     step = np.abs(np.diff(inverse, axis=1))
@@ -132,13 +133,13 @@ def _are_continued(inverse: np.ndarray) -> np.ndarray:
     return step <= _STEEPER * beside + _UNEVEN * np.fmin(inverse[:, 1:], inverse[:, :-1])
 
 
-def _inside(where: np.ndarray, size: tuple[int, int], reach: float) -> np.ndarray:
+def _inside(where: Array, size: tuple[int, int], reach: float) -> Array:
     """Which places of a map lie in an image of (columns, rows), or at most ``reach`` beyond its outermost pixel
     centres."""
     return np.asarray(((where >= -reach) & (where <= np.array(size) - 1 + reach)).all(axis=-1))
 
 
-def _remapped(image: np.ndarray, where: np.ndarray, cubic: bool = False) -> np.ndarray:
+def _remapped(image: Array, where: Array, cubic: bool = False) -> Array:
     """``image`` (H, W) or (H, W, bands) at the places of a map, interpolated linearly or with cubics; NaN beyond its
     outermost pixel centres."""
     import cv2  # here, for Blender has no OpenCV and develops pairs without distortion and toe-in

@@ -6,6 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from ...support.arrays import Array
+
 _BASELINE, _CAP, _TOP = 2, 6, 9  # rows of the grid: below the letters, height of capitals, all of it
 _GAP = 2  # columns between letters, and half a space
 #: Strokes of each character, as points with a digit for the column and a digit for the row, counted from below.
@@ -64,7 +66,7 @@ _STROKES = {
 
 
 @lru_cache(maxsize=64)
-def draw_text(text: str, height_px: float) -> np.ndarray:
+def draw_text(text: str, height_px: float) -> Array:
     """A strip with a text: the share of each pixel that strokes cover, float32 (rows, columns).
 
     ``height_px`` is the height of capitals; the strip is half as high again. A character without strokes is a space.
@@ -87,7 +89,7 @@ def draw_text(text: str, height_px: float) -> np.ndarray:
     return covered
 
 
-def _stroke(covered: np.ndarray, start: tuple[float, float], end: tuple[float, float], radius: float) -> None:
+def _stroke(covered: Array, start: tuple[float, float], end: tuple[float, float], radius: float) -> None:
     """Draw a round-ended line of a radius, with soft edges one pixel wide."""
     (x0, y0), (x1, y1), reach = start, end, radius + 1
     left, right = max(0, int(min(x0, x1) - reach)), int(max(x0, x1) + reach) + 1
@@ -101,7 +103,7 @@ def _stroke(covered: np.ndarray, start: tuple[float, float], end: tuple[float, f
     np.maximum(part, np.clip(radius + 0.5 - distance, 0.0, 1.0), out=part)
 
 
-def put_text(picture: np.ndarray, text: str, left: int, baseline: int, height_px: float, level: int) -> None:
+def put_text(picture: Array, text: str, left: int, baseline: int, height_px: float, level: int) -> None:
     """Write a text in a grey ``level`` onto a picture (H, W, 3) uint8, in place, cut at its edges."""
     covered = draw_text(text, height_px)
     top = baseline - round((_TOP + 0.5 - _BASELINE) * height_px / _CAP)

@@ -7,16 +7,18 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Fractional bits of the corners that OpenCV fills.
 _BITS = 4
 
 
-def _fixed(corners: np.ndarray) -> np.ndarray:
+def _fixed(corners: Array) -> Array:
     # A pixel's centre is at a half here and at a whole number in OpenCV.
     return np.round((np.asarray(corners) - 0.5) * 2**_BITS).astype(np.int32)
 
 
-def fill_polygons(shape: tuple[int, int], outlines: Sequence[np.ndarray], finer: int = 1) -> np.ndarray:
+def fill_polygons(shape: tuple[int, int], outlines: Sequence[Array], finer: int = 1) -> Array:
     """Mask (H, W) of the union of polygons (n, 2) in pixels.
 
     OpenCV fills every pixel that an edge touches. With ``finer``, an odd number, it fills a grid that is finer by this
@@ -28,7 +30,7 @@ def fill_polygons(shape: tuple[int, int], outlines: Sequence[np.ndarray], finer:
     return mask[finer // 2 :: finer, finer // 2 :: finer].astype(bool)
 
 
-def fill_triangles(shape: tuple[int, int], corners: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def fill_triangles(shape: tuple[int, int], corners: Array, faces: Array) -> Array:
     """Mask (H, W) of the union of triangles ``faces`` (m, 3) of ``corners`` (n, 2) in pixels."""
     mask, at = np.zeros(shape, np.uint8), _fixed(corners)
     for face in faces:
@@ -36,7 +38,7 @@ def fill_triangles(shape: tuple[int, int], corners: np.ndarray, faces: np.ndarra
     return mask.astype(bool)
 
 
-def fill_hulls(shape: tuple[int, int], parts: Sequence[np.ndarray]) -> np.ndarray:
+def fill_hulls(shape: tuple[int, int], parts: Sequence[Array]) -> Array:
     """Mask (H, W) of the union of the convex hulls of points (n, 2) in pixels."""
     mask = np.zeros(shape, np.uint8)
     for each in parts:
@@ -44,13 +46,13 @@ def fill_hulls(shape: tuple[int, int], parts: Sequence[np.ndarray]) -> np.ndarra
     return mask.astype(bool)
 
 
-def overlap(one: np.ndarray, other: np.ndarray) -> float:
+def overlap(one: Array, other: Array) -> float:
     """Intersection over union of two masks; NaN if both are empty."""
     union = np.count_nonzero(one | other)
     return np.count_nonzero(one & other) / union if union else float("nan")
 
 
-def inside_px(point: np.ndarray, around: np.ndarray) -> float:
+def inside_px(point: Array, around: Array) -> float:
     """Distance in pixels of a point (2,) inside the convex hull of points (n, 2) from its border; negative outside."""
     hull = cv2.convexHull(np.asarray(around, np.float32))
     return float(cv2.pointPolygonTest(hull, (float(point[0]), float(point[1])), True))

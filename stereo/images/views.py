@@ -10,6 +10,7 @@ import numpy as np
 
 from ...render.pairs.pair_folder import Pair
 from ...settings.topics.camera import RigSettings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.labels import GROUP_PASSES
 from . import exr
@@ -41,7 +42,7 @@ def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light
     )
 
 
-def read_baked_error(pair: Pair, eye: str) -> dict[str, np.ndarray]:
+def read_baked_error(pair: Pair, eye: str) -> dict[str, Array]:
     """A possible error of an eye's baked light, as large as the actual one, by light group: float64 (H, W) on the
     parallel rig, in W/(m² sr) of the mean of the bands. Empty if no error is stored.
 
@@ -55,7 +56,7 @@ def read_baked_error(pair: Pair, eye: str) -> dict[str, np.ndarray]:
     return {group: turn(error) for group, error in found.items()}
 
 
-def read_sensor_depth(pair: Pair, eye: str, rig: RigSettings) -> np.ndarray:
+def read_sensor_depth(pair: Pair, eye: str, rig: RigSettings) -> Array:
     """Read the depth at the pixels of an eye's sensor, along the eye's own axis: metres, float32 (H, W), NaN for
     none."""
     path = pair.truth_of_image(eye)
@@ -66,12 +67,12 @@ def read_sensor_depth(pair: Pair, eye: str, rig: RigSettings) -> np.ndarray:
     return np.asarray(seen.astype(np.float32))
 
 
-def _on_parallel_rig(light: Light, pair: Pair, eye: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def _on_parallel_rig(light: Light, pair: Pair, eye: str) -> tuple[Array, dict[str, Array]]:
     turn = _turn_to_parallel(pair, eye)
     return turn(light.radiance), {group: turn(radiance) for group, radiance in light.groups.items()}
 
 
-def _turn_to_parallel(pair: Pair, eye: str) -> Callable[[np.ndarray], np.ndarray]:
+def _turn_to_parallel(pair: Pair, eye: str) -> Callable[[Array], Array]:
     """A function that puts an image of an eye's rendered pixels on the parallel rig."""
     plain = RigSettings.from_values({f"distortion_{name}": 0.0 for name in ("k1", "k2", "p1", "p2", "k3")})
     lens = lens_of(pair.camera, plain, eye)
@@ -89,7 +90,7 @@ def _cropped(images: _Images, pair: Pair) -> _Images:
     return replace(images, **{field.name: crop(getattr(images, field.name)) for field in fields(images)})
 
 
-def _check_size(pair: Pair, path: Any, image: np.ndarray) -> None:
+def _check_size(pair: Pair, path: Any, image: Array) -> None:
     height, width = image.shape[:2]
     if (width, height) != pair.camera.rendered_px:
         raise IcyMoonError(

@@ -23,6 +23,7 @@ from functools import lru_cache
 import numpy as np
 
 from ...physics.random_numbers.seeds import generator
+from ...support.arrays import Array
 
 LEVEL = 0.95
 #: Fewer scenes tell no interval of a mean that is no share; from the second number on it covers as it says.
@@ -33,7 +34,7 @@ _WEIGHTS, _RESAMPLES, _MOST_ELEMENTS, _FEWEST_DRAWS = 10_000, 2000, 4_000_000, 1
 _ROUNDING = 1e-12
 
 
-def scene_means(values: np.ndarray, scenes: np.ndarray) -> np.ndarray:
+def scene_means(values: Array, scenes: Array) -> Array:
     """The mean (scenes, K) over the pairs of each scene, of each column of ``values`` (pairs, K); NaN is undefined.
 
     ``scenes`` is a whole number per pair.
@@ -42,7 +43,7 @@ def scene_means(values: np.ndarray, scenes: np.ndarray) -> np.ndarray:
     return np.divide(sums, counts, out=np.full(sums.shape, np.nan), where=counts > 0)
 
 
-def intervals(values: np.ndarray, scenes: np.ndarray, shares: np.ndarray) -> np.ndarray:
+def intervals(values: Array, scenes: Array, shares: Array) -> Array:
     """Lower and upper 95 % bound (K, 2) of the mean over pairs of each column of ``values`` (pairs, K).
 
     Columns where ``shares`` (K,) is true are from 0 to 1. A bound is NaN if there are too few scenes for it: fewer than
@@ -62,7 +63,7 @@ def intervals(values: np.ndarray, scenes: np.ndarray, shares: np.ndarray) -> np.
     return bounds
 
 
-def simultaneous_intervals(values: np.ndarray, seed: int) -> np.ndarray:
+def simultaneous_intervals(values: Array, seed: int) -> Array:
     """Bounds (K, 2) of the means over scenes of the columns of ``values`` (scenes, K), which all hold at once in about
     95 % of data sets, by the largest |t| of a resample. NaN for columns with fewer than ``FEWEST_FOR_MEAN`` scenes."""
     known = ~np.isnan(values)
@@ -74,7 +75,7 @@ def simultaneous_intervals(values: np.ndarray, seed: int) -> np.ndarray:
     return bounds
 
 
-def _sums(values: np.ndarray, scenes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _sums(values: Array, scenes: Array) -> tuple[Array, Array]:
     """Sums and numbers (scenes, K) of the defined values of each scene."""
     label, scene = np.unique(scenes, return_inverse=True)
     defined = ~np.isnan(values)
@@ -89,13 +90,13 @@ def _draws(most: int, scenes: int) -> int:
 
 
 @lru_cache(maxsize=1)
-def _weights(scenes: int) -> np.ndarray:
+def _weights(scenes: int) -> Array:
     """Random weights (draws, 1 + scenes), not divided by their sum; the first is of the scene that is added."""
     return generator(0, "statistics", 1).standard_exponential((_draws(_WEIGHTS, scenes), 1 + scenes))
 
 
 @lru_cache(maxsize=1)
-def _resamples(scenes: int, seed: int) -> np.ndarray:
+def _resamples(scenes: int, seed: int) -> Array:
     """How often each resample contains each scene (draws, scenes)."""
     random = generator(seed, "statistics", 2)
     return np.stack(
@@ -103,7 +104,7 @@ def _resamples(scenes: int, seed: int) -> np.ndarray:
     ).astype(float)
 
 
-def _share_bounds(sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
+def _share_bounds(sums: Array, counts: Array) -> Array:
     weights = _weights(len(sums))
     own, number = weights[:, 1:] @ sums, weights[:, 1:] @ counts
     added = weights[:, :1] * counts.max(axis=0)
@@ -121,12 +122,12 @@ def _share_bounds(sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
 class _Bootstrap:
     """Means (K,), their standard errors, and |t| (resamples, K), of the logarithm if ``logarithmic``."""
 
-    mean: np.ndarray
-    error: np.ndarray
-    t: np.ndarray
+    mean: Array
+    error: Array
+    t: Array
     logarithmic: bool
 
-    def bounds(self, limit: np.ndarray) -> np.ndarray:
+    def bounds(self, limit: Array) -> Array:
         """The means (K, 2) that are ``limit`` (K,) standard errors apart."""
         half = np.where(self.error > 0, limit, 0.0) * self.error
         if not self.logarithmic:
@@ -136,7 +137,7 @@ class _Bootstrap:
         return np.stack([self.mean / factor, self.mean * factor], axis=1)
 
 
-def _bootstrap_t(sums: np.ndarray, counts: np.ndarray, seed: int, logarithmic: bool) -> _Bootstrap:
+def _bootstrap_t(sums: Array, counts: Array, seed: int, logarithmic: bool) -> _Bootstrap:
     """The bootstrap-t of the ratios of ``sums`` to ``counts`` (scenes, K) over scenes, on a scale where both are about
     1, so that rounding is alike."""
     size = np.abs(sums).max(axis=0)
@@ -155,7 +156,7 @@ def _bootstrap_t(sums: np.ndarray, counts: np.ndarray, seed: int, logarithmic: b
     return _Bootstrap(mean[0] * size, error[0] * size, t, logarithmic)
 
 
-def _ratios(times: np.ndarray, sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _ratios(times: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
     """The ratio of sums over scenes (resamples, K), with each scene as often as ``times`` (resamples, scenes) states,
     and its standard error."""
     told, alike = (counts > 0).sum(axis=0), bool((counts == counts[:1]).all())
@@ -170,7 +171,7 @@ def _ratios(times: np.ndarray, sums: np.ndarray, counts: np.ndarray) -> tuple[np
         return mean, np.sqrt(np.maximum(square, 0.0) * told / (told - 1)) / number
 
 
-def _quantile(t: np.ndarray) -> np.ndarray:
+def _quantile(t: Array) -> Array:
     """The |t| (K,) that ``LEVEL`` of the resamples (resamples, K) do not exceed; those without a value are infinite."""
     ascending = np.sort(np.where(np.isnan(t), np.inf, t), axis=0)
     return np.asarray(ascending[math.ceil(LEVEL * len(t)) - 1])

@@ -21,6 +21,7 @@ from statistics import NormalDist
 import numpy as np
 
 from ...physics.random_numbers.seeds import generator
+from ...support.arrays import Array
 from .walsh_averages import WalshSums, on_grid
 
 #: The share of flips that may reach an observed statistic where it is called different. It is less than the 5 % that
@@ -49,16 +50,16 @@ class Family:
     ``needed`` scenes. ``detectable`` is the difference that would be found in ``POWER`` of such data sets.
     """
 
-    scenes: np.ndarray
-    typical: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    p: np.ndarray
-    detectable: np.ndarray
+    scenes: Array
+    typical: Array
+    low: Array
+    high: Array
+    p: Array
+    detectable: Array
     needed: int
 
     @property
-    def found(self) -> np.ndarray:
+    def found(self) -> Array:
         """Boolean: where the two methods differ."""
         return self.p <= LIMIT + 1e-12
 
@@ -77,7 +78,7 @@ def scenes_for_methods(methods: int) -> int:
     return scenes_needed(methods * (methods - 1) // 2)
 
 
-def compare(differences: np.ndarray, seed: int) -> Family:
+def compare(differences: Array, seed: int) -> Family:
     """Which columns of ``differences`` (scenes, comparisons) have a typical difference that is not zero.
 
     NaN is undefined. A column with fewer than ``needed`` scenes is outside the family. The same seed makes the same
@@ -111,7 +112,7 @@ def compare(differences: np.ndarray, seed: int) -> Family:
     return found
 
 
-def subtract(one: np.ndarray, other: np.ndarray, logarithmic: bool = False) -> np.ndarray:
+def subtract(one: Array, other: Array, logarithmic: bool = False) -> Array:
     """The differences of two arrays, or of their logarithms; exactly 0 where they differ by rounding only."""
     alike = np.abs(one - other) <= _ROUNDING * np.maximum(np.abs(one), np.abs(other))
     apart = np.log(one) - np.log(other) if logarithmic else one - other
@@ -121,7 +122,7 @@ def subtract(one: np.ndarray, other: np.ndarray, logarithmic: bool = False) -> n
 class _Column:
     """The differences of one comparison, finite (n,)."""
 
-    def __init__(self, values: np.ndarray) -> None:
+    def __init__(self, values: Array) -> None:
         ascending, self.unit = on_grid(values)
         self.sums = WalshSums(ascending)
         self.centre = self.sums.twice_median() if len(values) else 0  # four times the typical difference
@@ -146,7 +147,7 @@ class _Column:
         return (self.sums.at(outside - 1) * self.unit / 2, self.sums.at(self.sums.count - outside) * self.unit / 2)
 
 
-def _centred_ranks(differences: np.ndarray, columns: list[_Column]) -> np.ndarray:
+def _centred_ranks(differences: Array, columns: list[_Column]) -> Array:
     """The signed ranks (scenes, comparisons) of the differences from the typical one, 0 where undefined."""
     units = np.array([column.unit for column in columns])
     known = ~np.isnan(differences)
@@ -159,7 +160,7 @@ def _centred_ranks(differences: np.ndarray, columns: list[_Column]) -> np.ndarra
     return np.where(known, np.where(apart < 0, -ranks, ranks), 0.0)
 
 
-def _flip(ranks: np.ndarray, seed: int) -> np.ndarray:
+def _flip(ranks: Array, seed: int) -> Array:
     """The absolute statistics (flips, comparisons) of random signs of the scenes of signed ranks."""
     used, signs = ranks.astype(np.float32 if len(ranks) < _MOST_SINGLE else np.float64), _signs(len(ranks), seed)
     return np.concatenate(
@@ -171,7 +172,7 @@ def _flip(ranks: np.ndarray, seed: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=1)
-def _signs(scenes: int, seed: int) -> np.ndarray:
+def _signs(scenes: int, seed: int) -> Array:
     """The signs of all flips, int8 (flips, scenes). The first scene keeps its sign, as the statistics do not change if
     all signs do."""
     if scenes <= _MOST_EXACT:
@@ -181,7 +182,7 @@ def _signs(scenes: int, seed: int) -> np.ndarray:
     return (1 - 2 * flipped).astype(np.int8)
 
 
-def ranks(better: np.ndarray) -> list[tuple[int, int]]:
+def ranks(better: Array) -> list[tuple[int, int]]:
     """The best and the worst possible rank of each method, from a boolean (methods, methods): the row's method is
     significantly better than the column's.
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Bits of the largest value on the grid: equal numbers that differ by rounding are equal on it.
 _BITS = 36
 #: The binary exponent of the smallest number that is not zero.
@@ -17,7 +19,7 @@ _MOST_LISTED = 200
 _MOST_PICKED = 4000
 
 
-def on_grid(values: np.ndarray) -> tuple[np.ndarray, float]:
+def on_grid(values: Array) -> tuple[Array, float]:
     """The finite ``values`` (n,) in ascending order as whole numbers, int64, and the size of their unit."""
     most = float(np.abs(values).max(initial=0.0))
     unit = float(np.ldexp(1.0, max(int(np.frexp(most)[1]) - _BITS, _LEAST))) if most > 0 else 1.0
@@ -27,10 +29,10 @@ def on_grid(values: np.ndarray) -> tuple[np.ndarray, float]:
 class WalshSums:
     """The sums of every two of ascending whole numbers (n,), and of each with itself: twice the Walsh averages."""
 
-    def __init__(self, ascending: np.ndarray) -> None:
+    def __init__(self, ascending: Array) -> None:
         self.values = ascending
         self.count = len(ascending) * (len(ascending) + 1) // 2
-        self._listed: np.ndarray | None = None
+        self._listed: Array | None = None
         if len(ascending) <= _MOST_LISTED:
             one, other = np.triu_indices(len(ascending))
             self._listed = np.sort(ascending[one] + ascending[other])

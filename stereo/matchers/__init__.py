@@ -26,6 +26,7 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...plugins.installed import Found, Plugin, find
 from ...settings.topics.trust_boundary import OWN
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.suggestions import nearest
 from ..images.image_values import describe_size, to_8_bit, to_grey
@@ -63,12 +64,12 @@ def matcher_names() -> tuple[str, ...]:
 
 def match(
     method: str,
-    left: np.ndarray,
-    right: np.ndarray,
+    left: Array,
+    right: Array,
     options: Mapping[str, Any] | None = None,
     camera: StereoCamera | None = None,
     ranges: Mapping[str, SearchRange] | None = None,
-) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+) -> tuple[Array, Array, dict[str, Any]]:
     """Compute the disparity of the left image with the matcher ``method``.
 
     ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey (H, W) or colour
@@ -202,7 +203,7 @@ def _cpu_seconds() -> float:
     return time.process_time() + children.children_user + children.children_system
 
 
-def _check_image(image: np.ndarray, name: str) -> np.ndarray:
+def _check_image(image: Array, name: str) -> Array:
     image = np.asarray(image)
     if image.dtype not in (np.uint8, np.uint16):
         raise IcyMoonError(f"The {name} image has values of type {image.dtype}; give 8-bit or 16-bit grey values.")
@@ -211,7 +212,7 @@ def _check_image(image: np.ndarray, name: str) -> np.ndarray:
     return image
 
 
-def _luminance(image: np.ndarray) -> np.ndarray:
+def _luminance(image: Array) -> Array:
     """uint8 (H, W): 0.299 red, 0.587 green and 0.114 blue, in OpenCV's rounding, after the scaling to 8 bits."""
     import cv2  # not at the top: the window lists the matchers, and Blender has no OpenCV
 
@@ -223,6 +224,6 @@ def _luminance(image: np.ndarray) -> np.ndarray:
 GREYS = {"mean": to_grey, "luminance": _luminance}
 
 
-def _rgb(image: np.ndarray) -> np.ndarray:
+def _rgb(image: Array) -> Array:
     """uint8 (H, W, 3), red first."""
     return to_8_bit(np.repeat(image[..., None], 3, axis=-1) if image.ndim == 2 else image[..., 2::-1])

@@ -14,6 +14,8 @@ from itertools import product
 import cv2
 import numpy as np
 
+from ...support.arrays import Array
+
 _FINE = 8  # samples per pixel of the right image; interpolated linearly between them
 _TAPS = 3  # lobes of the Lanczos kernel
 _ROWS = 32  # processed at a time, so that everything stays in the processor's cache
@@ -22,7 +24,7 @@ _LARGEST_SLANT = 0.75  # disparity change per pixel; beyond it the right image i
 _SETTLED_PX = 0.05  # a fit whose last step was longer has not converged
 
 
-def refine(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, window: int, steps: int) -> np.ndarray:
+def refine(left: Array, right: Array, disparity: Array, window: int, steps: int) -> Array:
     """Refine a disparity that is right to about half a pixel; float64 (H, W) px, NaN where invalid.
 
     ``left`` and ``right`` are (H, W) images, ``window`` the odd side of the square that is fitted. Where no fit is
@@ -51,13 +53,13 @@ def refine(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, window: i
     return result
 
 
-def _inverse_normal_matrices(gradient: np.ndarray, half: int) -> np.ndarray:
+def _inverse_normal_matrices(gradient: Array, half: int) -> Array:
     """(3, 3, H, W): inverse of Σ g² [1 u v]ᵀ[1 u v] over every window; NaN if the matrix is singular."""
     offsets = np.arange(-half, half + 1.0)
     ones = np.ones_like(offsets)
     power = gradient.astype(np.float64) ** 2
 
-    def moment(along: np.ndarray, down: np.ndarray) -> np.ndarray:
+    def moment(along: Array, down: Array) -> Array:
         return cv2.sepFilter2D(power, cv2.CV_64F, along, down, borderType=cv2.BORDER_CONSTANT)
 
     one, u, v = moment(ones, ones), moment(offsets, ones), moment(ones, offsets)
@@ -75,7 +77,7 @@ def _inverse_normal_matrices(gradient: np.ndarray, half: int) -> np.ndarray:
     return np.where(usable, cofactors / np.where(usable, determinant, 1), np.nan).astype(np.float32)
 
 
-def _resampled(image: np.ndarray) -> np.ndarray:
+def _resampled(image: Array) -> Array:
     """(H, W * _FINE): the rows of an image at _FINE points per pixel, by the Lanczos kernel."""
     height, width = image.shape
     padded = np.pad(image, ((0, 0), (_TAPS - 1, _TAPS)), mode="edge")
@@ -89,15 +91,15 @@ def _resampled(image: np.ndarray) -> np.ndarray:
 
 
 def _fit(
-    left: np.ndarray,
-    gradient: np.ndarray,
-    fine: np.ndarray,
-    inverse: np.ndarray,
-    start: np.ndarray,
+    left: Array,
+    gradient: Array,
+    fine: Array,
+    inverse: Array,
+    start: Array,
     corner: tuple[int, int],
     half: int,
     steps: int,
-) -> np.ndarray:
+) -> Array:
     height, width = start.shape
     valid = np.isfinite(start)
     shift = np.where(valid, start, 0).astype(np.float32)

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from .opencv import SEARCH_RANGE, extended, inside_right, require_room, run_matcher, settle_range
 from .options import Option
 from .result import Result
@@ -114,7 +115,7 @@ def settle(
     return settle_range("bm", options, ranges)
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 (H, W) images, float32 px, NaN where invalid."""
     least = options["min_disparity"]
     matcher = cv2.StereoBM.create(options["disparities"], options["window"])

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from . import learned
 from .options import Option
 from .result import Result
@@ -52,7 +53,7 @@ def load(options: dict[str, Any]) -> None:
     learned.load(NETWORK, options)
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images, NaN outside the crop."""
     model, facts = learned.load(NETWORK, options)
     device = next(model.parameters()).device
@@ -76,13 +77,13 @@ def _span(size: int, crop: int) -> tuple[int, int]:
     return ((size - count) // 2 if size > count else size - count), count
 
 
-def _normalised(image: np.ndarray) -> np.ndarray:
+def _normalised(image: Array) -> Array:
     """Every channel with mean 0 and variance 1 over the whole image; 0 if it is constant."""
     spread = image.std(axis=(0, 1))
     return (image - image.mean(axis=(0, 1))) / np.where(spread > 0, spread, 1)
 
 
-def _framed(image: np.ndarray, top: int, height: int, near: int, width: int) -> np.ndarray:
+def _framed(image: Array, top: int, height: int, near: int, width: int) -> Array:
     frame = np.zeros((height, width, 3), np.float32)
     part = image[max(top, 0) : top + height, max(near, 0) : near + width]
     frame[max(-top, 0) :, max(-near, 0) :] = part

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.scratch import scratch_folder
 from ...support.suggestions import nearest
@@ -69,7 +70,7 @@ def check(options: dict[str, Any]) -> None:
     require_program("external.command", arguments[0])
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images as the program writes it."""
     with scratch_folder() as folder:
         values = {eye: str(folder / f"{eye}.png") for eye in ("left", "right")}
@@ -126,7 +127,7 @@ def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
         )
 
 
-def _read_disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any]) -> np.ndarray:
+def _read_disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any]) -> Array:
     if not path.is_file():
         raise IcyMoonError(
             f"external.command ended without an error but wrote no {path.name} at {{out}}; make it "
@@ -143,7 +144,7 @@ def _read_disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any])
         raise IcyMoonError(f"external.command wrote a disparity map that cannot be used: {error}.") from None
 
 
-def _read_npy(path: Path, shape: tuple[int, ...]) -> np.ndarray:
+def _read_npy(path: Path, shape: tuple[int, ...]) -> Array:
     try:
         array = read_array(path, shape)
     except (OSError, ValueError, IcyMoonError) as error:

@@ -14,6 +14,8 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ...support.arrays import Array
+
 ONE = 256  # disparities are counted in 1/256 px
 NO_DATA = 0x7FFF
 MAX_LEVELS = 255  # disparities that one search may compare
@@ -32,14 +34,14 @@ _BLOB_STEP = ONE // 4  # neighbours that differ by this or more belong to differ
 class Search:
     """The best match of every pixel inside the rim; each array is (rows, columns) of the searched part."""
 
-    best: np.ndarray  # int16, left disparity minus the least one
-    best_right: np.ndarray  # the same for the pixels of the right image
-    score: np.ndarray  # sum of absolute differences at ``best``
-    before: np.ndarray  # the score at one disparity less, undefined if that is not searched
-    after: np.ndarray  # the score at one disparity more, undefined if that is not searched
+    best: Array  # int16, left disparity minus the least one
+    best_right: Array  # the same for the pixels of the right image
+    score: Array  # sum of absolute differences at ``best``
+    before: Array  # the score at one disparity less, undefined if that is not searched
+    after: Array  # the score at one disparity more, undefined if that is not searched
 
 
-def band_pass(image: np.ndarray, level: int) -> tuple[np.ndarray, int]:
+def band_pass(image: Array, level: int) -> tuple[Array, int]:
     """(uint8 (h, w), width of its invalid rim in px) of a uint8 (H, W) image, halved ``level`` times.
 
     The result is the detail of the image: the difference of two box means, around a grey of 126. This removes
@@ -60,7 +62,7 @@ def band_pass(image: np.ndarray, level: int) -> tuple[np.ndarray, int]:
     return _halved(filtered), (rim + margin + 1) >> 1
 
 
-def search(left: np.ndarray, right: np.ndarray, least: int, most: int, window: int, rim: int) -> Search:
+def search(left: Array, right: Array, least: int, most: int, window: int, rim: int) -> Search:
     """Compare windows of uint8 (h, w) images over the disparities ``least`` to ``most``.
 
     The searched part excludes ``rim`` and half a window on every side. The lowest score wins, and among equal scores
@@ -73,7 +75,7 @@ def search(left: np.ndarray, right: np.ndarray, least: int, most: int, window: i
     depth, worst = (cv2.CV_16U, _filled(shape, np.uint16)) if window < 16 else (cv2.CV_32S, _filled(shape, np.int32))
     score, score_right, before, after = worst, worst.copy(), worst.copy(), worst.copy()
     previous = worst.copy()
-    won: np.ndarray = np.zeros(shape, np.uint8)
+    won: Array = np.zeros(shape, np.uint8)
     best, best_right = np.zeros(shape, np.int16), np.zeros(shape, np.int16)
     for step, disparity in enumerate(range(least, min(most, shape[1] - 1) + 1)):
         width = shape[1] - disparity
@@ -93,7 +95,7 @@ def search(left: np.ndarray, right: np.ndarray, least: int, most: int, window: i
     return Search(best, best_right, score, before, after)
 
 
-def judge(found: Search, least: int, most: int, window: int, uncertainty: int) -> tuple[np.ndarray, np.ndarray]:
+def judge(found: Search, least: int, most: int, window: int, uncertainty: int) -> tuple[Array, Array]:
     """(disparity, int32 in 1/256 px or NO_DATA; flags, uint8) of a search.
 
     The disparity is refined by a parabola through three scores. If ``uncertainty`` is above 0, it is the largest
@@ -116,7 +118,7 @@ def judge(found: Search, least: int, most: int, window: int, uncertainty: int) -
     return np.where(flags == ACCEPT, ONE * (best + least) + offset, NO_DATA), flags.astype(np.uint8)
 
 
-def find_blobs(disparity: np.ndarray, smallest: int) -> np.ndarray:
+def find_blobs(disparity: Array, smallest: int) -> Array:
     """Boolean (h, w): measured, but in a patch of fewer than ``smallest`` pixels.
 
     A patch ends where two pixels side by side, or one above the other, differ by a quarter of a pixel or more.
@@ -131,19 +133,19 @@ def find_blobs(disparity: np.ndarray, smallest: int) -> np.ndarray:
     return measured & (centred == NO_DATA)
 
 
-def _filled(shape: tuple[int, int], kind: type[np.integer]) -> Any:
+def _filled(shape: tuple[int, int], kind: type[np.integer[Any]]) -> Any:
     return np.full(shape, np.iinfo(kind).max, kind)
 
 
-def _sums(image: np.ndarray, side: int) -> np.ndarray:
+def _sums(image: Array, side: int) -> Array:
     return cv2.boxFilter(image, cv2.CV_32S, (side, side), normalize=False)
 
 
-def _without_rim(image: np.ndarray, width: int) -> np.ndarray:
+def _without_rim(image: Array, width: int) -> Array:
     kept = np.zeros_like(image)
     kept[width:-width, width:-width] = image[width:-width, width:-width]
     return kept
 
 
-def _halved(image: np.ndarray) -> np.ndarray:
+def _halved(image: Array) -> Array:
     return np.ascontiguousarray(image[::2, ::2])

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from . import jpl_correlator as jpl
 from .affine import refine
@@ -96,7 +97,7 @@ def settle(
     )
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 (H, W) images.
 
     The arrays belong to the halved images: ``jpl_disparity``, int32 in 1/256 of their px, 0x7FFF where rejected, always
@@ -134,7 +135,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     )
 
 
-def _enlarged(disparity: np.ndarray, level: int, shape: tuple[int, ...]) -> np.ndarray:
+def _enlarged(disparity: Array, level: int, shape: tuple[int, ...]) -> Array:
     """Disparity (H, W), px, from the disparity of images halved ``level`` times.
 
     Pixel i of a halved image is pixel i 2^level of the full one. Between four measured pixels of one surface the
@@ -152,7 +153,7 @@ def _enlarged(disparity: np.ndarray, level: int, shape: tuple[int, ...]) -> np.n
     return np.where(smooth, np.sum(weights * corners, axis=0), nearest) * 2**level
 
 
-def _around(place: np.ndarray, last: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _around(place: Array, last: int) -> tuple[Array, Array, Array]:
     """The whole places around fractional ones (the same twice for a whole one), and the weight of the second."""
     before, after = np.floor(place).astype(int), np.ceil(place).astype(int)
     return before, np.minimum(after, last), place - before

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import parse_path, sha256
 from . import TITLES
@@ -113,7 +114,7 @@ def guard_inference(method: str) -> Iterator[None]:
         raise IcyMoonError(f"{TITLES[method]} failed in PyTorch ({_first_line(error)}).") from None
 
 
-def batch(image: np.ndarray, device: Any) -> Any:
+def batch(image: Array, device: Any) -> Any:
     """A float tensor (1, 3, H, W) on ``device`` from (H, W, 3)."""
     import torch
 

@@ -22,6 +22,7 @@ import cv2
 import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import parse_path, sha256
 from .options import Option
@@ -146,7 +147,7 @@ def load(options: dict[str, Any]) -> None:
     _load(options)
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images, everywhere."""
     network = _load(options)
     return Result(*_run(network, left, right, options))
@@ -256,8 +257,8 @@ def _read_input(path: Path, declared: Any, place: int, count: int) -> _Input:
 
 
 def _run(
-    network: _Network, left: np.ndarray, right: np.ndarray, options: dict[str, Any]
-) -> tuple[np.ndarray, dict[str, Any], dict[str, Any], dict[str, Any]]:
+    network: _Network, left: Array, right: Array, options: dict[str, Any]
+) -> tuple[Array, dict[str, Any], dict[str, Any], dict[str, Any]]:
     """The disparity, arrays, counts and facts of a ``Result``."""
     height, width = left.shape[:2]
     multiple = options["multiple"]
@@ -294,7 +295,7 @@ def _run(
     return disparity, {}, {}, {**network.facts, "input_height": run_height, "input_width": run_width}
 
 
-def _tensor(each: _Input, images: dict[str, np.ndarray], options: dict[str, Any]) -> np.ndarray:
+def _tensor(each: _Input, images: dict[str, Array], options: dict[str, Any]) -> Array:
     """The values of an input: a batch of one image or of both."""
     found = []
     for eye in each.eyes:
@@ -308,7 +309,7 @@ def _tensor(each: _Input, images: dict[str, np.ndarray], options: dict[str, Any]
     return np.ascontiguousarray(tensor if each.channels_last else tensor.transpose(2, 0, 1))[None].astype(each.dtype)
 
 
-def _numbers(image: np.ndarray, each: _Input, options: dict[str, Any]) -> np.ndarray:
+def _numbers(image: Array, each: _Input, options: dict[str, Any]) -> Array:
     """float32 (H, W, channels) of uint8 RGB (H, W, 3)."""
     values = image.astype(np.float32)
     if options["numbers"] != "byte":
@@ -322,9 +323,7 @@ def _numbers(image: np.ndarray, each: _Input, options: dict[str, Any]) -> np.nda
     return values[..., ::-1] if options["order"] == "bgr" else values
 
 
-def _plane(
-    network: _Network, outputs: Sequence[np.ndarray], options: dict[str, Any], shape: tuple[int, int]
-) -> np.ndarray:
+def _plane(network: _Network, outputs: Sequence[Array], options: dict[str, Any], shape: tuple[int, int]) -> Array:
     """The map (H, W) in the output that is chosen: the first channel of the first image."""
     place, declared = options["output"], network.session.get_outputs()
     found = np.asarray(outputs[place]) if place < len(outputs) else None
@@ -399,7 +398,7 @@ def _describe(declared: Sequence[Any]) -> str:
     return ", ".join(f"{each.name} {'x'.join(map(str, each.shape))}" for each in declared)
 
 
-def _run_bounded(session: Any, given: dict[str, np.ndarray], most_s: float) -> list[np.ndarray]:
+def _run_bounded(session: Any, given: dict[str, Array], most_s: float) -> list[Array]:
     """The outputs of a network, which is stopped after ``most_s``, since it may have a loop without end.
 
     Raises TimeoutError then.

@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..images.image_values import describe_size
 from . import TITLES
@@ -59,7 +60,7 @@ def settle_range(
     return options | {"disparities": count, "min_disparity": least}, SearchRange(least, least + count - 1, source)
 
 
-def require_room(method: str, image: np.ndarray, enough: bool, option: str = "") -> None:
+def require_room(method: str, image: Array, enough: bool, option: str = "") -> None:
     """Raise IcyMoonError unless an image (H, W) is large ``enough`` for a search range and window.
 
     ``option`` names the options to lower; by default disparities and window.
@@ -75,12 +76,12 @@ def require_room(method: str, image: np.ndarray, enough: bool, option: str = "")
 def run_matcher(
     method: str,
     matcher: Any,
-    left: np.ndarray,
-    right: np.ndarray,
+    left: Array,
+    right: Array,
     min_disparity: int,
     columns: tuple[int, int],
     rows: tuple[int, int],
-) -> np.ndarray:
+) -> Array:
     """Run an OpenCV matcher: disparity, float32 (H, W) px, NaN where it found none or is not reliable.
 
     ``columns`` and ``rows`` are the half-open ranges of pixels whose search range and window lie inside the images.
@@ -101,7 +102,7 @@ def run_matcher(
     return disparity
 
 
-def extended(image: np.ndarray, columns: int) -> np.ndarray:
+def extended(image: Array, columns: int) -> Array:
     """The image, extended to the left by repeating its border.
 
     OpenCV skips every column that cannot be searched over the whole range; these are a seventh of the GUISS paper's
@@ -110,6 +111,6 @@ def extended(image: np.ndarray, columns: int) -> np.ndarray:
     return cv2.copyMakeBorder(image, 0, 0, columns, 0, cv2.BORDER_REPLICATE)
 
 
-def inside_right(disparity: np.ndarray) -> np.ndarray:
+def inside_right(disparity: Array) -> Array:
     """The disparity, NaN where the match would lie to the left of the right image."""
     return np.where(disparity <= np.arange(disparity.shape[1]), disparity, np.nan)

@@ -13,6 +13,7 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...plugins.installed import Plugin, explained, function_of, load, source_files, summary_of
 from ...settings.topics.trust_boundary import LOADS
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from .opencv import SEARCH_RANGE, settle_range
 from .options import Option
@@ -62,9 +63,7 @@ class PluginMatcher:
         """The options with a search range in numbers, and this range."""
         return settle_range(self.plugin.name, options, ranges)
 
-    def compute(
-        self, left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None
-    ) -> Result:
+    def compute(self, left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
         """Disparity of uint8 images as the plug-in finds it. Raises IcyMoonError where it fails."""
         least = options["min_disparity"]
         own = {key: value for key, value in options.items() if key not in _RESERVED}
@@ -83,7 +82,7 @@ class PluginMatcher:
         return source_files(self.loaded)
 
 
-def checked_disparity(plugin: Plugin, found: Any, shape: tuple[int, ...]) -> np.ndarray:
+def checked_disparity(plugin: Plugin, found: Any, shape: tuple[int, ...]) -> Array:
     """What a plug-in returned, as float32. Raises IcyMoonError if it is no disparity map of this shape."""
     if not isinstance(found, np.ndarray):
         raise IcyMoonError(

@@ -13,9 +13,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from .command_lines import require_program, split_arguments
 from .options import Option
 from .resident_process import Program, ask_resident, start_resident
@@ -53,7 +52,7 @@ def load(options: dict[str, Any]) -> None:
     start_resident(_program(options))
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images as the program answers it."""
     return ask_resident(_program(options), left, right, camera, options.get("range_px"))
 

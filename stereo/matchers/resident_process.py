@@ -30,6 +30,7 @@ import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support import system
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import NUMBER
 from ...support.foreign_bytes import parse_json
@@ -101,9 +102,7 @@ class _Resident:
         self.facts = {**_texts(hello, "name"), "start_seconds": round(time.monotonic() - begun, 3)}
         self._warm = False
 
-    def compute(
-        self, left: np.ndarray, right: np.ndarray, camera: StereoCamera | None, range_px: Sequence[int] | None
-    ) -> Result:
+    def compute(self, left: Array, right: Array, camera: StereoCamera | None, range_px: Sequence[int] | None) -> Result:
         """The disparity of a pair. Raises _ProgramError, and IcyMoonError for an error that the program reports."""
         if not self._warm:
             begun = time.monotonic()
@@ -132,12 +131,12 @@ class _Resident:
 
     def _ask(
         self,
-        left: np.ndarray,
-        right: np.ndarray,
+        left: Array,
+        right: Array,
         camera: StereoCamera | None,
         range_px: Sequence[int] | None,
         limit_s: float,
-    ) -> tuple[np.ndarray, dict[str, Any], float]:
+    ) -> tuple[Array, dict[str, Any], float]:
         """Have it compute a pair: the disparity, its answer, and the seconds until then."""
         self._id += 1
         paths = {key: self._folder / f"{key}{self._id}.npy" for key in ("left", "right", "out")}
@@ -205,7 +204,7 @@ class _Resident:
         """The last line of its standard error, or else of its output that is no message."""
         return last_words(self._folder / "errors.txt") or self._stray[:300] or "no message"
 
-    def _read_disparity(self, path: Path, shape: tuple[int, ...]) -> np.ndarray:
+    def _read_disparity(self, path: Path, shape: tuple[int, ...]) -> Array:
         try:
             return as_disparity(read_array(path, shape), shape)
         except FileNotFoundError:
@@ -262,8 +261,8 @@ def start_resident(program: Program) -> None:
 
 def ask_resident(
     program: Program,
-    left: np.ndarray,
-    right: np.ndarray,
+    left: Array,
+    right: Array,
     camera: StereoCamera | None,
     range_px: Sequence[int] | None = None,
 ) -> Result:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
+from ...support.arrays import Array
 
 
 @dataclass(frozen=True)
 class Result:
     """A disparity map, and the further reports of the matcher."""
 
-    disparity: np.ndarray  # float (H, W) px, NaN where there is no measurement
-    arrays: dict[str, np.ndarray] = field(default_factory=dict)  # kept in the npz beside the disparity
+    disparity: Array  # float (H, W) px, NaN where there is no measurement
+    arrays: dict[str, Array] = field(default_factory=dict)  # kept in the npz beside the disparity
     counts: dict[str, int] = field(default_factory=dict)  # pixels per outcome
     facts: dict[str, Any] = field(default_factory=dict)  # such as the device, for the provenance
     costs: dict[str, float] = field(default_factory=dict)  # what another process took, by the names of costs.COSTS

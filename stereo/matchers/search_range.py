@@ -17,6 +17,7 @@ from ...physics.camera.nearest_ground import greatest_disparity_px
 from ...physics.camera.search_range import disparity_range_px
 from ...physics.rig.focal_length import focal_px
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 
 AUTO, TRUTH = "auto", "truth"
@@ -40,11 +41,11 @@ class SearchRange:
     most_px: int
     source: str
 
-    def to_json(self, true_disparity: np.ndarray) -> dict[str, Any]:
+    def to_json(self, true_disparity: Array) -> dict[str, Any]:
         """The ``search`` of a row, with the share of true disparities that it ``missed``."""
         return {**asdict(self), "missed": self.missed(true_disparity)}
 
-    def missed(self, true_disparity: np.ndarray) -> float | None:
+    def missed(self, true_disparity: Array) -> float | None:
         """Share of true disparities, px, that no searched one is next to; None if all of them are NaN."""
         known = true_disparity[np.isfinite(true_disparity)]
         if not known.size:
@@ -66,7 +67,7 @@ def rig_range(settings: Settings, described: bool = True) -> SearchRange | None:
     return None if bounds is None else _enclosing(*bounds, int(rig.width_px), RIG)
 
 
-def true_range(true_disparity: np.ndarray) -> SearchRange | None:
+def true_range(true_disparity: Array) -> SearchRange | None:
     """The range that encloses all true disparities (H, W), px; None if all are unknown."""
     known = true_disparity[np.isfinite(true_disparity)]
     if not known.size:
@@ -76,7 +77,7 @@ def true_range(true_disparity: np.ndarray) -> SearchRange | None:
 
 
 def known_ranges(
-    settings: Settings | None, true_disparity: np.ndarray | None, by_hand: bool = False
+    settings: Settings | None, true_disparity: Array | None, by_hand: bool = False
 ) -> dict[str, SearchRange]:
     """The ranges of AUTO and TRUTH, as far as they are known, for ``match``.
 

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from .opencv import SEARCH_RANGE, SUBPIXELS, extended, inside_right, require_room, run_matcher, settle_range
 from .options import Option
@@ -85,7 +86,7 @@ def settle(
     return settle_range("sgbm", options, ranges)
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 (H, W) images, float32 px, NaN where invalid."""
     least = options["min_disparity"]
     matcher = semi_global("sgbm", options)
@@ -131,7 +132,7 @@ class InStrips:
     matcher: Any
     mode: str
 
-    def compute(self, image: np.ndarray, other: np.ndarray) -> np.ndarray:
+    def compute(self, image: Array, other: Array) -> Array:
         """OpenCV's fixed-point disparities of ``image``."""
         height, width = image.shape
         rows = int(_MOST_BYTES / (_COST_BYTES * width * self.matcher.getNumDisparities()))
@@ -146,7 +147,7 @@ class InStrips:
         return np.vstack(parts)
 
 
-def evenly_rounded(disparity: np.ndarray) -> np.ndarray:
+def evenly_rounded(disparity: Array) -> Array:
     """Disparity without the bias of OpenCV's rounding.
 
     The sub-pixel offset, in 1/16 px, is the integer quotient (16 a + b) / 2b, which C++ truncates toward zero. So

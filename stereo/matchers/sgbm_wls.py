@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from .opencv import SUBPIXELS, extended, inside_right, require_room, settle_range
 from .options import Option
@@ -52,7 +53,7 @@ def settle(
     return settle_range("sgbm_wls", options, ranges)
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 (H, W) images; the array ``confidence``, uint8, is 0 where the disparity was filled in."""
     cv2.setNumThreads(1)
     matcher = semi_global("sgbm_wls", options)
@@ -77,7 +78,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
     return Result(np.where(confidence >= options["min_confidence"], disparity, np.nan), {"confidence": confidence})
 
 
-def _match(matcher: Any, mode: str, image: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _match(matcher: Any, mode: str, image: Array, other: Array) -> Array:
     """Disparities in OpenCV's 1/16 px, float32; where matching failed, OpenCV's mark, which its filter needs."""
     fixed = InStrips(matcher, mode).compute(image, other)
     measured = fixed >= matcher.getMinDisparity() * SUBPIXELS

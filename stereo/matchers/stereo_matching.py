@@ -11,9 +11,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import parse_path
 from .command_lines import require_program
@@ -56,7 +55,7 @@ def load(options: dict[str, Any]) -> None:
     start_resident(_program(options))
 
 
-def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None) -> Result:
+def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images, everywhere."""
     return ask_resident(_program(options), left, right, camera)
 

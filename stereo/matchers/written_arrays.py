@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import numpy as np
-
+from ...support.arrays import Array
 from ...support.foreign_bytes import parse_npy, parse_part, read_end, read_regular
 from ...support.printer import show_controls
 
@@ -15,7 +14,7 @@ _BESIDE, _EACH = 2**20, 16
 _LONGEST_WORDS, _SHOWN = 65536, 300
 
 
-def read_array(path: Path, shape: tuple[int, ...]) -> np.ndarray:
+def read_array(path: Path, shape: tuple[int, ...]) -> Array:
     """The numbers of a file in numpy's format, for images of a shape; read-only, of any type.
 
     Raises OSError if there is no such file, ValueError if it is far too large, IcyMoonError if it is damaged.

@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.labels import LANDER, ROCK, TERRAIN
 from .metrics import usable
 
@@ -45,7 +46,7 @@ class Factor:
         inner = (f"{a:g}–{b:g}" for a, b in zip(self.bounds, self.bounds[1:], strict=False))
         return (f"< {self.bounds[0]:g}", *inner, f"> {self.bounds[-1]:g}")
 
-    def of(self, values: np.ndarray) -> np.ndarray:
+    def of(self, values: Array) -> Array:
         """The class of each number, -1 for NaN."""
         found = np.zeros(values.shape, np.int8)
         for bound in self.bounds:  # faster than to look up each number
@@ -70,7 +71,7 @@ _LEAST_BLOCKED = 13
 _CELLS = tuple(1 + len(factor.classes) for factor in FACTORS)
 
 
-def texture(grey: np.ndarray) -> np.ndarray:
+def texture(grey: Array) -> Array:
     """Root mean square of the gradient along the rows around each pixel, grey levels per px, float64 (H, W).
 
     Matching depends on this gradient: the variance of a disparity is at least 2 σ² / Σ gradient², where σ is the noise
@@ -84,7 +85,7 @@ def texture(grey: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(mean, 0.0))  # rounding in running sums may give a value below zero
 
 
-def in_shadow(grey: np.ndarray, normal: np.ndarray, toward_sun: Sequence[float], semantic: np.ndarray) -> np.ndarray:
+def in_shadow(grey: Array, normal: Array, toward_sun: Sequence[float], semantic: Array) -> Array:
     """Boolean (H, W): no sunlight reaches the pixel.
 
     Facets that face away from the Sun are in shadow. Other facets are in shadow if their radiance is below _SHADOW_PART
@@ -103,15 +104,15 @@ def in_shadow(grey: np.ndarray, normal: np.ndarray, toward_sun: Sequence[float],
 
 
 def classify(
-    truth: np.ndarray,
-    visible: np.ndarray,
-    gradient: np.ndarray,
-    grey: np.ndarray,
-    normal: np.ndarray | None,
-    semantic: np.ndarray | None,
+    truth: Array,
+    visible: Array,
+    gradient: Array,
+    grey: Array,
+    normal: Array | None,
+    semantic: Array | None,
     toward_sun: Sequence[float] | None,
-    blocked: np.ndarray | None = None,
-) -> dict[str, np.ndarray]:
+    blocked: Array | None = None,
+) -> dict[str, Array]:
     """The class of every pixel by every factor, int8 (H, W), -1 where it has no class or an argument is None.
 
     ``gradient`` is ``texture`` of the left image that matchers get, ``grey`` its radiance; ``normal`` is in world axes.
@@ -146,7 +147,7 @@ class Cells:
     So a number is summed once over the pixels, and not once for each factor.
     """
 
-    def __init__(self, classes: Mapping[str, np.ndarray], known: np.ndarray) -> None:
+    def __init__(self, classes: Mapping[str, Array], known: Array) -> None:
         """``classes``: see ``classify``; ``known``, Boolean (H, W), the pixels that have a true depth."""
         cell = np.zeros(int(known.sum()), np.int32)
         for factor, count in zip(FACTORS, _CELLS, strict=True):
@@ -161,10 +162,10 @@ class Cells:
 
 def sums_by_class(
     cells: Cells,
-    depth: np.ndarray,
-    truth: np.ndarray,
-    disparity: np.ndarray,
-    true_disparity: np.ndarray,
+    depth: Array,
+    truth: Array,
+    disparity: Array,
+    true_disparity: Array,
     doffs_px: float = 0.0,
 ) -> dict[str, dict[str, list[float]]]:
     """SUMS per class of every factor of ``classify``: {factor: {sum: a number per class}}.
@@ -176,7 +177,7 @@ def sums_by_class(
     error_m, error_px = np.abs(depth[measured] - true), np.abs(disparity[measured].astype(np.float64) - true_px)
     fine = error_px <= 1
 
-    def total(weights: np.ndarray | None = None, which: np.ndarray | slice = slice(None)) -> np.ndarray:
+    def total(weights: Array | None = None, which: Array | slice = slice(None)) -> Array:
         return np.bincount(place[which], None if weights is None else weights[which], len(cells.sizes))
 
     by_cell = {

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from .metrics import BAD, L1_RATES, usable
 from .prepare import Prepared, none_for_nan
 
@@ -22,7 +23,7 @@ REGIONS = {"": "all of them", "visible_": "those that the right eye sees too"}
 NUMBERS = tuple(prefix + key for prefix in REGIONS for key in ("n", *METRICS))
 
 
-def common_numbers(prepared: Prepared, disparities: Mapping[str, np.ndarray]) -> dict[str, dict[str, dict[str, Any]]]:
+def common_numbers(prepared: Prepared, disparities: Mapping[str, Array]) -> dict[str, dict[str, dict[str, Any]]]:
     """``NUMBERS`` of each method on the pixels that it shares with each other method, by the labels of both.
 
     An undefined number is None.
@@ -44,7 +45,7 @@ def common_numbers(prepared: Prepared, disparities: Mapping[str, np.ndarray]) ->
     return found
 
 
-def _terms(prepared: Prepared, disparity: np.ndarray, truth: np.ndarray, measured: np.ndarray) -> np.ndarray:
+def _terms(prepared: Prepared, disparity: Array, truth: Array, measured: Array) -> Array:
     """The terms that are averaged over pixels (terms, pixels); 0 where nothing was measured."""
     camera = prepared.pair.camera
     true_disparity = camera.disparity(truth)
@@ -63,7 +64,7 @@ def _terms(prepared: Prepared, disparity: np.ndarray, truth: np.ndarray, measure
     return terms
 
 
-def _means(terms: np.ndarray, pixels: np.ndarray) -> dict[str, Any]:
+def _means(terms: Array, pixels: Array) -> dict[str, Any]:
     n = int(pixels.sum())
     if not n:
         return {"n": 0, **dict.fromkeys(METRICS)}

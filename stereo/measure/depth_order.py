@@ -23,6 +23,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
+
 TOLERANCE = 0.01
 #: Values per row of a table of counts, one for each bit of a word; and most entries of such a table.
 _GROUP_BITS, _MOST_ENTRIES = 6, 2**23
@@ -32,7 +34,7 @@ _AT_ONCE = 2**13
 
 
 def depth_order_disagreement(
-    prediction: np.ndarray, truth: np.ndarray, tolerance: float = TOLERANCE, antisymmetric: bool = False
+    prediction: Array, truth: Array, tolerance: float = TOLERANCE, antisymmetric: bool = False
 ) -> float:
     """Share, 0 to 1, of ordered pixel pairs whose depth order the prediction gets wrong.
 
@@ -48,7 +50,7 @@ def depth_order_disagreement(
 class TrueOrder:
     """The order of the true depths of an image, with which the orders of predictions are compared."""
 
-    def __init__(self, truth: np.ndarray, tolerance: float = TOLERANCE, antisymmetric: bool = False) -> None:
+    def __init__(self, truth: Array, tolerance: float = TOLERANCE, antisymmetric: bool = False) -> None:
         """``truth`` (pixels,) contains positive finite depths."""
         self._rule = tolerance, antisymmetric
         self._order = np.argsort(truth)
@@ -57,7 +59,7 @@ class TrueOrder:
         # Of each pixel in the order of depth, how many are nearer by more than the tolerance, and how many not farther.
         self._nearer, self._not_farther = (start[ends][rank] for ends in _thresholds(depth, *self._rule))
 
-    def disagreements(self, prediction: np.ndarray, measured: np.ndarray, *regions: np.ndarray) -> list[float]:
+    def disagreements(self, prediction: Array, measured: Array, *regions: Array) -> list[float]:
         """``depth_order_disagreement`` of the pixels that are ``measured``, then of those that are in a region too.
 
         ``prediction`` (pixels,) is a positive finite depth where ``measured``; masks are Boolean (pixels,).
@@ -97,18 +99,18 @@ class TrueOrder:
         ]
 
 
-def _starts(sizes: np.ndarray) -> np.ndarray:
+def _starts(sizes: Array) -> Array:
     return np.concatenate([[0], np.cumsum(sizes)])
 
 
-def _ranked(ascending: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _ranked(ascending: Array) -> tuple[Array, Array, Array]:
     """Of sorted depths: the distinct ones, the place of each depth among them, and the number of times each occurs."""
     first = np.ones(ascending.size, bool)
     np.not_equal(ascending[1:], ascending[:-1], out=first[1:])
     return ascending[first], np.cumsum(first) - 1, np.diff(np.append(np.flatnonzero(first), ascending.size))
 
 
-def _thresholds(depths: np.ndarray, tolerance: float, antisymmetric: bool) -> tuple[np.ndarray, np.ndarray]:
+def _thresholds(depths: Array, tolerance: float, antisymmetric: bool) -> tuple[Array, Array]:
     """For each of the ascending distinct depths v, the number of depths x with ord(v, x) = 1, and of those with
     ord(v, x) not -1."""
     with np.errstate(over="ignore", under="ignore"):
@@ -121,9 +123,7 @@ def _thresholds(depths: np.ndarray, tolerance: float, antisymmetric: bool) -> tu
         return nearer, _corrected(guess, depths, lambda v, x: ~(v / x < 1 - tolerance))
 
 
-def _corrected(
-    guess: np.ndarray, depths: np.ndarray, holds: Callable[[np.ndarray, np.ndarray], np.ndarray]
-) -> np.ndarray:
+def _corrected(guess: Array, depths: Array, holds: Callable[[Array, Array], Array]) -> Array:
     """Move each prefix length, which is right except for rounding, to where ``holds(v, x)`` ends."""
     last = depths.size - 1
     while True:
@@ -135,7 +135,7 @@ def _corrected(
 
 
 def sampled_disagreement(
-    prediction: np.ndarray, truth: np.ndarray, pairs: int, random: np.random.Generator, tolerance: float = TOLERANCE
+    prediction: Array, truth: Array, pairs: int, random: np.random.Generator, tolerance: float = TOLERANCE
 ) -> float:
     """The disagreement among ``pairs`` random ordered pairs of two different pixels: unbiased, and much faster.
 
@@ -150,7 +150,7 @@ def sampled_disagreement(
 
 
 def pair_disagreement(
-    prediction: np.ndarray, truth: np.ndarray, first: np.ndarray, second: np.ndarray, tolerance: float = TOLERANCE
+    prediction: Array, truth: Array, first: Array, second: Array, tolerance: float = TOLERANCE
 ) -> float:
     """Share of the pairs (first, second) of indices into flat arrays that disagree; NaN for no pair."""
     if not first.size:
@@ -162,7 +162,7 @@ def pair_disagreement(
     )
 
 
-def _order(a: np.ndarray, b: np.ndarray, tolerance: float) -> np.ndarray:
+def _order(a: Array, b: Array, tolerance: float) -> Array:
     with np.errstate(over="ignore", under="ignore"):
         ratio = a / b
     return (ratio > 1 + tolerance).astype(np.int8) - (ratio < 1 - tolerance)
@@ -174,10 +174,10 @@ class _Level:
     limit alone: all of it is given for the limits from 0 on."""
 
     counts: _DigitCounts
-    digits: np.ndarray  # of the limits
-    begins: np.ndarray  # where the values are that have the same higher digits as a limit
-    before: list[np.ndarray]  # the counts at the begins
-    equal: np.ndarray  # how many values before the begins have the digit of a limit
+    digits: Array  # of the limits
+    begins: Array  # where the values are that have the same higher digits as a limit
+    before: list[Array]  # the counts at the begins
+    equal: Array  # how many values before the begins have the digit of a limit
 
 
 class _PrefixCounts:
@@ -189,7 +189,7 @@ class _PrefixCounts:
     the next digit (a wavelet tree with many branches).
     """
 
-    def __init__(self, values: np.ndarray, sizes: np.ndarray, regions: Sequence[np.ndarray]) -> None:
+    def __init__(self, values: Array, sizes: Array, regions: Sequence[Array]) -> None:
         starts, limits = _starts(sizes), np.arange(sizes.size + 1)
         most = max(2, _MOST_ENTRIES // (values.size // _GROUP + 1))
         levels = next(count for count in range(1, 64) if most**count > sizes.size)
@@ -205,9 +205,9 @@ class _PrefixCounts:
                 order = np.argsort(values // step, kind="stable")
                 values, regions = values[order], [region[order] for region in regions]
 
-    def below(self, prefixes: np.ndarray, limits: np.ndarray) -> list[np.ndarray]:
+    def below(self, prefixes: Array, limits: Array) -> list[Array]:
         """The counts for pairs of a prefix and a limit, which are as many as there are."""
-        totals: list[np.ndarray] = []
+        totals: list[Array] = []
         for level, lower in zip(self._levels, (*self._levels[1:], None), strict=True):
             digits = level.digits.take(limits)
             found = level.counts.below(prefixes, digits)
@@ -226,7 +226,7 @@ class _DigitCounts:
     the lowest 0, 1, ..., 64; how many of them are below the limit follows from two rows of the table.
     """
 
-    def __init__(self, digits: np.ndarray, base: int, regions: Sequence[np.ndarray]) -> None:
+    def __init__(self, digits: Array, base: int, regions: Sequence[Array]) -> None:
         groups = digits.size // _GROUP + 1
         self._columns = base + 2
         place = np.arange(_GROUP, dtype=np.int64)
@@ -243,7 +243,7 @@ class _DigitCounts:
         self._tables = [self._table(groups, cells[first], np.add.reduceat(each, first)) for each in members]
         self._regions = [(each.astype(np.uint64) << np.arange(_GROUP, dtype=np.uint64)).sum(axis=1) for each in inside]
 
-    def _table(self, groups: int, cells: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    def _table(self, groups: int, cells: Array, counts: Array) -> Array:
         """Counts in all groups before each one, of all digits below each one."""
         import cv2  # not on top: Blender has no OpenCV, and paints errors by other functions of these modules
 
@@ -251,7 +251,7 @@ class _DigitCounts:
         table.ravel()[cells] = counts
         return np.asarray(cv2.integral(table, sdepth=cv2.CV_32S)).ravel()
 
-    def below(self, prefixes: np.ndarray, limits: np.ndarray) -> list[np.ndarray]:
+    def below(self, prefixes: Array, limits: Array) -> list[Array]:
         """The counts for pairs of a prefix and a limit: of all digits, and of those in each region."""
         group, rest = prefixes >> _GROUP_BITS, prefixes & _GROUP - 1  # far faster than to divide
         cell = group * self._columns + limits
@@ -271,14 +271,14 @@ class _DigitCounts:
 _LOWEST = (np.uint64(1) << np.arange(_GROUP, dtype=np.uint64)) - np.uint64(1)
 
 
-def _in_groups(values: np.ndarray, groups: int, rest: int) -> np.ndarray:
+def _in_groups(values: Array, groups: int, rest: int) -> Array:
     """The values (groups, 64), with ``rest`` after the last one."""
     padded = np.full(groups * _GROUP, rest, values.dtype)
     padded[: values.size] = values
     return padded.reshape(groups, _GROUP)
 
 
-def _add_up_bits(words: np.ndarray) -> np.ndarray:
+def _add_up_bits(words: Array) -> Array:
     """How many bits of each word are 1: of pairs of bits, of fours, of bytes, and of the bytes together."""
     ones, twos, fours, bytes_ = (np.uint64(0x0101010101010101 * k) for k in (0x55, 0x33, 0x0F, 0x01))
     words = words - (words >> np.uint64(1) & ones)
@@ -286,7 +286,7 @@ def _add_up_bits(words: np.ndarray) -> np.ndarray:
     return (words + (words >> np.uint64(4)) & fours) * bytes_ >> np.uint64(56)
 
 
-def _count_ones(words: np.ndarray) -> np.ndarray:
+def _count_ones(words: Array) -> Array:
     return np.asarray(_BITWISE_COUNT(words)).astype(np.int32)
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ...support.arrays import Array
 from .metrics import usable
 
 #: Bounds of the bins of the signed error, px. Errors beyond are in the first and the last number.
@@ -26,7 +27,7 @@ LENGTHS = {"error": len(ERROR_PX) + 1, "part": PARTS, "true_part": PARTS, "fine"
 Histograms = dict[str, list[float]]
 
 
-def histograms_of(disparity: np.ndarray, true_disparity: np.ndarray) -> Histograms:
+def histograms_of(disparity: Array, true_disparity: Array) -> Histograms:
     """The histograms of a disparity map, px, NaN where there is no disparity."""
     both = usable(disparity) & usable(true_disparity)
     measured, true = disparity[both].astype(np.float64), true_disparity[both].astype(np.float64)
@@ -42,7 +43,7 @@ def histograms_of(disparity: np.ndarray, true_disparity: np.ndarray) -> Histogra
     }
 
 
-def _part(disparity: np.ndarray) -> np.ndarray:
+def _part(disparity: Array) -> Array:
     """Bin of the part of a pixel. The remainder is taken first: a disparity may be larger than any integer."""
     return np.asarray(np.rint(disparity % 1.0 * PARTS).astype(np.intp) & PARTS - 1)
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from ...physics.camera.hidden_points import matching_column, warped
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from .jackknife import jackknife, tile_sums
 
 #: Shifts of the right image, px, that are tried along the rows and across them.
@@ -94,7 +95,7 @@ class LightOffsets:
     tiles: float = 0.0  # effective number of tiles that it is based on
 
 
-def truth_offsets(left_depth: np.ndarray, right_depth: np.ndarray, camera: StereoCamera) -> TruthOffsets:
+def truth_offsets(left_depth: Array, right_depth: Array, camera: StereoCamera) -> TruthOffsets:
     """Compare the planar depths (H, W) of both eyes, in m, NaN for sky."""
     rows = slice(None, None, max(1, len(left_depth) // _ENOUGH_ROWS))
     disparity, other = camera.disparity(left_depth[rows]), camera.disparity(right_depth)
@@ -124,34 +125,34 @@ def truth_offsets(left_depth: np.ndarray, right_depth: np.ndarray, camera: Stere
 class _Columns:
     """The fractional columns (H, W) at which images are interpolated linearly."""
 
-    def __init__(self, column: np.ndarray, inside: np.ndarray) -> None:
+    def __init__(self, column: Array, inside: Array) -> None:
         """Only the columns that are ``inside`` an image count, neither of its outermost ones."""
         column = np.where(inside, column, 0.0)
         whole = np.floor(column)
         self._place = np.arange(column.shape[0])[:, None] * column.shape[1] + whole.astype(np.intp)
         self._weight = column - whole
 
-    def of(self, image: np.ndarray) -> np.ndarray:
+    def of(self, image: Array) -> Array:
         """The image (H, W) at the columns."""
         before, after = (image.ravel()[k:].take(self._place) for k in (0, 1))
         return np.asarray(before + self._weight * (after - before))
 
 
-def _slope(image: np.ndarray) -> np.ndarray:
+def _slope(image: Array) -> Array:
     """Central differences from row to row, NaN in the outermost rows and beside unknown values."""
     slope = np.full_like(image, np.nan)
     slope[1:-1] = (image[2:] - image[:-2]) / 2
     return slope
 
 
-def _rms(values: np.ndarray) -> float:
+def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
 def _robust_fit(
-    slope: np.ndarray,
-    difference: np.ndarray,
-    known: np.ndarray,
+    slope: Array,
+    difference: Array,
+    known: Array,
     rounding_px: float,
 ) -> tuple[Estimate, float]:
     """The factor x in ``difference`` = x · ``slope``, fitted with Tukey's weights, and the mean deviation that is left.
@@ -189,7 +190,7 @@ def _robust_fit(
     return Estimate(value, float(np.hypot(error, rounding_px / steepness))), left
 
 
-def light_offsets(left: np.ndarray, right: np.ndarray, column: np.ndarray, visible: np.ndarray) -> LightOffsets:
+def light_offsets(left: Array, right: Array, column: Array, visible: Array) -> LightOffsets:
     """Compare the radiance (H, W) of both eyes: the left one where ``visible``, with the right one at ``column``."""
     width = column.shape[1]
     with np.errstate(invalid="ignore"):
@@ -199,7 +200,7 @@ def light_offsets(left: np.ndarray, right: np.ndarray, column: np.ndarray, visib
     own, shifted = _Contrasts(_single(left), where), _Shifted(_single(right), np.where(where, column, 0.0))
 
     @cache
-    def products(shift_px: float, rows: float) -> np.ndarray:
+    def products(shift_px: float, rows: float) -> Array:
         return own.products(shifted.by(shift_px, int(rows)))
 
     shift, gain, correlation = _best(lambda step: products(step, 0.0), SHIFTS_PX)
@@ -209,7 +210,7 @@ def light_offsets(left: np.ndarray, right: np.ndarray, column: np.ndarray, visib
     return LightOffsets(shift, rows, correlation.value, gain, rows_gain, held)
 
 
-def light_correlation(image: np.ndarray, other: np.ndarray, column: np.ndarray, visible: np.ndarray) -> Estimate:
+def light_correlation(image: Array, other: Array, column: Array, visible: Array) -> Estimate:
     """Correlation of one eye's image with the ``other`` eye's image at ``column``: 1 if they agree fully."""
     with np.errstate(invalid="ignore"):
         where = visible & (column >= 1) & (column <= column.shape[1] - 2)
@@ -221,16 +222,16 @@ def light_correlation(image: np.ndarray, other: np.ndarray, column: np.ndarray, 
     return Estimate(float(value), float(error))
 
 
-def _finite(image: np.ndarray) -> np.ndarray:
+def _finite(image: Array) -> Array:
     """In double precision; black where the render is not a finite number."""
     return np.nan_to_num(image.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def _blurred(image: np.ndarray) -> np.ndarray:
+def _blurred(image: Array) -> Array:
     return np.asarray(cv2.GaussianBlur(_finite(image), (0, 0), _BLUR_PX))
 
 
-def _single(image: np.ndarray) -> np.ndarray:
+def _single(image: Array) -> Array:
     """The blurred image in single precision, 1 where it is brightest: a contrast does not depend on the brightness,
     and its rounding errors are far below the noise of a render."""
     blurred = _blurred(image)
@@ -240,7 +241,7 @@ def _single(image: np.ndarray) -> np.ndarray:
 class _Shifted:
     """An image at the fractional columns that match the pixels of another image, and beside them."""
 
-    def __init__(self, image: np.ndarray, column: np.ndarray) -> None:
+    def __init__(self, image: Array, column: Array) -> None:
         """``column`` (H, W) lies inside the image."""
         self._beside, self._above = int(np.ceil(SHIFTS_PX.max())) + 1, int(ROWS_PX.max())
         self._padded = np.pad(image, ((self._above,) * 2, (self._beside,) * 2), mode="edge")
@@ -251,7 +252,7 @@ class _Shifted:
             whole = np.floor(column + part)
             self._places[part] = rows + whole.astype(np.intp), (column + part - whole).astype(image.dtype)
 
-    def by(self, shift_px: float, rows: int) -> np.ndarray:
+    def by(self, shift_px: float, rows: int) -> Array:
         """The image (H, W), ``shift_px`` (of SHIFTS_PX) to the right of those columns and ``rows`` below; constant
         beyond its edges."""
         place, weight = self._places[shift_px % 1.0]
@@ -263,13 +264,13 @@ class _Shifted:
 class _Contrasts:
     """The local contrast of a first image, and of other images over the same pixels to compare with it."""
 
-    def __init__(self, image: np.ndarray, where: np.ndarray) -> None:
+    def __init__(self, image: Array, where: Array) -> None:
         self._where, self._count = where.astype(image.dtype), int(where.sum())
         self._share = np.maximum(_smoothed(self._where, _CONTRAST_PX), 1e-9)
         self.own = self.of(image)
         self._energy = tile_sums(self.own**2)[:, 0]
 
-    def of(self, image: np.ndarray) -> np.ndarray:
+    def of(self, image: Array) -> Array:
         """Brightness of a pixel above the mean around it, in standard deviations of the surroundings, limited to 1; 0
         where no pixel counts."""
         light = image * self._where
@@ -282,25 +283,25 @@ class _Contrasts:
         spread += _FLOOR * mean + _DARK
         return np.asarray(np.tanh(np.divide(above, spread, out=above), out=above))
 
-    def products(self, image: np.ndarray) -> np.ndarray:
+    def products(self, image: Array) -> Array:
         """The sums (tiles, 3) that ``_correlation`` needs."""
         other = self.of(image)
         both, energy = tile_sums(self.own * other, other * other).T
         return np.stack([both, self._energy, energy], axis=1)
 
 
-def _smoothed(image: np.ndarray, width_px: float) -> np.ndarray:
+def _smoothed(image: Array, width_px: float) -> Array:
     """Weighted sums around each pixel, with 0 beyond the border. A Gaussian, since the running sums of a box leave
     rounding errors where it is dark."""
     return np.asarray(cv2.GaussianBlur(image, (0, 0), width_px, borderType=cv2.BORDER_CONSTANT))
 
 
-def _correlation(sums: np.ndarray) -> np.ndarray:
+def _correlation(sums: Array) -> Array:
     """Correlation from sums (..., 3); 0 where the only contrast is rounding."""
     return np.asarray(sums[..., 0] / (np.sqrt(sums[..., 1] * sums[..., 2]) + 1e-6))
 
 
-def _best(products: Callable[[float], np.ndarray], steps: np.ndarray) -> tuple[Estimate, Estimate, Estimate]:
+def _best(products: Callable[[float], Array], steps: Array) -> tuple[Estimate, Estimate, Estimate]:
     """The step with the best correlation, its gain over step 0, and the correlation.
 
     ``products`` gives the sums (tiles, 3) at a step. In a sound pair the images fit, and best at step 0, whichever tile
@@ -314,7 +315,7 @@ def _best(products: Callable[[float], np.ndarray], steps: np.ndarray) -> tuple[E
         if (curves[:, zero] > FITTING).all() and (curves.argmax(axis=1) == zero).all():
             break
 
-    def value(totals: np.ndarray) -> np.ndarray:
+    def value(totals: Array) -> Array:
         curve = _correlation(totals.reshape(*totals.shape[:-1], len(tried), 3))
         best = curve.max(axis=-1)
         return np.stack([_peak(curve, tried), best - curve[..., zero], best], axis=-1)
@@ -324,7 +325,7 @@ def _best(products: Callable[[float], np.ndarray], steps: np.ndarray) -> tuple[E
     return shift, gain, best
 
 
-def _peak(curve: np.ndarray, steps: np.ndarray) -> np.ndarray:
+def _peak(curve: Array, steps: Array) -> Array:
     """The peak of curves (..., steps), by the parabola through the three points around it."""
     middle = np.clip(curve.argmax(axis=-1), 1, len(steps) - 2)
     before, at, after = (np.take_along_axis(curve, (middle + k)[..., None], -1)[..., 0] for k in (-1, 0, 1))
@@ -336,7 +337,7 @@ def _peak(curve: np.ndarray, steps: np.ndarray) -> np.ndarray:
     return steps[middle] + np.where(bend > 0, np.clip(np.nan_to_num(step), -left, right), 0.0)
 
 
-def foreign_share(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, visible: np.ndarray) -> Estimate:
+def foreign_share(left: Array, right: Array, disparity: Array, visible: Array) -> Estimate:
     """Of the places of the left image (H, W) that are surely found in the right one, the share that is not at the
     true ``disparity``.
 
@@ -371,7 +372,7 @@ def foreign_share(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, vi
     return Estimate(float(value), float(error))
 
 
-def _local_correlation(contrast: np.ndarray, other: np.ndarray, where: np.ndarray) -> np.ndarray:
+def _local_correlation(contrast: Array, other: Array, where: Array) -> Array:
     """Correlation around each pixel over the pixels where both are known; 0 if these are few or have no contrast."""
     share, first, second = where.astype(np.float64), contrast * where, other * where
     energy, other_energy, both = (_smoothed(image, _PLACE_PX) for image in (first**2, second**2, first * second))
@@ -379,7 +380,7 @@ def _local_correlation(contrast: np.ndarray, other: np.ndarray, where: np.ndarra
     return np.where(told, both / np.sqrt(np.where(told, energy * other_energy, 1.0)), 0.0)
 
 
-def _reduced(image: np.ndarray, step: int) -> np.ndarray:
+def _reduced(image: Array, step: int) -> Array:
     """Means of squares of ``step`` pixels."""
     height, width = (size // step for size in image.shape)
     return np.asarray(image[: height * step, : width * step].reshape(height, step, width, step).mean(axis=(1, 3)))

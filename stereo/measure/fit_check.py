@@ -20,6 +20,7 @@ import numpy as np
 
 from ...physics.camera.hidden_points import matching_column
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 
 #: Columns that images are reduced to before places are searched: enough for disparities to a pixel of them.
 _COLUMNS = 400
@@ -84,7 +85,7 @@ KINDS = {
 
 
 #: Functions that turn a map in the readings of these kinds.
-TURNS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+TURNS: dict[str, Callable[[Array], Array]] = {
     "upside_down": lambda a: a[::-1],
     "mirrored": lambda a: a[:, ::-1],
     "turned": lambda a: a[::-1, ::-1],
@@ -96,8 +97,8 @@ class Places:
     """Disparities in px (H, W) at which pixels of the left image are found in the right one, NaN elsewhere, and the
     same with the images exchanged, all on images that are ``step`` times smaller."""
 
-    left: np.ndarray
-    swapped: np.ndarray
+    left: Array
+    swapped: Array
     step: int
 
     def enough(self) -> bool:
@@ -108,21 +109,21 @@ class Places:
         )
 
 
-def find_places(left: np.ndarray, right: np.ndarray) -> Places:
+def find_places(left: Array, right: Array) -> Places:
     """Places that grey images (H, W) of any range have in common, by block matching in both directions."""
     step = max(1, math.ceil(left.shape[1] / _COLUMNS))
     small = [_as_8_bit(_reduced(image, step)) for image in (left, right)]
     return Places(_matched(small[0], small[1]), _matched(small[1], small[0]), step)
 
 
-def known_places(disparity: np.ndarray) -> Places:
+def known_places(disparity: Array) -> Places:
     """The true disparity (H, W) of a pair, NaN where unknown, as places that are known."""
     step = max(1, math.ceil(disparity.shape[1] / _COLUMNS))
     thinned = disparity[step // 2 :: step, step // 2 :: step] / step
     return Places(thinned, np.full_like(thinned, np.nan), step)
 
 
-def find_fault(values: np.ndarray, kind: str, camera: StereoCamera, places: Places) -> Fault | None:
+def find_fault(values: Array, kind: str, camera: StereoCamera, places: Places) -> Fault | None:
     """The fault of a map ``values`` (H, W) of "depth" (m) or "disparity" (px), NaN where unknown; None if it fits, or
     if the images do not tell."""
     if not places.enough():
@@ -147,7 +148,7 @@ def find_fault(values: np.ndarray, kind: str, camera: StereoCamera, places: Plac
     return best
 
 
-def find_misfit(values: np.ndarray, kind: str, camera: StereoCamera, places: Places) -> Fault | None:
+def find_misfit(values: Array, kind: str, camera: StereoCamera, places: Places) -> Fault | None:
     """A small fault of a map that ``find_fault`` does not find: a "scale" that is off by 4 % or more, so that the
     numbers are ``factor`` times too large; or a "zoom", the map of a camera of another focal length at the same place,
     whose ``factor`` is that focal length over the stated one. None if neither is found."""
@@ -161,7 +162,7 @@ def find_misfit(values: np.ndarray, kind: str, camera: StereoCamera, places: Pla
     return None if zoom is None else Fault("zoom", zoom)
 
 
-def _find_scale(stated: np.ndarray, found: np.ndarray) -> float | None:
+def _find_scale(stated: Array, found: Array) -> float | None:
     """Ratio of the found disparities to the stated ones, if it clearly differs from 1 in most parts of the image.
 
     Each part gives the ratio at which its places gather, which wrongly found places hardly move.
@@ -179,7 +180,7 @@ def _find_scale(stated: np.ndarray, found: np.ndarray) -> float | None:
     return math.exp(off) if shown >= _SHOWN_IN else None
 
 
-def _half_sample_mode(values: np.ndarray) -> float:
+def _half_sample_mode(values: Array) -> float:
     """Where numbers gather: the narrowest half of the narrowest half of them, and so on; its median."""
     ordered = np.sort(values)
     while len(ordered) > 8:
@@ -189,7 +190,7 @@ def _half_sample_mode(values: np.ndarray) -> float:
     return float(np.median(ordered))
 
 
-def _find_zoom(stated: np.ndarray, camera: StereoCamera, places: Places) -> float | None:
+def _find_zoom(stated: Array, camera: StereoCamera, places: Places) -> float | None:
     """Focal length of the map as a multiple of the camera's, if a map enlarged or reduced by it fits clearly better."""
     rows, columns = np.mgrid[: stated.shape[0], : stated.shape[1]].astype(np.float32)
     first = places.step // 2 + 0.5
@@ -215,20 +216,20 @@ def _find_zoom(stated: np.ndarray, camera: StereoCamera, places: Places) -> floa
     return best
 
 
-def is_confirmed(values: np.ndarray, kind: str, camera: StereoCamera, places: Places) -> bool:
+def is_confirmed(values: Array, kind: str, camera: StereoCamera, places: Places) -> bool:
     """Whether the images have enough places, and most of them are where a map ``values`` (H, W) of "depth" (m) or
     "disparity" (px), NaN where unknown, puts them."""
     return places.enough() and _share(_reading(values, kind, camera), places.left, places.step) >= _FITS
 
 
-def are_seen(where: np.ndarray, disparity_px: float, places: Places) -> bool:
+def are_seen(where: Array, disparity_px: float, places: Places) -> bool:
     """Whether the images show most of the pixels ``where`` (H, W) at one disparity, as of a wall that faces them."""
     inside = _thinned(where.astype(np.float64), places.step) > 0
     there = _share(np.where(where, disparity_px, np.nan), places.left, places.step)
     return bool(there >= _FITS and (inside & np.isfinite(places.left)).sum() >= _FITS * inside.sum())
 
 
-def ray_lengths(camera: StereoCamera) -> np.ndarray:
+def ray_lengths(camera: StereoCamera) -> Array:
     """Distance from the eye over planar depth, (H, W)."""
     v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     return np.asarray(
@@ -236,7 +237,7 @@ def ray_lengths(camera: StereoCamera) -> np.ndarray:
     )
 
 
-def _reading(values: np.ndarray, kind: str, camera: StereoCamera) -> np.ndarray:
+def _reading(values: Array, kind: str, camera: StereoCamera) -> Array:
     """Disparities in px of depths in m or disparities in px, both NaN where unknown."""
     if kind == "disparity":
         return values
@@ -245,8 +246,8 @@ def _reading(values: np.ndarray, kind: str, camera: StereoCamera) -> np.ndarray:
 
 
 def _other_readings(
-    values: np.ndarray, kind: str, camera: StereoCamera, places: Places
-) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    values: Array, kind: str, camera: StereoCamera, places: Places
+) -> Iterator[tuple[str, Array, Array]]:
     """Names of readings, their disparities (H, W), and the places that they are held against."""
     stated = _reading(values, kind, camera)
     other = "depth" if kind == "disparity" else "disparity"
@@ -260,7 +261,7 @@ def _other_readings(
     yield "swapped", stated, places.swapped
 
 
-def seen_from_other(disparity: np.ndarray, eye: str) -> np.ndarray:
+def seen_from_other(disparity: Array, eye: str) -> Array:
     """The disparities (H, W), px, that the map of ``eye`` gives the other eye. Where two points meet, the nearer one
     counts; NaN where no point falls."""
     column = matching_column(np.nan_to_num(disparity), eye)
@@ -271,7 +272,7 @@ def seen_from_other(disparity: np.ndarray, eye: str) -> np.ndarray:
     return np.where(np.isfinite(found), found, np.nan)
 
 
-def _find_factor(stated: np.ndarray, places: Places, here: float, kind: str) -> Fault | None:
+def _find_factor(stated: Array, places: Places, here: float, kind: str) -> Fault | None:
     """The factor that most places agree on, if these are enough."""
     thinned = _thinned(stated, places.step) / places.step
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -291,7 +292,7 @@ def _find_factor(stated: np.ndarray, places: Places, here: float, kind: str) -> 
     return Fault("factor", math.exp(middle if kind == "depth" else -middle), here, share)
 
 
-def _is_clearer(disparity: np.ndarray, stated: np.ndarray, found: np.ndarray, places: Places) -> bool:
+def _is_clearer(disparity: Array, stated: Array, found: Array, places: Places) -> bool:
     """Whether another reading explains clearly more of the places at which it differs from the stated one."""
     if found is not places.left:  # places of the images in another order
         here = _share(stated, places.left, places.step)
@@ -302,7 +303,7 @@ def _is_clearer(disparity: np.ndarray, stated: np.ndarray, found: np.ndarray, pl
     return _is_nearer(other, one, found, differs)
 
 
-def _is_nearer(other: np.ndarray, one: np.ndarray, found: np.ndarray, differs: np.ndarray) -> bool:
+def _is_nearer(other: Array, one: Array, found: Array, differs: Array) -> bool:
     """Whether, where they differ, ``other`` disparities are clearly nearer than ``one`` to the ``found`` ones; all
     (H, W) and of the reduced images."""
     if not _is_spread(differs):
@@ -314,7 +315,7 @@ def _is_nearer(other: np.ndarray, one: np.ndarray, found: np.ndarray, differs: n
     return bool(np.mean(nearer) >= _NEARER and np.median(left[differs]) <= _LESS * np.median(missed[differs]))
 
 
-def _share(disparity: np.ndarray, found: np.ndarray, step: int) -> float:
+def _share(disparity: Array, found: Array, step: int) -> float:
     """The share of places at which a disparity (H, W) agrees with the ``found`` one; NaN if the places are too few."""
     thinned = _thinned(disparity, step) / step
     with np.errstate(invalid="ignore"):
@@ -324,11 +325,11 @@ def _share(disparity: np.ndarray, found: np.ndarray, step: int) -> float:
         return float(np.mean(np.abs(thinned - found)[both] <= _tolerance(found)[both]))
 
 
-def _tolerance(found: np.ndarray) -> np.ndarray:
+def _tolerance(found: Array) -> Array:
     return np.maximum(_NEAR_PX, _NEAR_SHARE * np.abs(found))
 
 
-def _thinned(values: np.ndarray, step: int) -> np.ndarray:
+def _thinned(values: Array, step: int) -> Array:
     """The values in the middle of squares of ``step`` pixels."""
     height, width = (size // step * step for size in values.shape)
     return values[step // 2 : height : step, step // 2 : width : step]
@@ -337,7 +338,7 @@ def _thinned(values: np.ndarray, step: int) -> np.ndarray:
 Tile = tuple[slice, slice]
 
 
-def _tiles_with(where: np.ndarray) -> list[Tile]:
+def _tiles_with(where: Array) -> list[Tile]:
     """The tiles of an image that have enough pixels."""
     height, width = (math.ceil(size / _TILES) for size in where.shape)
     tiles = [
@@ -348,7 +349,7 @@ def _tiles_with(where: np.ndarray) -> list[Tile]:
     return [tile for tile in tiles if where[tile].sum() >= _FEWEST / _TILES]
 
 
-def _is_spread(where: np.ndarray) -> bool:
+def _is_spread(where: Array) -> bool:
     """Whether there are enough pixels in enough parts of an image, across and along it."""
     if where.sum() < _FEWEST:
         return False
@@ -358,20 +359,20 @@ def _is_spread(where: np.ndarray) -> bool:
     )
 
 
-def _reduced(image: np.ndarray, step: int) -> np.ndarray:
+def _reduced(image: Array, step: int) -> Array:
     """Means of squares of ``step`` pixels."""
     height, width = (size // step for size in image.shape)
     cut = np.nan_to_num(image[: height * step, : width * step].astype(np.float32), posinf=0.0, neginf=0.0)
     return np.asarray(cut.reshape(height, step, width, step).mean(axis=(1, 3)))
 
 
-def _as_8_bit(image: np.ndarray) -> np.ndarray:
+def _as_8_bit(image: Array) -> Array:
     """An image whose 99.5 % darkest pixels fill the range of 8 bits, with the square root of light as eyes see it."""
     level = image / max(float(np.quantile(image, 0.995)), 1e-9)
     return np.rint(255 * np.sqrt(np.clip(level, 0, 1))).astype(np.uint8)
 
 
-def _matched(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _matched(left: Array, right: Array) -> Array:
     """Disparities (H, W) of pixels of 8-bit images that block matching finds in both directions, NaN elsewhere."""
     width = left.shape[1]
     count = 16 * math.ceil((_SEARCHED * width + _BEYOND_PX) / 16)
@@ -388,7 +389,7 @@ def _matched(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.where(steps == -32768, np.nan, there)
 
 
-def _matched_one_way(left: np.ndarray, right: np.ndarray, count: int) -> np.ndarray:
+def _matched_one_way(left: Array, right: Array, count: int) -> Array:
     least, beside = -_BEYOND_PX, count - _BEYOND_PX  # columns at which OpenCV finds nothing
     padded = [
         cv2.copyMakeBorder(np.ascontiguousarray(image), 0, 0, beside, -least, cv2.BORDER_REPLICATE)

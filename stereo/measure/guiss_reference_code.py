@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...support.arrays import Array
 from .depth_order import pair_disagreement
 
 CONSTANT_PX_M = 80.0
@@ -33,9 +34,7 @@ METRICS = (
 _EDGE, _STEP, _COARSE_STEP = 5000, 100, 1000  # of the lattice
 
 
-def reference_metrics(
-    disparity: np.ndarray, truth: np.ndarray, bm_min_disparity: int | None = None
-) -> dict[str, float | int]:
+def reference_metrics(disparity: Array, truth: Array, bm_min_disparity: int | None = None) -> dict[str, float | int]:
     """The numbers METRICS of the reference code, for a disparity map (px) and the true depth (m), both (H, W).
 
     For StereoBM give its least disparity, ``bm_min_disparity``: failed matches (NaN) then get its mark, and columns are
@@ -51,7 +50,7 @@ def reference_metrics(
         return depth_map_metrics(np.float32(CONSTANT_PX_M) / shift, truth[rows, columns])
 
 
-def depth_map_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float | int]:
+def depth_map_metrics(prediction: Array, truth: Array) -> dict[str, float | int]:
     """The same numbers for a depth map, without the constant and the cuts."""
     prediction, truth = prediction.astype(np.float32), truth.astype(np.float32)
     counted = (prediction >= 0.01) & (prediction <= 100) & (truth > 0.05) & (truth <= 100)  # False for NaN
@@ -74,7 +73,7 @@ def depth_map_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, fl
     }
 
 
-def lattice(count: int) -> tuple[np.ndarray, np.ndarray]:
+def lattice(count: int) -> tuple[Array, Array]:
     """The pairs i < j that are compared among ``count`` pixels: counted from the edge of 5000, one of the two is a
     multiple of 1000, the other of 100."""
     fine = np.arange(_EDGE, count - _EDGE, _STEP)

@@ -13,11 +13,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from ...support.arrays import Array
+
 #: Number of tiles from top to bottom and from left to right.
 DOWN, ACROSS = 6, 8
 
 
-def tile_sums(*images: np.ndarray) -> np.ndarray:
+def tile_sums(*images: Array) -> Array:
     """Sums (DOWN * ACROSS, K), float64, over the tiles of K images (H, W) of numbers or booleans; no pixel may be NaN.
 
     Images in single precision are added up in it.
@@ -25,7 +27,7 @@ def tile_sums(*images: np.ndarray) -> np.ndarray:
     return np.stack([_add_tiles(image) for image in images], axis=1).astype(np.float64)
 
 
-def _add_tiles(image: np.ndarray) -> np.ndarray:
+def _add_tiles(image: Array) -> Array:
     if image.dtype != np.float32:
         image = np.asarray(image, np.float64)
     down, across = (
@@ -35,12 +37,12 @@ def _add_tiles(image: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def _membership(size: int, count: int, kind: str) -> np.ndarray:
+def _membership(size: int, count: int, kind: str) -> Array:
     """Which of ``count`` equal parts each of ``size`` rows or columns belongs to, as 1 and 0 (count, size)."""
     return (np.arange(size) * count // size == np.arange(count)[:, None]).astype(kind)
 
 
-def jackknife(value: Callable[..., np.ndarray], *sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def jackknife(value: Callable[..., Array], *sums: Array) -> tuple[Array, Array]:
     """Numbers of whole images, and their standard errors.
 
     ``sums`` are arrays (..., tiles, K) of ``tile_sums``. ``value`` computes the numbers from their totals (..., K); it

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...physics.random_numbers.seeds import generator
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
 from .depth_order import depth_order_disagreement, sampled_disagreement
@@ -74,7 +75,7 @@ def measure_files(
     return result
 
 
-def _converted(values: np.ndarray, focal_baseline: float) -> np.ndarray:
+def _converted(values: Array, focal_baseline: float) -> Array:
     """Depth from disparity, or disparity from depth; NaN for invalid values."""
     good = usable(values)
     return np.where(good, focal_baseline / np.where(good, values, 1.0), np.nan)
@@ -96,7 +97,7 @@ def _bm_min_disparity(path: Path) -> int | None:
     return read(path, parse, "an npz file", "match the images again", memory=_MOST_UNPACKED)
 
 
-def read_map(path: Path) -> np.ndarray:
+def read_map(path: Path) -> Array:
     """Read an array of numbers from an npy file, or ``disparity`` from an npz, as float64. Raises IcyMoonError
     otherwise."""
     return read(
@@ -104,7 +105,7 @@ def read_map(path: Path) -> np.ndarray:
     )
 
 
-def _parse_map(foreign: ForeignBytes) -> np.ndarray:
+def _parse_map(foreign: ForeignBytes) -> Array:
     if not _is_archive(foreign):
         return parse_npy(foreign, "fiu").astype(np.float64)
     stored = parse_npz(foreign, {_DISPARITY}, "fiu")

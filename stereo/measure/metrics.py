@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...support.arrays import Array
 from .depth_order import depth_order_disagreement
 
 DEPTH_METRICS = (
@@ -43,7 +44,7 @@ DISPARITY_METRICS = ("epe_px", *BAD, "d1", *QUANTILES)
 TOTAL_METRICS = ("median_m", "l1_rate_10", "l1_rate_30", "l1_rate_100", "dod", *BAD, "d1", *QUANTILES)
 
 
-def usable(depth: np.ndarray) -> np.ndarray:
+def usable(depth: Array) -> Array:
     """Where a depth or disparity is finite and positive. Boolean, of the same shape."""
     return np.isfinite(depth) & (depth > 0)
 
@@ -51,7 +52,7 @@ def usable(depth: np.ndarray) -> np.ndarray:
 class Errors:
     """The errors of a prediction where it and the truth are usable: two arrays of the same shape."""
 
-    def __init__(self, prediction: np.ndarray, truth: np.ndarray) -> None:
+    def __init__(self, prediction: Array, truth: Array) -> None:
         known = usable(truth)
         both = known & usable(prediction)
         self.total = int(known.sum())  # pixels that have a truth
@@ -63,7 +64,7 @@ class Errors:
         """Number of absolute errors that are no larger than a step."""
         return int(np.count_nonzero(self.distance <= step))
 
-    def smallest(self, *ranks: int) -> np.ndarray:
+    def smallest(self, *ranks: int) -> Array:
         """The absolute errors that have these ranks in ascending order, the smallest 0. It is faster than to sort."""
         return np.asarray(np.partition(self.distance, ranks)[list(ranks)])
 
@@ -72,7 +73,7 @@ class Errors:
         return int(np.count_nonzero((self.distance > 3) & (self.distance > 0.05 * self.true)))
 
 
-def depth_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float | int]:
+def depth_metrics(prediction: Array, truth: Array) -> dict[str, float | int]:
     """Metrics of planar depths in metres; two arrays of the same shape, NaN where there is no depth.
 
     With e = prediction - truth and d = ln prediction - ln truth on V, N = |V|:
@@ -113,7 +114,7 @@ def metrics_of_depth(errors: Errors, dod: float) -> dict[str, float | int]:
     return result
 
 
-def disparity_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, float]:
+def disparity_metrics(prediction: Array, truth: Array) -> dict[str, float]:
     """Metrics of disparities in px; two arrays of the same shape. With e = prediction - truth on V:
 
     ``epe_px`` mean |e|; ``bad_0_5``, ``bad_1``, ``_2``, ``_3`` share of |e| > 0.5, 1, 2, 3 px; ``d1`` share of
@@ -137,7 +138,7 @@ def metrics_of_disparity(errors: Errors) -> dict[str, float]:
 
 
 def total_metrics(
-    depth: np.ndarray, true_depth: np.ndarray, disparity: np.ndarray, true_disparity: np.ndarray, dod: float
+    depth: Array, true_depth: Array, disparity: Array, true_disparity: Array, dod: float
 ) -> dict[str, float]:
     """TOTAL_METRICS over all true pixels, where a missing measurement counts as wrong (Middlebury's "totbad").
 
@@ -181,7 +182,7 @@ def _quantiles(errors: Errors, shares: Sequence[float], total: int) -> list[floa
     return [found.get(rank, float("inf")) for rank in ranks]
 
 
-def error_curve(prediction: np.ndarray, truth: np.ndarray) -> list[float]:
+def error_curve(prediction: Array, truth: Array) -> list[float]:
     """Share of all true pixels that are measured with an error within each of ERROR_STEPS_M; NaN without truth.
 
     A missing measurement is within none of them, so the curve ends at the coverage: it shows coverage and accuracy
@@ -197,7 +198,7 @@ def curve_of_errors(errors: Errors) -> list[float]:
     return [errors.within(step) / errors.total for step in ERROR_STEPS_M]
 
 
-def by_confidence(confidence: np.ndarray) -> np.ndarray:
+def by_confidence(confidence: Array) -> Array:
     """The indices of all pixels, the most confident ones first; pixels of equal confidence in the image's order.
 
     It is taken in single precision: its bits are sorted in two halves, four times as fast as numbers are.
@@ -209,7 +210,7 @@ def by_confidence(confidence: np.ndarray) -> np.ndarray:
     return np.asarray(order[np.argsort((descending >> 16).astype(np.uint16)[order], kind="stable")])
 
 
-def sparsification(error_px: np.ndarray) -> list[float]:
+def sparsification(error_px: Array) -> list[float]:
     """Mean |error| of the most confident measurements, for each share of SHARES that is kept; NaN if all are missing.
 
     ``error_px`` (pixels,) is in the order of ``by_confidence``, and NaN where nothing was measured. In ascending order

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...plugins.installed import Found, Plugin, explained, find, function_of, load, source_files, summary_of
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import read_checksum
 from .metrics import usable
@@ -39,17 +40,17 @@ class MeasuredMap:
     the image, uint8, (H, W) or B, G, R (H, W, 3).
     """
 
-    disparity_px: np.ndarray
-    depth_m: np.ndarray
-    true_disparity_px: np.ndarray
-    true_depth_m: np.ndarray
-    visible: np.ndarray
-    left: np.ndarray
+    disparity_px: Array
+    depth_m: Array
+    true_disparity_px: Array
+    true_depth_m: Array
+    visible: Array
+    left: Array
     focal_px: float
     baseline_m: float
 
 
-def map_for_plugins(prepared: Prepared, disparity: np.ndarray) -> MeasuredMap:
+def map_for_plugins(prepared: Prepared, disparity: Array) -> MeasuredMap:
     """A disparity map and the truth of its pair, as copies: nothing that a plug-in does reaches ours."""
     found, camera = np.where(usable(disparity), disparity, np.nan).astype(np.float64), prepared.pair.camera
     return MeasuredMap(
@@ -122,7 +123,7 @@ def _metric(plugin: Plugin) -> PluginMetric:
     return PluginMetric(plugin)
 
 
-def plugin_numbers(prepared: Prepared, disparity: np.ndarray) -> dict[str, Any]:
+def plugin_numbers(prepared: Prepared, disparity: Array) -> dict[str, Any]:
     """The part of a row that is from plug-ins: ``plug_ins``, a number or None by name, and ``plug_in_faults``, a
     sentence by name where one failed."""
     measured: dict[str, float | None] = {}

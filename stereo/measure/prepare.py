@@ -17,6 +17,7 @@ from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair, read_unchanged_pair
 from ...settings.description import merged
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.labels import BAKED_ERROR_PASSES, GROUP_PASSES, LIGHT_GROUPS, NOT_SEEN
 from ..images import colours
@@ -44,8 +45,8 @@ class Loaded:
     light: dict[str, Light]  # as it falls into the eyes, see views.read_eye
     views: dict[str, View]  # on the parallel rig; the labels are NOT_SEEN where the sensor sees nothing
     images: Images
-    depth: dict[str, np.ndarray]  # float64 (H, W), planar metres, NaN for sky and outside the sensor's view
-    visible: dict[str, np.ndarray]  # bool (H, W), seen by the other eye too
+    depth: dict[str, Array]  # float64 (H, W), planar metres, NaN for sky and outside the sensor's view
+    visible: dict[str, Array]  # bool (H, W), seen by the other eye too
     check: SelfCheck
 
 
@@ -64,7 +65,7 @@ class MeasuredPair(Protocol):
     def camera(self) -> StereoCamera:
         """The parallel rig of its images."""
 
-    def rectified_pose(self, eye: str) -> np.ndarray | None:
+    def rectified_pose(self, eye: str) -> Array | None:
         """The matrix (4, 4) from an eye, in OpenCV's axes, to the axes of its points; None if it is not known."""
 
 
@@ -73,19 +74,19 @@ class Prepared:
     """The data of a pair that all methods need."""
 
     pair: MeasuredPair
-    left: np.ndarray  # uint8 (H, W), or (H, W, 3) in the order B, G, R, for the matchers
-    right: np.ndarray
-    truth: np.ndarray  # float64 (H, W), planar metres, NaN for sky and outside the sensor's view
-    visible: np.ndarray  # bool (H, W), seen by the right eye too
-    gradient: np.ndarray  # float64 (H, W), see by_pixel_class.texture
-    classes: dict[str, np.ndarray]  # of every pixel by every factor, see by_pixel_class.classify
+    left: Array  # uint8 (H, W), or (H, W, 3) in the order B, G, R, for the matchers
+    right: Array
+    truth: Array  # float64 (H, W), planar metres, NaN for sky and outside the sensor's view
+    visible: Array  # bool (H, W), seen by the right eye too
+    gradient: Array  # float64 (H, W), see by_pixel_class.texture
+    classes: dict[str, Array]  # of every pixel by every factor, see by_pixel_class.classify
     check: SelfCheck
     scale: colours.Scale  # for pictures of depth
     facts: dict[str, Any]  # about the pair, for the report
     occlusion_known: bool = True  # otherwise ``visible`` only leaves out points outside the right image
 
     @cached_property
-    def known(self) -> np.ndarray:
+    def known(self) -> Array:
         """Boolean (H, W): the pixel has a true depth."""
         return usable(self.truth)
 
@@ -100,7 +101,7 @@ class Prepared:
         return TrueOrder(self.truth[self.known])
 
     @cached_property
-    def by_texture(self) -> np.ndarray:
+    def by_texture(self) -> Array:
         """The indices of all pixels, those with the largest ``gradient`` first."""
         return by_confidence(self.gradient)
 
@@ -197,7 +198,7 @@ def _unneeded(eye: str, settings: Settings) -> tuple[str, ...]:
     )
 
 
-def baked_error(loaded: Loaded) -> np.ndarray | float | None:
+def baked_error(loaded: Loaded) -> Array | float | None:
     """Grey levels of 255 that a possible error of baked light, as large as the actual one, adds to the left image of
     the matchers: 0 if no light is baked, None if the pair does not contain the error."""
     if _baked_facts(loaded.pair) is None:
@@ -209,7 +210,7 @@ def baked_error(loaded: Loaded) -> np.ndarray | float | None:
     return noise_free_level(loaded, "left", error) - noise_free_level(loaded, "left")
 
 
-def noise_free_level(loaded: Loaded, eye: str, more: np.ndarray | float = 0.0) -> np.ndarray:
+def noise_free_level(loaded: Loaded, eye: str, more: Array | float = 0.0) -> Array:
     """An eye's image as the matchers see it, with ``more`` light (H, W) in all bands, in grey levels of 255, without
     noise and rounding of the sensor."""
     settings = loaded.settings
@@ -235,13 +236,13 @@ def eyes_of(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[
     return left, right
 
 
-def _sees(pair: Pair, settings: Settings, eye: str) -> np.ndarray:
+def _sees(pair: Pair, settings: Settings, eye: str) -> Array:
     """Boolean (H, W): the sensor sees this pixel. A toed-in eye does not see all that a parallel one does."""
     lens = lens_of(pair.camera, settings.rig, eye) if pair.camera.toe_in_deg else None
     return np.ones((pair.camera.height_px, pair.camera.width_px), bool) if lens is None else lens.sees
 
 
-def _labelled(view: View, seen: np.ndarray) -> View:
+def _labelled(view: View, seen: Array) -> View:
     """The view, with NOT_SEEN as its label where nothing is ``seen``."""
     if seen.all():
         return view
@@ -252,7 +253,7 @@ def _labelled(view: View, seen: np.ndarray) -> View:
     )
 
 
-def _facts(pair: Pair, settings: Settings, images: Images, truth: np.ndarray, visible: np.ndarray) -> dict[str, Any]:
+def _facts(pair: Pair, settings: Settings, images: Images, truth: Array, visible: Array) -> dict[str, Any]:
     known = np.isfinite(truth)
     some = bool(known.any())
     return {

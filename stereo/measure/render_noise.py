@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from ...physics.camera.hidden_points import matching_column
+from ...support.arrays import Array
 
 CLEAN, NOISY, DECIDES = "clean", "noisy", "noise decides"
 #: Verdict on a pair with baked light whose error is unknown, unless the rest of its noise decides.
@@ -76,11 +77,11 @@ class RenderNoise:
 
 
 def render_noise(
-    left: np.ndarray,
-    right: np.ndarray,
-    disparity: np.ndarray,
-    visible: np.ndarray,
-    baked: np.ndarray | float | None = 0.0,
+    left: Array,
+    right: Array,
+    disparity: Array,
+    visible: Array,
+    baked: Array | float | None = 0.0,
 ) -> RenderNoise:
     """Judge a pair by its images, float (H, W) in grey levels of 255, and its true disparity (H, W).
 
@@ -113,9 +114,7 @@ def render_noise(
     return RenderNoise(verdict, larger, lit, dark, float(np.mean(wrong - _WRONG_WITHOUT)))
 
 
-def _noise(
-    left: np.ndarray, right: np.ndarray, disparity: np.ndarray, visible: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _noise(left: Array, right: Array, disparity: Array, visible: Array) -> tuple[Array, Array]:
     """The noise of one eye (H, W), and where it is known."""
     filled = np.where(visible, disparity, 0.0)
     down, along = np.gradient(filled) if min(filled.shape) > 1 else np.zeros((2, *filled.shape))
@@ -135,7 +134,7 @@ def _noise(
     return difference / np.sqrt(1 + sum(weight**2 for weight in weights)), known
 
 
-def _cubic(t: np.ndarray) -> tuple[np.ndarray, ...]:
+def _cubic(t: Array) -> tuple[Array, ...]:
     """Weights of the four columns around a fractional one (Catmull and Rom)."""
     return (
         t * (-0.5 + t * (1 - 0.5 * t)),
@@ -145,7 +144,7 @@ def _cubic(t: np.ndarray) -> tuple[np.ndarray, ...]:
     )
 
 
-def _variance(image: np.ndarray) -> np.ndarray:
+def _variance(image: Array) -> Array:
     """Variance (H, W) around each pixel."""
     values = image.astype(np.float64)
     mean, square = (
@@ -155,7 +154,7 @@ def _variance(image: np.ndarray) -> np.ndarray:
     return np.maximum(square - mean * mean, 0.0)
 
 
-def _mean_around(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+def _mean_around(values: Array, known: Array) -> Array:
     """Mean (H, W) of the values around each pixel that are known; 0 if none is."""
     count, total = (
         cv2.boxFilter(each, -1, (_NOISE_PX, _NOISE_PX), normalize=False, borderType=cv2.BORDER_CONSTANT)
@@ -164,7 +163,7 @@ def _mean_around(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.asarray(total / np.maximum(count, 1))
 
 
-def _texture_over_noise(left: np.ndarray, noise: np.ndarray) -> np.ndarray:
+def _texture_over_noise(left: Array, noise: Array) -> Array:
     """Ratio (H, W) of the standard deviations of texture and of noise, whose variance is given; infinite without noise.
 
     Pixels with neither texture nor noise are not counted against the noise.
@@ -173,9 +172,7 @@ def _texture_over_noise(left: np.ndarray, noise: np.ndarray) -> np.ndarray:
     return np.sqrt(np.divide(texture, noise, out=np.full(noise.shape, np.inf), where=noise > _NO_NOISE_DN**2))
 
 
-def _part(
-    error: np.ndarray, baked: np.ndarray | None, ratio: np.ndarray, is_bake: np.ndarray, where: np.ndarray, known: int
-) -> Part:
+def _part(error: Array, baked: Array | None, ratio: Array, is_bake: Array, where: Array, known: int) -> Part:
     count = int(where.sum())
     if not count:
         return Part(0.0, None, None, None, None)
@@ -189,6 +186,6 @@ def _part(
     )
 
 
-def _spread(values: np.ndarray) -> float:
+def _spread(values: Array) -> float:
     """The standard deviation of values that few others are far from."""
     return float(_MAD * np.median(np.abs(values - np.median(values))))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from .by_pixel_class import sums_by_class
 from .costs import COSTS
 from .disparity_histograms import histograms_of
@@ -44,12 +45,12 @@ NUMBERS = (
 )
 
 
-def depth_of(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
+def depth_of(prepared: Prepared, disparity: Array) -> Array:
     """Planar depth in m, float64, of a disparity map; NaN where there is no valid disparity."""
     return np.where(usable(disparity), prepared.pair.camera.depth(disparity), np.nan)
 
 
-def own_numbers(prepared: Prepared, disparity: np.ndarray, bm_min_disparity: int | None = None) -> dict[str, Any]:
+def own_numbers(prepared: Prepared, disparity: Array, bm_min_disparity: int | None = None) -> dict[str, Any]:
     """NUMBERS except COSTS, and ``error_curve``, ``sparsification``, ``strata`` and ``histograms``, of a
     disparity map.
 

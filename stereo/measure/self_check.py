@@ -16,6 +16,7 @@ import numpy as np
 
 from ...physics.camera.hidden_points import matching_column, warped
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.arrays import Array
 from ..images.disparity_and_occlusion import visible_in_left, visible_in_right
 from .eye_offsets import (
     FEWEST,
@@ -54,10 +55,10 @@ _CONTRADICTION_PX = 1.0
 class Eye:
     """The images of one eye on the parallel rig, all (H, W)."""
 
-    grey: np.ndarray  # radiance
-    depth: np.ndarray  # planar, m, NaN for sky
-    seen: np.ndarray  # bool, whether its sensor sees the pixel
-    hidden: np.ndarray | None = None  # bool, see exr.Truth
+    grey: Array  # radiance
+    depth: Array  # planar, m, NaN for sky
+    seen: Array  # bool, whether its sensor sees the pixel
+    hidden: Array | None = None  # bool, see exr.Truth
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class SelfCheck:
         return {"ok": self.ok, **asdict(self), "problems": list(self.problems)}
 
 
-def visibility(left: Eye, right: Eye, camera: StereoCamera) -> dict[str, np.ndarray]:
+def visibility(left: Eye, right: Eye, camera: StereoCamera) -> dict[str, Array]:
     """Per eye, Boolean (H, W): it sees a point that the other eye sees too."""
     first, second = (np.where(eye.seen, eye.depth, np.nan) for eye in (left, right))
     found = {
@@ -94,7 +95,7 @@ def visibility(left: Eye, right: Eye, camera: StereoCamera) -> dict[str, np.ndar
     return found
 
 
-def self_check(left: Eye, right: Eye, visible: dict[str, np.ndarray], camera: StereoCamera) -> SelfCheck:
+def self_check(left: Eye, right: Eye, visible: dict[str, Array], camera: StereoCamera) -> SelfCheck:
     """Check a pair; ``visible``: see ``visibility``."""
     column = matching_column(camera.disparity(left.depth))
     truth = truth_offsets(left.depth, right.depth, camera)
@@ -130,7 +131,7 @@ def _contradiction_problems(share: float | None) -> Iterator[str]:
 
 
 def _light_problems(
-    left: Eye, right: Eye, visible: dict[str, np.ndarray], camera: StereoCamera, column: np.ndarray, light: LightOffsets
+    left: Eye, right: Eye, visible: dict[str, Array], camera: StereoCamera, column: Array, light: LightOffsets
 ) -> Iterator[str]:
     """At most one problem: once the images are exchanged, no other problem can be found."""
     shifts = [
@@ -163,7 +164,7 @@ def _tells(light: LightOffsets) -> bool:
     return light.correlation > LEAST_CORRELATION and light.tiles >= FEWEST_TILES
 
 
-def _disagreement(left: Eye, right: Eye, column: np.ndarray, visible: np.ndarray) -> float | None:
+def _disagreement(left: Eye, right: Eye, column: Array, visible: Array) -> float | None:
     """Median relative difference of the left radiance and the right one, moved by the true disparity.
 
     In a good pair this is render noise and the part of the light that is not Lambertian. With a wrong f·B or exchanged
@@ -189,7 +190,7 @@ def _contradictions(left: Eye, right: Eye, camera: StereoCamera) -> float | None
     return max((share for share in shares if share is not None), default=None)
 
 
-def _seen_through(disparity: np.ndarray, other: np.ndarray, column: np.ndarray) -> float | None:
+def _seen_through(disparity: Array, other: Array, column: Array) -> float | None:
     """Of the pixels whose point falls into the other image, the share where both columns around the point show
     something farther."""
     with np.errstate(invalid="ignore"):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.number_text import count_of
 from .by_setting import POSES, SCENE, Sweep
 from .summary import Table
@@ -14,7 +15,7 @@ from .summary import Table
 _MOST_NAMED = 6
 
 
-def averaged_over(point: np.ndarray, used: Sequence[Sweep], sweeps: Sequence[Sweep], table: Table) -> str:
+def averaged_over(point: Array, used: Sequence[Sweep], sweeps: Sequence[Sweep], table: Table) -> str:
     """A sentence on the means of a chart. ``point`` (pairs,) is the point that each pair is part of, or -1.
 
     Of ``sweeps``, those in ``used`` are the same in all pairs of a point; the others are named if they differ there.
@@ -44,13 +45,13 @@ def averaged_over(point: np.ndarray, used: Sequence[Sweep], sweeps: Sequence[Swe
     return f"Each point is the mean over {' and '.join([', '.join(found[:-1]), found[-1]] if found[1:] else found)}."
 
 
-def _numbers(values: np.ndarray, groups: Sequence[np.ndarray]) -> tuple[int, int]:
+def _numbers(values: Array, groups: Sequence[Array]) -> tuple[int, int]:
     """The least and the most distinct values in a group."""
     found = [len(np.unique(values[group])) for group in groups]
     return min(found), max(found)
 
 
-def _sizes(groups: Sequence[np.ndarray]) -> tuple[int, int]:
+def _sizes(groups: Sequence[Array]) -> tuple[int, int]:
     return min(map(len, groups)), max(map(len, groups))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...settings.table import TOPICS, all_settings
 from ...settings.topics.declaration import Parts
+from ...support.arrays import Array
 from ..inference.scene_means import intervals
 from .summary import Table, is_share
 
@@ -48,7 +49,7 @@ class Sweep:
 
     name: str  # topic.key, or SCENE
     title: str
-    values: np.ndarray  # per pair, numbers or text; NaN or "" for pairs without facts
+    values: Array  # per pair, numbers or text; NaN or "" for pairs without facts
     together: tuple[str, ...] = ()  # titles of other settings that divide the pairs in exactly the same way
 
     @property
@@ -56,7 +57,7 @@ class Sweep:
         """Whether the values have an order and a distance."""
         return self.values.dtype.kind == "f"
 
-    def levels(self) -> tuple[list[str], np.ndarray, np.ndarray]:
+    def levels(self) -> tuple[list[str], Array, Array]:
         """(name of each level, its place on an axis, and the level of each pair or -1)."""
         known = ~np.isnan(self.values) if self.numeric else self.values != ""
         distinct = np.unique(self.values[known])
@@ -111,8 +112,8 @@ def _join_inseparable(sweeps: list[Sweep]) -> list[Sweep]:
 
 
 def mean_by_level(
-    sweep: Sweep, table: Table, method: int, metric: str, among: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray]:
+    sweep: Sweep, table: Table, method: int, metric: str, among: Array | None = None
+) -> tuple[Array, Array]:
     """The mean (levels,) of a metric over the pairs at each level of a setting, and its 95 % bounds (levels, 2), NaN
     where there are too few scenes for them.
 
@@ -130,7 +131,7 @@ def mean_by_level(
     return means, bounds
 
 
-def decided_by_noise(sweep: Sweep, table: Table) -> np.ndarray:
+def decided_by_noise(sweep: Sweep, table: Table) -> Array:
     """Boolean (levels,): noise of the render decides the results of half of the pairs at a level, or of more."""
     names, _, level = sweep.levels()
     return np.array([bool(table.by_noise[level == k].mean() >= 0.5) for k in range(len(names))])
@@ -145,7 +146,7 @@ def _flat(settings: Parts) -> dict[str, Any]:
     }
 
 
-def _array(values: list[Any]) -> np.ndarray:
+def _array(values: list[Any]) -> Array:
     known = [value for value in values if value is not None]
     if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in known):
         return np.array([np.nan if value is None else float(value) for value in values])

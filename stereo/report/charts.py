@@ -17,6 +17,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from ...support.arrays import Array
 from ...support.printer import show_lines
 from ..inference.scene_means import scene_means
 from ..matchers.methods import describe_method
@@ -93,7 +94,7 @@ def _look(k: int) -> tuple[str, str]:
     return COLOURS[k % len(COLOURS)], MARKS[(k + k // len(COLOURS)) % len(MARKS)]
 
 
-def make_figure(columns: int, rows: int = 1, width: float = 10.4, height: float = 3.1) -> tuple[Figure, np.ndarray]:
+def make_figure(columns: int, rows: int = 1, width: float = 10.4, height: float = 3.1) -> tuple[Figure, Array]:
     """Make a figure of axes (rows, columns) without background, ``width`` inches wide and ``height`` per row."""
     figure = Figure(figsize=(width, height * rows), facecolor="none")
     FigureCanvasSVG(figure)
@@ -148,7 +149,7 @@ def set_logarithmic(axis: Axes, which: str) -> None:
 
 
 def draw_charts(
-    summary: Summary, table: Table, laws: Mapping[str, np.ndarray], comparisons: Sequence[Mapping[str, Any]]
+    summary: Summary, table: Table, laws: Mapping[str, Array], comparisons: Sequence[Mapping[str, Any]]
 ) -> dict[str, list[str]]:
     """Draw all charts but those of settings that vary: for each of ``CHARTS``, the SVG texts; none if there is nothing
     to draw. The methods have the colours and marks of ``method_keys``. ``laws``: see ``phase_curves.phase_curves``,
@@ -182,7 +183,7 @@ def panel(found: list[str], name: str, title: str, height: float = 3.3) -> Itera
     found.append(render_svg(figure, f"{name}{len(found)}", html.escape(title, quote=True)))
 
 
-def _draw_phase_curves(laws: Mapping[str, np.ndarray]) -> list[str]:
+def _draw_phase_curves(laws: Mapping[str, Array]) -> list[str]:
     """Draw phase curves, near opposition and over all phase angles."""
     found: list[str] = []
     for title, last in (("Opposition", 8.0), ("All phases", PHASE_DEG[-1])) if laws else ():
@@ -302,14 +303,14 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
     return found
 
 
-def _has_bars(values: Sequence[np.ndarray], summary: Summary, key: str) -> bool:
+def _has_bars(values: Sequence[Array], summary: Summary, key: str) -> bool:
     """Whether a method has so few scenes that an interval of its mean stands beside them, and has one."""
     return any(
         len(own) < _FEWEST_IN_BOX and key in entry["intervals"] for own, entry in zip(values, summary, strict=True)
     )
 
 
-def _draw_spread(axis: Axes, place: int, values: np.ndarray, look: dict[str, Any]) -> None:
+def _draw_spread(axis: Axes, place: int, values: Array, look: dict[str, Any]) -> None:
     """Draw the value of each scene and, if they are many, a box of the quartiles with whiskers from 5 to 95 %."""
     if len(values) >= _FEWEST_IN_BOX:
         axis.boxplot(
@@ -365,7 +366,7 @@ def _draw_histograms(summary: Summary) -> list[str]:
     return found
 
 
-def _over_a_pixel(sums: Sequence[float], counts: Sequence[float]) -> np.ndarray:
+def _over_a_pixel(sums: Sequence[float], counts: Sequence[float]) -> Array:
     """``sums`` over ``counts`` by the part of a pixel, from one whole pixel to the next; NaN where nothing counts."""
     ratio = np.divide(sums, counts, out=np.full(PARTS, np.nan), where=np.array(counts) > 0)
     return np.append(ratio, ratio[0])
@@ -397,11 +398,11 @@ def _draw_errors(summary: Summary) -> list[str]:
     return found
 
 
-def _has_enough(sums: Mapping[str, Any]) -> np.ndarray:
+def _has_enough(sums: Mapping[str, Any]) -> Array:
     return np.array(sums["true"]) >= _FEWEST
 
 
-def _wrong_percent(sums: Mapping[str, Any]) -> np.ndarray:
+def _wrong_percent(sums: Mapping[str, Any]) -> Array:
     """% of the true pixels of each class that are missing or wrong by more than 1 px."""
     true = np.maximum(np.array(sums["true"]), 1)
     return np.asarray(100 * (true - np.array(sums["n"]) + np.array(sums["bad_1"])) / true)

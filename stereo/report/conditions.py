@@ -13,6 +13,7 @@ import numpy as np
 from ...settings.preset_files import KINDS, is_whole, load_preset, preset_header, preset_names
 from ...settings.table import TOPICS
 from ...settings.topics.declaration import Parts
+from ...support.arrays import Array
 from .by_setting import SCENE, Sweep
 
 #: Maximum number of conditions with results.
@@ -28,7 +29,7 @@ class Condition:
     """The pairs at one value of a setting that varies, or from one preset."""
 
     name: str
-    pairs: np.ndarray  # boolean, per pair of the evaluation
+    pairs: Array  # boolean, per pair of the evaluation
 
 
 def name_levels(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
 from .by_setting import POSES, Sweep
 
 #: Maximum number of values of a setting with a line each; number of groups that more values of a number form.
@@ -22,7 +23,7 @@ class Lines:
 
     factor: Sweep
     names: list[str]
-    of: np.ndarray  # (pairs,) the line that each pair is part of, or -1
+    of: Array  # (pairs,) the line that each pair is part of, or -1
     grouped: bool  # whether a line stands for several values
 
 
@@ -41,7 +42,7 @@ def lines_for(sweep: Sweep, sweeps: Sequence[Sweep]) -> Lines | None:
     return None
 
 
-def _known(sweep: Sweep) -> np.ndarray:
+def _known(sweep: Sweep) -> Array:
     return np.asarray(~np.isnan(sweep.values) if sweep.numeric else sweep.values != "")
 
 

@@ -11,6 +11,7 @@ from ...physics import scene_requirements
 from ...physics.surfaces import albedos, photometry
 from ...settings.topics.scene import typed
 from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
+from ...support.arrays import Array
 
 #: Most laws that are drawn.
 MOST = 6
@@ -18,9 +19,9 @@ MOST = 6
 PHASE_DEG = 160.0 * np.linspace(0.0, 1.0, 121) ** 3
 
 
-def phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
+def phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
     """Brightness (n,) at ``PHASE_DEG``, relative to that at opposition, by the name of each law in the pairs' facts."""
-    found: dict[str, np.ndarray] = {}
+    found: dict[str, Array] = {}
     for pair in pairs:
         if not pair["settings"]:
             continue  # it was not rendered here

@@ -10,6 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ...support.arrays import Array
 from ..images.image_files import encoded, read_png
 from .conditions import Condition
 from .summary import Table
@@ -44,7 +45,7 @@ def embed_left(facts: Mapping[str, Any], out: Path) -> str:
     return embed_picture(out / facts["images"]["left"], facts["height_px"], linear=facts.get("linear", True))
 
 
-def typical_pair(table: Table, among: np.ndarray) -> int | None:
+def typical_pair(table: Table, among: Array) -> int | None:
     """The number of the typical one of the pairs where the boolean ``among`` is true; None if none of them counts.
 
     Its share of wrong or missing pixels, averaged over the methods, is the median; of two in the middle it is the

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from ..inference.scene_means import intervals, scene_means, simultaneous_intervals
 from ..inference.typical_scene import compare, pairs_of, ranks, subtract
 from ..measure import by_pixel_class, common_pixels, disparity_histograms
@@ -94,7 +95,7 @@ class Table:
         self.failed = np.zeros((len(methods), len(pairs)), bool)
         self.scenes = np.full(len(pairs), -1)
         self.by_noise = np.zeros(len(pairs), bool)  # pairs whose result noise of the render decides
-        self.plugins: dict[str, np.ndarray] = {}  # (methods, pairs) of each metric of a plug-in, NaN where undefined
+        self.plugins: dict[str, Array] = {}  # (methods, pairs) of each metric of a plug-in, NaN where undefined
         self.strata: list[dict[str, Any] | None] = [None] * len(methods)
         self.histograms: list[disparity_histograms.Histograms | None] = [None] * len(methods)
         self._curves: list[dict[str, list[Any]]] = [
@@ -131,7 +132,7 @@ class Table:
         """The number of scenes with a pair that counts."""
         return len(np.unique(self.scenes[self.counts.any(axis=0)]))
 
-    def where(self, pairs: np.ndarray) -> Table:
+    def where(self, pairs: Array) -> Table:
         """The numbers of the pairs where the boolean ``pairs`` is true, without sums over pixels."""
         part = Table(self.methods, [pair for pair, kept in zip(self.pairs, pairs, strict=True) if kept])
         part.values, part.common = self.values[:, pairs], self.common[:, :, pairs]
@@ -139,7 +140,7 @@ class Table:
         part.by_noise = self.by_noise[pairs]
         return part
 
-    def column(self, method: int, key: str) -> np.ndarray:
+    def column(self, method: int, key: str) -> Array:
         """One number for all pairs, NaN where undefined."""
         return self.values[method, :, _PLACE[key]]
 
@@ -265,7 +266,7 @@ def compare_methods(
     return found, placed
 
 
-def _scene_differences(table: Table, a: int, b: int, metric: Compared) -> tuple[np.ndarray, int]:
+def _scene_differences(table: Table, a: int, b: int, metric: Compared) -> tuple[Array, int]:
     """The difference of two methods in each scene, or of the logarithms of their means, NaN where undefined; and the
     number of pairs that it is from."""
     if metric.key in _COMMON_PLACE:
@@ -281,14 +282,14 @@ def _scene_differences(table: Table, a: int, b: int, metric: Compared) -> tuple[
     return subtract(means[:, 0], means[:, 1], metric.ratio), int((~np.isnan(both[:, 0])).sum())
 
 
-def _means(columns: np.ndarray) -> np.ndarray:
+def _means(columns: Array) -> Array:
     known = ~np.isnan(columns)
     count = known.sum(axis=0)
     total = np.where(known, columns, 0.0).sum(axis=0)
     return np.divide(total, count, out=np.full(columns.shape[1], np.nan), where=count > 0)
 
 
-def _mean_with_interval(numbers: np.ndarray, scenes: np.ndarray) -> dict[str, Any]:
+def _mean_with_interval(numbers: Array, scenes: Array) -> dict[str, Any]:
     """The ``mean`` of the numbers of pairs that are not NaN, its 95 % ``interval`` or None, and how many ``pairs``."""
     low, high = intervals(numbers[:, None], scenes, np.array([False]))[0]
     return {

@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 
 from ...settings.table import TOPICS
+from ...support.arrays import Array
 from ...support.files import write_atomically
 from ...support.number_text import count_of
 from .averaged import averaged_over
@@ -209,7 +210,7 @@ def _draw_means(
     method: int,
     place: tuple[int, int],
     look: dict[str, Any],
-    among: np.ndarray | None = None,
+    among: Array | None = None,
 ) -> None:
     """Draw the means of a method with their intervals, at ``place`` (k of n) beside the other methods."""
     _, places, _ = sweep.levels()

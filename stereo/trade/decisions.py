@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...render.cost.tolerance import all_hold
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules
 from ..decisions.scores import score_sites
@@ -40,8 +41,8 @@ RULE = (
 class Matched:
     """What matchers found on the images of one render: the left one as they see it, and disparities (H, W) by label."""
 
-    left: np.ndarray
-    disparities: dict[str, np.ndarray]
+    left: Array
+    disparities: dict[str, Array]
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class Deciding:
         }
 
     @property
-    def _among(self) -> np.ndarray:
+    def _among(self) -> Array:
         return np.asarray(self.workspace.reached & self.workspace.truth.dem.known)
 
     def _compare_choices(self, found: Sequence[Sites], own: Sites) -> dict[str, Any]:
@@ -113,7 +114,7 @@ class Deciding:
         return {"shift_m": float(shift), "regret": regret, "as_good": regret <= MOST_REGRET}
 
 
-def _shares(total: np.ndarray) -> np.ndarray:
+def _shares(total: Array) -> Array:
     """The shares (..., 2) that are decided otherwise, and that are unsafe but taken beyond those of the reference,
     means over renders, from sums (renders, ..., 4): of cells, those decided otherwise, those taken but unsafe
     by both."""

@@ -21,6 +21,7 @@ from ...physics.scene_requirements import images_per_bake
 from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.description import merged
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules
 from ..images.develop import develop, grey
@@ -50,11 +51,11 @@ class Reference:
     pair: Pair
     settings: Settings  # with the exposure that was metered for the reference
     light: dict[str, Light]
-    depth: np.ndarray  # float64 (H, W) of the left eye, m, NaN for sky
-    visible: np.ndarray  # bool (H, W)
+    depth: Array  # float64 (H, W) of the left eye, m, NaN for sky
+    visible: Array  # bool (H, W)
     noise: float  # standard deviation over mean radiance, of the mean of the renders
     cpu_s: float | None  # of all renders
-    tallies: dict[str, np.ndarray]  # per matcher, (1 + renders, tiles, 4) of ``tally``: of the mean, of each render
+    tallies: dict[str, Array]  # per matcher, (1 + renders, tiles, 4) of ``tally``: of the mean, of each render
     deciding: Deciding | str  # what matchers decide on the mean of the renders, or why nothing
     own_decisions: dict[str, dict[str, Any]]  # how the decisions on each render differ from these
 
@@ -242,7 +243,7 @@ def _match_images(
     ]
 
 
-def _tally(reference: Reference, matched: Sequence[Matched], methods: Sequence[Method]) -> dict[str, np.ndarray]:
+def _tally(reference: Reference, matched: Sequence[Matched], methods: Sequence[Method]) -> dict[str, Array]:
     """Per matcher, sums (images, tiles, 4), see ``tally``, against the depth of the reference where both eyes see."""
     true = _true_disparity(reference)
     return {
@@ -250,11 +251,11 @@ def _tally(reference: Reference, matched: Sequence[Matched], methods: Sequence[M
     }
 
 
-def _true_disparity(reference: Reference) -> np.ndarray:
+def _true_disparity(reference: Reference) -> Array:
     return np.where(reference.visible, reference.pair.camera.disparity(reference.depth), np.nan)
 
 
-def tally(disparity: np.ndarray, true: np.ndarray) -> np.ndarray:
+def tally(disparity: Array, true: Array) -> Array:
     """Sums (tiles, 4) over the tiles of an image, from disparities (H, W) in px, NaN where there is none: the number of
     true pixels, of measured ones among these, their disparity error in px, and the number wrong by more than 1 px."""
     known = np.isfinite(true)
@@ -263,14 +264,14 @@ def tally(disparity: np.ndarray, true: np.ndarray) -> np.ndarray:
     return tile_sums(known, measured, error, error > 1)
 
 
-def stereo_numbers(sums: np.ndarray) -> np.ndarray:
+def stereo_numbers(sums: Array) -> Array:
     """The STEREO numbers (..., 4) from sums (..., 4) of ``tally``; NaN where undefined."""
     known, measured, error, bad = np.moveaxis(sums, -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.stack([measured / known, error / measured, bad / measured, 1 - (measured - bad) / known], axis=-1)
 
 
-def _noise_loss(sums: np.ndarray) -> np.ndarray:
+def _noise_loss(sums: Array) -> Array:
     """How much its own noise makes a reference worse, from sums (1 + renders, ..., 4); see the module."""
     if len(sums) < 3:
         return np.zeros_like(sums[0])
@@ -278,17 +279,17 @@ def _noise_loss(sums: np.ndarray) -> np.ndarray:
     return _WORSE * (np.mean(each, axis=0) - whole) / (len(each) - 1)
 
 
-def _loss(sums: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _loss(sums: Array, reference: Array) -> tuple[Array, Array]:
     """How much worse a variant is than an image without noise, (4,), and the uncertainty of that."""
 
-    def loss_of(own: np.ndarray, best: np.ndarray) -> np.ndarray:
+    def loss_of(own: Array, best: Array) -> Array:
         return _WORSE * (stereo_numbers(own).mean(axis=0) - stereo_numbers(best[0])) + _noise_loss(best)
 
     loss, error = jackknife(loss_of, sums, reference)
     return loss, np.hypot(2 * error, _LAW_DOUBT * _noise_loss(reference.sum(axis=1)))
 
 
-def _named(numbers: np.ndarray) -> dict[str, float | None]:
+def _named(numbers: Array) -> dict[str, float | None]:
     return {key: none_for_nan(float(value)) for key, value in zip(STEREO, numbers, strict=True)}
 
 

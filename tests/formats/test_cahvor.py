@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from icymoon.formats.cahvor import Cahvor, cahvor_text, from_pinhole, nearest_lens, pds_text, read_model
 from icymoon.physics.camera.lens_distortion import distort
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.version import ROOT
 
@@ -43,7 +44,7 @@ def model_of(name: str) -> Cahvor:
     return Cahvor(CENTRE, a, plain.h, plain.v, *SIZE, o, np.array(more[2:5]), e, linearity)
 
 
-def matrix_of(name: str) -> np.ndarray:
+def matrix_of(name: str) -> Array:
     fx, fy, cx, cy = GOLDEN["cases"][name]["data"][:4]
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
 

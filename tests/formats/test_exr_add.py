@@ -12,11 +12,12 @@ from icymoon.formats.exr_layout import is_whole
 from icymoon.formats.exr_parts import Piece, assemble, join_layers, read_pieces, strip_passing
 from icymoon.formats.exr_pixels import Pixels, compress, drop_passes, encode_part
 from icymoon.stereo.images.exr import read_light
+from icymoon.support.arrays import Array
 
 LIGHT = ("Combined", "Combined_Sun", "Combined_Planet")
 
 
-def write(path, passes: dict[str, np.ndarray], several: bool, compression) -> None:
+def write(path, passes: dict[str, Array], several: bool, compression) -> None:
     """A file as Blender 5 writes it, a part for each pass, or as Blender 4 does, with one part."""
     header = {"compression": compression, "type": OpenEXR.scanlineimage}
     channels = {
@@ -37,7 +38,7 @@ def pieces_of(path) -> list[Piece]:
     return read_pieces(path.read_bytes())
 
 
-def read(path) -> dict[str, np.ndarray]:
+def read(path) -> dict[str, Array]:
     file = OpenEXR.File(str(path), separate_channels=True)
     return {name: channel.pixels for part in file.parts for name, channel in part.channels.items()}
 
@@ -48,7 +49,7 @@ def read(path) -> dict[str, np.ndarray]:
 def test_parts_are_joined_and_light_is_added(tmp_path, several, compression, height):
     random = np.random.default_rng(height)
 
-    def image(scale: float) -> np.ndarray:
+    def image(scale: float) -> Array:
         values = (random.random((height, 31, 3)) * scale).astype(np.float32)
         values[:, 20:] = values[:1, 20:]  # something that shrinks when it is compressed
         return values

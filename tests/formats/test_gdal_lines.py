@@ -14,6 +14,7 @@ from icymoon.formats import files_beside, gdal_lines, geotiff
 from icymoon.formats.geotiff import Site
 from icymoon.nodes.ground.import_heights import read_heights
 from icymoon.nodes.ground.user_ground import kind_of
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from tiffs import write_tiff
 
@@ -44,7 +45,7 @@ def follow(sentence: str, folder: Path) -> Path:
     return folder / re.search(r'(?:"([^"]+)"|(\S+))$', command)[0].strip('"')
 
 
-def by_rasterio(path: Path, values: np.ndarray = VALUES, **options) -> Path:
+def by_rasterio(path: Path, values: Array = VALUES, **options) -> Path:
     options = {"crs": EUROPA, "transform": rasterio.transform.from_origin(1000, -500, 2, 3), "count": 1, **options}
     rows, columns = values.shape
     with rasterio.open(path, "w", driver="GTiff", height=rows, width=columns, dtype=values.dtype, **options) as out:

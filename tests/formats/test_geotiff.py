@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.formats import geotiff, tiff
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import Budget, ForeignBytes
 from tiffs import write_tiff
@@ -34,7 +35,7 @@ def hill(east_m: Any, north_m: Any) -> Any:
     return 40.0 + 0.5 * (east_m - 1000.0) + 0.25 * (north_m + 500.0) + 0.01 * (east_m - 1000.0) * (north_m + 500.0)
 
 
-def expected(read: geotiff.GeoTiff) -> np.ndarray:
+def expected(read: geotiff.GeoTiff) -> Array:
     """The hill at the places where the file says that its pixels are."""
     rows, columns = read.heights_m.shape
     east = read.corner_m[0] + read.pixel_m[0] * np.arange(columns)

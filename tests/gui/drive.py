@@ -26,6 +26,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from icymoon.support.arrays import Array
 from mathutils import Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -64,7 +65,7 @@ WANTED = sys.argv[sys.argv.index("--") + 2 :]
 #: Light paths per pixel: enough that a render is seen to advance.
 SAMPLES = 48
 
-steps: list[dict] = []
+steps: list[dict[str, Any]] = []
 ticks: list[tuple[float, float]] = []  # when Blender let us run, and when we were done
 
 
@@ -463,7 +464,7 @@ def render_by_mouse() -> Waiting:
     return f"longest gap {gap:.2f} of {duration:.0f} s (bound {bound:.1f}), {len(fractions)} stages of progress"
 
 
-def cell_means(image: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def cell_means(image: Array, low: Array, high: Array) -> Array:
     """Mean colours (12, 24, 3) of the cells of an image between two corners, columns and rows."""
     columns, rows = (np.rint(np.linspace(low[k], high[k], n + 1)).astype(int) for k, n in enumerate((24, 12)))
     return np.array(
@@ -474,7 +475,7 @@ def cell_means(image: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarr
     )
 
 
-def read_screenshot(name: str) -> np.ndarray:
+def read_screenshot(name: str) -> Array:
     """The colours (H, W, 3) of the last screenshot of this name, from below, as Blender's places are."""
     shot = bpy.data.images.load(str(max(FOLDER.glob(f"*_{name}.png"))))
     screen = np.empty(len(shot.pixels), np.float32)
@@ -484,7 +485,7 @@ def read_screenshot(name: str) -> np.ndarray:
     return screen
 
 
-def on_screen(picture: np.ndarray, name: str) -> Waiting:
+def on_screen(picture: Array, name: str) -> Waiting:
     """How much what the second window shows of the image differs from a picture (H, W, 3), from 0 to 1."""
     yield from screenshot(name)
     screen = read_screenshot(name)

@@ -26,6 +26,7 @@ from icymoon.physics.rocks.table import read_table
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.topics.scene import Settings
 from icymoon.settings.user_files import content
+from icymoon.support.arrays import Array
 from icymoon.support.version import ROOT
 
 SMALL: Any = {
@@ -57,13 +58,13 @@ def test_the_import_is_light_and_every_name_is_there():
     ("make", "words"),
     [
         (lambda: Scene("europa_rough_icee"), ["europa_rough_ice"]),
-        (lambda: Scene(rigg={}), ["rigg", "'rig'"]),  # type: ignore[call-arg]
-        (lambda: Scene(rig={"width": 3}), ["rig.width", "width_px"]),  # type: ignore[typeddict-unknown-key]
-        (lambda: Scene(rig={"width_px": 2.5}), ["rig.width_px", "whole number"]),  # type: ignore[typeddict-item]
+        (lambda: Scene(rigg={}), ["rigg", "'rig'"]),
+        (lambda: Scene(rig={"width": 3}), ["rig.width", "width_px"]),
+        (lambda: Scene(rig={"width_px": 2.5}), ["rig.width_px", "whole number"]),
         (lambda: Scene(rig={"baseline_m": -1}), ["rig.baseline_m", "m"]),
         (lambda: Scene().change(surface={"model": "LAMBERTT"}), ["LAMBERT"]),
     ],
-)  # type: ignore[typeddict-item]
+)
 def test_what_is_unknown_is_refused_with_the_nearest_name(make, words):
     """The type checker refuses all but the first and the fifth, too."""
     with pytest.raises(IcyMoonError) as raised:
@@ -87,7 +88,7 @@ def test_a_scene_never_changes_and_states_what_it_is():
 def test_heights_of_a_function_are_those_of_its_places():
     """Read as the ground reads them: the height at any vertex is the function's there."""
 
-    def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def height(x: Array, y: Array) -> Array:
         return 0.3 * x - 0.1 * y + 5.0
 
     given, stated = heights_input(height, 20.0, 33, None)

@@ -9,6 +9,7 @@ from icymoon.nodes import measured_surface
 from icymoon.operators import results
 from icymoon.stereo.export.points import write_points
 from icymoon.stereo.measure.prepare import prepare
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
@@ -29,7 +30,7 @@ def shown(tmp_path_factory):
     return folder, built
 
 
-def corners(item: bpy.types.Object) -> np.ndarray:
+def corners(item: bpy.types.Object) -> Array:
     values = np.empty(len(item.data.vertices) * 3, np.float32)
     item.data.vertices.foreach_get("co", values)
     return values.reshape(-1, 4, 3)

@@ -20,6 +20,7 @@ from icymoon.stereo.decisions.map_colours import colour_cells
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap, read_map
 from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from rendering import render
 
@@ -57,13 +58,13 @@ def made(kind: str = SUITABILITY) -> StoredMap:
     )
 
 
-def colours(mesh) -> np.ndarray:
+def colours(mesh) -> Array:
     return np.rint(
         255 * read_property(mesh.attributes[painted_errors.COLOUR].data, "color_srgb", width=4).reshape(-1, 4)[:, :3]
     )
 
 
-def positions(mesh) -> np.ndarray:
+def positions(mesh) -> Array:
     return read_property(mesh.vertices, "co", width=3).reshape(-1, 3).astype(np.float64)
 
 

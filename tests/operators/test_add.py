@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from icymoon.settings.table import TOPICS
 from icymoon.settings.topics.declaration import LANDFORMS
+from icymoon.support.arrays import Array
 from mathutils import Vector
 
 SMALL = {"size_m": 8.0, "resolution": 65}
 
 
-def positions(item: bpy.types.Object) -> np.ndarray:
+def positions(item: bpy.types.Object) -> Array:
     found = np.empty(3 * len(item.data.vertices), np.float32)
     item.data.attributes["position"].data.foreach_get("vector", found)
     return found.reshape(-1, 3)

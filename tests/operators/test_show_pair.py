@@ -12,6 +12,7 @@ import pytest
 from icymoon.operators import dataset, image_editor, live_preview, show_pair
 from icymoon.panels import pair_views, sidebar
 from icymoon.stereo.pair_views import read_pair_views
+from icymoon.support.arrays import Array
 from panel_drawing import Layout, drawn, texts
 
 
@@ -33,7 +34,7 @@ def editor(monkeypatch):
     return areas
 
 
-def pixels() -> np.ndarray:
+def pixels() -> Array:
     """What the image shows, uint8 RGB (H, W, 3), the top row first."""
     image = show_pair.find_image()
     values = np.empty(len(image.pixels), np.float32)

@@ -20,6 +20,7 @@ from icymoon.render.asset_worker import make_library
 from icymoon.render.workers.job import python_command
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
+from icymoon.support.arrays import Array
 from rendering import complete, empty_scene
 
 NAMES = (
@@ -125,7 +126,7 @@ def test_the_sky_is_a_black_world(library):
     assert _picture(scene).reshape(-1, 4)[:, :3].max() < 1.5 / 255  # Blender dithers
 
 
-def _picture(scene: bpy.types.Scene) -> np.ndarray:
+def _picture(scene: bpy.types.Scene) -> Array:
     scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 1, False
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 24, 18, 100
     scene.render.image_settings.file_format = "PNG"

@@ -24,6 +24,7 @@ from icymoon.render.worker import render_from
 from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.shared_light import SharedLight
 from icymoon.stereo.images.exr import read_baked_error, read_view
+from icymoon.support.arrays import Array
 from icymoon.support.blender import compat
 from icymoon.support.labels import BAKED_ATTRIBUTES
 from rendering import complete, empty_scene, png
@@ -56,7 +57,7 @@ def run(dataset: Path, pairs: list[PlannedPair]) -> None:
         render_from(source, pairs, dataset, lambda *a, **k: None)
 
 
-def light_of(pair: PlannedPair, dataset: Path) -> np.ndarray:
+def light_of(pair: PlannedPair, dataset: Path) -> Array:
     return np.stack([read_view(read_pair(pair.folder(dataset)).image(eye)).radiance for eye in ("left", "right")])
 
 
@@ -64,12 +65,12 @@ def stated(pair: PlannedPair, dataset: Path) -> dict[str, Any]:
     return dict(json.loads((pair.folder(dataset) / "pair.json").read_text()))
 
 
-def triangles_of(mesh: bpy.types.Mesh) -> np.ndarray:
+def triangles_of(mesh: bpy.types.Mesh) -> Array:
     mesh.calc_loop_triangles()
     return np.array([each.vertices for each in mesh.loop_triangles])
 
 
-def within_triangles(values: np.ndarray, triangles: np.ndarray) -> float:
+def within_triangles(values: Array, triangles: Array) -> float:
     """The root mean square of what is linear between vertices, at random points of triangles."""
     weights = np.random.default_rng(1).dirichlet((1.0, 1.0, 1.0), len(triangles))
     return float(np.sqrt(np.mean(np.einsum("nk,nkb->nb", weights, values[triangles]) ** 2)))
@@ -147,7 +148,7 @@ def test_the_error_of_a_bake_is_as_large_as_the_spread_of_independent_bakes(regi
     assert abs(np.corrcoef((values - values.mean(axis=0)).ravel(), errors.ravel())[0, 1]) < 4 / math.sqrt(5600)
 
 
-def error_of(pair: PlannedPair, dataset: Path, eye: str) -> dict[str, np.ndarray]:
+def error_of(pair: PlannedPair, dataset: Path, eye: str) -> dict[str, Array]:
     return read_baked_error(read_pair(pair.folder(dataset)).image(eye), eye)
 
 
@@ -298,7 +299,7 @@ def test_a_turned_camera_has_the_light_of_where_it_looks(registered, tmp_path):
 def test_an_image_that_shows_ground_without_baked_light_is_traced(registered, tmp_path, monkeypatch):
     find = baked_light.find_seen
 
-    def lose(*of: Any) -> np.ndarray:
+    def lose(*of: Any) -> Array:
         found = find(*of)
         seen = np.flatnonzero(found)
         found[seen[len(seen) // 2 :]] = False

@@ -17,6 +17,7 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.images.exr import View, read_view
+from icymoon.support.arrays import Array
 from icymoon.support.labels import FIRST_OBJECT_INSTANCE, FIRST_ROCK_INSTANCE, LANDER, ROCK, TERRAIN, TERRAIN_INSTANCE
 from rendering import complete, empty_scene
 
@@ -36,7 +37,7 @@ def views(pair: Pair) -> dict[str, View]:
     return {eye: read_view(pair.image(eye)) for eye in EYES}
 
 
-def rays(pair: Pair, eye: str) -> tuple[np.ndarray, np.ndarray]:
+def rays(pair: Pair, eye: str) -> tuple[Array, Array]:
     """Optical centre (3,) and the directions (H, W, 3) through the pixel centres, of planar depth 1, in the world."""
     pose, camera = np.array(pair.data["poses_camera_to_world"][eye]), pair.camera
     u, v = np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 from rendering import render
 from urdf_files import visual, write_obj, write_robot, write_stl
 
@@ -37,17 +38,17 @@ SHAPES = {
 }
 
 
-def from_box(points: np.ndarray) -> np.ndarray:
+def from_box(points: Array) -> Array:
     beyond = np.abs(points - [0.35, 0.0, 0.0]) - [0.35, 0.05, 0.04]
     return np.asarray(np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0))
 
 
-def from_cylinder(points: np.ndarray) -> np.ndarray:
+def from_cylinder(points: Array) -> Array:
     beyond = np.stack([np.hypot(points[:, 0], points[:, 1]) - 0.07, np.abs(points[:, 2] - 0.05) - 0.15], axis=1)
     return np.asarray(np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0))
 
 
-def from_tetrahedron(sides: tuple[float, float, float]) -> Callable[[np.ndarray], np.ndarray]:
+def from_tetrahedron(sides: tuple[float, float, float]) -> Callable[[Array], Array]:
     """Of the planes at 0 and of the one through the ends of the sides, the outermost."""
     normal = 1.0 / np.array(sides)
     length = float(np.linalg.norm(normal))

@@ -24,6 +24,7 @@ from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare import load
 from icymoon.stereo.reexpose import reexpose
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene, render
 
@@ -48,7 +49,7 @@ def spread(pair) -> tuple[float, float]:
     return middle, float(np.sqrt((line * (at - middle) ** 2).sum()))
 
 
-def truths(pair) -> list[np.ndarray]:
+def truths(pair) -> list[Array]:
     found = []
     for eye in EYES:
         truth = read_truth(pair.truth(eye), eye)
@@ -102,7 +103,7 @@ def test_motion_blur_is_as_long_as_the_way_of_a_point_and_about_the_instant_of_t
     check_truth(pair, sharp)
 
 
-def plane_points(pair, depth: np.ndarray, eye: str, poses: str, margin: bool) -> np.ndarray:
+def plane_points(pair, depth: Array, eye: str, poses: str, margin: bool) -> Array:
     """World coordinates (H, W, 3) of what the pixels of an eye see, by the calibration in pair.json alone."""
     camera, pose = pair.camera, np.array(pair.data[poses][eye])
     v, u = (n + 0.5 for n in np.indices(depth.shape))

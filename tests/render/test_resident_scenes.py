@@ -10,6 +10,7 @@ import icymoon
 import numpy as np
 import pytest
 from icymoon import IcyMoonError, Scene
+from icymoon.support.arrays import Array
 
 pytestmark = pytest.mark.heavy  # a Blender or two are started, or scenes built
 
@@ -61,7 +62,7 @@ def test_a_complete_pair_starts_no_blender(tmp_path):
             Scene(**TINY).render(tmp_path, renderer=worker, again=True)
 
 
-def points_of(pair: icymoon.RenderedPair) -> np.ndarray:
+def points_of(pair: icymoon.RenderedPair) -> Array:
     """World coordinates (H, W, 3) of what the left pixels see, in metres."""
     camera, depth = pair.camera, pair.depth_m
     v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
@@ -75,10 +76,10 @@ def points_of(pair: icymoon.RenderedPair) -> np.ndarray:
 def test_own_heights_and_albedo_are_where_they_were_put(tmp_path):
     """Seen from above: what the camera measures lies on the function, and light follows the albedo of its place."""
 
-    def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def height(x: Array, y: Array) -> Array:
         return 0.05 * x - 0.02 * y
 
-    def albedo(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def albedo(x: Array, y: Array) -> Array:
         return np.where(x + 0.5 * y > 1.0, 0.8, np.where(y > 3.0, 0.2, 0.4))
 
     scene = Scene(

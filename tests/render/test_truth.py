@@ -11,6 +11,7 @@ from icymoon.render.pairs.pair_folder import find_changed_files
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.matchers import match
+from icymoon.support.arrays import Array
 from icymoon.support.labels import FIRST_ROCK_INSTANCE, ROCK, TERRAIN, TERRAIN_INSTANCE
 from rendering import render
 
@@ -18,7 +19,7 @@ FLAT = {"rms_slope_deg": 0.0}
 PLAIN = {"grain_amplitude_m": 0.0, "albedo_variation": 0.0, "specular": 0.0}
 
 
-def plane_depth(pair) -> np.ndarray:
+def plane_depth(pair) -> Array:
     """Planar depth in metres of the plane z = 0 at every pixel centre, from the rig's settings alone."""
     rig, camera = pair.settings["rig"], pair.camera
     v = (np.arange(camera.height_px) + 0.5 - camera.cy_px) / camera.focal_px

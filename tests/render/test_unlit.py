@@ -14,6 +14,7 @@ from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 from icymoon.support.blender import compat
 from mathutils import Matrix
 from rendering import complete, empty_scene
@@ -53,7 +54,7 @@ def add_pane(built: Built, kind: str) -> bpy.types.Material:
     return material
 
 
-def shoot(folder: Path, pane: str, *parts: dict) -> list[np.ndarray]:
+def shoot(folder: Path, pane: str, *parts: dict) -> list[Array]:
     """All that two pairs of a scene contain, and the links and lamps that the scene has afterwards."""
     settings = complete(TWO, *parts)
     built = build(empty_scene(), settings)

@@ -12,6 +12,7 @@ from icymoon.stereo import ground_errors
 from icymoon.stereo.ground_errors import COARSE, MEASURED, MISSING, UNSEEN, DepthErrors, on_vertices
 from icymoon.stereo.images.colours import signed_colours
 from icymoon.stereo.images.image_files import write_disparity
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
 RIG, PLANE = pairs.camera(), pairs.Scene(slope_x=0.0, slope_y=0.6, rock=False)
@@ -19,7 +20,7 @@ NO_EDGES = np.empty((0, 2), np.int32)
 RED, BLUE, WHITE, GREY, DARK = ([0xC4, 0x2B, 0x2B], [0x2B, 0x5F, 0xC4], [0xF4] * 3, [150] * 3, [60] * 3)
 
 
-def pose() -> np.ndarray:
+def pose() -> Array:
     """A camera anywhere, turned by 40, 110 and 25 degrees."""
     found = np.eye(4)
     for axis, angle in enumerate(np.radians([40.0, 110.0, 25.0])):
@@ -32,18 +33,18 @@ def pose() -> np.ndarray:
     return found
 
 
-def errors(error_m: np.ndarray | float, scene: pairs.Scene = PLANE) -> DepthErrors:
+def errors(error_m: Array | float, scene: pairs.Scene = PLANE) -> DepthErrors:
     truth = pairs.view(scene, RIG, "left")[0]
     return DepthErrors(RIG, pose(), truth, np.where(np.isnan(truth), np.nan, np.broadcast_to(error_m, truth.shape)))
 
 
-def on_plane(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def on_plane(x: Array, y: Array) -> Array:
     """Points of the plane in the world, by their x and y in the camera's axes."""
     local = np.stack([x, y, PLANE.distance_m - PLANE.slope_y * y], axis=-1).reshape(-1, 3)
     return np.asarray(local @ pose()[:3, :3].T + pose()[:3, 3])
 
 
-def grid() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def grid() -> tuple[Array, Array, Array]:
     """x and y of points within the image and to both sides of it, and the points."""
     x, y = (each.ravel() for each in np.meshgrid(np.linspace(-2.2, 2.2, 250), np.linspace(-0.6, 0.6, 90)))
     return x, y, on_plane(x, y)

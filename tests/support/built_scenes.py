@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
+from icymoon.support.arrays import Array
 
 
-def positions(item: bpy.types.Object) -> np.ndarray:
+def positions(item: bpy.types.Object) -> Array:
     """Vertex positions (n, 3) of an object's mesh."""
     out = np.empty(len(item.data.vertices) * 3, np.float32)
     item.data.vertices.foreach_get("co", out)

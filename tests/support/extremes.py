@@ -26,6 +26,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.exr import Light, View
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.support.arrays import Array
 from icymoon.support.labels import ROCK, TERRAIN
 from mathutils import Vector
 from rendering import empty_scene
@@ -182,7 +183,7 @@ def is_finite(item: Any) -> bool:
     return not len(item.data.vertices) or bool(np.isfinite(vertices(item.data)).all())
 
 
-def vertices(mesh: Any) -> np.ndarray:
+def vertices(mesh: Any) -> Array:
     flat = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.attributes["position"].data.foreach_get("vector", flat)
     return flat.reshape(-1, 3)
@@ -222,7 +223,7 @@ def _of_light(light: Light) -> Iterator[str]:
             yield f"{name} is {radiance.min():g}, negative"
 
 
-def _surface(view: View) -> np.ndarray:
+def _surface(view: View) -> Array:
     """Where (H, W) ground or blocks are seen; where there are no labels, where anything is."""
     return np.isfinite(view.depth) if view.semantic is None else np.isin(view.semantic, (TERRAIN, ROCK))
 
@@ -242,7 +243,7 @@ def _of_truth(view: View) -> Iterator[str]:
         yield f"normals are {length.min():g} to {length.max():g} long"
 
 
-def rays(pair: Pair, eye: str) -> tuple[np.ndarray, np.ndarray]:
+def rays(pair: Pair, eye: str) -> tuple[Array, Array]:
     """Position (3,) of an eye of the parallel rig, and the vectors (H, W, 3) of a planar depth of 1 m through its
     pixels' centres, world axes."""
     assert pair.rectified_poses is not None
@@ -285,7 +286,7 @@ def _against_rays(pair: Pair, view: View, eye: str) -> Iterator[str]:
         yield f"depth is {np.quantile(off, 0.95):.2g} tolerances off that of rays at {np.nanmedian(shown):.3g} m"
 
 
-def _met(start: np.ndarray, way: np.ndarray, at: np.ndarray, corners: list[np.ndarray]) -> float:
+def _met(start: Array, way: Array, at: Array, corners: list[Array]) -> float:
     """How many of ``way`` it is to where a ray meets a face. Blender's own answer, ``at``, is off by some hundredths
     of a metre on triangles of 25 m seen from 0.3 m, so it only says which face; the plane of three corners is exact."""
     if len(corners) != 3:
@@ -326,7 +327,7 @@ def _is_black(surface: SurfaceSettings, hapke: HapkeSettings) -> bool:
     return surface.albedo == 0 or (surface.model == "PRINCIPLED" and surface.transmission == 1)
 
 
-def _dirty(built: Built, points: np.ndarray) -> np.ndarray:
+def _dirty(built: Built, points: Array) -> Array:
     """Whether the ground at points (n, 3) is wholly dark by the dirt of its height."""
     mesh, dirt = built.terrain.data, built.settings.surface.trough_dirt
     elevation = np.empty(len(mesh.vertices), np.float32)
@@ -336,7 +337,7 @@ def _dirty(built: Built, points: np.ndarray) -> np.ndarray:
     return (-math.copysign(1.0, dirt) * elevation[nearest] >= 1) & (abs(dirt) == 1)
 
 
-def _reached(points: np.ndarray, normals: np.ndarray, light: Any) -> bool:
+def _reached(points: Array, normals: Array, light: Any) -> bool:
     """Whether any of the points sees any of a light's disc, by Blender's own rays."""
     scene, graph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
     axes = np.array(light.matrix_world.to_3x3())

@@ -10,11 +10,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from icymoon.support.arrays import Array
 
 WIDTH, HEIGHT, SHIFT_PX = 96, 64, 7
 
 
-def eyes(shift: int = SHIFT_PX, colour: bool = False, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+def eyes(shift: int = SHIFT_PX, colour: bool = False, seed: int = 1) -> tuple[Array, Array]:
     """Left and right image, uint8, of a plane that faces the camera: a point of the left column u is in u - shift."""
     noise = np.random.default_rng(seed).uniform(0, 255, (HEIGHT, WIDTH + shift)).astype(np.float32)
     texture = cv2.GaussianBlur(noise, (0, 0), 1.0)
@@ -25,19 +26,19 @@ def eyes(shift: int = SHIFT_PX, colour: bool = False, seed: int = 1) -> tuple[np
     return left, right
 
 
-def constant(value: float = SHIFT_PX) -> np.ndarray:
+def constant(value: float = SHIFT_PX) -> Array:
     """A map with one value."""
     return np.full((HEIGHT, WIDTH), value, np.float32)
 
 
-def write_image(path: Path, image: np.ndarray) -> Path:
+def write_image(path: Path, image: Array) -> Path:
     """Write an image in the format of its ending."""
     path.parent.mkdir(parents=True, exist_ok=True)
     assert cv2.imwrite(str(path), image)
     return path
 
 
-def write_pfm(path: Path, values: np.ndarray) -> Path:
+def write_pfm(path: Path, values: Array) -> Path:
     """Write a map as PFM by its definition: bottom row first, little-endian."""
     path.parent.mkdir(parents=True, exist_ok=True)
     height, width = values.shape
@@ -46,7 +47,7 @@ def write_pfm(path: Path, values: np.ndarray) -> Path:
     return path
 
 
-def steps(values: np.ndarray, per_px: float = 256.0) -> np.ndarray:
+def steps(values: Array, per_px: float = 256.0) -> Array:
     """Numbers of a 16-bit PNG, 0 where unknown."""
     return np.where(np.isfinite(values), np.round(values * per_px), 0).astype(np.uint16)
 
@@ -149,7 +150,7 @@ def guiss(root: Path) -> Path:
     return root
 
 
-def plain(root: Path, truth: str, toml: str = "", file: np.ndarray | None = None) -> Path:
+def plain(root: Path, truth: str, toml: str = "", file: Array | None = None) -> Path:
     """A plain folder with f·B 70 px·m; ``truth`` is the table, ``file`` what ``truth/a.npy`` contains."""
     for eye, image in zip(("left", "right"), eyes(), strict=True):
         write_image(root / eye / "a.png", image)

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.light.directions import camera_axes
+from icymoon.support.arrays import Array
 
 #: Distances along a ray, in heights of the camera, at which it is compared with the ground; then bisected.
 _STEPS = np.geomspace(0.05, 60.0, 350)
 _BISECTIONS = 12
 
 
-def disparities(ground: Any, rig: Any, columns: int = 40, rows: int = 30) -> np.ndarray:
+def disparities(ground: Any, rig: Any, columns: int = 40, rows: int = 30) -> Array:
     """True disparity (rows, columns), px of the full image, of ``ground`` (with ``heights``) on a grid over the image.
 
     NaN where a ray hits no ground, or where the point is outside the image of the right eye.
@@ -26,7 +27,7 @@ def disparities(ground: Any, rig: Any, columns: int = 40, rows: int = 30) -> np.
     toward = rays.reshape(-1, 3) @ camera_axes(rig.heading_deg, rig.pitch_deg).T
     eye = np.array([rig.x_m, rig.y_m, float(ground.heights(rig.x_m, rig.y_m)) + rig.height_m])
 
-    def above(depth: np.ndarray) -> np.ndarray:
+    def above(depth: Array) -> Array:
         x, y, z = np.moveaxis(eye + depth[..., None] * (toward if depth.ndim == 1 else toward[:, None]), -1, 0)
         return np.asarray(z - ground.heights(x, y))
 

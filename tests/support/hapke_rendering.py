@@ -16,10 +16,11 @@ from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 from rendering import complete, empty_scene
 
 #: A law of reflection: from incidence, emission and azimuth, in radians.
-Law = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+Law = Callable[[Array, Array, Array], Array]
 FLAT = {"rms_slope_deg": 0.0, "multifractality": 0.0, "resolution": 129, "size_m": 60.0}
 BARE = {"model": "HAPKE", "grain_amplitude_m": 0.0, "albedo_variation": 0.0}
 POINT = {"sun_angular_diameter_deg": 0.0, "sun_irradiance_wm2": 50.26}
@@ -43,7 +44,7 @@ SMOOTH = FACETS + (5 * 2.2e-5 if bpy.app.version >= (5, 2, 0) else 0.0)
 
 
 def picture(
-    tmp_path: Path, *parts: dict, change: Callable[[scenes.Built], object] | None = None
+    tmp_path: Path, *parts: dict[str, Any], change: Callable[[scenes.Built], object] | None = None
 ) -> tuple[Pair, scenes.Built]:
     """Build, let ``change`` touch what was built, render one pair, whose truth is of the same rays as its light, which
     is not rounded."""
@@ -67,7 +68,7 @@ def picture(
     return read_pair(folder), built
 
 
-def rays(pair: Pair) -> np.ndarray:
+def rays(pair: Pair) -> Array:
     """Unit vectors (H, W, 3) from the surface toward the left eye, in world axes, from the rig alone."""
     camera = pair.camera
     u = (np.arange(camera.width_px) + 0.5 - camera.cx_px) / camera.focal_px
@@ -77,10 +78,10 @@ def rays(pair: Pair) -> np.ndarray:
     return -world / np.linalg.norm(world, axis=-1, keepdims=True)
 
 
-def angles(normal: np.ndarray, sun: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def angles(normal: Array, sun: Array, eye: Array) -> tuple[Array, Array, Array]:
     """Incidence, emission and azimuth in radians, without an arc cosine."""
     sun = np.broadcast_to(sun / np.linalg.norm(sun, axis=-1, keepdims=True), eye.shape)
-    across = [np.cross(ray, normal) for ray in (sun, eye)]
+    across: list[Any] = [np.cross(ray, normal) for ray in (sun, eye)]
     i, e = (
         np.arctan2(np.linalg.norm(c, axis=-1), (ray * normal).sum(-1))
         for c, ray in zip(across, (sun, eye), strict=True)
@@ -89,7 +90,7 @@ def angles(normal: np.ndarray, sun: np.ndarray, eye: np.ndarray) -> tuple[np.nda
     return i, e, psi
 
 
-def expected(pair: Pair, law: Law | None = None) -> np.ndarray:
+def expected(pair: Pair, law: Law | None = None) -> Array:
     """Radiance (H, W) of what the left eye sees, lit by the Sun alone."""
     view, light = read_view(pair.image("left")), pair.data["light"]["sun"]
     assert view.normal is not None

@@ -10,16 +10,17 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
+from icymoon.support.arrays import Array
 
 
-def saved(array: np.ndarray) -> bytes:
+def saved(array: Array) -> bytes:
     """An npy file."""
     stream = io.BytesIO()
     np.save(stream, array)
     return stream.getvalue()
 
 
-def packed(members: Mapping[str, np.ndarray | bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
+def packed(members: Mapping[str, Array | bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
     """An npz file; members may be any bytes."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", method) as archive:
@@ -34,7 +35,7 @@ def header(shape: str, kind: str = "<f4") -> bytes:
     return b"\x93NUMPY\1\0" + len(text).to_bytes(2, "little") + text
 
 
-def damaged_npy(good: np.ndarray) -> dict[str, bytes]:
+def damaged_npy(good: Array) -> dict[str, bytes]:
     """No npy files of numbers."""
     whole = saved(good)
     return {
@@ -68,7 +69,7 @@ def damaged_npy(good: np.ndarray) -> dict[str, bytes]:
     }
 
 
-def damaged_npz(name: str, good: np.ndarray) -> dict[str, bytes]:
+def damaged_npz(name: str, good: Array) -> dict[str, bytes]:
     """No npz files with an array of numbers of this name."""
     whole = packed({name: good})
     with warnings.catch_warnings(action="ignore"):  # of a name that is there twice

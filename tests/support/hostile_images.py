@@ -9,6 +9,7 @@ import zlib
 
 import cv2
 import numpy as np
+from icymoon.support.arrays import Array
 
 WIDTH, HEIGHT = 24, 16
 
@@ -37,12 +38,12 @@ def png(
     )
 
 
-def texture(bands: int = 1) -> np.ndarray:
+def texture(bands: int = 1) -> Array:
     noise = np.random.default_rng(3).integers(0, 256, (HEIGHT, WIDTH, bands)).astype(np.uint8)
     return noise[..., 0] if bands == 1 else noise
 
 
-def encode(kind: str, image: np.ndarray, *parameters: int) -> bytes:
+def encode(kind: str, image: Array, *parameters: int) -> bytes:
     done, content = cv2.imencode(kind, image, parameters)
     assert done
     return content.tobytes()
@@ -116,7 +117,7 @@ def exr(
     return start + rest
 
 
-def npz(**arrays: np.ndarray) -> bytes:
+def npz(**arrays: Array) -> bytes:
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)
     return stream.getvalue()

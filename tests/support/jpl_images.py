@@ -7,6 +7,7 @@ from the compiled original (NASA-AMMOS/VICAR, ``marsjplstereo``).
 from __future__ import annotations
 
 import numpy as np
+from icymoon.support.arrays import Array
 
 _FLAGS = ("ACCEPT", "BLOB", "BORDER", "BOUND", "FLAT", "LRLOS", "THRESH")
 _SEARCH = {"max_disparity": 31, "blob_size": 20}
@@ -40,7 +41,7 @@ CASES = {
 }
 
 
-def pair(width: int, height: int, seed: int, contrast: int, noise: int, slope: int = 16) -> tuple[np.ndarray, ...]:
+def pair(width: int, height: int, seed: int, contrast: int, noise: int, slope: int = 16) -> tuple[Array, ...]:
     """(left, right, integer disparity of the left one): uint8, uint8, int64, each (height, width).
 
     Random texture, smoothed along the rows, ``contrast`` of 128, with a ramp of ``slope`` px of disparity
@@ -58,7 +59,7 @@ def pair(width: int, height: int, seed: int, contrast: int, noise: int, slope: i
     ), disparity
 
 
-def _bytes(count: int, state: int) -> np.ndarray:
+def _bytes(count: int, state: int) -> Array:
     """The top bytes of a linear congruential generator's states."""
     values = np.empty(count, np.int64)
     for place in range(count):

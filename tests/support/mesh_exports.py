@@ -7,12 +7,13 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from icymoon.support.arrays import Array
 from rendering import empty_scene
 
 FORMATS = ("a.obj", "a.ply", "a.stl", "a.glb", "a.gltf", "a.usdc", "a.usda", "a.fbx")
 
 
-def export(path: Path, positions: np.ndarray, faces: np.ndarray, **layers: np.ndarray) -> Path:
+def export(path: Path, positions: Array, faces: Array, **layers: Array) -> Path:
     """Write a mesh, with UV layers of its corners (m, corners, 2) of which the last one is rendered, with Blender's own
     exporter of the suffix, leaving an empty file behind."""
     scene = empty_scene()

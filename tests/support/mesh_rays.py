@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.stereo.images.exr import read_truth
+from icymoon.support.arrays import Array
 from rendering import empty_scene
 
 
-def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def read_mesh(path: Path) -> tuple[Array, Array]:
     """Positions (n, 3) in the site's axes and triangles (m, 3) of all that is in a file."""
     if path.suffix == ".obj":
         return _read_obj(path)
@@ -26,14 +27,14 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return places, np.asarray(found.faces)
 
 
-def _read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def _read_obj(path: Path) -> tuple[Array, Array]:
     lines = path.read_text(encoding="utf-8").splitlines()
     places = [line.split()[1:] for line in lines if line.startswith("v ")]
     corners = [[corner.split("/")[0] for corner in line.split()[1:]] for line in lines if line.startswith("f ")]
     return np.array(places, float), np.array(corners, int) - 1
 
 
-def _read_usd(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def _read_usd(path: Path) -> tuple[Array, Array]:
     """What Blender's importer makes of it, which is Pixar's own reader, with all instances."""
     scene = empty_scene()
     bpy.ops.wm.usd_import(filepath=str(path))
@@ -52,7 +53,7 @@ def _read_usd(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(places), np.concatenate(triangles)
 
 
-def depth_errors(pair: Pair, places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def depth_errors(pair: Pair, places: Array, triangles: Array) -> Array:
     """Relative differences (H, W) of the depth of a mesh from the true depth of the left eye; NaN where both are sky,
     infinity where one of them is."""
     pytest.importorskip("embreex")
@@ -86,7 +87,7 @@ def depth_errors(pair: Pair, places: np.ndarray, triangles: np.ndarray) -> np.nd
     return _differ(depth, wanted).reshape(truth.shape)
 
 
-def heights_below(east: np.ndarray, north: np.ndarray, places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def heights_below(east: Array, north: Array, places: Array, triangles: Array) -> Array:
     """Heights (n,) of a mesh at coordinates (n,), by rays from above."""
     pytest.importorskip("embreex")
     from trimesh import Trimesh
@@ -99,7 +100,7 @@ def heights_below(east: np.ndarray, north: np.ndarray, places: np.ndarray, trian
     return np.asarray(top[:, 2] - _planes(places[triangles[hit]] - top[:, None], down))
 
 
-def _differ(depth: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def _differ(depth: Array, wanted: Array) -> Array:
     with np.errstate(invalid="ignore"):
         return np.where(
             np.isinf(depth) & np.isinf(wanted),
@@ -108,13 +109,13 @@ def _differ(depth: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         )
 
 
-def _planes(corners: np.ndarray, rays: np.ndarray) -> np.ndarray:
+def _planes(corners: Array, rays: Array) -> Array:
     """Multiples (n,) of rays (n, 3) from the origin at which they meet the planes of triangles (n, 3, 3)."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return np.einsum("ij,ij->i", corners[:, 0], normals) / np.einsum("ij,ij->i", rays, normals)
 
 
-def _nearest(corners: np.ndarray, ray: np.ndarray) -> float:
+def _nearest(corners: Array, ray: Array) -> float:
     """The smallest multiple of a ray from the origin that is on one of the triangles (n, 3, 3); infinity for none."""
     across, along = np.linalg.svd(ray[None])[2][1:]
     x, y = corners @ across, corners @ along

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from icymoon.support.arrays import Array
 
 #: Gains of the weights by the longest fitting start of the name: without them some stage would not matter.
 _GAINS = {
@@ -32,19 +33,19 @@ def cases() -> dict[str, dict[str, Any]]:
         }
 
 
-def sampled(disparity: np.ndarray, count: int) -> np.ndarray:
+def sampled(disparity: Array, count: int) -> Array:
     """Pixels spread evenly in C order."""
     return disparity.ravel()[np.arange(count) * disparity.size // count]
 
 
-def weighted_mean(disparity: np.ndarray) -> float:
+def weighted_mean(disparity: Array) -> float:
     """Mean over all pixels with weights between -1 and 1 that depend on their place."""
     place = np.arange(disparity.size, dtype=np.uint64)
     weights = (place * 2654435761 % 2**32).astype(np.float64) / 2.0**31 - 1
     return float(np.mean(disparity.ravel().astype(np.float64) * weights))
 
 
-def parameters(network: str, shapes: dict[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
+def parameters(network: str, shapes: dict[str, tuple[int, ...]]) -> dict[str, Array]:
     """Every parameter drawn from a generator seeded with its name, float32."""
     # Two names of one tensor have one value.
     return {
@@ -52,7 +53,7 @@ def parameters(network: str, shapes: dict[str, tuple[int, ...]]) -> dict[str, np
     }
 
 
-def checksum(state: dict[str, np.ndarray]) -> int:
+def checksum(state: dict[str, Array]) -> int:
     """CRC-32 over names and values in the order of the names."""
     total = 0
     for name in sorted(state):
@@ -61,7 +62,7 @@ def checksum(state: dict[str, np.ndarray]) -> int:
     return total
 
 
-def _parameter(network: str, name: str, shape: tuple[int, ...]) -> np.ndarray:
+def _parameter(network: str, name: str, shape: tuple[int, ...]) -> Array:
     random = np.random.default_rng(zlib.crc32(name.encode()))
     if name.endswith("num_batches_tracked"):
         return np.array(1, np.int64)
@@ -78,7 +79,7 @@ def _parameter(network: str, name: str, shape: tuple[int, ...]) -> np.ndarray:
     return np.ascontiguousarray(values.astype(np.float32))
 
 
-def images(spec: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+def images(spec: dict[str, Any]) -> tuple[Array, Array]:
     """Left and right, uint8 RGB (H, W, 3): texture shifted by a ramp of whole disparities, with boxes, and noise."""
     height, width = spec["height"], spec["width"]
     ramp = spec["d0"] + (spec["d1"] - spec["d0"]) * np.arange(height) // max(height - 1, 1)
@@ -95,8 +96,8 @@ def images(spec: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     return eyes[0], eyes[1]
 
 
-def _texture(seed: int, height: int, width: int, weights: list[int]) -> np.ndarray:
-    def octaves(channel: int) -> np.ndarray:
+def _texture(seed: int, height: int, width: int, weights: list[int]) -> Array:
+    def octaves(channel: int) -> Array:
         return np.sum(
             [weight * _value_noise(seed, octave, channel, height, width) for octave, weight in enumerate(weights)],
             axis=0,
@@ -106,7 +107,7 @@ def _texture(seed: int, height: int, width: int, weights: list[int]) -> np.ndarr
     return np.clip(np.stack([(3 * common + octaves(band)) >> 10 for band in range(3)], axis=-1), 0, 255)
 
 
-def _value_noise(seed: int, octave: int, channel: int, height: int, width: int) -> np.ndarray:
+def _value_noise(seed: int, octave: int, channel: int, height: int, width: int) -> Array:
     """Bilinear between random values 2^octave px apart, in whole numbers."""
     row, column = np.indices((height, width))
     side = 1 << octave
@@ -121,14 +122,14 @@ def _value_noise(seed: int, octave: int, channel: int, height: int, width: int) 
     return sum(a * b * _lattice(seed, octave, channel, row + r, column + c) for a, b, r, c in corners) >> 2 * octave
 
 
-def _lattice(seed: int, octave: int, channel: int, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+def _lattice(seed: int, octave: int, channel: int, row: Array, column: Array) -> Array:
     """0 to 255 for every whole place."""
     mixed = _mixed(np.full(row.shape, (seed * 7919 + octave * 104729 + channel * 1299709 + 1) % 2**32, np.uint64))
     mixed = _mixed(mixed ^ (row.astype(np.uint64) * 40503 + 17))
     return (_mixed(mixed ^ (column.astype(np.uint64) * 60493 + 29)) >> 24).astype(np.int64)
 
 
-def _mixed(values: np.ndarray) -> np.ndarray:
+def _mixed(values: Array) -> Array:
     """A hash of 32 bits."""
     values = values % 2**32
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
+from icymoon.support.arrays import Array
 
 
-def obj(path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None, head: str = "") -> Path:
+def obj(path: Path, positions: Array, faces: Array, uv: Array | None, head: str = "") -> Path:
     lines = [head, *(f"v {a!r} {b!r} {c!r}" for a, b, c in positions.tolist())]
     if uv is not None:
         lines += [f"vt {u!r} {v!r}" for u, v in uv.reshape(-1, 2).tolist()]

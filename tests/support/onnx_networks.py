@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import onnx
+from icymoon.support.arrays import Array
 from onnx import TensorProto, helper, numpy_helper
 
 #: Disparities that a network searches.
@@ -37,7 +38,7 @@ def write_network(
     """
     sides: list[Any] = list(size) if size else ["h", "w"]
     nodes: list[Any] = []
-    weights: dict[str, np.ndarray] = {"zero": np.array(0, dtype)}
+    weights: dict[str, Array] = {"zero": np.array(0, dtype)}
 
     def add(kind: str, inputs: Sequence[str], output: str, **how: Any) -> str:
         nodes.append(helper.make_node(kind, list(inputs), [output], **how))
@@ -100,7 +101,7 @@ def write_channel(path: Path, channel: int) -> Path:
     return _write(path, [helper.make_node("Conv", ["left", "pick"], ["disparity"])], images, [found], weights)
 
 
-def _write(path: Path, nodes: list[Any], inputs: list[Any], outputs: list[Any], weights: dict[str, np.ndarray]) -> Path:
+def _write(path: Path, nodes: list[Any], inputs: list[Any], outputs: list[Any], weights: dict[str, Array]) -> Path:
     graph = helper.make_graph(
         nodes, "stereo", inputs, outputs, [numpy_helper.from_array(values, name) for name, values in weights.items()]
     )

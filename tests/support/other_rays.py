@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 from icymoon.render.pairs.pair_folder import EYES, Pair
+from icymoon.support.arrays import Array
 from mathutils.bvhtree import BVHTree
 
 
@@ -12,8 +13,8 @@ def tree_of_scene(pair: Pair) -> BVHTree:
     """The triangles of the present scene as it is evaluated, in world axes, m, of which a part may be in the frame of
     an eye of ``pair``: rocks have far too many behind and beside the camera."""
     bpy.context.view_layer.update()
-    corners: list[np.ndarray] = []
-    triangles: list[np.ndarray] = []
+    corners: list[Array] = []
+    triangles: list[Array] = []
     count = 0
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         mesh = instance.object.data
@@ -40,7 +41,7 @@ def tree_of_scene(pair: Pair) -> BVHTree:
     )
 
 
-def _sides(pair: Pair, eye: str, points: np.ndarray) -> np.ndarray:
+def _sides(pair: Pair, eye: str, points: Array) -> Array:
     """How far points (N, 3) are beyond each of the four sides and behind the plane of an eye's pyramid, (5, N), m."""
     camera, pose = pair.camera, pair.rectified_pose(eye)
     assert pose is not None
@@ -53,7 +54,7 @@ def _sides(pair: Pair, eye: str, points: np.ndarray) -> np.ndarray:
     )
 
 
-def cast_from_other_eye(tree: BVHTree, pair: Pair, eye: str, disparity: np.ndarray) -> np.ndarray:
+def cast_from_other_eye(tree: BVHTree, pair: Pair, eye: str, disparity: Array) -> Array:
     """Disparity (H, W), px, of what the other eye's ray to the point of each pixel of ``eye`` meets; NaN for sky.
 
     ``disparity`` (H, W), px, is that of the pixels; NaN for sky.

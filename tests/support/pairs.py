@@ -21,6 +21,7 @@ from icymoon.physics.camera.blur import is_blurred
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.pairs.pair_folder import FORMAT, VERSION
 from icymoon.settings.description import defaults, merged
+from icymoon.support.arrays import Array
 
 SKY_M = 1.0e10
 #: What ``pair.json`` states of a pair with baked light.
@@ -45,7 +46,7 @@ def camera(width: int = 256, height: int = 144, baseline_m: float = 0.25) -> Ste
     return StereoCamera(width, height, width * 32 / 60, width / 2, height / 2, baseline_m)
 
 
-def view(scene: Scene, rig: StereoCamera, eye: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def view(scene: Scene, rig: StereoCamera, eye: str) -> tuple[Array, Array, Array]:
     """(depth with NaN sky, radiance, instance) of one eye, each (height, width) float64."""
     offset = rig.baseline_m if eye == "right" else 0.0
     x = ((np.arange(rig.width_px) + 0.5 - rig.cx_px) / rig.focal_px)[None, :]
@@ -71,7 +72,7 @@ def write_pair(
     noise: float = 0.0,
     settings: dict[str, dict[str, Any]] | None = None,
     planet_share: float | None = None,
-    baked_error: np.ndarray | None = None,
+    baked_error: Array | None = None,
 ) -> Path:
     """Write a complete pair folder. ``layout`` '4.x' is one part per file, '4.x view' the same with the
     view's name in the channels, '5.x' one part per pass. ``noise`` is relative and independent per eye.
@@ -146,17 +147,17 @@ def id_of(name: str) -> str:
 
 def write_exr(
     path: Path,
-    depth: np.ndarray,
-    light: np.ndarray,
-    instance: np.ndarray,
+    depth: Array,
+    light: Array,
+    instance: Array,
     layout: str,
     eye: str,
     planet_share: float | None = None,
-    baked_error: np.ndarray | None = None,
+    baked_error: Array | None = None,
 ) -> None:
     """One eye's file; ``depth`` has NaN for sky."""
 
-    def single(values: np.ndarray) -> np.ndarray:
+    def single(values: Array) -> Array:
         return np.ascontiguousarray(values, np.float32)
 
     semantic = np.where(instance >= 1000, 2, np.minimum(instance, 1))
@@ -195,7 +196,7 @@ def write_exr(
     ).write(str(path))
 
 
-def _texture(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _texture(x: Array, y: Array) -> Array:
     """A fixed sum of waves of 5 to 40 units length in all directions, between -1 and 1."""
     random = np.random.default_rng(20)
     total = np.zeros(np.broadcast_shapes(x.shape, y.shape))

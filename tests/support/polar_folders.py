@@ -10,6 +10,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from icymoon.support.arrays import Array
 from icymoon.validation.polar.camera import Eye, turned
 from icymoon.validation.polar.data_set import (
     EYES,
@@ -48,7 +49,7 @@ class Known:
     """The truth of a folder: the eyes, and the lamp at 30 degrees."""
 
     eyes: dict[View, Eye]
-    lamp: np.ndarray
+    lamp: Array
 
 
 def egg(east: float, north: float, radius: float, height: float, rows: int = 24, columns: int = 48) -> Rock:
@@ -77,13 +78,13 @@ def known(position: str = "A") -> Known:
     return Known(eyes, np.add(SURVEYED_LAMPS[30], (0.0, 0.0, SAND_M)))
 
 
-def shadow_on_sand(points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
+def shadow_on_sand(points: Array, lamp: Array) -> Array:
     """Where the rays from the lamp through points (n, 3) meet level sand."""
     times = (lamp[2] - SAND_M) / (lamp[2] - points[:, 2])
     return lamp + (points - lamp) * times[:, None]
 
 
-def _line(kind: int, pixels: np.ndarray) -> str:
+def _line(kind: int, pixels: Array) -> str:
     hull = cv2.convexHull(pixels.astype(np.float32))[:, 0].astype(np.float64) / [WIDTH_PX, HEIGHT_PX]
     return " ".join([str(kind), *(f"{value:.7f}" for value in hull.ravel())])
 

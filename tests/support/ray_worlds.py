@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from icymoon.rays.shapes import Placed, Shape, World
+from icymoon.support.arrays import Array
 from numpy.typing import ArrayLike
 
 HERE = np.zeros(3)
 
 
 def shape(
-    vertices: ArrayLike, triangles: ArrayLike, label: int = 1, passing: np.ndarray | None = None, smooth: bool = False
+    vertices: ArrayLike, triangles: ArrayLike, label: int = 1, passing: Array | None = None, smooth: bool = False
 ) -> Shape:
     corners = np.asarray(triangles, np.uint32)
     return Shape(
@@ -39,7 +40,7 @@ def rough_sheet(random: np.random.Generator, side: int = 12) -> Shape:
     )
 
 
-def somewhere(random: np.random.Generator, scale: float = 1.0, mirrored: bool = False) -> np.ndarray:
+def somewhere(random: np.random.Generator, scale: float = 1.0, mirrored: bool = False) -> Array:
     """A matrix that turns, scales along its axes, and moves to about z = 5."""
     turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
     turn[:, 0] *= np.linalg.det(turn) * (-1 if mirrored else 1)
@@ -76,13 +77,13 @@ def some_world(seed: int = 0) -> World:
     return World([Placed(rough_sheet(random), np.eye(4)[None], np.array([7])), Placed(BOX, boxes, 100 + np.arange(9))])
 
 
-def some_rays(count: int, seed: int = 1) -> np.ndarray:
+def some_rays(count: int, seed: int = 1) -> Array:
     """Directions (count, 3) about z, from a point at or near ``HERE``."""
     random = np.random.default_rng(seed)
     return np.stack([*random.uniform(-0.5, 0.5, (2, count)), np.ones(count)], axis=1)
 
 
-def by_hand(world: World, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def by_hand(world: World, origin: Array, direction: Array) -> tuple[Array, Array, Array]:
     """Distance, number and normal of what each ray meets first, by the formula of Möller and Trumbore (1997)."""
     count = len(direction)
     along, number, normal = np.full(count, np.inf), np.zeros(count, int), np.zeros((count, 3))

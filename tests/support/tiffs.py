@@ -5,13 +5,15 @@ from __future__ import annotations
 import struct
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from icymoon.support.arrays import Array
 
 
 def write_tiff(
     path: Path,
-    values: np.ndarray,
+    values: Array,
     *,
     order: str = "<",
     deflate: bool = False,
@@ -23,7 +25,7 @@ def write_tiff(
     nodata: str = "",
     geographic: bool = False,
     point: bool = False,
-    extra: dict[int, tuple] | None = None,
+    extra: dict[int, tuple[Any, ...]] | None = None,
     keys: dict[int, int] | None = None,
     metadata: str = "",
     matrix: tuple[float, ...] = (),
@@ -35,7 +37,7 @@ def write_tiff(
     unless they are given; ``matrix`` is written in place of the pixel's size.
     """
     rows, columns = values.shape
-    values = values.astype(values.dtype.newbyteorder(order))
+    values = values.astype(np.dtype(f"{order}{values.dtype.str[1:]}"))
     strip = rows_per_strip or rows
     if tile:
         padded = np.zeros((-(-rows // tile) * tile, -(-columns // tile) * tile), values.dtype)
@@ -91,7 +93,7 @@ def write_tiff(
     return path
 
 
-def _predicted(block: np.ndarray, predictor: int) -> bytes:
+def _predicted(block: Array, predictor: int) -> bytes:
     if predictor == 2:
         return np.diff(block, axis=1, prepend=block.dtype.type(0)).astype(block.dtype).tobytes()
     if predictor == 3:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from icymoon.support.arrays import Array
 
 #: A tetrahedron: its right angle at the origin, sides of 0.1.
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]])
@@ -47,7 +48,7 @@ def write_robot(
     return path
 
 
-def write_stl(path: Path, corners: np.ndarray = CORNERS) -> Path:
+def write_stl(path: Path, corners: Array = CORNERS) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     body = b"".join(struct.pack("<12fH", 0, 0, 0, *np.asarray(corners)[list(face)].ravel(), 0) for face in FACES)
     path.write_bytes(b"solid that is binary".ljust(80) + struct.pack("<I", len(FACES)) + body)

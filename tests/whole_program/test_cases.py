@@ -16,6 +16,7 @@ from icymoon.commands.cli import main
 from icymoon.physics.arm.link_mesh import read_link_mesh
 from icymoon.physics.arm.urdf import read_urdf
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 from icymoon.support.version import ROOT
 
 CASES = ROOT / "tests" / "data" / "cases"
@@ -115,7 +116,7 @@ def built(folder: Path, *settings: str):
     )
 
 
-def ground_of(scene) -> np.ndarray:
+def ground_of(scene) -> Array:
     vertices = np.empty(3 * len(scene.terrain.data.vertices))
     scene.terrain.data.vertices.foreach_get("co", vertices)
     return vertices.reshape(-1, 3)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from .data_set import (
     EYES,
@@ -47,7 +48,7 @@ _POSE_PRIOR = (20.0, 20.0, 10.0, 1.0, 1.0, 1.0)
 _SHARED = len(_SHARED_STEPS)
 
 
-def turned(yaw_deg: float, pitch_deg: float, roll_deg: float) -> np.ndarray:
+def turned(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Array:
     """From world to camera axes (3, 3), OpenCV's: yaw from +X over +Y, pitch down, roll clockwise about the axis."""
     yaw, pitch, roll = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
     forward = np.array([math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)])
@@ -56,7 +57,7 @@ def turned(yaw_deg: float, pitch_deg: float, roll_deg: float) -> np.ndarray:
     return about @ np.stack([right, np.cross(forward, right), forward])
 
 
-def _small_turn(vector: np.ndarray) -> np.ndarray:
+def _small_turn(vector: Array) -> Array:
     """Rotation (3, 3) about a vector by its length in radians (Rodrigues)."""
     angle = float(np.linalg.norm(vector))
     x, y, z = vector / angle if angle else vector
@@ -69,20 +70,20 @@ class Eye:
     """A pinhole with distortion: focal length and principal point in pixels, k1 and k2, pose from world to camera."""
 
     focal_px: float
-    centre_px: np.ndarray
+    centre_px: Array
     k1: float
     k2: float
-    turn: np.ndarray
-    place_m: np.ndarray
+    turn: Array
+    place_m: Array
 
-    def project(self, points: np.ndarray) -> np.ndarray:
+    def project(self, points: Array) -> Array:
         """Pixels (n, 2) of points (n, 3) in metres, OpenCV's Brown-Conrady model."""
         inside = (points - self.place_m) @ self.turn.T
         plane = inside[:, :2] / inside[:, 2:]
         r2 = (plane**2).sum(axis=1, keepdims=True)
         return np.asarray(plane * (1 + self.k1 * r2 + self.k2 * r2**2) * self.focal_px + self.centre_px)
 
-    def rays(self, pixels: np.ndarray) -> np.ndarray:
+    def rays(self, pixels: Array) -> Array:
         """Directions (n, 3) in camera axes, z 1, of pixels (n, 2): the distortion undone by iteration."""
         bent = (pixels - self.centre_px) / self.focal_px
         plane = bent.copy()
@@ -97,7 +98,7 @@ class Calibration:
     """The fitted eyes by view, and the residuals: distances in pixels between outlines and projected rocks."""
 
     eyes: dict[View, Eye]
-    left_px: np.ndarray
+    left_px: Array
 
     @property
     def baseline_m(self) -> float:
@@ -117,7 +118,7 @@ class Calibration:
         return float(np.median(np.abs(self.left_px)))
 
 
-def _eye(x: np.ndarray, position: str, eye: str, pose: np.ndarray) -> Eye:
+def _eye(x: Array, position: str, eye: str, pose: Array) -> Eye:
     turn = turned(SURVEYED_YAW_DEG[position] + pose[0], pose[1], pose[2])
     place = np.array(SURVEYED_EYES[position][0]) + pose[3:]
     if eye == "L":
@@ -127,7 +128,7 @@ def _eye(x: np.ndarray, position: str, eye: str, pose: np.ndarray) -> Eye:
     return Eye(x[3], _CENTRE + x[4:6], x[6], x[7], beside @ turn, place + turn.T @ beside.T @ x[11:14])
 
 
-def extreme_points(points: np.ndarray, count: int = 300) -> np.ndarray:
+def extreme_points(points: Array, count: int = 300) -> Array:
     """Those of the points (n, 3) that are farthest in some of many directions, which alone can be outline."""
     k = np.arange(count) + 0.5
     polar, around = np.arccos(1 - 2 * k / count), np.pi * (1 + math.sqrt(5)) * k
@@ -135,24 +136,24 @@ def extreme_points(points: np.ndarray, count: int = 300) -> np.ndarray:
     return np.asarray(points[np.unique((points @ toward).argmax(axis=0))])
 
 
-def _visible_part(rock: Rock) -> np.ndarray:
+def _visible_part(rock: Rock) -> Array:
     heights = rock.vertices[:, 2]
     low = heights.min() + _SAND_SHARE * np.ptp(heights)
     return extreme_points(rock.vertices[heights > low])
 
 
-def _middles(outlines: Sequence[np.ndarray]) -> np.ndarray:
+def _middles(outlines: Sequence[Array]) -> Array:
     return np.array([(each.min(axis=0) + each.max(axis=0)) / 2 for each in outlines]).reshape(-1, 2)
 
 
 def _solve(
-    x: np.ndarray,
-    residual: Callable[[np.ndarray], np.ndarray],
-    weight: np.ndarray,
-    steps: np.ndarray,
-    start: np.ndarray,
-    strength: np.ndarray,
-) -> np.ndarray:
+    x: Array,
+    residual: Callable[[Array], Array],
+    weight: Array,
+    steps: Array,
+    start: Array,
+    strength: Array,
+) -> Array:
     """One step of Gauss and Newton, with ``strength`` that holds parameters at their start."""
     at = residual(x)
     slope = np.stack(
@@ -165,9 +166,7 @@ def _solve(
 _COARSE_STEPS = np.array([1.0, *_POSE_STEPS, 0.1, 0.1])
 
 
-def _find_pose(
-    terrain: Terrain, position: str, starts: Sequence[np.ndarray], prior: np.ndarray
-) -> tuple[float, np.ndarray]:
+def _find_pose(terrain: Terrain, position: str, starts: Sequence[Array], prior: Array) -> tuple[float, Array]:
     """A pose for a position from the middles of rocks, and how many of them it meets.
 
     Parameters are the focal length, the six of the pose, and how the right eye's principal point is off.
@@ -186,11 +185,11 @@ def _find_pose(
     if not all(map(len, seen)):
         raise IcyMoonError(f"Terrain {terrain.name}, position {position}: no rock is outlined; add its labels.")
 
-    def projected(x: np.ndarray) -> list[np.ndarray]:
+    def projected(x: Array) -> list[Array]:
         shared = np.array([x[0], 0, 0, x[0], x[7], x[8], 0, 0, 0, 0, 0, SURVEYED_BASELINE_M, 0, 0])
         return [_eye(shared, position, eye, x[1:7]).project(middles) for eye in EYES]
 
-    def distances(x: np.ndarray) -> list[np.ndarray]:
+    def distances(x: Array) -> list[Array]:
         return [np.linalg.norm(a[:, None] - b[None], axis=2) for a, b in zip(projected(x), seen, strict=True)]
 
     best = (-1.0, starts[0])
@@ -202,7 +201,7 @@ def _find_pose(
             target = [b[each.argmin(axis=1)] for b, each in zip(seen, apart, strict=True)]
             weight = np.repeat(np.concatenate([1 / (1 + (each.min(axis=1) / width) ** 2) for each in apart]), 2)
 
-            def residual(y: np.ndarray, target: list[np.ndarray] = target) -> np.ndarray:
+            def residual(y: Array, target: list[Array] = target) -> Array:
                 return np.concatenate([a - b for a, b in zip(projected(y), target, strict=True)]).ravel()
 
             x = _solve(x, residual, weight, _COARSE_STEPS, start, 25 / prior**2)
@@ -211,7 +210,7 @@ def _find_pose(
     return best
 
 
-def _find_poses(terrain: Terrain) -> dict[str, np.ndarray]:
+def _find_poses(terrain: Terrain) -> dict[str, Array]:
     """Coarse poses: the position that is met best, then the others, starting from its lens and tilt."""
     wide = [
         np.array([focal, yaw, pitch, 0, 0, 0, 0, 0, 0], np.float64)
@@ -267,11 +266,11 @@ def calibrate(terrain: Terrain) -> Calibration:
     steps = np.array([*_SHARED_STEPS, *_POSE_STEPS * len(positions)])
     prior = np.array([*_SHARED_PRIOR, *_POSE_PRIOR * len(positions)])
 
-    def eye_of(y: np.ndarray, view: View) -> Eye:
+    def eye_of(y: Array, view: View) -> Eye:
         k = _SHARED + 6 * positions.index(view.position)
         return _eye(y, view.position, view.eye, y[k : k + 6])
 
-    def supports(y: np.ndarray, view: View) -> np.ndarray:
+    def supports(y: Array, view: View) -> Array:
         return np.asarray(np.maximum.reduceat(eye_of(y, view).project(points) @ _TOWARD, ends))
 
     for reach, width in _ROUNDS:
@@ -287,7 +286,7 @@ def calibrate(terrain: Terrain) -> Calibration:
                 "check that labels and rocks are of one terrain."
             )
 
-        def residual(y: np.ndarray, targets: dict[View, np.ndarray] = targets, known: np.ndarray = known) -> np.ndarray:
+        def residual(y: Array, targets: dict[View, Array] = targets, known: Array = known) -> Array:
             return np.concatenate([(supports(y, view) - target).ravel() for view, target in targets.items()])[known]
 
         for _ in range(6):
@@ -303,7 +302,7 @@ def calibrate(terrain: Terrain) -> Calibration:
     return found
 
 
-def compared_share(terrain: Terrain, targets: dict[View, np.ndarray]) -> float:
+def compared_share(terrain: Terrain, targets: dict[View, Array]) -> float:
     """Share of the rocks that have an outline to be compared with, of those that could have one.
 
     ``targets`` are what ``_outline_supports`` finds. Of rocks of another terrain a few meet some outline by chance, and
@@ -317,7 +316,7 @@ def compared_share(terrain: Terrain, targets: dict[View, np.ndarray]) -> float:
     return compared / max(sum(min(float(len(terrain.rocks)), count) for count in outlined), 1.0)
 
 
-def _outline_supports(terrain: Terrain, view: View, middles: np.ndarray, reach_px: float) -> np.ndarray:
+def _outline_supports(terrain: Terrain, view: View, middles: Array, reach_px: float) -> Array:
     """How far the outline of each rock reaches in each direction, the median of the azimuths; NaN if not outlined."""
     found = np.full((len(terrain.azimuths), len(middles), _TOWARD.shape[1]), np.nan)
     for k, azimuth in enumerate(terrain.azimuths):

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ...physics.mesh.obj import parse_triangles
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import read
 
@@ -56,8 +57,8 @@ class Rock:
     """A scanned rock with some sand around it: vertices (n, 3) in metres, triangles (m, 3)."""
 
     number: int
-    vertices: np.ndarray
-    faces: np.ndarray
+    vertices: Array
+    faces: Array
 
 
 @dataclass(frozen=True, order=True)
@@ -73,7 +74,7 @@ class Polygon:
     """A thing that was outlined in a photograph by hand: its class, and corners (n, 2) in pixels."""
 
     kind: int
-    corners: np.ndarray
+    corners: Array
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ class Terrain:
         """The Sun azimuths in degrees that have photographs."""
         return sorted({azimuth for _, azimuth in self.photographs})
 
-    def polygons(self, view: View, azimuth: int, kind: int) -> list[np.ndarray]:
+    def polygons(self, view: View, azimuth: int, kind: int) -> list[Array]:
         """Corners of the polygons of a class in a photograph; none if there is no photograph."""
         return [each.corners for each in self.photographs.get((view, azimuth), ()) if each.kind == kind]
 

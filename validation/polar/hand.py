@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from ...stereo.images.masks import fill_polygons, overlap
+from ...support.arrays import Array
 from .camera import Calibration, Eye
 from .data_set import HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, Terrain, View
 from .lamp import HeightTable
@@ -52,7 +53,7 @@ def _mean(found: list[float]) -> float:
     return float(np.mean(known)) if known else float("nan")
 
 
-def _fill(outlines: list[np.ndarray]) -> np.ndarray:
+def _fill(outlines: list[Array]) -> Array:
     return fill_polygons(_SHAPE, [each * _SCALE for each in outlines], finer=3)
 
 
@@ -65,7 +66,7 @@ def measure_rocks_again(terrain: Terrain, position: str) -> list[float]:
     return found
 
 
-def _copied(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
+def _copied(one: list[Array], other: list[Array]) -> bool:
     """Whether two photographs have an outline in common, to the last digit."""
     return not {each.tobytes() for each in one}.isdisjoint(each.tobytes() for each in other)
 
@@ -80,7 +81,7 @@ def _shadow_again(terrain: Terrain, camera: Calibration, table: HeightTable, pos
     return overlap(_fill(laid) & ~rock, _fill(terrain.polygons(right, azimuth, SHADOW)) & ~rock)
 
 
-def _with_more_points(outline: np.ndarray) -> np.ndarray:
+def _with_more_points(outline: Array) -> Array:
     """The outline (n, 2) with points no more than a step apart."""
     found = []
     for here, there in zip(outline, np.roll(outline, -1, axis=0), strict=True):
@@ -89,7 +90,7 @@ def _with_more_points(outline: np.ndarray) -> np.ndarray:
     return np.concatenate(found)
 
 
-def lay_on_sand(eye: Eye, pixels: np.ndarray, heights: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def lay_on_sand(eye: Eye, pixels: Array, heights: Callable[[Array], Array]) -> Array:
     """Where the rays of pixels (n, 2), which look down, meet the sand (n, 3), by iteration."""
     way = eye.rays(pixels) @ eye.turn
     level = np.zeros(len(pixels))

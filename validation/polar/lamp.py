@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from ...stereo.images.masks import fill_hulls, fill_polygons, overlap
+from ...support.arrays import Array
 from .camera import Calibration
 from .data_set import HEIGHT_PX, ROCK, SHADOW, SURVEYED_LAMPS, WIDTH_PX, Terrain, View
 from .sand import Sand
@@ -40,7 +41,7 @@ class HeightTable:
         self.grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         self.heights = sand.heights(self.grid).reshape(len(y), len(x))
 
-    def __call__(self, xy: np.ndarray) -> np.ndarray:
+    def __call__(self, xy: Array) -> Array:
         """Heights (n,) at points (n, 2), linear between the points of the grid."""
         at = np.clip((xy - self.low) / _GRID_M, 0, self.count - 1.001)
         k = at.astype(int)
@@ -52,7 +53,7 @@ class HeightTable:
         )
 
 
-def shadow_of(points: np.ndarray, lamp: np.ndarray, heights: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def shadow_of(points: Array, lamp: Array, heights: Callable[[Array], Array]) -> Array:
     """Where the rays from a lamp through points (n, 3) meet the sand (n, 3), by iteration."""
     way = points - lamp
     fall = np.maximum(lamp[2] - points[:, 2], 1e-3)
@@ -63,9 +64,7 @@ def shadow_of(points: np.ndarray, lamp: np.ndarray, heights: Callable[[np.ndarra
     return np.asarray(lamp + way * times[:, None])
 
 
-def _descend(
-    x: np.ndarray, cost: Callable[[np.ndarray], float], steps: tuple[float, ...], scale: np.ndarray
-) -> np.ndarray:
+def _descend(x: Array, cost: Callable[[Array], float], steps: tuple[float, ...], scale: Array) -> Array:
     """The least cost by steps along each axis, smaller and smaller."""
     best, least = x, cost(x)
     for step in steps:
@@ -80,12 +79,12 @@ def _descend(
     return best
 
 
-def surveyed_lamp(azimuth: int, sand: Sand) -> np.ndarray:
+def surveyed_lamp(azimuth: int, sand: Sand) -> Array:
     """Place (3,) of the lamp by the survey, whose heights are above the median height of the sand, as shadows show."""
     return np.add(SURVEYED_LAMPS[azimuth], (0.0, 0.0, float(np.median(sand.planes[:, 0]))))
 
 
-def _outline_points(points: np.ndarray, lamp: np.ndarray, level_m: float) -> np.ndarray:
+def _outline_points(points: Array, lamp: Array, level_m: float) -> Array:
     """Those of the points (n, 3) that are on the outline of the shadow on level sand."""
     cast = shadow_of(points, lamp, lambda xy: np.full(len(xy), level_m))
     angle = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
@@ -107,7 +106,7 @@ class Shadows:
 
     def __init__(self, terrain: Terrain, camera: Calibration, sand: Sand) -> None:
         self.camera, self.terrain = camera, terrain
-        outlines: dict[int, list[np.ndarray]] = {azimuth: [] for azimuth in terrain.azimuths}
+        outlines: dict[int, list[Array]] = {azimuth: [] for azimuth in terrain.azimuths}
         for k, rock in enumerate(terrain.rocks):
             points, faces = sand.visible(k, rock)
             for azimuth, found in outlines.items() if len(faces) else ():
@@ -116,7 +115,7 @@ class Shadows:
                 )
         self.points = {azimuth: np.concatenate(found) for azimuth, found in outlines.items() if found}
         self.ends = {azimuth: np.cumsum([len(each) for each in found])[:-1] for azimuth, found in outlines.items()}
-        self.seen: dict[tuple[View, int], tuple[np.ndarray, np.ndarray]] = {}
+        self.seen: dict[tuple[View, int], tuple[Array, Array]] = {}
         for view, azimuth in terrain.photographs:
             if view.eye == "L":
                 rocks, shadow = (
@@ -125,7 +124,7 @@ class Shadows:
                 )
                 self.seen[view, azimuth] = rocks, shadow & ~rocks
 
-    def agreement(self, azimuth: int, lamp: np.ndarray, heights: Callable[[np.ndarray], np.ndarray]) -> float:
+    def agreement(self, azimuth: int, lamp: Array, heights: Callable[[Array], Array]) -> float:
         """Mean intersection over union of the shadows of a lamp, over the positions."""
         cast = shadow_of(self.points[azimuth], lamp, heights)
         found = []
@@ -136,7 +135,7 @@ class Shadows:
         return float(np.mean(found))
 
 
-def fit_lamps(terrain: Terrain, camera: Calibration, sand: Sand) -> tuple[dict[int, np.ndarray], Sand]:
+def fit_lamps(terrain: Terrain, camera: Calibration, sand: Sand) -> tuple[dict[int, Array], Sand]:
     """The place (3,) in metres of the lamp at each azimuth, and the sand with its height where shadows end.
 
     A centimetre of sand moves the tip of a shadow by five, so both are fitted, one after the other.
@@ -153,11 +152,11 @@ def fit_lamps(terrain: Terrain, camera: Calibration, sand: Sand) -> tuple[dict[i
     return lamps, sand
 
 
-def _disagreement(shadows: Shadows, azimuth: int, table: HeightTable, lamp: np.ndarray) -> float:
+def _disagreement(shadows: Shadows, azimuth: int, table: HeightTable, lamp: Array) -> float:
     return -shadows.agreement(azimuth, lamp, table)
 
 
-def _raise_nodes(shadows: Shadows, sand: Sand, table: HeightTable, lamps: dict[int, np.ndarray]) -> Sand:
+def _raise_nodes(shadows: Shadows, sand: Sand, table: HeightTable, lamps: dict[int, Array]) -> Sand:
     """Raise or lower the sand at nodes where shadows end as long as that makes the shadows agree better."""
     raised = sand.raised.copy()
     reached = {azimuth: shadow_of(shadows.points[azimuth], lamp, table)[:, :2] for azimuth, lamp in lamps.items()}

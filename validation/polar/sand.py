@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...stereo.images.masks import fill_polygons, fill_triangles, inside_px, overlap
+from ...support.arrays import Array
 from .camera import Calibration, extreme_points
 from .data_set import ROCK, Rock, Terrain, View
 
@@ -28,7 +29,7 @@ NODE_M = 0.25
 _NODE_WIDTH_M = 0.15
 
 
-def rim(rock: Rock) -> np.ndarray:
+def rim(rock: Rock) -> Array:
     """Vertices (n, 3) on the open edges of a scan; all vertices if it is closed."""
     edges = np.sort(np.concatenate([rock.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
@@ -36,7 +37,7 @@ def rim(rock: Rock) -> np.ndarray:
     return np.asarray(rock.vertices[open_ends] if len(open_ends) else rock.vertices)
 
 
-def _lower_plane(rock: Rock, middle: np.ndarray) -> np.ndarray:
+def _lower_plane(rock: Rock, middle: Array) -> Array:
     """Height at the middle, and slopes, of a plane that most of the rim is on and little is under."""
     points = rim(rock)
     basis = np.column_stack([np.ones(len(points)), points[:, :2] - middle])
@@ -59,17 +60,17 @@ class Sand:
     ``nodes`` (k, 2) have ``raised`` (k,) metres, by which the surface between the rocks is higher.
     """
 
-    middles: np.ndarray
-    halves: np.ndarray
-    planes: np.ndarray
-    nodes: np.ndarray
-    raised: np.ndarray
+    middles: Array
+    halves: Array
+    planes: Array
+    nodes: Array
+    raised: Array
 
-    def height_at_rock(self, k: int, xy: np.ndarray) -> np.ndarray:
+    def height_at_rock(self, k: int, xy: Array) -> Array:
         """Heights (n,) in metres of the plane of rock ``k`` at points (n, 2)."""
         return np.asarray(self.planes[k, 0] + (xy - self.middles[k]) @ self.planes[k, 1:])
 
-    def heights(self, xy: np.ndarray) -> np.ndarray:
+    def heights(self, xy: Array) -> Array:
         """Heights (n,) in metres of the surface at points (n, 2)."""
         far = _quadratic(np.clip(xy, self.middles.min(axis=0) - 0.3, self.middles.max(axis=0) + 0.3))
         trend = (
@@ -88,11 +89,11 @@ class Sand:
             found = found + self.raised[k] * self.bump(k, xy)
         return np.asarray(found)
 
-    def bump(self, k: int, xy: np.ndarray) -> np.ndarray:
+    def bump(self, k: int, xy: Array) -> Array:
         """What node ``k`` adds to the surface at points (n, 2) for each metre that it is raised."""
         return np.asarray(np.exp(-((xy - self.nodes[k]) ** 2).sum(axis=1) / (2 * _NODE_WIDTH_M**2)))
 
-    def visible(self, k: int, rock: Rock) -> tuple[np.ndarray, np.ndarray]:
+    def visible(self, k: int, rock: Rock) -> tuple[Array, Array]:
         """Vertices and triangles of the part of a rock above its sand; vertices below are moved up to it."""
         level = self.height_at_rock(k, rock.vertices[:, :2])
         up = rock.vertices[:, 2] > level
@@ -101,7 +102,7 @@ class Sand:
         return raised, rock.faces[up[rock.faces].any(axis=1)]
 
 
-def _quadratic(xy: np.ndarray) -> np.ndarray:
+def _quadratic(xy: Array) -> Array:
     x, y = xy[:, 0], xy[:, 1]
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
 
@@ -134,13 +135,13 @@ def fit_sand(terrain: Terrain, camera: Calibration) -> Sand:
     return replace(sand, planes=planes)
 
 
-_Target = tuple[View, np.ndarray, np.ndarray]
+_Target = tuple[View, Array, Array]
 
 
 def _targets(
     terrain: Terrain,
     camera: Calibration,
-    own: dict[tuple[View, int], list[list[np.ndarray]]],
+    own: dict[tuple[View, int], list[list[Array]]],
     views: list[View],
     k: int,
     rock: Rock,
@@ -163,12 +164,12 @@ def _targets(
     return found
 
 
-def _fit_plane(rock: Rock, sand: Sand, k: int, camera: Calibration, targets: list[_Target]) -> np.ndarray:
-    def agreement(plane: np.ndarray) -> float:
+def _fit_plane(rock: Rock, sand: Sand, k: int, camera: Calibration, targets: list[_Target]) -> Array:
+    def agreement(plane: Array) -> float:
         planes = sand.planes.copy()
         planes[k] = plane
         points, faces = replace(sand, planes=planes).visible(k, rock)
-        masks: dict[View, np.ndarray] = {}
+        masks: dict[View, Array] = {}
         for view, corner, mask in targets:
             if view not in masks:
                 masks[view] = fill_triangles(
@@ -199,16 +200,14 @@ def _fit_plane(rock: Rock, sand: Sand, k: int, camera: Calibration, targets: lis
     return best
 
 
-def assign_outlines(
-    terrain: Terrain, camera: Calibration, sand: Sand, view: View, azimuth: int
-) -> list[list[np.ndarray]]:
+def assign_outlines(terrain: Terrain, camera: Calibration, sand: Sand, view: View, azimuth: int) -> list[list[Array]]:
     """The outlines of each rock in a photograph: those whose middle is in the picture of the rock, or 10 px off it."""
     parts = []
     for k, rock in enumerate(terrain.rocks):
         points, faces = sand.visible(k, rock)
         used = points[np.unique(faces)] if len(faces) else rock.vertices
         parts.append(camera.eyes[view].project(extreme_points(used)))
-    found: list[list[np.ndarray]] = [[] for _ in terrain.rocks]
+    found: list[list[Array]] = [[] for _ in terrain.rocks]
     for outline in terrain.polygons(view, azimuth, ROCK):
         middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
         inside = [inside_px(middle, part) for part in parts]

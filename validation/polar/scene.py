@@ -19,6 +19,7 @@ from ...render.pairs.pair_folder import Pair
 from ...settings.description import check, defaults, merged
 from ...settings.preset_files import load_preset
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from .camera import Calibration
 from .data_set import EYES, ROCK, SHADOW, Rock, Terrain, View
 from .sand import Sand
@@ -49,13 +50,13 @@ class Frame:
     """
 
     position: str
-    axes: np.ndarray
-    world: np.ndarray
-    origin: np.ndarray
-    left: np.ndarray
+    axes: Array
+    world: Array
+    origin: Array
+    left: Array
     baseline_m: float
     focal_px: float
-    corner: np.ndarray
+    corner: Array
     size: tuple[int, int]
 
     @property
@@ -63,17 +64,17 @@ class Frame:
         """Rows and columns."""
         return self.size[1], self.size[0]
 
-    def rectify(self, camera: Calibration, eye: str, pixels: np.ndarray) -> np.ndarray:
+    def rectify(self, camera: Calibration, eye: str, pixels: Array) -> Array:
         """Pixels (n, 2) of our rig for pixels (n, 2) of a photograph."""
         fitted = camera.eyes[View(self.position, eye)]
         rays = fitted.rays(pixels) @ fitted.turn @ self.axes.T
         return np.asarray(rays[:, :2] / rays[:, 2:] * self.focal_px - self.corner)
 
-    def to_ours(self, points: np.ndarray) -> np.ndarray:
+    def to_ours(self, points: Array) -> Array:
         """Points (n, 3) of the data set's world in ours."""
         return np.asarray((points - self.origin) @ self.world.T)
 
-    def project(self, points: np.ndarray, eye: str) -> np.ndarray:
+    def project(self, points: Array, eye: str) -> Array:
         """Pixels (n, 2) of our rig for points (n, 3) of the data set's world."""
         inside = (points - self.left) @ self.axes.T - [self.baseline_m if eye == "R" else 0.0, 0.0, 0.0]
         return np.asarray(inside[:, :2] / inside[:, 2:] * self.focal_px - self.corner)
@@ -127,7 +128,7 @@ def find_frame(terrain: Terrain, camera: Calibration, sand: Sand, position: str,
     )
 
 
-def _ground_mesh(frame: Frame, sand: Sand) -> tuple[np.ndarray, np.ndarray]:
+def _ground_mesh(frame: Frame, sand: Sand) -> tuple[Array, Array]:
     """The sand in our world: fine where the rocks are, level at height 0 around them and under the cameras."""
     fine = np.arange(-_FINE_M, _FINE_M + _SPACING_M / 2, _SPACING_M)
     coarse = np.linspace(_FINE_M, _FAR_M, 8)[1:]
@@ -159,7 +160,7 @@ def write_ground(folder: Path, frame: Frame, sand: Sand, rocks: Sequence[Rock]) 
     return found
 
 
-def describe(frame: Frame, lamp: np.ndarray, mesh: Path) -> Settings:
+def describe(frame: Frame, lamp: Array, mesh: Path) -> Settings:
     """The complete settings of a photograph: our rig, a lamp near the ground, the mesh, lunar regolith on it."""
     way = frame.to_ours(lamp[None])[0]
     distance = float(np.linalg.norm(way))
@@ -204,7 +205,7 @@ def describe(frame: Frame, lamp: np.ndarray, mesh: Path) -> Settings:
     )
 
 
-def read_masks(with_rocks: Pair, without: Pair, eye: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def read_masks(with_rocks: Pair, without: Pair, eye: str) -> tuple[Array, Array, Array]:
     """Masks (H, W) of rocks and of their shadows, and radiance (H, W), of an eye ``L`` or ``R`` in two renders."""
     from ...stereo.images.exr import read_view  # which needs OpenEXR
 
@@ -220,7 +221,7 @@ def read_masks(with_rocks: Pair, without: Pair, eye: str) -> tuple[np.ndarray, n
     return rock, dark & ~rock, light
 
 
-def _distances_to_lamp(pair: Pair, name: str, depth: np.ndarray) -> np.ndarray:
+def _distances_to_lamp(pair: Pair, name: str, depth: Array) -> Array:
     """Distance (H, W) in metres from the lamp to what each pixel of an eye sees; NaN for sky."""
     camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"][name])
     u, v = (

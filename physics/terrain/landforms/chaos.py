@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ....settings.topics.landforms import ChaosSettings
+from ....support.arrays import Array
 from ..noise.voronoi import voronoi
 from .common import Landform, Walls, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
 
@@ -44,7 +45,7 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
     scarp = max(relief / _SCARP[edges], 0.02 * plate)
     tilt = math.tan(math.radians(settings.tilt_deg))
 
-    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
         v, u = turn(x_m / plate, y_m / plate, 0.0)
         if edges == "BROKEN":
             cells = voronoi(u, v, keys[2])
@@ -62,20 +63,20 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
         low = rough * only_where(inside < 1.0, matrix, u, v) if rough else 0.0
         return low + inside * (top - low)
 
-    def matrix(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def matrix(u: Array, v: Array) -> Array:
         return _fragments(u, v, keys[10:13]) if edges == "BROKEN" else _lumps(u, v, keys[7:10])
 
     return Landform(scarp, heights, walls=Walls(relief, keys[13]) if edges == "BROKEN" and relief else None)
 
 
-def _lumps(u: np.ndarray, v: np.ndarray, keys: Sequence[int]) -> np.ndarray:
+def _lumps(u: Array, v: Array, keys: Sequence[int]) -> Array:
     """Three octaves of gradient noise."""
     return sum(
         (0.5**k * wander(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, key) for k, key in enumerate(keys)), start=np.zeros(())
     )
 
 
-def _fragments(u: np.ndarray, v: np.ndarray, keys: Sequence[int]) -> np.ndarray:
+def _fragments(u: Array, v: Array, keys: Sequence[int]) -> Array:
     """Tilted fragments of three sizes, the smaller ones between and on the larger."""
     return sum(
         (

@@ -10,6 +10,7 @@ import numpy as np
 from ....plugins.check import Check, check_call, check_making, check_of
 from ....plugins.installed import Plugin
 from ....plugins.landforms import PluginLandform, read_landform
+from ....support.arrays import Array
 
 #: Side of the patch of the trial in metres, and its points a side: odd and not even, so that rows are not columns.
 _SIZE_M, _ROWS, _COLUMNS = 20.0, 61, 83
@@ -32,7 +33,7 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
     x = np.linspace(-_SIZE_M / 2, _SIZE_M / 2, _COLUMNS)[None, :]
     y = np.linspace(-_SIZE_M / 2, _SIZE_M / 2, _ROWS)[:, None]
 
-    def run(x: np.ndarray = x, y: np.ndarray = y, seed: int = _SEED, **changes: Any) -> np.ndarray:
+    def run(x: Array = x, y: Array = y, seed: int = _SEED, **changes: Any) -> Array:
         return landform.heights(x, y, landform.told(settings | changes, seed))
 
     ran, heights = check_making("it returns a height for every point, in metres", run)
@@ -77,7 +78,7 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
             yield check_call(f"{number.key}={value:g} is no error", run, **changes)
 
 
-def _differs(plugin: Plugin, heights: np.ndarray, expected: np.ndarray, what: str) -> str:
+def _differs(plugin: Plugin, heights: Array, expected: Array, what: str) -> str:
     allowed = _SAME_M * max(1.0, float(np.abs(expected).max()))
     return "" if np.allclose(heights, expected, rtol=0.0, atol=allowed) else f"{plugin.title} {what}."
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ....support.arrays import Array
 from ..noise.lattice_noise import gradient_noise
 from ..noise.voronoi import voronoi
 from ..roughness.roughness import carried_share
@@ -27,8 +28,8 @@ class Crests:
     metres, and the next is about ``apart_m`` away. Crests of one line do not cross; crests of different lines may. A
     mesh with edges along them takes ``heights``, sharp where it is fine enough."""
 
-    lines: Sequence[Callable[[np.ndarray, np.ndarray], np.ndarray]]
-    heights: Callable[[np.ndarray, np.ndarray, Any], np.ndarray]
+    lines: Sequence[Callable[[Array, Array], Array]]
+    heights: Callable[[Array, Array, Any], Array]
     apart_m: float
 
 
@@ -48,7 +49,7 @@ class Landform:
     """
 
     finest_m: float
-    heights: Callable[[np.ndarray, np.ndarray, Any], np.ndarray]
+    heights: Callable[[Array, Array, Any], Array]
     crests: Crests | None = None
     walls: Walls | None = None
 
@@ -68,24 +69,24 @@ def draw_key(random: np.random.Generator) -> int:
     return int(random.integers(0, 2**32))
 
 
-def turn(x_m: np.ndarray, y_m: np.ndarray, azimuth_deg: float) -> tuple[np.ndarray, np.ndarray]:
+def turn(x_m: Array, y_m: Array, azimuth_deg: float) -> tuple[Array, Array]:
     """Coordinates along an azimuth (clockwise from north) and to the right of it, as full arrays."""
     sin, cos = math.sin(math.radians(azimuth_deg)), math.cos(math.radians(azimuth_deg))
     return sin * x_m + cos * y_m, cos * x_m - sin * y_m
 
 
-def smooth_step(t: np.ndarray) -> np.ndarray:
+def smooth_step(t: Array) -> Array:
     """Cubic step from 0 at 0 to 1 at 1, constant outside."""
     t = np.clip(t, 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
 
 
-def wander(u: np.ndarray, v: np.ndarray, key: int) -> np.ndarray:
+def wander(u: Array, v: Array, key: int) -> Array:
     """Gradient noise of full arrays, shifted by a fraction so that a feature's origin is no lattice point."""
     return gradient_noise(u + 0.37, v + 0.61, key)
 
 
-def facets(u: np.ndarray, v: np.ndarray, side: float, key: int) -> np.ndarray:
+def facets(u: Array, v: Array, side: float, key: int) -> Array:
     """Flat, tilted tops at random heights between 0 and about 1, one a Voronoi cell of width 1, as of broken ice.
 
     They fall to 0 at the edges of the cells, with the slope ``side`` or less. ``u`` and ``v`` in facets.
@@ -98,7 +99,7 @@ def facets(u: np.ndarray, v: np.ndarray, side: float, key: int) -> np.ndarray:
     return np.minimum(high - tilt_u * cells.x1 - tilt_v * cells.y1, 0.5 * side * (cells.f2 - cells.f1))
 
 
-def only_where(mask: np.ndarray, of: Callable[..., np.ndarray], *coordinates: np.ndarray) -> np.ndarray:
+def only_where(mask: Array, of: Callable[..., Array], *coordinates: Array) -> Array:
     """Values of a function of coordinates where a mask of their shape is set, 0 elsewhere."""
     result = np.zeros(mask.shape)
     if mask.any():
@@ -107,21 +108,21 @@ def only_where(mask: np.ndarray, of: Callable[..., np.ndarray], *coordinates: np
 
 
 def broken_step(
-    distance: np.ndarray,
-    u: np.ndarray,
-    v: np.ndarray,
+    distance: Array,
+    u: Array,
+    v: Array,
     foot: float,
     width: float,
     chips: Sequence[float],
     keys: Sequence[int],
-) -> np.ndarray:
+) -> Array:
     """A step from 0 at the distance ``foot`` to 1 at ``foot + width``, with chips broken out of it.
 
     It has a ledge for each of the widths of ``chips``, from the foot up; chips reach behind the straight edge by up to
     0.4 of their width. All lengths have the unit of ``distance``, ``u`` and ``v``.
     """
 
-    def ledges(behind: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def ledges(behind: Array, u: Array, v: Array) -> Array:
         total = np.zeros(behind.shape)
         for k, (size, key) in enumerate(zip(chips, keys, strict=True)):
             lost = _CHIP_DEPTH * size * np.maximum(facets(u / size, v / size, 2.0, key), 0.0)

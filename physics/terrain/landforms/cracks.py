@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ....settings.topics.landforms import CracksSettings
+from ....support.arrays import Array
 from ..noise.voronoi import voronoi
 from .common import Landform, Walls, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
 
@@ -38,7 +39,7 @@ def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -
     broad = settings.plate_m
     long = broad * settings.elongation
 
-    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
         along, across = turn(x_m, y_m, settings.azimuth_deg)
         u, v = along / long, across / broad
         bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[1:3])
@@ -58,7 +59,7 @@ def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -
     )
 
 
-def _fallen(x: np.ndarray, y: np.ndarray, keys: Sequence[int]) -> np.ndarray:
+def _fallen(x: Array, y: Array, keys: Sequence[int]) -> Array:
     """Height of the fragments on the floor as a share of the depth; coordinates in half widths."""
     return sum(
         (

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ....settings.topics.landforms import CratersSettings
+from ....support.arrays import Array
 from ....support.errors import IcyMoonError
 from ...rocks.size_laws import PowerLaw
 from ..roughness.roughness import carried_share
@@ -26,7 +27,7 @@ _CARRIED = 0.5
 _WIPED = 0.8
 
 
-def draw_craters(settings: CratersSettings, random: np.random.Generator, size_m: float) -> np.ndarray:
+def draw_craters(settings: CratersSettings, random: np.random.Generator, size_m: float) -> Array:
     """Centres x, y, diameters and freshness (4, n) of the craters, largest first.
 
     The patch and a border as wide as the largest crater's ejecta are covered to the stated share.
@@ -53,7 +54,7 @@ def draw_craters(settings: CratersSettings, random: np.random.Generator, size_m:
     return np.stack([x, y, size, random.uniform(settings.freshness, 1.0, n)])
 
 
-def profile(r: np.ndarray, depth: Any, rim: Any) -> np.ndarray:
+def profile(r: Array, depth: Any, rim: Any) -> Array:
     """Height against the distance from the centre in radii; ``depth`` is from rim to floor."""
     beyond = 1.0 / np.maximum(r, 1.0) ** 3
     end = 1.0 / _REACH**3
@@ -71,7 +72,7 @@ def make(settings: CratersSettings, random: np.random.Generator, size_m: float) 
     # Beyond the patch its craters come again; the border is so wide that none reaches round onto the patch.
     period = size_m + _REACH * float(settings.largest_m)
 
-    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
         x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)
         if max(np.abs(x_m).max(), np.abs(y_m).max()) > size_m / 2:
             return beyond(x_m.ravel(), y_m.ravel(), shortest_m.ravel()).reshape(x_m.shape)
@@ -89,12 +90,12 @@ def make(settings: CratersSettings, random: np.random.Generator, size_m: float) 
             total[window] += change(k, dx, dy, total[window], shortest_m[window])
         return total
 
-    def change(k: int, dx: np.ndarray, dy: np.ndarray, before: np.ndarray, shortest_m: np.ndarray) -> np.ndarray:
+    def change(k: int, dx: Array, dy: Array, before: Array, shortest_m: Array) -> Array:
         r = np.sqrt(dx * dx + dy * dy) * (2.0 / size[k])
         made = profile(r, depths[k], rims[k]) - before * (1.0 - smooth_step((r - _WIPED) / (1.5 - _WIPED)))
         return made * carried_share(_CARRIED * size[k], shortest_m)
 
-    def beyond(x_m: np.ndarray, y_m: np.ndarray, shortest_m: np.ndarray) -> np.ndarray:
+    def beyond(x_m: Array, y_m: Array, shortest_m: Array) -> Array:
         u, v = (np.where(np.abs(a) > size_m / 2, (a + period / 2) % period - period / 2, a) for a in (x_m, y_m))
         order = np.argsort(u, kind="stable")
         u, v, shortest = u[order], v[order], shortest_m[order]
@@ -114,14 +115,14 @@ def make(settings: CratersSettings, random: np.random.Generator, size_m: float) 
     return Landform(math.inf, heights)
 
 
-def _window(x_m: np.ndarray, y_m: np.ndarray, x: float, y: float, reach: float) -> Any:
+def _window(x_m: Array, y_m: Array, x: float, y: float, reach: float) -> Any:
     """Index of the points within a square about a centre: of slices, where a grid is seen from its strides."""
     if x_m.ndim == 2 and x_m.strides[0] == 0 and y_m.strides[1] == 0:
         return _span(y_m[:, 0], y - reach, y + reach), _span(x_m[0], x - reach, x + reach)
     return (np.abs(x_m - x) < reach) & (np.abs(y_m - y) < reach)
 
 
-def _span(axis: np.ndarray, low: float, high: float) -> slice:
+def _span(axis: Array, low: float, high: float) -> slice:
     """The slice that holds all values of ``axis``, in any order, between two bounds."""
     inside = np.flatnonzero((axis > low) & (axis < high))
     return slice(inside[0], inside[-1] + 1) if inside.size else slice(0)

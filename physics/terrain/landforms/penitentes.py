@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ....settings.topics.landforms import PenitentesSettings
+from ....support.arrays import Array
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Crests, Landform, draw_key, smooth_step, turn, wander
 
@@ -48,14 +49,14 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
     lean = math.tan(math.radians(settings.lean_deg)) * height / spacing
     lean = min(lean, _MOST_LEAN - _ASTRAY)
 
-    def chance(place: np.ndarray, row: np.ndarray, key: int) -> np.ndarray:
+    def chance(place: Array, row: Array, key: int) -> Array:
         """Random numbers in [0, 1] along each row, linear between whole places: ice breaks to points."""
         first = np.floor(place)
         index = first.astype(np.int64)
         low, high = (to_uniform(hash_lattice(index + k, row, key)) for k in (0, 1))
         return low + (place - first) * (high - low)
 
-    def crest(along: np.ndarray, row: np.ndarray) -> np.ndarray:
+    def crest(along: Array, row: Array) -> Array:
         """Height of the crest line, 0 to 1: blades of random height, toothed, with a notch where one ends."""
         place = along / length + 17.0 * to_uniform(hash_lattice(row, np.int64(0) * row, keys[0]))
         tall = 1.0 - _LOWER * variation * chance(place, row, keys[1])
@@ -65,7 +66,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         notch = 1.0 - _SHALLOWER * to_uniform(hash_lattice(end.astype(np.int64), row, keys[3]))
         return tall * toothed * (1.0 - variation * notch * (1.0 - 2.0 * np.abs(place - end)))
 
-    def offset(x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def offset(x_m: Array, y_m: Array) -> tuple[Array, Array, Array, Array]:
         """How far a place is beside its row's crest, in spacings; the crest's own place, the row, and the way along."""
         across, along = turn(x_m, y_m, settings.noon_azimuth_deg)
         u, v = along / (_WANDER_LENGTH * length), across / (_WANDER_LENGTH * length)
@@ -81,7 +82,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
             middle = np.clip(middle + leans, -_MOST_LEAN, _MOST_LEAN)
         return place - row - middle, middle, index, along
 
-    def of_group(x_m: np.ndarray, y_m: np.ndarray) -> Any:
+    def of_group(x_m: Array, y_m: Array) -> Any:
         """How tall the group of blades is, as a share of the tallest."""
         if not disorder:
             return 1.0
@@ -89,7 +90,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         field = wander(u, v, more[2]) + 0.5 * wander(2.7 * u, 2.7 * v, more[2] ^ 1)  # rarely beyond 0.6
         return 1.0 - disorder * _GROUPS * smooth_step(0.5 + 0.8 * field)
 
-    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
         beside, middle, index, along = offset(x_m, y_m)
         distance = np.where(beside > 0.0, beside / (0.5 - middle), -beside / (0.5 + middle))  # 0 crest, 1 trough
         # A mesh cannot carry an edge: it is as round as the mesh is coarse, or it would show as a saw.
@@ -99,7 +100,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         blade = rounded + sharpness * ((1.0 - distance) ** 2 - rounded)
         return height * of_group(x_m, y_m) * blade * crest(along, index)
 
-    def sharp_heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+    def sharp_heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
         """Rounded only where the mesh is too coarse for an edge along the crest."""
         return heights(x_m, y_m, np.clip(2.0 * (shortest_m - _SHARP * spacing), 0.0, shortest_m))
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ....settings.topics.landforms import PitsSettings
+from ....support.arrays import Array
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Crests, Landform, Walls, draw_key, facets, only_where, wander
 
@@ -51,7 +52,7 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
     square = math.sqrt(math.pi * _MEAN_SQUARE / total) * radius
     wall = depth / math.tan(math.radians(settings.wall_deg))
 
-    def inside_m(x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    def inside_m(x_m: Array, y_m: Array) -> Array:
         """Distance to the rim, positive in a pit; exact near the rims of round pits."""
         x, y = np.broadcast_arrays(x_m, y_m)
         for k, length in enumerate(_BEND_LENGTHS):
@@ -71,7 +72,7 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
                 np.maximum(deepest, radius * wide - away, out=deepest)
         return deepest
 
-    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
         inside = inside_m(x_m, y_m)
         down = np.clip(inside / wall, 0.0, 1.0)
         x, y = np.broadcast_arrays(x_m, y_m)
@@ -83,7 +84,7 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
         reach = wall + (1.0 + _BEYOND) * (1.0 + 2.0 * _UNEVEN) * settings.talus * depth / _REPOSE
         return bare + only_where((inside > 0.0) & (inside < reach), add_talus, x, y, inside, bare)
 
-    def add_talus(x: np.ndarray, y: np.ndarray, inside: np.ndarray, bare: np.ndarray) -> np.ndarray:
+    def add_talus(x: Array, y: Array, inside: Array, bare: Array) -> Array:
         """How much higher a place is by the talus on it."""
         uneven = sum(
             wander(x / (length * depth), y / (length * depth), keys[5] ^ k) for k, length in enumerate(_APRONS)

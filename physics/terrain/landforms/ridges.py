@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ....settings.topics.landforms import RidgesSettings
+from ....support.arrays import Array
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Crests, Landform, draw_key, smooth_step, turn, wander
 
@@ -22,7 +23,7 @@ _CREST = 0.4
 _WANDER, _WANDER_LENGTH = 0.12, 2.5
 
 
-def profile(place: np.ndarray, trough: float) -> np.ndarray:
+def profile(place: Array, trough: float) -> Array:
     """Height across a ridge, 1 at the crests, against the distance from its middle in half widths."""
     place = np.abs(place)
     inner = 1.0 - trough * (1.0 - place / _CREST)
@@ -30,7 +31,7 @@ def profile(place: np.ndarray, trough: float) -> np.ndarray:
     return np.where(place < _CREST, inner, 0.5 * (down + smooth_step(down)))
 
 
-def edges(place: np.ndarray) -> np.ndarray:
+def edges(place: Array) -> Array:
     """Distance to the nearest edge across a ridge, in half widths, negative on one side: both crests and the trough."""
     far = np.abs(place)
     return np.where(far < _CREST / 2, place, np.sign(place) * (_CREST - far))
@@ -49,7 +50,7 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
     spacing = max(spacing, 1.2 * width)
     loose = 1.0 - width / spacing
 
-    def one_set(k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    def one_set(k: int, x_m: Array, y_m: Array) -> Array:
         """Distance to the ridge of the set's strip, in half widths."""
         along, across = turn(x_m, y_m, settings.azimuth_deg + turns[k] * settings.spread_deg)
         place = across / spacing + _WANDER * wander(
@@ -60,7 +61,7 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
         middle = strip + 0.5 + loose * (to_uniform(hash_lattice(index, np.int64(0) * index, keys[2 * k + 1])) - 0.5)
         return (place - middle) * (2.0 * spacing / width)
 
-    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
         total = np.zeros(np.broadcast_shapes(np.shape(x_m), np.shape(y_m)))
         for k in range(sets):
             place = one_set(k, x_m, y_m)
@@ -69,7 +70,7 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
             total += height * profile(place, settings.trough)
         return total
 
-    def line(k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    def line(k: int, x_m: Array, y_m: Array) -> Array:
         return width / 2 * edges(one_set(k, x_m, y_m))
 
     crests = Crests([partial(line, k) for k in range(sets)], heights, _CREST * width / 2)

@@ -14,14 +14,15 @@ from typing import Any
 
 import numpy as np
 
+from ....support.arrays import Array
 from .lattice_noise import cell_noise, gradient_noise, value_noise
 from .voronoi import distances
 
-Noise = Callable[[np.ndarray, np.ndarray, int], np.ndarray]
+Noise = Callable[[Array, Array, int], Array]
 Octaves = Callable[[int], Any]
 
 
-def _from_distances(function: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Noise:
+def _from_distances(function: Callable[[Array, Array], Array]) -> Noise:
     return lambda x, y, key: 2.0 * function(*distances(x, y, key)) - 1.0
 
 
@@ -41,19 +42,19 @@ BASES: dict[str, Noise] = {
 class Fractal:
     """A fractal sum: the signal made of an octave's noise, and the sum ``of(signal, octaves, roughness)``."""
 
-    signal: Callable[[np.ndarray], np.ndarray]
+    signal: Callable[[Array], Array]
     of: Callable[[Octaves, int, float], Any]
 
 
-def _plain(noise: np.ndarray) -> np.ndarray:
+def _plain(noise: Array) -> Array:
     return noise
 
 
-def _raised(noise: np.ndarray) -> np.ndarray:
+def _raised(noise: Array) -> Array:
     return 1.0 + noise
 
 
-def _crested(noise: np.ndarray) -> np.ndarray:
+def _crested(noise: Array) -> Array:
     return (1.0 - np.abs(noise)) ** 2
 
 

@@ -18,6 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from ....support.arrays import Array
+
 _DIRECTIONS = 64
 _ANGLES = [2 * math.pi * k / _DIRECTIONS for k in range(_DIRECTIONS)]
 #: Gradients of length √2, which gives noise of about unit range.
@@ -33,7 +35,7 @@ _GRADIENT_3 = np.array(
 _TABLE_PER_POINT = 2
 
 
-def _mix(h: np.ndarray) -> np.ndarray:
+def _mix(h: Array) -> Array:
     """Spread every bit of uint32 ``h`` over all others, in place."""
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
         h ^= h >> np.uint32(shift)
@@ -42,19 +44,19 @@ def _mix(h: np.ndarray) -> np.ndarray:
     return h
 
 
-def hash_lattice(ix: np.ndarray, iy: np.ndarray, key: int) -> np.ndarray:
+def hash_lattice(ix: Array, iy: Array, key: int) -> Array:
     """Well mixed uint32 of integer lattice coordinates (int64 arrays that broadcast) and a 32-bit key."""
     h = (ix.astype(np.uint32) * np.uint32(0x9E3779B1)) ^ (iy.astype(np.uint32) * np.uint32(0x85EBCA77))
     h += np.uint32(key & 0xFFFFFFFF)
     return _mix(h)
 
 
-def to_uniform(h: np.ndarray) -> np.ndarray:
+def to_uniform(h: Array) -> Array:
     """Numbers in [0, 1) from hashes."""
     return h * (1.0 / 2**32)
 
 
-def fade(t: np.ndarray) -> np.ndarray:
+def fade(t: Array) -> Array:
     """Perlin's quintic step 6 t⁵ - 15 t⁴ + 10 t³, from 0 at 0 to 1 at 1."""
     result = 6.0 * t
     result -= 15.0
@@ -73,18 +75,18 @@ class Cells:
     ``dx``, ``dy`` are the places of the points in their cells, in [0, 1).
     """
 
-    dx: np.ndarray
-    dy: np.ndarray
-    _x: np.ndarray  # integral floats
-    _y: np.ndarray
+    dx: Array
+    dy: Array
+    _x: Array  # integral floats
+    _y: Array
     _key: int
     _reach: int
-    _index: np.ndarray | None
+    _index: Array | None
     _width: int
-    _hashes: np.ndarray | None
+    _hashes: Array | None
 
     @classmethod
-    def of(cls, x: np.ndarray, y: np.ndarray, key: int, reach: int = 0) -> Cells:
+    def of(cls, x: Array, y: Array, key: int, reach: int = 0) -> Cells:
         """The cells of points in lattice units; corners from -reach to reach + 1 are wanted."""
         left, below = np.floor(x), np.floor(y)
         dx, dy = x - left, y - below
@@ -103,23 +105,23 @@ class Cells:
         place -= x_min + reach
         return cls(dx, dy, left, below, key, reach, place.astype(np.intp), int(width), hashes)
 
-    def squares(self, who: Any) -> tuple[np.ndarray, np.ndarray]:
+    def squares(self, who: Any) -> tuple[Array, Array]:
         """Column and row (int64) of the cells of the points ``who`` (a slice or an index array)."""
         return self._x[who].astype(np.int64), self._y[who].astype(np.int64)
 
-    def lookup(self, *functions: Callable[[np.ndarray], np.ndarray]) -> Callable[[int, int], list[np.ndarray]]:
+    def lookup(self, *functions: Callable[[Array], Array]) -> Callable[[int, int], list[Array]]:
         """``f(i, j)`` gives each function of the hash at the corner (i, j) from each point's cell."""
         if self._index is None or self._hashes is None:
             ix, iy = self.squares(slice(None))
 
-            def hash_each(i: int, j: int) -> list[np.ndarray]:
+            def hash_each(i: int, j: int) -> list[Array]:
                 h = hash_lattice(ix + i, iy + j, self._key)
                 return [f(h) for f in functions]
 
             return hash_each
         index, tables = self._index, [f(self._hashes) for f in functions]
 
-        def look_up(i: int, j: int) -> list[np.ndarray]:
+        def look_up(i: int, j: int) -> list[Array]:
             start = (j + self._reach) * self._width + i + self._reach
             # "clip" spares the check of the indices, which are in range.
             return [table[start:].take(index, mode="clip") for table in tables]
@@ -127,11 +129,11 @@ class Cells:
         return look_up
 
 
-def _direction(components: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+def _direction(components: Array) -> Callable[[Array], Array]:
     return lambda h: components.take((h & np.uint32(_DIRECTIONS - 1)).astype(np.intp))
 
 
-def gradient_noise(x: Any, y: Any, key: int) -> np.ndarray:
+def gradient_noise(x: Any, y: Any, key: int) -> Array:
     """Noise of zero mean, unit wavelength and about unit range (|value| <= 1).
 
     ``x`` and ``y`` are float64 arrays of one shape in lattice units; the result has that shape.
@@ -142,14 +144,14 @@ def gradient_noise(x: Any, y: Any, key: int) -> np.ndarray:
     u, v = fade(cells.dx), fade(cells.dy)
     right, above = cells.dx - 1.0, cells.dy - 1.0
 
-    def corner(i: int, j: int) -> np.ndarray:
+    def corner(i: int, j: int) -> Array:
         along_x, along_y = gradients(i, j)
         along_x *= right if i else cells.dx
         along_y *= above if j else cells.dy
         along_x += along_y
         return along_x
 
-    def blend(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:
+    def blend(low: Array, high: Array, share: Array) -> Array:
         high -= low
         high *= share
         low += high
@@ -158,7 +160,7 @@ def gradient_noise(x: Any, y: Any, key: int) -> np.ndarray:
     return blend(blend(corner(0, 0), corner(1, 0), u), blend(corner(0, 1), corner(1, 1), u), v)
 
 
-def cell_noise(x: Any, y: Any, key: int) -> np.ndarray:
+def cell_noise(x: Any, y: Any, key: int) -> Array:
     """A value in [-1, 1) for each unit square, constant in it."""
     cells = Cells.of(np.asarray(x), np.asarray(y), key)
     (value,) = cells.lookup(to_uniform)(0, 0)
@@ -167,7 +169,7 @@ def cell_noise(x: Any, y: Any, key: int) -> np.ndarray:
     return value
 
 
-def value_noise(x: Any, y: Any, key: int) -> np.ndarray:
+def value_noise(x: Any, y: Any, key: int) -> Array:
     """Values in [-1, 1) at lattice points, linear between them.
 
     Summed over octaves of ratio 2 this is mid-point displacement: each octave puts a random
@@ -180,21 +182,21 @@ def value_noise(x: Any, y: Any, key: int) -> np.ndarray:
     return 2.0 * (low + cells.dy * (high - low)) - 1.0
 
 
-def gradient_noise_3d(points: np.ndarray, key: int) -> np.ndarray:
+def gradient_noise_3d(points: Array, key: int) -> Array:
     """Gradient noise at points (n, 3) in lattice units, for surfaces that are no height field."""
     base = np.floor(points)
     cell = base.astype(np.int64)
     near = points - base
     u, v, w = (fade(near[:, k]) for k in range(3))
 
-    def corner(i: int, j: int, k: int) -> np.ndarray:
+    def corner(i: int, j: int, k: int) -> Array:
         layer = hash_lattice(cell[:, 2] + k, np.int64(0) * cell[:, 2], key)
         h = hash_lattice(cell[:, 0] + i, cell[:, 1] + j, key) ^ layer
         direction = (_mix(h).astype(np.uint64) * np.uint64(len(_GRADIENT_3))) >> np.uint64(32)
         g = _GRADIENT_3.take(direction.astype(np.intp), axis=0)
         return g[:, 0] * (near[:, 0] - i) + g[:, 1] * (near[:, 1] - j) + g[:, 2] * (near[:, 2] - k)
 
-    def plane(k: int) -> np.ndarray:
+    def plane(k: int) -> Array:
         low, high = (a + u * (b - a) for a, b in ((corner(0, j, k), corner(1, j, k)) for j in (0, 1)))
         return low + v * (high - low)
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ....support.arrays import Array
 from .lattice_noise import Cells, hash_lattice, to_uniform
 
 _SQUARES = [(i, j) for j in (-1, 0, 1) for i in (-1, 0, 1)]
@@ -20,11 +21,11 @@ _RING = [(i, j) for j in range(-2, 3) for i in range(-2, 3) if max(abs(i), abs(j
 _HALF_WORD = np.uint32(0xFFFF)
 
 
-def _point_x(h: np.ndarray) -> np.ndarray:
+def _point_x(h: Array) -> Array:
     return (h & _HALF_WORD) * (1.0 / 65536)
 
 
-def _point_y(h: np.ndarray) -> np.ndarray:
+def _point_y(h: Array) -> Array:
     return (h >> np.uint32(16)) * (1.0 / 65536)
 
 
@@ -33,20 +34,20 @@ class Voronoi:
     """The nearest point of each position: ``x1``, ``y1`` is its place relative to it, ``f1`` its distance and
     ``f2`` the distance of the second nearest, all in lattice units and of the shape of the positions."""
 
-    x1: np.ndarray
-    y1: np.ndarray
-    f1: np.ndarray
-    f2: np.ndarray
-    _column: np.ndarray
-    _row: np.ndarray
+    x1: Array
+    y1: Array
+    f1: Array
+    f2: Array
+    _column: Array
+    _row: Array
     _cells: Cells
-    _points: Callable[[int, int], list[np.ndarray]]
+    _points: Callable[[int, int], list[Array]]
 
-    def random(self, key: int) -> np.ndarray:
+    def random(self, key: int) -> Array:
         """A number in [0, 1) for each position that all positions of a cell share."""
         return to_uniform(hash_lattice(self._column, self._row, key))
 
-    def edge_distance(self, length_x: float = 1.0, length_y: float = 1.0) -> np.ndarray:
+    def edge_distance(self, length_x: float = 1.0, length_y: float = 1.0) -> Array:
         """Distance to the nearest edge of the cell, in the unit of a lattice square's ``length_x`` and ``length_y``.
 
         The edge is sought among points of the 5 x 5 squares around a position: exact where it is less than
@@ -61,7 +62,7 @@ class Voronoi:
             py += j
             py -= self._cells.dy
             # How much further this point is than the nearest, over how fast that changes across the edge.
-            further = px * px + py * py
+            further: Array = px * px + py * py
             further -= square
             px -= x1
             py -= y1
@@ -75,7 +76,7 @@ class Voronoi:
         return np.maximum(nearest, 0.0).reshape(self.f1.shape)
 
 
-def _find_unsure(cells: Cells, nearest: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _find_unsure(cells: Cells, nearest: Array) -> tuple[Array, Array, Array]:
     """Where the 3 x 3 squares may not hold the two nearest points, as ``nearest`` (2, n), the squared
     distances found in them, tells; and the square (column, row) that each such position is in."""
     margin = np.minimum(np.minimum(cells.dx, 1.0 - cells.dx), np.minimum(cells.dy, 1.0 - cells.dy))
@@ -85,7 +86,7 @@ def _find_unsure(cells: Cells, nearest: np.ndarray) -> tuple[np.ndarray, np.ndar
     return unsure, column, row
 
 
-def distances(x: np.ndarray, y: np.ndarray, key: int) -> tuple[np.ndarray, np.ndarray]:
+def distances(x: Array, y: Array, key: int) -> tuple[Array, Array]:
     """Distances F1 and F2 to the two nearest of the random points, as ``voronoi`` has them, at half its cost."""
     shape = np.shape(x)
     cells = Cells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=1)
@@ -93,7 +94,7 @@ def distances(x: np.ndarray, y: np.ndarray, key: int) -> tuple[np.ndarray, np.nd
     nearest = np.full((2, cells.dx.size), np.inf)
     first, second = nearest
 
-    def squared(i: int, j: int, point: list[np.ndarray], who: Any) -> np.ndarray:
+    def squared(i: int, j: int, point: list[Array], who: Any) -> Array:
         px, py = point
         px += i
         px -= cells.dx[who]
@@ -118,7 +119,7 @@ def distances(x: np.ndarray, y: np.ndarray, key: int) -> tuple[np.ndarray, np.nd
     return f1.reshape(shape), f2.reshape(shape)
 
 
-def voronoi(x: np.ndarray, y: np.ndarray, key: int) -> Voronoi:
+def voronoi(x: Array, y: Array, key: int) -> Voronoi:
     """The nearest of the random points, one in each unit square, to positions in lattice units."""
     shape = np.shape(x)
     cells = Cells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=2)
@@ -128,7 +129,7 @@ def voronoi(x: np.ndarray, y: np.ndarray, key: int) -> Voronoi:
     x1, y1 = np.zeros(n), np.zeros(n)
     owner = np.zeros(n, np.int8)
 
-    def offer(i: int, j: int, px: np.ndarray, py: np.ndarray, who: Any) -> None:
+    def offer(i: int, j: int, px: Array, py: Array, who: Any) -> None:
         """Let the points of square (i, j) compete at the positions ``who`` (a slice or an index array)."""
         px += i
         px -= cells.dx[who]

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from ....settings.topics.ground import TerrainSettings
+from ....support.arrays import Array
 from ....support.errors import IcyMoonError
 from ..noise.lattice_noise import gradient_noise
 from .statistics import detrend
@@ -47,7 +48,7 @@ RELIEF_SPAN = 4.0
 _RELIEF_SHARE = 0.01
 
 
-def wavelengths_m(terrain: TerrainSettings) -> np.ndarray:
+def wavelengths_m(terrain: TerrainSettings) -> Array:
     """Wavelengths of the octaves, longest first, from one cut-off to the other: evenly spaced in the logarithm
     and no further apart than the lacunarity. Raises IcyMoonError where the cut-offs make no sense."""
     outer, inner, lacunarity = (float(terrain[k]) for k in ("outer_scale_m", "inner_scale_m", "lacunarity"))
@@ -66,13 +67,13 @@ def wavelengths_m(terrain: TerrainSettings) -> np.ndarray:
 
 
 def _fit_squares(
-    squares: np.ndarray,
-    target: np.ndarray,
-    model: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    cross: np.ndarray | None = None,
-) -> np.ndarray:
+    squares: Array,
+    target: Array,
+    model: Array,
+    low: Array,
+    high: Array,
+    cross: Array | None = None,
+) -> Array:
     """Squared amplitudes between ``low`` and ``high`` that make ``model @ squares`` (plus the cross terms
     of the first octaves) follow ``target`` in ratio; ``squares`` is the start. Multiplicative updates
     keep every amplitude positive."""
@@ -96,7 +97,7 @@ def _level(hurst: float, lacunarity: float, dimensions: int) -> float:
     return float(np.mean(lag ** (2 * hurst) / made))
 
 
-def amplitudes(wavelength_m: np.ndarray, hurst: float, dimensions: int = 2) -> np.ndarray:
+def amplitudes(wavelength_m: Array, hurst: float, dimensions: int = 2) -> Array:
     """Amplitudes of octaves whose sum has nu(dx) = dx^H, for independent octaves of unit noise.
 
     They are a power of the wavelength, which is what gives the power spectrum its slope of -(2H + 2); but the first two
@@ -133,7 +134,7 @@ def asked_numbers(terrain: TerrainSettings) -> dict[str, float | None]:
     }
 
 
-def _asked_amplitudes(terrain: TerrainSettings, wavelength_m: np.ndarray) -> np.ndarray:
+def _asked_amplitudes(terrain: TerrainSettings, wavelength_m: Array) -> Array:
     """Amplitudes of octaves whose deviation at the baseline is the one stated, also outside the cut-offs."""
     baseline = float(terrain.slope_baseline_m)
     at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * baseline
@@ -150,15 +151,15 @@ class RoughSurface:
     move roughness about and leave its mean square as it is.
     """
 
-    wavelength_m: np.ndarray
-    amplitude_m: np.ndarray
+    wavelength_m: Array
+    amplitude_m: Array
     keys: tuple[int, ...]
-    offsets: np.ndarray
+    offsets: Array
     multifractality: float
-    level: np.ndarray
+    level: Array
     mean_m: float = 0.0
 
-    def octave(self, k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    def octave(self, k: int, x_m: Array, y_m: Array) -> Array:
         """Unit noise of octave k."""
         cos, sin = math.cos(k * _TURN) / self.wavelength_m[k], math.sin(k * _TURN) / self.wavelength_m[k]
         # In this order a grid's rows and columns cost nothing until they meet.
@@ -166,7 +167,7 @@ class RoughSurface:
             (cos * x_m + self.offsets[k, 0]) - sin * y_m, (sin * x_m + self.offsets[k, 1]) + cos * y_m, self.keys[k]
         )
 
-    def weight(self, k: int, total_m: np.ndarray, variance: float) -> np.ndarray:
+    def weight(self, k: int, total_m: Array, variance: float) -> Array:
         """Multifractal weight of the octave after k, from the relief so far, before its level is taken out."""
         relief = total_m * (1.0 / (RELIEF_SPAN * math.sqrt(variance)))
         relief += 0.5
@@ -175,14 +176,14 @@ class RoughSurface:
         relief += 1.0 - self.multifractality
         return relief
 
-    def heights(self, x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any = 0.0) -> np.ndarray:
+    def heights(self, x_m: Array, y_m: Array, shortest_m: Any = 0.0) -> Array:
         """Heights in metres; ``x_m`` and ``y_m`` broadcast, ``shortest_m`` is a number or one per point.
 
         Octaves fade out between 1.5 and 1 times ``shortest_m``.
         """
         shape = np.broadcast_shapes(np.shape(x_m), np.shape(y_m))
         total = np.zeros(shape)
-        weight: np.ndarray | None = None
+        weight: Array | None = None
         variance = 0.0
         varies = np.ndim(shortest_m) > 0
         for k, wavelength in enumerate(self.wavelength_m):
@@ -214,7 +215,7 @@ def carried_share(wavelength_m: Any, shortest_m: Any) -> Any:
     return share if np.ndim(share) else float(share)
 
 
-def _round_digits(values: np.ndarray) -> np.ndarray:
+def _round_digits(values: Array) -> Array:
     """To ten digits: sums and powers differ between machines in the last ones, heights shall not."""
     return np.array([float(f"{v:.9e}") for v in values])
 
@@ -243,14 +244,14 @@ def make_rough_surface(terrain: TerrainSettings, size_m: float, random: np.rando
     return _fit_to_patch(plain, size_m, baseline, at_baseline, hurst)
 
 
-def _measure_long_octaves(surface: RoughSurface, size_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _measure_long_octaves(surface: RoughSurface, size_m: float) -> tuple[Array, Array]:
     """The weighted unit octaves (long, n, n) that a coarse grid over the patch carries, and the RMS of the
     weight of every octave."""
     axis = np.linspace(-size_m / 2, size_m / 2, _SAMPLES)
     x, y = axis[None, :], axis[:, None]
     long = int(np.sum(surface.wavelength_m >= 4 * (axis[1] - axis[0])))
     level = np.ones(len(surface.wavelength_m))
-    fields: list[np.ndarray] = []
+    fields: list[Array] = []
     total, variance, weight = np.zeros((_SAMPLES, _SAMPLES)), 0.0, None
     for k in range(len(level)):
         if weight is not None:
@@ -284,7 +285,7 @@ def _fit_to_patch(
     fields = np.array([detrend(field) for field in fields]).reshape(fields.shape)
     spacing = size_m / (_SAMPLES - 1)
     first, last = LAW_FROM * wavelength[-1], min(LAW_TO * wavelength[0], size_m / 4)
-    squares: np.ndarray = surface.amplitude_m**2
+    squares: Array = surface.amplitude_m**2
     if long and last > max(first, spacing):
         shortest_measured = max(1, math.ceil(first / spacing))
         whole = np.unique(np.geomspace(shortest_measured, last / spacing, 16).astype(int))
@@ -322,7 +323,7 @@ def _fit_to_patch(
     )
 
 
-def _products(fields: np.ndarray, lag: int) -> np.ndarray:
+def _products(fields: Array, lag: int) -> Array:
     """Mean products (long, long) of the octaves' differences at a whole lag, over both axes."""
     along_x = (fields[:, :, lag:] - fields[:, :, :-lag]).reshape(len(fields), -1)
     along_y = (fields[:, lag:, :] - fields[:, :-lag, :]).reshape(len(fields), -1)

@@ -10,11 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ....support.arrays import Array
+
 #: Lines of a grid on which ``measure`` looks, along each axis: enough for 1 % and fast on any mesh.
 _LINES = 256
 
 
-def detrend(heights_m: np.ndarray) -> np.ndarray:
+def detrend(heights_m: Array) -> Array:
     """The heights (rows, columns) less their least-squares plane."""
     rows, columns = heights_m.shape
     y, x = (np.arange(n) - (n - 1) / 2 for n in (rows, columns))
@@ -23,7 +25,7 @@ def detrend(heights_m: np.ndarray) -> np.ndarray:
     return heights_m - heights_m.mean() - slope_x * x[None, :] - slope_y * y[:, None]
 
 
-def rms_deviation(heights_m: np.ndarray, lag: int, every: int = 1) -> float:
+def rms_deviation(heights_m: Array, lag: int, every: int = 1) -> float:
     """RMS deviation nu in metres of a height grid at a lag of whole vertex spacings.
 
     nu² = <(z(p + lag) - z(p))²>; both axes count, of each the pairs on ``every``-th line of the grid.
@@ -42,7 +44,7 @@ def lags(longest: int, per_octave: int = 3) -> list[int]:
     return sorted({round(longest ** (k / (count - 1))) for k in range(count)}) if longest > 1 else [1]
 
 
-def power_spectrum(heights_m: np.ndarray, spacing_m: float, bins_per_octave: int = 3) -> tuple[np.ndarray, np.ndarray]:
+def power_spectrum(heights_m: Array, spacing_m: float, bins_per_octave: int = 3) -> tuple[Array, Array]:
     """Radially averaged 2-D power spectral density of a square grid.
 
     Returns wave numbers in cycles per metre and densities in m⁴ (m² per (cycle/m)²), whose integral
@@ -77,8 +79,8 @@ class Roughness:
     the slope of the deviation in the logarithm over the range of lags that the law was asked for, and the RMS
     ``height_m`` about the mean plane."""
 
-    lag_m: np.ndarray
-    deviation_m: np.ndarray
+    lag_m: Array
+    deviation_m: Array
     baseline_m: float
     slope_deg: float
     hurst: float
@@ -91,7 +93,7 @@ class Roughness:
 
 
 def measure(
-    heights_m: np.ndarray, spacing_m: float, baseline_m: float, law_m: tuple[float, float] = (0.0, math.inf)
+    heights_m: Array, spacing_m: float, baseline_m: float, law_m: tuple[float, float] = (0.0, math.inf)
 ) -> Roughness:
     """Measure the roughness of a square height grid, less its mean plane, at lags up to a quarter of its side.
 

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from ....support.arrays import Array
 from ..noise.lattice_noise import fade
 
 #: Standard deviation of the unit noise; its structure function saturates at twice the square.
@@ -14,7 +15,7 @@ NOISE_DEVIATION = 0.30506
 
 
 @functools.cache
-def _kernels() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _kernels() -> tuple[Array, Array, Array]:
     """Lags (n,) and the autocorrelations there of the noise's two one-dimensional kernels.
 
     Noise is a sum over lattice points of g_x psi(x) phi(y) + g_y phi(x) psi(y), with phi = 1 - fade(|t|) and
@@ -28,7 +29,7 @@ def _kernels() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @functools.cache
-def _structure_table(dimensions: int) -> tuple[np.ndarray, np.ndarray]:
+def _structure_table(dimensions: int) -> tuple[Array, Array]:
     """Distances in wavelengths and the structure function of unit noise, averaged over directions."""
     lag, phi, psi = _kernels()
     r = np.concatenate([np.linspace(0.02, 1.0, 99), np.linspace(1.02, 3.5, 125)])
@@ -43,7 +44,7 @@ def _structure_table(dimensions: int) -> tuple[np.ndarray, np.ndarray]:
     along = r[:, None, None] * ways.T[None]
     near_phi, near_psi = (np.interp(along, lag, table, right=0.0) for table in (phi, psi))
 
-    def covariance(of_phi: np.ndarray, of_psi: np.ndarray) -> np.ndarray:
+    def covariance(of_phi: Array, of_psi: Array) -> Array:
         parts = [
             np.prod(of_phi, axis=-1) / np.where(of_phi[..., k] == 0, 1, of_phi[..., k]) * of_psi[..., k]
             for k in range(dimensions)
@@ -54,7 +55,7 @@ def _structure_table(dimensions: int) -> tuple[np.ndarray, np.ndarray]:
     return r, 2.0 * (at_zero - covariance(near_phi, near_psi).mean(axis=1))
 
 
-def structure(distance: np.ndarray, dimensions: int = 2) -> np.ndarray:
+def structure(distance: Array, dimensions: int = 2) -> Array:
     """Mean square difference of unit noise at points ``distance`` wavelengths apart."""
     r, table = _structure_table(dimensions)
     near = table[0] * (distance / r[0]) ** 2  # the noise is smooth: a parabola at the origin

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import rasterio
+from icymoon.support.arrays import Array
 from rasterio.transform import Affine
 
 FOLDER = Path(__file__).parent
@@ -23,7 +24,7 @@ GRID = (11, 13)  # rows and columns
 WEST_M, NORTH_M, EAST_STEP_M, SOUTH_STEP_M = 1000.0, -500.0, 2.0, 3.0  # corner and size of the pixels on the ground
 
 
-def hill(east_m: np.ndarray, north_m: np.ndarray) -> np.ndarray:
+def hill(east_m: Array, north_m: Array) -> Array:
     """The height in metres: the same in tests/formats/test_geotiff.py."""
     return 40.0 + 0.5 * (east_m - 1000.0) + 0.25 * (north_m + 500.0) + 0.01 * (east_m - 1000.0) * (north_m + 500.0)
 

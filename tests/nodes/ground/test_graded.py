@@ -13,6 +13,7 @@ from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 from rendering import complete, empty_scene, render
 
 GRADED = {"mesh": {"kind": "GRADED"}, "quality": {"samples": 1}}
@@ -20,14 +21,14 @@ FLAT = {"terrain": {"rms_slope_deg": 0.0}, "surface": {"grain_amplitude_m": 0.0}
 RADIUS = 252_100.0
 
 
-def vertices(item: bpy.types.Object) -> np.ndarray:
+def vertices(item: bpy.types.Object) -> Array:
     """Vertex positions (n, 3) of an object's mesh."""
     out = np.empty(3 * len(item.data.vertices), np.float32)
     item.data.vertices.foreach_get("co", out)
     return out.reshape(-1, 3)
 
 
-def rays(pair, eye: str) -> tuple[np.ndarray, np.ndarray]:
+def rays(pair, eye: str) -> tuple[Array, Array]:
     """Centre (3,) of an eye and directions (rows, columns, 3) of its pixels, of unit planar depth."""
     camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"][eye])
     u, v = (np.arange(n) + 0.5 for n in (camera.width_px, camera.height_px))
@@ -61,7 +62,7 @@ def test_depth_of_a_smooth_body_is_that_of_a_sphere(tmp_path, pitch, focal):
             assert np.nanmax(sphere[sure]) > 200.0  # it was a test of the far field
 
 
-def off_px(pair, ground, eye: str) -> np.ndarray:
+def off_px(pair, ground, eye: str) -> Array:
     """How far the points that the depth of an eye states are off the ground, in pixels where they are seen."""
     centre, ray = rays(pair, eye)
     depth = read_view(pair.image(eye)).depth
@@ -70,7 +71,7 @@ def off_px(pair, ground, eye: str) -> np.ndarray:
     place = centre + ray * depth[:, None]
     step = 1e-3
 
-    def height(dx: float, dy: float) -> np.ndarray:
+    def height(dx: float, dy: float) -> Array:
         x, y = place[:, 0] + dx, place[:, 1] + dy
         return ground.heights(x, y) - drop_m(np.hypot(x, y), RADIUS)
 

@@ -26,6 +26,7 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 from icymoon.support.blender import compat
 from icymoon.support.errors import IcyMoonError
 from mathutils.bvhtree import BVHTree
@@ -34,7 +35,7 @@ from rendering import complete, empty_scene, render
 from tiffs import write_tiff
 
 
-def hill(n: int = 9) -> tuple[np.ndarray, np.ndarray]:
+def hill(n: int = 9) -> tuple[Array, Array]:
     """A bumpy, lopsided sheet, 8 m x 4 m, z up: vertices (n², 3) and quadrilaterals."""
     y, x = np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n), indexing="ij")
     z = 0.5 * np.sin(5 * x) + 0.3 * x * y
@@ -43,7 +44,7 @@ def hill(n: int = 9) -> tuple[np.ndarray, np.ndarray]:
     return positions, np.stack([k, k + 1, k + n + 1, k + n], 1)
 
 
-def write_ply(path: Path, positions: np.ndarray, faces: np.ndarray) -> Path:
+def write_ply(path: Path, positions: Array, faces: Array) -> Path:
     """An ASCII PLY, by hand."""
     lines = [
         "ply",
@@ -66,7 +67,7 @@ def own(path: Path, **source) -> Settings:
     return complete({"source": {"kind": grounds.kind_of(path), "file": str(path), **source}})
 
 
-def positions_of(item: bpy.types.Object) -> np.ndarray:
+def positions_of(item: bpy.types.Object) -> Array:
     out = np.empty(len(item.data.vertices) * 3, np.float32)
     item.data.attributes["position"].data.foreach_get("vector", out)
     return out.reshape(-1, 3).astype(float)
@@ -82,7 +83,7 @@ def everything() -> set:
     }
 
 
-def nearest_gaps(a: np.ndarray, b: np.ndarray) -> float:
+def nearest_gaps(a: Array, b: Array) -> float:
     """Largest distance from a vertex of one set to the nearest of the other, both ways."""
     apart = np.linalg.norm(a[:, None] - b[None], axis=2)
     return float(max(apart.min(axis=0).max(), apart.min(axis=1).max()))
@@ -109,7 +110,7 @@ def test_every_format_gives_the_same_ground_and_leaves_nothing(tmp_path, name):
     assert {b for b in everything() if b[0] != "images"} == {b for b in before if b[0] != "images"}
 
 
-def read_triangles(item: bpy.types.Object) -> np.ndarray:
+def read_triangles(item: bpy.types.Object) -> Array:
     item.data.calc_loop_triangles()
     return np.array([t.vertices for t in item.data.loop_triangles])
 
@@ -430,7 +431,7 @@ def test_bad_input_is_a_sentence_and_changes_nothing(tmp_path):
         assert scenes.find(scene).extra == mark, name
 
 
-def png(values: np.ndarray, colour: int = 0) -> bytes:
+def png(values: Array, colour: int = 0) -> bytes:
     """A PNG of 8 or 16-bit values, unfiltered."""
     import zlib
 
@@ -450,7 +451,7 @@ def png(values: np.ndarray, colour: int = 0) -> bytes:
     )
 
 
-def crater(rows: int = 41, columns: int = 61) -> np.ndarray:
+def crater(rows: int = 41, columns: int = 61) -> Array:
     """Heights in metres with a range of about 4 m, north first."""
     y, x = np.meshgrid(np.linspace(1, -1, rows), np.linspace(-1, 1, columns), indexing="ij")
     return 3 * np.hypot(x + 0.2, y) ** 2 - 1.5 * np.exp(-20 * (x**2 + (y - 0.3) ** 2)) + 0.2 * x

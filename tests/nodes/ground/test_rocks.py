@@ -9,6 +9,7 @@ from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint
 from icymoon.nodes.ground.heights_under import probe_heights
 from icymoon.physics.surfaces.principled import base_colour
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import FIRST_ROCK_INSTANCE, INSTANCE_ATTRIBUTE
 from rendering import complete, empty_scene
@@ -21,7 +22,7 @@ def carrier(built: scenes.Built) -> bpy.types.Object:
     return next(item for item in built.collection.all_objects if item.get(TAG) == "rock")
 
 
-def instances(built: scenes.Built) -> list[tuple[np.ndarray, bpy.types.Mesh]]:
+def instances(built: scenes.Built) -> list[tuple[Array, bpy.types.Mesh]]:
     """Matrix and mesh of every block as the dependency graph makes them, in the order of the points."""
     bpy.context.view_layer.update()
     graph = bpy.context.evaluated_depsgraph_get()
@@ -32,7 +33,7 @@ def instances(built: scenes.Built) -> list[tuple[np.ndarray, bpy.types.Mesh]]:
     ]
 
 
-def corners(mesh: bpy.types.Mesh) -> np.ndarray:
+def corners(mesh: bpy.types.Mesh) -> Array:
     """Vertex positions (n, 3) of a mesh."""
     out = np.empty(len(mesh.vertices) * 3, np.float32)
     mesh.vertices.foreach_get("co", out)

@@ -12,6 +12,7 @@ from icymoon.physics.light.sky import sky
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.stereo.images.exr import View, read_view
+from icymoon.support.arrays import Array
 from icymoon.support.labels import TERRAIN
 from lit_scenes import JUPITER, NIGHT, SATURN
 
@@ -30,7 +31,7 @@ CRESCENT = SATURN | {
 }
 
 
-def by_integral(pair: Pair, steps: int = 24) -> np.ndarray:
+def by_integral(pair: Pair, steps: int = 24) -> Array:
     """Radiance (H, W) of level ground in the planet's light alone, which is all in front of its rays."""
     ray, brought = light_rays(sky(pair.settings.light).planet, steps)
     law = partial(bidirectional_reflectance, parameters=from_settings(pair.settings.hapke))

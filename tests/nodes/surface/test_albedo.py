@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import pytest
 from icymoon.benchmarks.furnace import albedo as furnace
 from icymoon.nodes.surface.ice_material import build_material
@@ -12,10 +11,11 @@ from icymoon.physics.surfaces.principled import real_albedo
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load_preset
 from icymoon.settings.topics.surfaces import SurfaceSettings
+from icymoon.support.arrays import Array
 from icymoon.support.labels import TERRAIN
 
 
-def measured(settings, **view) -> np.ndarray:
+def measured(settings, **view) -> Array:
     return furnace(lambda: build_material("Test", settings, 1, TERRAIN), **view)
 
 

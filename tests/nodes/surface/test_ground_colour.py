@@ -13,6 +13,7 @@ from icymoon.physics.light.bands import bubbly_ice_bands, material_bands, snow_b
 from icymoon.physics.surfaces.spectra import MATERIALS
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.topics.surfaces import SurfaceSettings
+from icymoon.support.arrays import Array
 from icymoon.support.labels import ROCK, TERRAIN
 
 
@@ -21,7 +22,7 @@ def surface(**changes: Any) -> SurfaceSettings:
     return defaults().surface | check({"surface": plain | changes}, "test").surface
 
 
-def measured(settings: SurfaceSettings, semantic: int = TERRAIN) -> np.ndarray:
+def measured(settings: SurfaceSettings, semantic: int = TERRAIN) -> Array:
     """R, G, B that level ground reflects in a white furnace; a wider view would see past the plane."""
     return np.asarray(furnace(lambda: build_material("Test", settings, 1, semantic), view_m=1.0))
 

@@ -15,6 +15,7 @@ from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_setti
 from icymoon.render import cycles_settings
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 from icymoon.support.blender import compat
 from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
@@ -27,7 +28,7 @@ def osl_is_there():
     assert compat.has_osl(), "the bpy wheels have OSL; what is tested here is not there"
 
 
-def errors(pair: Pair, law=None) -> np.ndarray:
+def errors(pair: Pair, law=None) -> Array:
     """Relative errors of the left image where there is ground that is lit."""
     image, truth = read_view(pair.image("left")).radiance[..., 0], expected(pair, law)
     assert np.isfinite(image).all()
@@ -122,7 +123,7 @@ def test_grazing_light_and_sight(tmp_path, made_of, azimuth_deg, theta_bar_deg):
     assert errors(pair).max() < 2e-3
 
 
-def by_distance(pair: Pair) -> list[np.ndarray]:
+def by_distance(pair: Pair) -> list[Array]:
     """Radiance of the left eye's ground, in five parts of as many pixels from near to far."""
     view = read_view(pair.image("left"))
     image, ground = view.radiance[..., 0], ~np.isnan(view.depth)
@@ -428,9 +429,7 @@ def valley(built: scenes.Built) -> None:
         material.node_tree.nodes["Hapke"].inputs[f"Albedo{k}"].default_value = (0.0, 0.0, 0.0)
 
 
-def reflected(
-    place: np.ndarray, eye: np.ndarray, sun: np.ndarray, law, often: int, rng: np.random.Generator
-) -> np.ndarray:
+def reflected(place: Array, eye: Array, sun: Array, law, often: int, rng: np.random.Generator) -> Array:
     """Radiance (N, often) of the ground of the valley after 1, 2, … interreflections, per irradiance of the Sun.
 
     One random path from each place, cosine-distributed at each end; ``place`` and ``eye`` are (N, 3).

@@ -13,6 +13,7 @@ from icymoon.nodes.surface import reflectance_laws
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from icymoon.physics.surfaces.photometry import hemispherical_albedo
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.arrays import Array
 from icymoon.support.blender import compat
 from marks import heavy_but
 from obj_files import obj
@@ -44,7 +45,7 @@ def textured(tmp_path, values, hapke):
     }
 
 
-def east_m(pair) -> np.ndarray:
+def east_m(pair) -> Array:
     """The x (H, W) of the level ground where the left eye sees it."""
     pose, eye = np.array(pair.data["poses_camera_to_world"]["left"]), rays(pair)
     return pose[0, 3] - eye[..., 0] * read_view(pair.image("left")).depth / (-eye @ pose[:3, 2])

@@ -14,6 +14,7 @@ from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.light.bands import bubbly_ice_bands, clear_ice_absorption_1_m
 from icymoon.settings.description import check, defaults
 from icymoon.settings.topics.surfaces import SurfaceSettings
+from icymoon.support.arrays import Array
 from icymoon.support.labels import ROCK, TERRAIN
 from rendering import empty_scene
 
@@ -26,7 +27,7 @@ def surface(**changes: Any) -> SurfaceSettings:
     return defaults().surface | {"grain_amplitude_m": 0.0} | check({"surface": changes}, "test").surface
 
 
-def measured(settings: SurfaceSettings, semantic: int = TERRAIN, view_m: float = 1.0) -> np.ndarray:
+def measured(settings: SurfaceSettings, semantic: int = TERRAIN, view_m: float = 1.0) -> Array:
     return furnace.albedo(lambda: build_material("Test", settings, 1, semantic), view_m=view_m, samples=32)
 
 
@@ -113,7 +114,7 @@ def _shining_scene() -> bpy.types.Scene:
     return scene
 
 
-def _through_a_cube(size_m: float, settings: SurfaceSettings, on_white: bool) -> np.ndarray:
+def _through_a_cube(size_m: float, settings: SurfaceSettings, on_white: bool) -> Array:
     """Radiance (3,) of a cube of clear ice in a sky of radiance 1, seen from above, on white ground or in the air."""
     scene = _shining_scene()
     bpy.ops.mesh.primitive_cube_add(size=size_m)

@@ -14,12 +14,13 @@ from icymoon.nodes.surface.textures import Textured
 from icymoon.physics.surfaces.textures import SETS, SIZE, make_maps
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.description import check, defaults
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import TERRAIN
 from rendering import complete, empty_scene, png
 
 
-def measured(surface: dict, textures: dict, files=None, **view) -> np.ndarray:
+def measured(surface: dict, textures: dict, files=None, **view) -> Array:
     """What a white furnace measures on a textured surface."""
     settings = defaults().surface | {
         "grain_amplitude_m": 0.0,
@@ -82,7 +83,7 @@ def test_repeats_do_not_show():
     assert abs(periodicity("SHIFTED")) < 0.1
 
 
-def seen(textures: dict) -> np.ndarray:
+def seen(textures: dict) -> Array:
     """The emission (128, 128) of a flat textured surface 2 m wide, seen from above, as its albedo."""
     empty_scene()
     described = defaults().textures | check({"textures": textures}, "test").textures

@@ -20,6 +20,7 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import UV_LAYER
 from mesh_exports import FORMATS, export
@@ -35,7 +36,7 @@ PIXELS = 32
 ASIDE_M = 0.013
 
 
-def as_srgb(linear: np.ndarray) -> np.ndarray:
+def as_srgb(linear: Array) -> Array:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
@@ -44,13 +45,13 @@ def quarters(path: Path) -> Path:
     return png(path, as_srgb(np.repeat(np.repeat(QUARTERS, 8, axis=0), 8, axis=1)))
 
 
-def layout(x: np.ndarray, y: np.ndarray, east: np.ndarray) -> np.ndarray:
+def layout(x: Array, y: Array, east: Array) -> Array:
     """UV of places on the ground: turned and mirrored, the east half beginning anew where the west half ends, so
     that a seam runs along x = 0."""
     return np.stack([(y + 2) / 4, np.where(east, (x + 2) / 4 - 0.5, (x + 2) / 4 + 0.5)], axis=-1)
 
 
-def ground() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def ground() -> tuple[Array, Array, Array]:
     """A level square as triangles, with the UV of their corners."""
     axis = np.linspace(-SIDE_M / 2, SIDE_M / 2, CELLS + 1)
     x, y = (a.ravel() for a in np.meshgrid(axis, axis))
@@ -64,9 +65,9 @@ def ground() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def glb(
     path: Path,
-    positions: np.ndarray,
-    faces: np.ndarray,
-    layers: list[np.ndarray],
+    positions: Array,
+    faces: Array,
+    layers: list[Array],
     images: dict[str, Path],
     textures: dict[str, str],
 ) -> Path:
@@ -136,7 +137,7 @@ def glb(
     return path
 
 
-def corner_ply(path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> Path:
+def corner_ply(path: Path, positions: Array, faces: Array, uv: Array) -> Path:
     """A PLY that has its UV in the faces."""
     lines = [
         "ply",
@@ -162,7 +163,7 @@ def corner_ply(path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.ndar
 def vertex_ply(names: tuple[str, str]) -> Callable[..., Path]:
     """Writer of a PLY that has a vertex for each corner, its UV under these names."""
 
-    def write(path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> Path:
+    def write(path: Path, positions: Array, faces: Array, uv: Array) -> Path:
         rows = np.concatenate([positions[faces].reshape(-1, 3), uv.reshape(-1, 2)], axis=1)
         lines = [
             "ply",
@@ -184,12 +185,12 @@ def vertex_ply(names: tuple[str, str]) -> Callable[..., Path]:
     return write
 
 
-def seen_by_obj(path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> Path:
+def seen_by_obj(path: Path, positions: Array, faces: Array, uv: Array) -> Path:
     (path.parent / "a.mtl").write_text("newmtl a\nmap_Kd quarters.png\n")
     return obj(path, positions, faces, uv, "mtllib a.mtl\nusemtl a")
 
 
-def seen_by_glb(path: Path, positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> Path:
+def seen_by_glb(path: Path, positions: Array, faces: Array, uv: Array) -> Path:
     return glb(
         path,
         positions,
@@ -223,7 +224,7 @@ def described(path: Path, textures: dict, source: dict | None = None, *more: dic
     )
 
 
-def above(settings: Settings, samples: int = 4) -> np.ndarray:
+def above(settings: Settings, samples: int = 4) -> Array:
     """Reflectance (PIXELS, PIXELS, 3) of the ground seen from above, row 0 southernmost and column 0 westernmost:
     radiance over that of level, white ground under a Sun in the zenith."""
     scene = empty_scene()
@@ -232,7 +233,7 @@ def above(settings: Settings, samples: int = 4) -> np.ndarray:
     return radiance(scene, 0.0, SIDE_M, PIXELS)[::-1, ::-1] * np.pi / settings.light.sun_irradiance_wm2
 
 
-def expected(wanted: np.ndarray | None = None) -> np.ndarray:
+def expected(wanted: Array | None = None) -> Array:
     """The colours (PIXELS, PIXELS, 3) of the image, or of another (2, 2, 3), where the layout puts them."""
     axis = (np.arange(PIXELS) + 0.5) / PIXELS * SIDE_M - SIDE_M / 2
     x, y = np.meshgrid(axis + ASIDE_M, axis)
@@ -241,7 +242,7 @@ def expected(wanted: np.ndarray | None = None) -> np.ndarray:
     return colours[(uv[..., 1] >= 0.5).astype(int), (uv[..., 0] >= 0.5).astype(int)]
 
 
-def inner() -> np.ndarray:
+def inner() -> Array:
     """Pixels that are more than a pixel of the image from the borders of the quarters."""
     axis = (np.arange(PIXELS) + 0.5) / PIXELS * SIDE_M - SIDE_M / 2
     near = np.abs(axis) < SIDE_M / 16  # the image's pixels are blended over that; the seam is sharp, but there too
@@ -250,7 +251,7 @@ def inner() -> np.ndarray:
     return away[:, None] & away[None, :]
 
 
-def assert_laid(found: np.ndarray, tolerance: float = 0.015) -> None:
+def assert_laid(found: Array, tolerance: float = 0.015) -> None:
     """The mean colour is the albedo's; each quarter is where it belongs, in its colour."""
     wanted = expected()
     wanted = ALBEDO * wanted / QUARTERS.mean()

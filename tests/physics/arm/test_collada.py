@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from icymoon.physics.arm import link_mesh
 from icymoon.physics.arm.link_mesh import read_link_mesh
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
 XYZ = '<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>'
@@ -60,7 +61,7 @@ def document(
     )
 
 
-def faces_of(path, text: str) -> np.ndarray:
+def faces_of(path, text: str) -> Array:
     """Corners (m, 3, 3) of the triangles of a file."""
     path.write_text(text, encoding="utf-8")
     found, triangles = read_link_mesh(path)

@@ -13,12 +13,13 @@ from icymoon.physics.arm.collisions import (
 from icymoon.physics.arm.kinematics import Capsule, forward
 from icymoon.physics.arm.parametric import arm_of
 from icymoon.settings.description import defaults
+from icymoon.support.arrays import Array
 
 ARM = arm_of(defaults())
 STRETCHED = np.zeros(5)
 
 
-def points(a: np.ndarray, b: np.ndarray, count: int = 801) -> np.ndarray:
+def points(a: Array, b: Array, count: int = 801) -> Array:
     return np.asarray(a + np.linspace(0.0, 1.0, count)[:, None] * (b - a))
 
 

@@ -18,6 +18,7 @@ from icymoon.physics.arm.parametric import (
 )
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.arrays import Array
 
 RIG = {"x_m": 3.0, "y_m": -2.0, "heading_deg": 40.0}
 
@@ -26,11 +27,11 @@ def described(**arm: float) -> Settings:
     return merged(defaults(), {"rig": RIG, "lander": {"turn_deg": 15.0}, "arm": {"shoulder_y_m": 0.2, **arm}})
 
 
-def random_joints(arm: Arm, count: int, seed: int = 7) -> np.ndarray:
+def random_joints(arm: Arm, count: int, seed: int = 7) -> Array:
     return np.random.default_rng(seed).uniform(arm.low, arm.high, (count, len(arm.joints)))
 
 
-def add_up(settings: Settings, angles: np.ndarray, site_m: float) -> np.ndarray:
+def add_up(settings: Settings, angles: Array, site_m: float) -> Array:
     """Place of the tip by sines and cosines alone: compass directions, and a sum in the plane of the arm."""
     a, rig = settings.arm, settings.rig
     yaw, q1, q2, q3, _ = angles

@@ -13,6 +13,7 @@ from icymoon.physics.arm.lander_solids import BODY, LEGS, MAST, body_capsules, h
 from icymoon.physics.arm.parametric import arm_of, real_rad
 from icymoon.physics.arm.solids import Solid, ball, box, join, lathe, moved, prism, rod
 from icymoon.settings.description import defaults, merged
+from icymoon.support.arrays import Array
 
 
 def volume_m3(solid: Solid) -> float:
@@ -21,7 +22,7 @@ def volume_m3(solid: Solid) -> float:
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
 
 
-def area_vector(solid: Solid) -> np.ndarray:
+def area_vector(solid: Solid) -> Array:
     a, b, c = (solid.vertices[solid.triangles[:, k]] for k in range(3))
     return np.asarray(np.cross(b - a, c - a).sum(axis=0) / 2)
 

@@ -10,6 +10,7 @@ from icymoon.physics.camera.deposits import apply_deposits, blocked_share
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
 SHAPE = (240, 320)
@@ -19,7 +20,7 @@ def described(**sensor: float | bool) -> Settings:
     return merged(defaults(), {"rig": {"width_px": SHAPE[1], "height_px": SHAPE[0]}, "sensor": sensor})
 
 
-def blocked(settings: Settings, seed: int = 1, eye: str = "left") -> np.ndarray:
+def blocked(settings: Settings, seed: int = 1, eye: str = "left") -> Array:
     found = blocked_share(settings.sensor, settings.rig, SHAPE, seed, eye)
     assert found is not None
     return found

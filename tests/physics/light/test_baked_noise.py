@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.light.baked_noise import largest_share, noise_of, samples_needed
+from icymoon.support.arrays import Array
 
 #: Relative noise of one sample, and vertices: their noise is then known within 1/sqrt(2 * 60000) = 0.3 %, five of them.
 SIGMA, VERTICES, WITHIN = 1.0, 20000, 0.015
@@ -14,7 +15,7 @@ SIGMA, VERTICES, WITHIN = 1.0, 20000, 0.015
 TRIANGLES = np.arange(VERTICES - VERTICES % 3).reshape(-1, 3)
 
 
-def halves(count: int, seed: int = 1) -> list[np.ndarray]:
+def halves(count: int, seed: int = 1) -> list[Array]:
     random = np.random.default_rng(seed)
     return [0.3 * (1.0 + SIGMA / math.sqrt(count) * random.standard_normal((VERTICES, 3))) for _ in range(2)]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from icymoon.physics.light.baked_rocks import TERMS, Points, draw_points, fit, light_of
 from icymoon.physics.rocks.shapes import icosphere
+from icymoon.support.arrays import Array
 
 DIAMETER_M, CENTRES = 0.5, np.array([[1.0, 2.0, 0.0], [-3.0, 1.0, 2.0]])
 
@@ -17,12 +18,12 @@ def balls(count: int, seed: int = 1) -> Points:
     return draw_points(vertices / 2, triangles, np.array([4, 2]), matrices, CENTRES, count, np.random.default_rng(seed))
 
 
-def of_a_hemisphere(normal: np.ndarray) -> np.ndarray:
+def of_a_hemisphere(normal: Array) -> Array:
     """Irradiance over pi by a hemisphere of radiance 1 above: (1 + cos) / 2 in each band."""
     return np.repeat((1 + normal[:, 2:]) / 2, 3, axis=1)
 
 
-def of_a_lamp(normal: np.ndarray) -> np.ndarray:
+def of_a_lamp(normal: Array) -> Array:
     """Irradiance over pi by a small lamp at the side: the cosine where it is seen."""
     return np.repeat(np.maximum(normal @ np.array([[0.6], [0.0], [0.8]]), 0.0), 3, axis=1)
 

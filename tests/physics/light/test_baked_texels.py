@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.physics.light.baked_texels import Texels, gather, gather_open, lay_out
+from icymoon.support.arrays import Array
 
 #: A square, a triangle at its side, and a square at that of the triangle: facets of 1, 2 and 3 m².
 CORNERS, COUNTS = np.array([0, 1, 2, 3, 1, 4, 2, 4, 5, 6, 2]), np.array([4, 3, 4])
@@ -15,7 +16,7 @@ def mesh(*wanted: bool) -> Texels:
     return lay_out(np.array([0, 4, 7]), COUNTS, CORNERS, AREAS, np.array(wanted or (True, True, True)))
 
 
-def image_of(found: Texels, light: np.ndarray) -> np.ndarray:
+def image_of(found: Texels, light: Array) -> Array:
     """An image in which only texels of the facets are baked, with ``light`` (texels, 3) in their order."""
     image = np.zeros((found.side**2, 4), np.float32)
     rows = np.concatenate([each.ravel() for each in found.texels])

@@ -13,9 +13,10 @@ from icymoon.physics.light.bands import (
 from icymoon.physics.light.photons import planck
 from icymoon.physics.light.sunlight import BANDS_M, SUN_TEMPERATURE_K
 from icymoon.physics.surfaces.spectra import MATERIALS
+from icymoon.support.arrays import Array
 
 
-def sunlit(response: np.ndarray, reflectance: np.ndarray) -> float:
+def sunlit(response: Array, reflectance: Array) -> float:
     """Photons of sunlight that a surface sends into a response, by a sum over wavelengths."""
     wavelength = VISIBLE_NM * 1e-9
     return float((planck(wavelength, SUN_TEMPERATURE_K) * wavelength * response * reflectance).sum())

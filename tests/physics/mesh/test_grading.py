@@ -15,6 +15,7 @@ from icymoon.physics.mesh.horizon import drop_m, horizon_m
 from icymoon.physics.mesh.vertex_rings import Rings
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import check, defaults, merged
+from icymoon.support.arrays import Array
 
 #: Small images, so that meshes are small.
 SMALL = {"rig": {"width_px": 96, "height_px": 72}}
@@ -56,7 +57,7 @@ def test_horizon_and_drop_are_those_of_a_sphere(radius, height):
     assert horizon_m(0.0, radius) == 0.0
 
 
-def _edges(faces: np.ndarray) -> np.ndarray:
+def _edges(faces: Array) -> Array:
     return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
 
 

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from icymoon.formats import geotiff
 from icymoon.physics.mesh import height_map
 from icymoon.physics.mesh.height_map import HeightMap, fill_holes, place_map
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from tiffs import write_tiff
 
 
-def bumpy(rows: int = 12, columns: int = 17) -> np.ndarray:
+def bumpy(rows: int = 12, columns: int = 17) -> Array:
     return np.random.default_rng(3).normal(0, 100, (rows, columns))
 
 

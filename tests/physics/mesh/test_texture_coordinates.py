@@ -15,23 +15,24 @@ from icymoon.formats.ply import read_texture_coordinates
 from icymoon.physics.mesh import texture_coordinates
 from icymoon.physics.mesh.check import repair
 from icymoon.physics.mesh.subdivide import halve_edges
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from sheets import sheet
 
 
-def layout(points: np.ndarray, of_face: np.ndarray) -> np.ndarray:
+def layout(points: Array, of_face: Array) -> Array:
     """UV (m, 3, 2) of points (m, 3, 3): turned, mirrored, and elsewhere on the image where ``of_face`` is set."""
     return np.stack([0.1 + 0.07 * points[..., 1] + 0.5 * of_face[:, None], 0.9 - 0.11 * points[..., 0]], axis=-1)
 
 
-def laid() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def laid() -> tuple[Array, Array, Array]:
     """A sheet with a seam at x = 2 and its UV."""
     positions, faces = sheet()
     points = positions[faces]
     return positions, faces, layout(points, points[..., 0].mean(axis=1) > 2.0).astype(np.float32)
 
 
-def agrees(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> bool:
+def agrees(positions: Array, faces: Array, uv: Array) -> bool:
     """Whether each corner of each face is where the layout says."""
     points = positions[faces]
     return bool(np.allclose(uv, layout(points, points[..., 0].mean(axis=1) > 2.0), atol=1e-6))
@@ -69,7 +70,7 @@ def test_cutting_puts_new_corners_in_the_middle_and_keeps_seams():
     assert agrees(positions, faces, uv)
 
 
-def mean_shown(image: np.ndarray, points: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def mean_shown(image: Array, points: Array, weight: Array) -> Array:
     return weight @ image[texture_coordinates.pixels_at(points, *image.shape[:2])]
 
 
@@ -118,7 +119,7 @@ def test_what_is_no_number_is_zero_and_said():
         assert "no area" in found[0]
 
 
-def ply(path: Path, encoding: str, corner_uv: np.ndarray | None, vertex_uv: tuple[str, str] = ("", "")) -> Path:
+def ply(path: Path, encoding: str, corner_uv: Array | None, vertex_uv: tuple[str, str] = ("", "")) -> Path:
     """The sheet as a PLY of doubles with UV of its corners, or of its vertices under these names."""
     positions, faces, _ = laid()
     named = "".join(f"property float {name}\n" for name in vertex_uv if name)

@@ -15,6 +15,7 @@ from icymoon.physics.rocks.shapes import FAMILIES, LEVELS, corners_of, icosphere
 from icymoon.physics.rocks.size_laws import Golombek, PowerLaw, draw_diameters, size_law
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.rocks import RocksSettings
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from marks import heavy_but
 
@@ -41,7 +42,7 @@ def rough(x, y):
     return 0.5 * np.sin(3 * x) * np.cos(2 * y) + 0.1 * np.sin(17 * x + 5 * y) + 0.05 * np.floor(2 * x) + 0.4 * y
 
 
-def world_vertices(rocks, shapes, i: int) -> np.ndarray:
+def world_vertices(rocks, shapes, i: int) -> Array:
     """Vertices of one block, from its Euler angles as Blender reads them: about x, then y, then z."""
     shape = shapes[rocks.level[i]][rocks.shape[i]]
     (cx, cy, cz), (sx, sy, sz) = np.cos(rocks.rotation[i]), np.sin(rocks.rotation[i])
@@ -61,7 +62,7 @@ LAWS: dict[str, dict[str, Any]] = {
 }
 
 
-def share_above(rocks, d: np.ndarray) -> np.ndarray:
+def share_above(rocks, d: Array) -> Array:
     """Share of the rocks larger than d, straight from the laws' definitions and by another quadrature."""
     low, high = rocks["smallest_m"], rocks["largest_m"]
     if rocks["law"] == "POWER":
@@ -77,7 +78,7 @@ def share_above(rocks, d: np.ndarray) -> np.ndarray:
     return np.array([count(v) for v in d]) / count(low)
 
 
-def kolmogorov_smirnov(sample: np.ndarray, survival: np.ndarray) -> float:
+def kolmogorov_smirnov(sample: Array, survival: Array) -> float:
     """Largest distance between a sample's distribution and a law, for the sample sorted downward."""
     n = len(sample)
     return float(max(np.abs(survival - np.arange(n) / n).max(), np.abs(survival - np.arange(1, n + 1) / n).max()))
@@ -164,7 +165,7 @@ def test_one_size_and_no_room_are_possible_and_a_contradiction_is_named():
 # Places
 
 
-def pairs_within(xy: np.ndarray, r: float, size_m: float) -> int:
+def pairs_within(xy: Array, r: float, size_m: float) -> int:
     """Ordered pairs of points nearer than r, on a square whose sides are joined."""
     apart = np.abs(xy[:, None] - xy)
     apart = np.minimum(apart, size_m - apart)

@@ -8,6 +8,7 @@ from icymoon.physics.rocks.rocks import scatter
 from icymoon.physics.rocks.shapes import make_rock_shapes
 from icymoon.physics.rocks.table import covered_share, read_table
 from icymoon.settings.description import defaults
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
 
@@ -49,7 +50,7 @@ def test_rocks_are_where_the_table_has_them(tmp_path):
     rocks = defaults().rocks | {"law": "TABLE", "file": str(path), "coverage": 0.1, "clear_radius_m": 0.0}
     shapes = make_rock_shapes(rocks.family, rocks.angularity, 1)
 
-    def ground(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def ground(x: Array, y: Array) -> Array:
         return np.where(np.maximum(np.abs(x), np.abs(y)) <= 10.0, 0.1 * x, np.nan)
 
     found = scatter(rocks, 20.0, 1, ground, shapes, (0.0, 0.0, -np.inf))

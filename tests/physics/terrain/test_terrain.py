@@ -17,6 +17,7 @@ from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_names
 from icymoon.settings.table import TOPICS
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.arrays import Array
 
 #: Every landform at once, two layers, snow and a slope.
 EVERYTHING = check(
@@ -50,7 +51,7 @@ def _ground(*parts: dict, seed: int = 1) -> Terrain:
     return make_terrain(_settings(*parts), seed)
 
 
-def _grid(ground: Terrain, n: int = 65, shortest_m: float = 0.0) -> np.ndarray:
+def _grid(ground: Terrain, n: int = 65, shortest_m: float = 0.0) -> Array:
     axis = np.linspace(-ground.size_m / 2, ground.size_m / 2, n)
     return ground.heights(axis[None, :], axis[:, None], shortest_m)
 
@@ -88,7 +89,7 @@ def test_detail_fades_without_a_step_where_a_mesh_gets_coarser(landscape):
 
 @pytest.mark.parametrize("topic", ["terrain", *MAKERS])
 def test_one_seed_moves_everything(topic):
-    def only(seed: int) -> np.ndarray:
+    def only(seed: int) -> Array:
         parts = {key: value for key, value in EVERYTHING.items() if key == topic}
         if topic != "terrain":
             parts["terrain"] = {"rms_slope_deg": 0.0}
@@ -103,7 +104,7 @@ def test_one_seed_moves_everything(topic):
 def test_one_variant_moves_everything(topic):
     """Relief and layers with the topic ``terrain``, each landform by itself with its own topic."""
 
-    def only(variant: int) -> np.ndarray:
+    def only(variant: int) -> Array:
         parts = {key: value for key, value in EVERYTHING.items() if key == topic}
         return _grid(
             _ground(

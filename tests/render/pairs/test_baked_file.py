@@ -15,6 +15,7 @@ import pytest
 from icymoon.physics.light.baked_rocks import TERMS
 from icymoon.render.pairs import baked_file
 from icymoon.render.pairs.baked_file import BakedLight
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
 KEY, VERTICES, ROCKS = "0123456789ab", 40, 5
@@ -33,7 +34,7 @@ def light() -> BakedLight:
     )
 
 
-def members(**changes) -> dict[str, np.ndarray]:
+def members(**changes) -> dict[str, Array]:
     """Members of a file with changes; None takes one away."""
     whole = {
         "key": np.array(KEY, "S12"),

@@ -11,6 +11,7 @@ import pytest
 from icymoon.stereo.datasets.foreign_pair import ForeignPair
 from icymoon.stereo.datasets.layouts import find_foreign_pairs
 from icymoon.stereo.sources import find_sources
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -139,7 +140,7 @@ def write_exr(path, values):
     ).write(str(path))
 
 
-MAPS: dict[str, Callable[[Path, np.ndarray], object]] = {
+MAPS: dict[str, Callable[[Path, Array], object]] = {
     "a.pfm": foreign.write_pfm,
     "a.exr": write_exr,
     "a.npy": np.save,

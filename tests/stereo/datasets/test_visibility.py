@@ -12,6 +12,7 @@ from icymoon.stereo.datasets.data_files import MapFile
 from icymoon.stereo.datasets.visibility import check_right_truth, find_better_reading
 from icymoon.stereo.measure.fit_check import ray_lengths
 from icymoon.stereo.sources import find_sources
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -30,7 +31,7 @@ for _row in np.flatnonzero(ROCK.any(axis=1)):
 SEEN = (COLUMN >= -0.5) & ~BESIDE
 
 
-def right(values: np.ndarray, kind: str = "depth") -> list[str]:
+def right(values: Array, kind: str = "depth") -> list[str]:
     return check_right_truth(MapFile(Path("r.npy"), kind), values, RIG, DISPARITY)
 
 

@@ -14,6 +14,7 @@ from icymoon.formats.ply import read_triangles
 from icymoon.physics.arm.silhouette import find_silhouette
 from icymoon.stereo.export import bop
 from icymoon.stereo.export.layouts import export
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from rendering import render
 
@@ -39,7 +40,7 @@ def read(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
-def mask(folder: Path, name: str, link: int) -> np.ndarray:
+def mask(folder: Path, name: str, link: int) -> Array:
     image = cv2.imread(str(folder / name / f"000000_{link:06d}.png"), cv2.IMREAD_UNCHANGED)
     assert image is not None
     return np.asarray(image > 0)

@@ -19,6 +19,7 @@ from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export.cameras import quaternion, rays_of
 from icymoon.stereo.export.layouts import FORMATS, export
 from icymoon.stereo.export.radiance_factor import angle_deg
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
 RIG = pairs.camera(96, 72)
@@ -26,7 +27,7 @@ SCENE = pairs.Scene(sky_rows=6)
 SUN_WM2, TILT = 14.0, 0.5
 
 
-def pose(eye: str, turn: float = 0.3) -> np.ndarray:
+def pose(eye: str, turn: float = 0.3) -> Array:
     """A camera that looks down, turned about the vertical: camera axes (right, down, forward) to world (4, 4)."""
     c, s, tilt = math.cos(turn), math.sin(turn), TILT
     heading = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
@@ -69,7 +70,7 @@ def dataset(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def points() -> tuple[np.ndarray, np.ndarray]:
+def points() -> tuple[Array, Array]:
     """World coordinates of what the first pair's left pixels see, and the columns of the right image; NaN for sky."""
     depth = pairs.view(SCENE, RIG, "left")[0]
     eye = pose("left")

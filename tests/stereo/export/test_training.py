@@ -20,6 +20,7 @@ from icymoon.render.pairs.scene_splits import SPLITS, scene_of, split_of
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export import training
 from icymoon.stereo.export.layouts import export
+from icymoon.support.arrays import Array
 from icymoon.support.errors import DiskError, IcyMoonError
 
 RIG = pairs.camera(96, 64)
@@ -117,7 +118,7 @@ def test_shards_have_the_pairs_of_their_split_and_give_the_truth_back(dataset, t
                 members[key, suffix] = archive.extractfile(member).read()
     assert len(members) == 8 * 5
 
-    def image(key: str, suffix: str) -> np.ndarray:
+    def image(key: str, suffix: str) -> Array:
         return cv2.imdecode(np.frombuffer(members[key, suffix], np.uint8), cv2.IMREAD_UNCHANGED)
 
     key = next(iter(wanted))
@@ -154,7 +155,7 @@ def test_croissant_and_the_card_state_what_is_there(dataset, tmp_path):
     assert "8 pairs" in (tmp_path / "README.md").read_text(encoding="utf-8")
 
 
-def read_pfm(path: Path) -> np.ndarray:
+def read_pfm(path: Path) -> Array:
     """As the loaders do: header lines, then floats, bottom row first."""
     with path.open("rb") as stream:
         assert stream.readline().rstrip() == b"Pf"

@@ -14,13 +14,14 @@ from icymoon.stereo.measure.fit_check import (
     known_places,
     ray_lengths,
 )
+from icymoon.support.arrays import Array
 
 RIG = pairs.camera(192, 144)
 #: Ground that rises to the left, with a rock: no symmetry hides a fault.
 SCENE = pairs.Scene(distance_m=2.5, slope_x=0.35, slope_y=0.5)
 
 
-def seen(eye: str, scene: pairs.Scene = SCENE, noise: float = 0.03) -> tuple[np.ndarray, np.ndarray]:
+def seen(eye: str, scene: pairs.Scene = SCENE, noise: float = 0.03) -> tuple[Array, Array]:
     """Depth, and light with noise of each eye's own."""
     depth, light, _ = pairs.view(scene, RIG, eye)
     random = np.random.default_rng(["left", "right"].index(eye))

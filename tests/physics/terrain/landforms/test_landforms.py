@@ -11,6 +11,7 @@ from icymoon.physics.terrain.landforms import MAKERS, Landform, craters, ridges
 from icymoon.physics.terrain.snow_mantle import fill
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 
 
@@ -20,13 +21,13 @@ def _made(topic: str, seed: int = 1, size_m: float = 20.0, **changes: Any) -> La
     return made
 
 
-def _grid(landform: Landform, size_m: float, n: int, shortest_m: float = 0.0) -> tuple[np.ndarray, float]:
+def _grid(landform: Landform, size_m: float, n: int, shortest_m: float = 0.0) -> tuple[Array, float]:
     """Heights on a grid (row: north, column: east), and its spacing."""
     axis = np.linspace(-size_m / 2, size_m / 2, n)
     return np.array(landform.heights(axis[None, :], axis[:, None], shortest_m)), axis[1] - axis[0]
 
 
-def _turned(landform: Landform, azimuth_deg: float, size_m: float, n: int) -> tuple[np.ndarray, float]:
+def _turned(landform: Landform, azimuth_deg: float, size_m: float, n: int) -> tuple[Array, float]:
     """The same along (row) and to the right of (column) an azimuth."""
     axis = np.linspace(-size_m / 2, size_m / 2, n)
     right, along = np.meshgrid(axis, axis)
@@ -47,7 +48,7 @@ def test_rows_of_penitentes_have_the_stated_spacing_across_the_noon_sun(azimuth,
     made = _made("penitentes", height_m=1.0, spacing_m=spacing, noon_azimuth_deg=azimuth, variation=0.3)
     heights, step = _turned(made, azimuth, 40.0, 641)
 
-    def spectrum(axis: int) -> np.ndarray:
+    def spectrum(axis: int) -> Array:
         lines = heights - heights.mean()
         window = np.hanning(len(lines))
         lines = lines * (window[:, None] if axis == 0 else window[None, :])
@@ -396,7 +397,7 @@ def test_the_profile_of_a_crater():
     assert np.abs(np.diff(heights)).max() < 0.001
 
 
-def _law(**changes: Any) -> np.ndarray:
+def _law(**changes: Any) -> Array:
     return craters.draw_craters(merged(defaults(), {"craters": changes}).craters, np.random.default_rng(3), 100.0)
 
 

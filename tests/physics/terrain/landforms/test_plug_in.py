@@ -9,6 +9,7 @@ from icymoon.plugins.landforms import read_landform
 from icymoon.settings.description import defaults
 from icymoon.settings.topics.declaration import Table
 from icymoon.settings.topics.scene import Settings, typed
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from plugin_packages import LANDFORM, add_package
 
@@ -31,7 +32,7 @@ def with_steps(height_m: float, made_by: str = "", name: str = "steps") -> Setti
     return typed({**defaults(), f"landform_{name}": Table(height_m=height_m, count=3, made_by=made_by)})
 
 
-def relief(settings: Settings, shortest_m: float = 0.0, seed: int = 0) -> np.ndarray:
+def relief(settings: Settings, shortest_m: float = 0.0, seed: int = 0) -> Array:
     """What the landforms add."""
     flat = terrain.make_terrain(defaults(), seed).heights(X, 0 * X, shortest_m)
     return np.asarray(terrain.make_terrain(settings, seed).heights(X, 0 * X, shortest_m) - flat)

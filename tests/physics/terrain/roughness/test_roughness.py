@@ -14,6 +14,7 @@ from icymoon.physics.terrain.roughness.structure_function import structure
 from icymoon.physics.terrain.terrain import law_range_m, make_terrain, terrain_advice
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.ground import TerrainSettings
+from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from marks import heavy_but
 
@@ -24,7 +25,7 @@ LAW: dict[str, Any] = {"outer_scale_m": 16.0, "inner_scale_m": 0.0625}
 SHORTEST, LONGEST = 6 * SPACING, 32 * 6 * SPACING
 
 
-def _built(seed: int, n: int = N, **changes: Any) -> np.ndarray:
+def _built(seed: int, n: int = N, **changes: Any) -> Array:
     """Heights as a mesh has them: on its grid, in float32."""
     settings = merged(defaults(), {"terrain": {"size_m": SIZE, **LAW, **changes}})
     axis = np.linspace(-SIZE / 2, SIZE / 2, n)
