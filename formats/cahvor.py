@@ -83,7 +83,7 @@ class Cahvor:
         if self.e is not None:  # the pupil's shift is in units of the distance
             d = d / np.linalg.norm(d, axis=-1, keepdims=True)
         zeta = d @ o
-        away = d - zeta[..., None] * o
+        away: Array = d - zeta[..., None] * o
         l2 = (away**2).sum(axis=-1)
         if self.e is None:
             t = l2 / zeta**2

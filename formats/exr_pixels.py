@@ -9,6 +9,7 @@ import struct
 import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +49,7 @@ class Pixels:
         return _type_of(self._stated[channel]) == _HALF
 
     @property
-    def _line(self) -> np.dtype:
+    def _line(self) -> np.dtype[Any]:
         """A line as it is stored: channel after channel, each with its type."""
         return np.dtype([(name, _TYPES[_type_of(self._stated[name])], (self._width,)) for name in self.channels])
 
@@ -68,7 +69,7 @@ class Pixels:
                 found[line : line + rows, k] = lines[name]
         return found
 
-    def _view_raw(self, stored: np.dtype) -> Array:
+    def _view_raw(self, stored: np.dtype[Any]) -> Array:
         """The chunks of a part without compression, each a line with its number and bytes."""
         chunk = _raw_chunk(stored)
         if {len(each) for each in self._piece.chunks} != {chunk.itemsize}:
@@ -118,7 +119,7 @@ class Pixels:
         line = np.dtype([(component, "<f4", (self._width,)) for component in components])
         return replace(self._piece, attributes=attributes, chunks=self._encode_chunks(values, line))
 
-    def _encode_chunks(self, values: Array, stored: np.dtype) -> list[bytes]:
+    def _encode_chunks(self, values: Array, stored: np.dtype[Any]) -> list[bytes]:
         """Chunks of values whose lines are ``stored`` so."""
         if not self._compression:
             lines = np.empty(self._height, _raw_chunk(stored))
@@ -165,7 +166,7 @@ def encode_part(name: str, channels: Mapping[str, Array], half: bool = False) ->
     return Pixels(Piece(attributes, starts)).encode(values)
 
 
-def _raw_chunk(stored: np.dtype) -> np.dtype:
+def _raw_chunk(stored: np.dtype[Any]) -> np.dtype[Any]:
     """A chunk without compression, of a line whose values are ``stored`` so."""
     return np.dtype([("line", "<i4"), ("bytes", "<i4"), ("values", stored)])
 

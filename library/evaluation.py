@@ -114,7 +114,7 @@ def _sort(
     matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher],
 ) -> tuple[list[str], dict[str, str], dict[str, Matcher]]:
     """Our matchers under their own names, our matchers by the user's names, and functions by their names."""
-    from ..stereo.matchers.methods import OWN_NAME
+    from ..settings.topics.trust_boundary import OWN_NAME
 
     if isinstance(matchers, str):
         matchers = [matchers]

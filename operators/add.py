@@ -77,14 +77,14 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
         name: scene_properties.make_property(TOPICS[topic][key], options={"SKIP_SAVE"}, **_OPTIONS.get(name, {}))
         for name, (topic, key) in own_settings.items()
     }
-    preset: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    preset: bpy.props.EnumProperty(
         items=_list_terrains, name="Ground", description="Ground to start from", options={"SKIP_SAVE"}
     )
-    advanced: bpy.props.BoolProperty(  # type: ignore[valid-type]
+    advanced: bpy.props.BoolProperty(
         name="Advanced", description="Show all settings of the ground", options={"SKIP_SAVE"}
     )
     #: The preset that the other properties were filled from; empty before the first execution.
-    filled_from: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
+    filled_from: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
     def read_settings(self, context: bpy.types.Context) -> Settings:
         """The settings of the sidebar or of the preset, with the changes made here."""
@@ -142,7 +142,7 @@ class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
     own_settings = {key: ("rocks", key) for key in ("family", "angularity", "elongation", "height_ratio")} | {
         "seed": ("dataset", "seed")
     }
-    diameter_m: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    diameter_m: bpy.props.FloatProperty(
         name="Diameter",
         default=0.5,
         min=1.0e-3,
@@ -153,13 +153,13 @@ class ICYMOON_OT_add_block(_AddOperator, bpy.types.Operator):
         unit="LENGTH",
         description="Diameter of a circle with the same area as the rock, seen from above",
     )
-    family: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    family: bpy.props.EnumProperty(
         name="Shape", items=TOPICS["rocks"]["family"].choices[1:], default="FRAGMENTS", description="Shape of the rock"
     )
-    angularity: scene_properties.make_property(TOPICS["rocks"]["angularity"])  # type: ignore[valid-type]
-    elongation: scene_properties.make_property(TOPICS["rocks"]["elongation"])  # type: ignore[valid-type]
-    height_ratio: scene_properties.make_property(TOPICS["rocks"]["height_ratio"])  # type: ignore[valid-type]
-    seed: scene_properties.make_property(TOPICS["dataset"]["seed"])  # type: ignore[valid-type]
+    angularity: scene_properties.make_property(TOPICS["rocks"]["angularity"])
+    elongation: scene_properties.make_property(TOPICS["rocks"]["elongation"])
+    height_ratio: scene_properties.make_property(TOPICS["rocks"]["height_ratio"])
+    seed: scene_properties.make_property(TOPICS["dataset"]["seed"])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         return self.add(context, lambda: build_rock_object(self.read_settings(context), self.diameter_m))

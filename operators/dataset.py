@@ -86,7 +86,7 @@ class ICYMOON_OT_choose_plan(dialogs.SearchDialog, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     bl_property = "plan"
 
-    plan: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    plan: bpy.props.EnumProperty(
         items=plan_items,
         name="Plan",
         description="Plan to render",
@@ -104,7 +104,7 @@ class ICYMOON_OT_open_plan(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_label = "Open Plan"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: bpy.props.StringProperty(  # type: ignore[valid-type]
+    filepath: bpy.props.StringProperty(
         subtype="FILE_PATH",
         name="File",
         description="Plan of a data set",
@@ -242,10 +242,10 @@ class DatasetOperator(JobOperator):
         return job
 
     def report_success(self, context: bpy.types.Context) -> None:
-        dataset = self._process.facts["dataset"]  # type: ignore[attr-defined]
+        dataset = self._process.facts["dataset"]
         self.report({"INFO"}, show_controls(f"The data set in {dataset} is rendered"))  # type: ignore[attr-defined]
         if self._process.facts.get("evaluate"):
-            self._keeper.report(self, context)  # type: ignore[arg-type]
+            self._keeper.report(self, context)
 
 
 class ICYMOON_OT_render_dataset(DatasetOperator, bpy.types.Operator):

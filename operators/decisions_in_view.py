@@ -46,8 +46,8 @@ class ICYMOON_OT_paint_decisions(bpy.types.Operator):
     bl_label = "Show Decisions"  # the redo panel cuts longer ones
     bl_options = {"REGISTER", "UNDO"}
 
-    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the decisions; empty for the first")  # type: ignore[valid-type]
-    map: bpy.props.EnumProperty(name="Map", items=MAPS, description="What the colours show")  # type: ignore[valid-type]
+    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the decisions; empty for the first")
+    map: bpy.props.EnumProperty(name="Map", items=MAPS, description="What the colours show")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

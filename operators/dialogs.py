@@ -10,8 +10,8 @@ class SearchDialog:
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self.properties.is_property_set(self.bl_property):  # type: ignore[attr-defined]
-            return self.execute(context)  # type: ignore[attr-defined,no-any-return]
-        context.window_manager.invoke_search_popup(self)  # type: ignore[arg-type]
+            return self.execute(context)  # type: ignore[attr-defined]
+        context.window_manager.invoke_search_popup(self)
         return {"INTERFACE"}  # as Blender's own searches; a running operator would never be freed
 
 
@@ -19,11 +19,11 @@ class FileDialog:
     """Mix-in: an operator whose ``filepath`` is chosen in a file browser."""
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        context.window_manager.fileselect_add(self)  # type: ignore[arg-type]
+        context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
 
 class TomlFileDialog(FileDialog):
     """Mix-in: an operator whose ``filepath`` is a TOML file, chosen in a file browser."""
 
-    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})  # type: ignore[valid-type]
+    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})

@@ -34,7 +34,7 @@ class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
     bl_label = "Show Measured Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the surface; empty for the most accurate")  # type: ignore[valid-type]
+    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the surface; empty for the most accurate")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         method = self.method or next(iter(methods_with_points(context.scene)), "")
@@ -63,7 +63,7 @@ class ICYMOON_OT_paint_errors(ResultOperator, bpy.types.Operator):
     bl_label = "Paint Errors on Ground"
     bl_options = {"REGISTER", "UNDO"}
 
-    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the errors; empty for the most accurate")  # type: ignore[valid-type]
+    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the errors; empty for the most accurate")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene

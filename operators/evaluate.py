@@ -87,7 +87,7 @@ class ICYMOON_OT_evaluate(JobOperator, bpy.types.Operator):
     bl_idname = "icymoon.evaluate"
     bl_label = "Evaluate"
 
-    scope: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    scope: bpy.props.EnumProperty(
         name="Scope",
         default="SCENE",
         items=(
@@ -135,10 +135,10 @@ class ICYMOON_OT_evaluate_folder(JobOperator, bpy.types.Operator):
     bl_idname = "icymoon.evaluate_folder"
     bl_label = "Evaluate Other Pairs"
 
-    directory: bpy.props.StringProperty(  # type: ignore[valid-type]
+    directory: bpy.props.StringProperty(
         name="Folder", subtype="DIR_PATH", description="Folder of a data set as it was unpacked, or with a pairs.toml"
     )
-    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})  # type: ignore[valid-type]
+    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Let the user choose the folder."""
@@ -193,7 +193,7 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
     bl_label = "Toggle Matcher"
     bl_options = {"REGISTER", "UNDO"}
 
-    matcher: bpy.props.StringProperty(  # type: ignore[valid-type]
+    matcher: bpy.props.StringProperty(
         name="Matcher", default="bm", description="Name of the matcher, such as sgbm or own:mine"
     )
 

@@ -71,7 +71,7 @@ class ICYMOON_OT_remove_matcher(bpy.types.Operator):
     bl_idname = "icymoon.remove_matcher"
     bl_label = "Remove Matcher"
 
-    index: bpy.props.IntProperty(name="Index", min=0, description="Index of the matcher")  # type: ignore[valid-type]
+    index: bpy.props.IntProperty(name="Index", min=0, description="Index of the matcher")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:

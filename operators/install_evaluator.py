@@ -49,7 +49,7 @@ class ICYMOON_OT_install_evaluator(JobOperator, bpy.types.Operator):
     bl_idname = "icymoon.install_evaluator"
     bl_label = "Install Evaluator"
 
-    then_evaluate: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    then_evaluate: bpy.props.EnumProperty(
         name="Then Evaluate",
         default="NOTHING",
         description="What to evaluate once the evaluator is installed",
@@ -84,7 +84,7 @@ class ICYMOON_OT_install_evaluator(JobOperator, bpy.types.Operator):
         """Called after the question: starts the job."""
         if bpy.app.background:
             return super().execute(context)
-        return JobOperator.invoke(self, context, None)  # type: ignore[arg-type]
+        return JobOperator.invoke(self, context, None)
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         if not bpy.app.online_access:

@@ -8,7 +8,6 @@ import bpy
 
 from ..nodes import scene as scenes
 from ..nodes.ground.terrain_mesh import roughness_table
-from ..settings import description
 from ..settings.table import TOPICS
 from ..support.printer import show_controls
 from .list_editing import EditedList, MoveEntry, RemoveEntry
@@ -51,7 +50,7 @@ class ICYMOON_OT_layer_move(_OfLayers, MoveEntry, bpy.types.Operator):
     bl_idname = "icymoon.layer_move"
     bl_label = "Move Layer"
 
-    direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    direction: bpy.props.EnumProperty(
         name="Direction",
         description="Direction in which the layer moves in the list",
         items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")),
@@ -93,7 +92,7 @@ class ICYMOON_OT_show_roughness(bpy.types.Operator):
 
 def layer_title(entry: Any) -> str:
     """A line that describes a layer: basis, fractal and amplitude."""
-    names = {s.key: {c[0]: c[1] for c in s.choices} for s in description.TOPICS["terrain"]["layers"].entries}
+    names = {s.key: {c[0]: c[1] for c in s.choices} for s in TOPICS["terrain"]["layers"].entries}
     return f"{names['basis'][entry.basis]}, {names['fractal'][entry.fractal]}, {entry.amplitude_m:.3g} m"
 
 

@@ -149,7 +149,7 @@ class ICYMOON_OT_open_manual(bpy.types.Operator):
     bl_idname = "icymoon.open_manual"
     bl_label = "Open Manual"
 
-    page: bpy.props.StringProperty(  # type: ignore[valid-type]
+    page: bpy.props.StringProperty(
         name="Page",
         default=FIRST_PAGE,
         options={"SKIP_SAVE"},

@@ -223,20 +223,20 @@ _ICONS = {"ok": "CHECKMARK", "limited": "INFO", "missing": "ERROR"}
 class ICYMOON_PG_matcher(bpy.types.PropertyGroup):
     """One of the user's own matchers, which scenes name as own:NAME"""
 
-    name: bpy.props.StringProperty(  # type: ignore[valid-type]
+    name: bpy.props.StringProperty(
         name="Name", description="Name with letters, digits, - and _. A scene names the matcher as own:NAME"
     )
-    method: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    method: bpy.props.EnumProperty(
         name="Kind",
         description="Kind of matcher",
         items=tuple((name, label, about, "NONE", number) for name, (number, _, label, about) in set_ups()),
     )
-    program: bpy.props.StringProperty(  # type: ignore[valid-type]
+    program: bpy.props.StringProperty(
         name="Command or File",
         description="For a program, its command, with {left}, {right} and {out} if it is started for each pair. For a "
         "network, its ONNX or checkpoint file. For stereo-matching, the Python that has the package",
     )
-    options: bpy.props.StringProperty(  # type: ignore[valid-type]
+    options: bpy.props.StringProperty(
         name="Options",
         description="Other options, separated by colons, such as format=pfm:timeout_s=60 or model=raft-stereo",
     )
@@ -247,21 +247,21 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
 
     bl_idname = ADD_ON
 
-    evaluator: bpy.props.StringProperty(  # type: ignore[valid-type]
+    evaluator: bpy.props.StringProperty(
         name="Evaluator's Python",
         subtype="FILE_PATH",
         default="",
         description=f"Python that evaluates pairs, with {_NEEDED}. Empty for the one that comes with the extension or "
         "that Install Evaluator installs",
     )
-    kernels: bpy.props.StringProperty(  # type: ignore[valid-type]
+    kernels: bpy.props.StringProperty(
         name="SPICE Kernels",
         subtype="FILE_PATH",
         default="",
         description="A meta-kernel, or a folder of kernels, for scenes whose sky positions are from SPICE kernels and "
         "that name no kernels",
     )
-    cache: bpy.props.StringProperty(  # type: ignore[valid-type]
+    cache: bpy.props.StringProperty(
         name="Cache",
         subtype="DIR_PATH",
         default="",
@@ -269,7 +269,7 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         description="Folder for the measured speed of this machine and for stand-ins that were made. Empty for "
         "your user cache, which the command line uses too",
     )
-    workers: bpy.props.IntProperty(  # type: ignore[valid-type]
+    workers: bpy.props.IntProperty(
         name="Workers",
         min=0,
         max=1024,
@@ -278,12 +278,12 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         description="Number of processes that render a data set whose own number is 0. Each needs one to two gigabytes "
         "of memory; 0 for one for each four processors",
     )
-    plugin_matchers: bpy.props.StringProperty(  # type: ignore[valid-type]
+    plugin_matchers: bpy.props.StringProperty(
         name="Matchers of Plug-Ins",
         options={"HIDDEN"},
         description="Those that the last Check found in the evaluator's Python",
     )
-    matchers: bpy.props.CollectionProperty(  # type: ignore[valid-type]
+    matchers: bpy.props.CollectionProperty(
         type=ICYMOON_PG_matcher,
         name="Own Matchers",
         description="Your own programs and networks. For security, scenes and files cannot contain them",

@@ -202,13 +202,13 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     bl_property = "preset"
 
-    preset: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    preset: bpy.props.EnumProperty(
         items=preset_items,
         name="Preset",
         description="Preset to load",
     )
     # In a window: show the scene at once, its ground coarsely, then at full resolution.
-    build: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
+    build: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
@@ -263,7 +263,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
     bl_label = "Add Preset"
     bl_options = {"UNDO"}
 
-    title: bpy.props.StringProperty(  # type: ignore[valid-type]
+    title: bpy.props.StringProperty(
         name="Name",
         default="My Site",
         maxlen=60,

@@ -88,7 +88,7 @@ class ICYMOON_OT_render_pair(JobOperator, bpy.types.Operator):
     bl_idname = "icymoon.render_pair"
     bl_label = "Render Stereo Pair"
 
-    again: bpy.props.BoolProperty(  # type: ignore[valid-type]
+    again: bpy.props.BoolProperty(
         name="Again", default=False, description="Render pairs again that are already complete"
     )
 

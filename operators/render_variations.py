@@ -67,7 +67,7 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
     bl_idname = "icymoon.render_variations"
     bl_label = "Render These Variations"
 
-    folder: bpy.props.StringProperty(  # type: ignore[valid-type]
+    folder: bpy.props.StringProperty(
         name="Folder",
         subtype="DIR_PATH",
         options={"SKIP_SAVE"},

@@ -426,7 +426,7 @@ class ICYMOON_OT_show_error(ResultOperator, bpy.types.Operator):
     bl_idname = "icymoon.show_error"
     bl_label = "Show Stereo Error Image"
 
-    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the errors; empty for the most accurate")  # type: ignore[valid-type]
+    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the errors; empty for the most accurate")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not error_images(context.scene):

@@ -22,7 +22,7 @@ class ICYMOON_OT_load_settings(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_label = "Load Settings"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: bpy.props.StringProperty(  # type: ignore[valid-type]
+    filepath: bpy.props.StringProperty(
         subtype="FILE_PATH",
         name="File",
         description="TOML file to read",
@@ -45,7 +45,7 @@ class ICYMOON_OT_save_settings(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_idname = "icymoon.save_settings"
     bl_label = "Save Settings"
 
-    filepath: bpy.props.StringProperty(  # type: ignore[valid-type]
+    filepath: bpy.props.StringProperty(
         subtype="FILE_PATH",
         name="File",
         description="TOML file to write",

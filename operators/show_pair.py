@@ -198,21 +198,21 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
     bl_idname = "icymoon.show_pair"
     bl_label = "Show Stereo Pair"
 
-    view: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    view: bpy.props.EnumProperty(
         name="View",
         items=VIEWS,
         default="SIDE_BY_SIDE",
         options={"SKIP_SAVE"},
         description="How to show it",
     )
-    number: bpy.props.IntProperty(  # type: ignore[valid-type]
+    number: bpy.props.IntProperty(
         name="Pair",
         default=1,
         min=1,
         options={"SKIP_SAVE"},
         description="Which pair, if the scene has several headings",
     )
-    automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
+    automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:

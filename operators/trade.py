@@ -69,14 +69,14 @@ def _begin(context: bpy.types.Context, verb: str, title: str, *arguments: str) -
 class _MeasureDialog:
     """Mix-in: a dialog with the scale of the images and the samples of the reference."""
 
-    scale: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    scale: bpy.props.FloatProperty(
         name="Image Scale",
         default=0.5,
         min=0.01,
         max=1.0,
         description="Scale of width and height of the measured images. A scale of 0.5 takes a quarter of the time",
     )
-    reference_samples: bpy.props.IntProperty(  # type: ignore[valid-type]
+    reference_samples: bpy.props.IntProperty(
         name="Reference Samples",
         default=1024,
         min=2,
@@ -89,8 +89,8 @@ class _MeasureDialog:
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background:
-            return self.execute(context)  # type: ignore[attr-defined,no-any-return]
-        return context.window_manager.invoke_props_dialog(self)  # type: ignore[no-any-return]
+            return self.execute(context)
+        return context.window_manager.invoke_props_dialog(self)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Called after the dialog: starts the job."""
@@ -128,7 +128,7 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, JobOperator, bpy.types.Operator):
     bl_label = "Find Cheapest Quality"
     bl_options = {"UNDO"}
 
-    judged_by: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    judged_by: bpy.props.EnumProperty(
         name="Error",
         description="The error of a matcher that must be within the tolerance",
         items=(
@@ -137,7 +137,7 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, JobOperator, bpy.types.Operator):
             ("BOTH", "Both", "Both errors must be within their tolerances"),
         ),
     )
-    tolerance_px: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    tolerance_px: bpy.props.FloatProperty(
         name="Added Error (px)",
         default=tolerance.PX,
         min=tolerance.PX_LEAST,
@@ -145,7 +145,7 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, JobOperator, bpy.types.Operator):
         precision=3,
         description="Tolerance: mean disparity error above that of a noise-free image",
     )
-    tolerance_bad_1: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    tolerance_bad_1: bpy.props.FloatProperty(
         name="Added Bad-1 (%)",
         default=100 * tolerance.BAD_1,
         min=100 * tolerance.BAD_1_LEAST,

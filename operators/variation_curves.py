@@ -42,7 +42,7 @@ class ICYMOON_OT_show_curve(bpy.types.Operator):
     bl_idname = "icymoon.show_curve"
     bl_label = "Show Error Curve"
 
-    setting: bpy.props.StringProperty(name="Setting", description="Which setting; if empty, the first that varies")  # type: ignore[valid-type]
+    setting: bpy.props.StringProperty(name="Setting", description="Which setting; if empty, the first that varies")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

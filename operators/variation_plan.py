@@ -103,7 +103,7 @@ class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
     bl_idname = "icymoon.save_plan"
     bl_label = "Save Plan"
 
-    filepath: bpy.props.StringProperty(  # type: ignore[valid-type]
+    filepath: bpy.props.StringProperty(
         subtype="FILE_PATH",
         name="File",
         description="TOML file to write",

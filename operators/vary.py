@@ -75,13 +75,13 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     bl_property = "setting"
 
-    setting: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    setting: bpy.props.EnumProperty(
         items=_ITEMS,
         name="Setting",
         options={"SKIP_SAVE"},
         description="Which setting varies",
     )
-    values: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    values: bpy.props.EnumProperty(
         items=_choice_items,
         name="Values",
         options={"ENUM_FLAG", "SKIP_SAVE"},
@@ -225,7 +225,7 @@ class ICYMOON_OT_variation_move(_OfVariations, MoveEntry, bpy.types.Operator):
     bl_idname = "icymoon.variation_move"
     bl_label = "Move Varied Setting"
 
-    direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    direction: bpy.props.EnumProperty(
         name="Direction",
         description="Direction of the move",
         items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")),

@@ -75,9 +75,9 @@ def reconstruct(key: str, seed: int = SEED) -> Reconstruction:
     if item.holes:
         openness = fields.sample(fields.openness(coarse, 24.0), places[:, 1], places[:, 0])
         keep = _with_holes(random, xy, faces, keep, openness, item)
-    positions = np.column_stack([xy, height])
+    positions: Array = np.column_stack([xy, height])
     if item.holes:
-        positions = positions + _drift(random, xy, item.size_m)
+        positions += _drift(random, xy, item.size_m)
         positions[:, 2] += _NOISE * edge_m * random.standard_normal(len(positions))
     used, faces = np.unique(faces[keep], return_inverse=True)
     positions, uv, faces = positions[used], uv[used], faces.reshape(-1, 3)

@@ -169,7 +169,7 @@ def lock(path: Path) -> IO[bytes] | None:
             import msvcrt
 
             stream.seek(0)
-            msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+            msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)
         else:
             import fcntl
 
@@ -239,7 +239,7 @@ def _allows_long_paths() -> bool:
     import ctypes
 
     try:
-        return bool(ctypes.WinDLL("ntdll").RtlAreLongPathsEnabled())  # type: ignore[attr-defined,unused-ignore]
+        return bool(ctypes.WinDLL("ntdll").RtlAreLongPathsEnabled())
     except (AttributeError, OSError):  # before Windows 10 of 2016
         return False
 
@@ -520,7 +520,7 @@ def lower_priority() -> None:
     if is_windows():
         import ctypes
 
-        kernel = ctypes.WinDLL("kernel32")  # type: ignore[attr-defined,unused-ignore]
+        kernel = ctypes.WinDLL("kernel32")
         kernel.SetPriorityClass(kernel.GetCurrentProcess(), _BELOW_NORMAL)
         return
     with suppress(OSError):  # a system that refuses it is slower, no more
@@ -561,13 +561,13 @@ def _wait_for_input_end() -> None:
         while os.read(0, 1):
             pass
         return
-    import _winapi  # type: ignore[import-not-found,unused-ignore]
+    import _winapi
     import msvcrt
 
     # A read that waits would hold up all that looks at the pipe meanwhile there, as many libraries do when loaded.
     with suppress(BrokenPipeError):
         while True:
-            _winapi.PeekNamedPipe(msvcrt.get_osfhandle(0), 0)  # type: ignore[attr-defined,unused-ignore]
+            _winapi.PeekNamedPipe(msvcrt.get_osfhandle(0), 0)
             time.sleep(_LOOK_S)
 
 
@@ -631,17 +631,17 @@ def is_gone(pid: int, where: str) -> bool:
 
 
 def _is_gone_on_windows(pid: int) -> bool:
-    import _winapi  # type: ignore[import-not-found,unused-ignore]
+    import _winapi
 
     try:  # os.kill with 0, which only looks elsewhere, would end it
-        handle = _winapi.OpenProcess(_winapi.SYNCHRONIZE, False, pid)  # type: ignore[attr-defined,unused-ignore]
+        handle = _winapi.OpenProcess(_winapi.SYNCHRONIZE, False, pid)
     except OSError as error:
         return getattr(error, "winerror", None) == _NO_SUCH_PROCESS
     try:  # one that has ended is still there as long as anybody has a handle on it
-        ended = _winapi.WaitForSingleObject(handle, 0)  # type: ignore[attr-defined,unused-ignore]
-        return bool(ended == _winapi.WAIT_OBJECT_0)  # type: ignore[attr-defined,unused-ignore]
+        ended = _winapi.WaitForSingleObject(handle, 0)
+        return bool(ended == _winapi.WAIT_OBJECT_0)
     finally:
-        _winapi.CloseHandle(handle)  # type: ignore[attr-defined,unused-ignore]
+        _winapi.CloseHandle(handle)
 
 
 def set_utf8_output() -> None:

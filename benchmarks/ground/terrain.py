@@ -51,7 +51,7 @@ def looped(function: Callable[[Vector], float]) -> float:
     return least_seconds(work) * (1e6 / LOOPED**2)
 
 
-def settings(*parts: dict) -> Settings:
+def settings(*parts: dict[str, Any]) -> Settings:
     """The defaults on a million vertices, with changes."""
     size = {"terrain": {"size_m": SIZE, "resolution": SIDE}}
     return description.merged(description.defaults(), size, *(description.check(p, "benchmark") for p in parts))
@@ -76,7 +76,7 @@ def one_layer(**changes: object) -> Callable[[], Any]:
     return lambda: ground.heights(AXIS[None, :], AXIS[:, None])
 
 
-def built(*parts: dict) -> Callable[[], Any]:
+def built(*parts: dict[str, Any]) -> Callable[[], Any]:
     """Work: a terrain from its settings to Blender's mesh."""
     described = settings(*parts)
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from icymoon.benchmarks.common.renders import seconds_of_render, settings_of, start_blender
 from icymoon.settings import description
 from icymoon.settings.topics.declaration import Parts
+from icymoon.settings.topics.scene import Settings
 
 PLAIN: Parts = {"surface": {"albedo": 0.8, "albedo_variation": 0.1}, "light": {"planet": False}}
 _CLEAR: Parts = {"rocks": {"own_surface": True}, "rock_surface": {"transmission": 0.7}}
@@ -33,7 +34,7 @@ LAYERS: dict[str, Parts] = {
 }
 
 
-def small(preset: str, width: int, samples: int, *parts: Parts) -> description.Settings:
+def small(preset: str, width: int, samples: int, *parts: Parts) -> Settings:
     """A preset's settings for an image this wide, without a denoiser, with changes."""
     image: Parts = {
         "rig": {"width_px": width, "height_px": width * 3 // 4},

@@ -68,6 +68,6 @@ def main(options: argparse.Namespace) -> None:
     print(f"report     {(whole - measured):.3f} CPU-s once")
     if options.profile:
         stats = pstats.Stats(profile)
-        for (file, _, name), (_, _, _, cumulative, _) in stats.stats.items():  # type: ignore[attr-defined]
+        for (file, _, name), (_, _, _, cumulative, _) in stats.stats.items():
             if any(file.endswith(path) and name == wanted for path, wanted in PARTS):
                 print(f"  {name:24}{cumulative / rows:8.3f}")

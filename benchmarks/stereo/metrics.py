@@ -76,7 +76,11 @@ def main(options: argparse.Namespace) -> None:
             "cumulative error": lambda: error_curve(depth, truth),
             "sparsification": lambda: sparsification(error.ravel()[by_confidence(prepared.gradient)]),
             "errors by stratum": lambda: sums_by_class(
-                prepared.cells, *(values[prepared.known] for values in (depth, truth, disparity, true))
+                prepared.cells,
+                depth[prepared.known],
+                truth[prepared.known],
+                disparity[prepared.known],
+                true[prepared.known],
             ),
             "texture": lambda: texture(prepared.left),
             "occlusion of one eye": lambda: visible_in_right(loaded.depth["left"], loaded.depth["right"], camera),

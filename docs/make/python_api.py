@@ -57,7 +57,11 @@ def _member(name: str, member: Any) -> str:
     found = getattr(member, "fget", None) or getattr(member, "func", None) or member
     if not (inspect.isfunction(found) and found.__doc__):
         return ""
-    shown = _signature(found) if inspect.isfunction(member) else f" -> {found.__annotations__.get('return', '')}"
+    shown = (
+        _signature(found)
+        if inspect.isfunction(member)
+        else f" -> {_name_arrays(found.__annotations__.get('return', ''))}"
+    )
     return f"### {name}\n\n```text\n{name.rpartition('.')[2]}{shown}\n```\n\n{_prose(found)}\n"
 
 
@@ -69,7 +73,12 @@ def _signature(item: Callable[..., Any]) -> str:
         return ""
     text = re.sub(r"(: |-> )'([^']*)'", r"\1\2", text)
     text = re.sub(r"<function (\w+) at \w+>", r"\1", text)
-    return re.sub(r"\(self(, )?", "(", text).removesuffix(" -> None")
+    return _name_arrays(re.sub(r"\(self(, )?", "(", text).removesuffix(" -> None"))
+
+
+def _name_arrays(text: str) -> str:
+    """Types with NumPy's name of an array in place of ours."""
+    return re.sub(r"\bArray\b", "np.ndarray", text)
 
 
 def _prose(item: Any) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...formats import files_beside, gdal_lines, geotiff
+from ...formats import files_beside, gdal_lines, geotiff, tiff
 from ...formats.exr_layout import KIND as EXR
 from ...formats.exr_layout import read_layout
 from ...formats.geotiff import MapPlace, Site
@@ -75,7 +75,7 @@ def read_heights(
         lambda foreign: foreign.part(0, min(foreign.size, _START)),
         "a height map",
         "check source.file",
-        geotiff.MOST_BYTES,
+        tiff.MOST_BYTES,
     )
     if suffix in gdal_lines.SUFFIXES:
         raise IcyMoonError(f"{path}: {gdal_lines.advise(path, start, body_radius_m)}")

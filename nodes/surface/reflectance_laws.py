@@ -34,11 +34,12 @@ from ...settings.topics.surfaces import HapkeSettings
 from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
+from ..light.planet_lamp import planet_inputs
 from ..tree.builder import Tree
 from ..tree.formula import Number, Vector
 from . import hapke_nodes
 from .hapke_osl import add_script_node
-from .sun_inputs import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, planet_inputs, sun_inputs
+from .sun_inputs import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, sun_inputs
 
 
 @dataclass(frozen=True)

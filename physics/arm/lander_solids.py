@@ -63,7 +63,9 @@ def pad_centres(lander: LanderSettings) -> tuple[tuple[float, float], tuple[floa
     return (lander.pad_ahead_m, lander.pad_apart_m / 2), (lander.pad_ahead_m, -lander.pad_apart_m / 2)
 
 
-def _upright(material: str, outline: Sequence[tuple[float, float]], at: Sequence[float], sides: int = 40) -> Solid:
+def _upright(
+    material: str, outline: Sequence[tuple[float, float]], at: tuple[float, ...] | Array, sides: int = 40
+) -> Solid:
     """A solid of revolution about the upright axis through a place, from (height, radius) of its outline."""
     return moved(lathe(material, outline, sides), pose(_ABOUT_Z[:3, :3], at))
 

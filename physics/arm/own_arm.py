@@ -239,6 +239,6 @@ def _capsules(joints: tuple[Joint, ...], solids: Mapping[str, Solid]) -> tuple[C
         low, high = float((at + slack).min()), float((at - slack).max())
         if low > high:
             low = high = (low + high) / 2
-        start, end = (tuple(float(each) for each in middle + t * along) for t in (low, high))
-        found.append(Capsule(k, start, end, radius))  # type: ignore[arg-type]
+        ends = [(float(x), float(y), float(z)) for x, y, z in (middle + low * along, middle + high * along)]
+        found.append(Capsule(k, ends[0], ends[1], radius))
     return tuple(found)

@@ -99,7 +99,7 @@ class StereoCamera:
             self.margin_y_px : self.margin_y_px + self.height_px, self.margin_x_px : self.margin_x_px + self.width_px
         ]
 
-    def disparity(self, depth_m: Array) -> Array:
+    def disparity(self, depth_m: Array | np.floating[Any]) -> Array:
         """Disparity in px of planar depths in metres; NaN stays NaN (sky)."""
         return self.focal_baseline_px_m / np.asarray(depth_m, np.float64) - self.doffs_px
 

@@ -57,7 +57,7 @@ def with_clods(
         np.stack([row, column], axis=1).astype(np.float64),
         math.tan(math.radians(repose_deg)) * _friction(width, random),
     )
-    raised = _raise_clods(top, place, width, grid.cell_m, random) - top
+    raised: Array = _raise_clods(top, place, width, grid.cell_m, random) - top
     held = float(raised.sum())
     raised *= min(1.0, _MOST_SHARE * total / held) if held > 0.0 else 0.0
     return np.asarray(spoil_m * (1.0 - float(raised.sum()) / total) + raised)

@@ -33,7 +33,7 @@ def hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
         - (shape.observer @ shape.observer - 1) * (shape.stretch @ shape.stretch) / shape.radius**2
     )
     sun = planet.sun
-    up = planet.direction - (planet.direction @ sun) * sun  # chords run toward the planet, across its limb
+    up: Array = planet.direction - (planet.direction @ sun) * sun  # chords run toward the planet, across its limb
     if np.linalg.norm(up) < 1e-12:
         up = np.cross(sun, np.eye(3)[np.abs(sun).argmin()])
     up /= np.linalg.norm(up)

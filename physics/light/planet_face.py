@@ -119,7 +119,7 @@ FACES = {"SATURN": _saturn(), "JUPITER": _jupiter()}
 
 def spot_axes(planet: Planet, spot: Spot) -> Array:
     """Normal of the globe in the middle of a spot, and directions to the east and the north there: rows of (3, 3)."""
-    front = -planet.direction + (planet.direction @ planet.pole) * planet.pole
+    front: Array = -planet.direction + (planet.direction @ planet.pole) * planet.pole
     if np.linalg.norm(front) < 1e-9:  # seen from above a pole
         front = np.cross(planet.pole, np.eye(3)[np.abs(planet.pole).argmin()])
     front /= np.linalg.norm(front)

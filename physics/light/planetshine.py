@@ -239,7 +239,7 @@ def lit_chords(planet: Planet) -> tuple[Array, float]:
 
     The circle is the equator's about the planet's centre, in coordinates that keep areas.
     """
-    across = planet.sun - (planet.sun @ planet.direction) * planet.direction
+    across: Array = planet.sun - (planet.sun @ planet.direction) * planet.direction
     if np.linalg.norm(across) < 1e-6:
         across = np.cross(planet.direction, np.eye(3)[np.abs(planet.direction).argmin()])
     across /= np.linalg.norm(across)

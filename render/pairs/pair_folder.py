@@ -39,10 +39,9 @@ from ...support.file_shapes import (
     Maybe,
     check_record,
     find_fault,
-    parse_json,
-    reason_of,
 )
 from ...support.files import PART, json_text, quote, read_text, replace_if_unchanged, sha256
+from ...support.foreign_bytes import parse_json, reason_of
 from .our_files import check_no_link, checked_id, folder_of_pairs, is_regular
 from .statements import find_contradictions
 from .workspace_cells import WORKSPACE_FILE
@@ -94,7 +93,7 @@ class Pair:
     def rectified_pose(self, eye: str) -> Array | None:
         """The matrix (4, 4) from an eye of the parallel rig, in OpenCV's axes, to the world; None without a pose."""
         try:
-            pose = np.array(self.rectified_poses[eye], np.float64)  # type: ignore[index]
+            pose = np.array((self.rectified_poses or {})[eye], np.float64)
         except (KeyError, TypeError, ValueError):
             return None
         return pose if pose.shape == (4, 4) and np.isfinite(pose).all() else None

@@ -107,7 +107,7 @@ def register_law(
     import drjit as dr
     import mitsuba as mi
 
-    class Law(mi.BSDF):  # type: ignore[misc]
+    class Law(mi.BSDF):
         """The BSDF; dark from below."""
 
         def __init__(self, props: Any) -> None:

@@ -40,7 +40,8 @@ class Grid:
         """East and north (rows, columns) of the centres of the cells, metres."""
         east = self.west_m + (np.arange(self.columns) + 0.5) * self.cell_m
         north = self.north_m - (np.arange(self.rows) + 0.5) * self.cell_m
-        return tuple(np.meshgrid(east, north))  # type: ignore[return-value]
+        x, y = np.meshgrid(east, north)
+        return x, y
 
     def cells_of(self, position_m: Array) -> Array:
         """The number of the cell, row by row, of each point (n, 2 or 3); -1 outside."""

@@ -36,7 +36,7 @@ class BasicConv(nn.Module):
             (True, True): nn.ConvTranspose3d,
         }[deconv, volume]
         padding = 1 if deconv else kernel // 2
-        self.conv = kind(inputs, outputs, kernel, stride, padding, bias=False)  # type: ignore[call-arg]
+        self.conv = kind(inputs, outputs, kernel, stride, padding, bias=False)
         self.bn = nn.BatchNorm3d(outputs) if volume else nn.BatchNorm2d(outputs)
         self.plain = plain
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -61,7 +61,7 @@ _PAGED = (
     ("epe_px", "EPE of measured (px)", 3, 1.0),
 )
 #: Facts about pairs whose distinct values the report lists.
-_MIXED = {
+_MIXED: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "data": lambda facts: facts.get("layout", "rendered here"),
     "image (px)": lambda facts: f"{facts['width_px']} × {facts['height_px']}",
     "f·B (px·m)": lambda facts: f"{facts['focal_baseline_px_m']:.6g}",

@@ -162,7 +162,9 @@ def _write_comparisons(part: Path, comparisons: Sequence[Comparison]) -> None:
         writer = csv.DictWriter(stream, tuple(Comparison.__annotations__), extrasaction="raise", lineterminator="\n")
         writer.writeheader()
         writer.writerows(
-            {**entry, **{key: escape_cell(entry[key] or "") for key in ("a", "b", "better")}} for entry in comparisons
+            dict(entry)
+            | {"a": escape_cell(entry["a"]), "b": escape_cell(entry["b"]), "better": escape_cell(entry["better"] or "")}
+            for entry in comparisons
         )
 
 

@@ -65,7 +65,7 @@ WANTED = sys.argv[sys.argv.index("--") + 2 :]
 #: Light paths per pixel: enough that a render is seen to advance.
 SAMPLES = 48
 
-steps: list[dict] = []
+steps: list[dict[str, Any]] = []
 ticks: list[tuple[float, float]] = []  # when Blender let us run, and when we were done
 
 

@@ -88,6 +88,11 @@ def shoot_only(what: str, blender: Blender, archive: Path) -> str:
     return shoot(blender, archive, what)
 
 
+def drive_steps(steps: list[str], blender: Blender, archive: Path) -> str:
+    """Drive some steps, or all if none is named."""
+    return drive(blender, archive, *steps)
+
+
 def main(words: list[str]) -> int:
     """Drive the named Blenders, or all there are; or take pictures."""
     names = [word for word in words if not word.startswith("--")]
@@ -96,7 +101,7 @@ def main(words: list[str]) -> int:
         **{f"--{what}": partial(shoot_only, what) for what in ("manual", "narrow")},
     }
     steps = [step for word in words if word.startswith("--steps=") for step in word.partition("=")[2].split(",")]
-    act = pictures.get(words[0] if words else "", lambda blender, archive: drive(blender, archive, *steps))
+    act = pictures.get(words[0] if words else "", partial(drive_steps, steps))
     failed = ran = 0
     with tempfile.TemporaryDirectory(prefix="icymoon-zip-") as folder:
         archive = Path(folder) / "icymoon.zip"

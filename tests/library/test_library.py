@@ -58,13 +58,13 @@ def test_the_import_is_light_and_every_name_is_there():
     ("make", "words"),
     [
         (lambda: Scene("europa_rough_icee"), ["europa_rough_ice"]),
-        (lambda: Scene(rigg={}), ["rigg", "'rig'"]),  # type: ignore[call-arg]
-        (lambda: Scene(rig={"width": 3}), ["rig.width", "width_px"]),  # type: ignore[typeddict-unknown-key]
-        (lambda: Scene(rig={"width_px": 2.5}), ["rig.width_px", "whole number"]),  # type: ignore[typeddict-item]
+        (lambda: Scene(rigg={}), ["rigg", "'rig'"]),
+        (lambda: Scene(rig={"width": 3}), ["rig.width", "width_px"]),
+        (lambda: Scene(rig={"width_px": 2.5}), ["rig.width_px", "whole number"]),
         (lambda: Scene(rig={"baseline_m": -1}), ["rig.baseline_m", "m"]),
         (lambda: Scene().change(surface={"model": "LAMBERTT"}), ["LAMBERT"]),
     ],
-)  # type: ignore[typeddict-item]
+)
 def test_what_is_unknown_is_refused_with_the_nearest_name(make, words):
     """The type checker refuses all but the first and the fifth, too."""
     with pytest.raises(IcyMoonError) as raised:

@@ -101,7 +101,7 @@ def test_what_is_known_is_made_once_until_anything_changes(change):
 
 
 def test_a_module_follows_events_only_while_it_is_registered(scene):
-    heard = []
+    heard: list[object] = []
     timer = heard.copy  # any function
     register, unregister = events.follow(
         lambda scene, effects: heard.append(set(effects)),

@@ -103,7 +103,7 @@ def test_no_module_imports_or_lists_a_plug_in_by_name():
                 lists += [f"{path.relative_to(ROOT)} imports {name}" for name in imported]
             if isinstance(node, ast.Tuple | ast.List | ast.Set | ast.Dict) and path.stem not in own:
                 each = node.keys if isinstance(node, ast.Dict) else node.elts
-                texts = {item.value for item in each if isinstance(item, ast.Constant)}
+                texts = {str(item.value) for item in each if isinstance(item, ast.Constant)}
                 if len(texts & names) > 1:
                     lists.append(f"{path.relative_to(ROOT)} line {node.lineno} lists {sorted(texts & names)}")
     assert lists == []

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import cv2
 import icymoon
@@ -407,7 +408,8 @@ def test_the_printed_tables_rank_what_the_scenes_allow_and_call_nothing_a_zero(c
         numbers | {"method": "sgbm", "pairs": 8, "n": 9, "ranks": {}},
         numbers | {"method": "igev", "pairs": 0, "n": 0, "ranks": {}, "coverage": 0.0, "seconds": 4.5},
     ]
-    cli._print_summary({"summary": rows, "verdicts": "8 scenes [of 9].", "notes": ["A note."], "plug_ins": []})
+    report: Any = {"summary": rows, "verdicts": "8 scenes [of 9].", "notes": ["A note."], "plug_ins": []}
+    cli._print_summary(report)
     printed = capsys.readouterr().out
     lines = [re.split(r"\s*│\s*", line)[1:-1] for line in printed.splitlines() if "│" in line]
     assert [line[:2] for line in lines] == [

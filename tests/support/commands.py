@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr
 from typing import Any
 
+from icymoon.benchmarks import FOLDER
 from icymoon.benchmarks.common import studies
 from icymoon.commands import cli
 from icymoon.settings import description, preset_files
@@ -85,7 +86,7 @@ def _fault(words: list[str]) -> str:
     if program in PYTHONS:
         if rest[0] == "__main__.py":
             rest = ["-m", "icymoon", *rest[1:]]
-        if rest[0] == studies.FOLDER.name:
+        if rest[0] == FOLDER.name:
             return study_fault(rest[1:])
         if rest[0] != "-m":
             return "" if (ROOT / rest[0]).is_file() else f"there is no {rest[0]}"

@@ -24,7 +24,10 @@ ROW = {
 
 
 def write_evaluation(
-    folder: Path, *rows: dict, shown: Sequence[dict] = (), created: str = "2038-06-01T12:34:56+00:00"
+    folder: Path,
+    *rows: dict[str, Any],
+    shown: Sequence[dict[str, Any]] = (),
+    created: str = "2038-06-01T12:34:56+00:00",
 ) -> None:
     """Write what the window reads of an evaluation."""
     folder.mkdir(exist_ok=True)
@@ -40,7 +43,7 @@ def write_evaluation(
     )
 
 
-def evaluated(scene: bpy.types.Scene, dataset: Path, *rows: dict, scope: str = "SCENE", **facts: Any) -> None:
+def evaluated(scene: bpy.types.Scene, dataset: Path, *rows: dict[str, Any], scope: str = "SCENE", **facts: Any) -> None:
     """A scene whose pair of this data set was evaluated."""
     scene.icymoon.dataset.folder = str(dataset)
     settings = scene_properties.read_settings(scene.icymoon)

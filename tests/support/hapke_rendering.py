@@ -44,7 +44,7 @@ SMOOTH = FACETS + (5 * 2.2e-5 if bpy.app.version >= (5, 2, 0) else 0.0)
 
 
 def picture(
-    tmp_path: Path, *parts: dict, change: Callable[[scenes.Built], object] | None = None
+    tmp_path: Path, *parts: dict[str, Any], change: Callable[[scenes.Built], object] | None = None
 ) -> tuple[Pair, scenes.Built]:
     """Build, let ``change`` touch what was built, render one pair, whose truth is of the same rays as its light, which
     is not rounded."""
@@ -81,7 +81,7 @@ def rays(pair: Pair) -> Array:
 def angles(normal: Array, sun: Array, eye: Array) -> tuple[Array, Array, Array]:
     """Incidence, emission and azimuth in radians, without an arc cosine."""
     sun = np.broadcast_to(sun / np.linalg.norm(sun, axis=-1, keepdims=True), eye.shape)
-    across = [np.cross(ray, normal) for ray in (sun, eye)]
+    across: list[Any] = [np.cross(ray, normal) for ray in (sun, eye)]
     i, e = (
         np.arctan2(np.linalg.norm(c, axis=-1), (ray * normal).sum(-1))
         for c, ray in zip(across, (sun, eye), strict=True)

@@ -13,7 +13,7 @@ from pathlib import Path
 from icymoon.support.version import ROOT
 
 sys.path.insert(0, str(ROOT / "docs" / "make"))
-import reference
+import reference as reference
 
 #: Pages beside those in ``docs/``.
 TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")

@@ -13,9 +13,9 @@ class Layout:
     """Stands in for ``UILayout``: takes everything that one does, and refuses what Blender has not."""
 
     real = bpy.types.UILayout.bl_rna
-    record: list
+    record: list[Any]
 
-    def __init__(self, record: list | None = None) -> None:
+    def __init__(self, record: list[Any] | None = None) -> None:
         self.__dict__["record"] = [] if record is None else record
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -83,7 +83,7 @@ class _Settable:
             assert value in prop.enum_items, f"{self.rna.identifier}.{name} cannot be {value!r}"
 
 
-def drawn(cls: Any) -> list:
+def drawn(cls: Any) -> list[Any]:
     """What a panel or menu draws now; nothing where its poll says so."""
     if not getattr(cls, "poll", lambda context: True)(bpy.context):
         return []
@@ -97,5 +97,5 @@ def drawn(cls: Any) -> list:
     return layout.record
 
 
-def texts(record: list) -> str:
+def texts(record: list[Any]) -> str:
     return " ".join(str(entry) for entry in record)

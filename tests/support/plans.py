@@ -18,7 +18,7 @@ TINY: dict[str, Any] = {
 }
 
 
-def planned(*parts: dict) -> PlannedPair:
+def planned(*parts: dict[str, Any]) -> PlannedPair:
     """One tiny pair with changes."""
     settings = description.merged(description.defaults(), *(description.check(p, "test") for p in (TINY, *parts)))
     return PlannedPair(description.digest(settings, blur_identity(settings)), settings, 0.0)

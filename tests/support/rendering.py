@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -12,11 +13,10 @@ from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
-from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings
 from icymoon.support.arrays import Array
 
-SMALL: Parts = {
+SMALL: dict[str, dict[str, Any]] = {
     "terrain": {"resolution": 65},
     "mesh": {"kind": "GRID"},
     "quality": {"samples": 2, "threads": 2},
@@ -24,7 +24,7 @@ SMALL: Parts = {
 }
 
 
-def complete(*parts: dict) -> Settings:
+def complete(*parts: dict[str, Any]) -> Settings:
     """The defaults, made small, with changes."""
     return description.merged(description.defaults(), SMALL, *(description.check(p, "test") for p in parts))
 
@@ -35,7 +35,7 @@ def empty_scene() -> bpy.types.Scene:
     return bpy.context.scene
 
 
-def render(folder: Path, *parts: dict) -> tuple[Pair, Built]:
+def render(folder: Path, *parts: dict[str, Any]) -> tuple[Pair, Built]:
     """Build a described scene, render its first pair into a data set folder and read it back."""
     settings = complete(*parts)
     scene = empty_scene()

@@ -25,7 +25,7 @@ class Stand:
         self.blender.write_text(text.replace("#!/usr/bin/env python3", f"#!{sys.executable}"))
         self.blender.chmod(self.blender.stat().st_mode | stat.S_IXUSR)
         self.behave()
-        self.said: list[dict] = []
+        self.said: list[dict[str, Any]] = []
 
     def behave(self, **how: str) -> None:
         """What goes wrong, by pair."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from icymoon.support.arrays import Array
@@ -24,7 +25,7 @@ def write_tiff(
     nodata: str = "",
     geographic: bool = False,
     point: bool = False,
-    extra: dict[int, tuple] | None = None,
+    extra: dict[int, tuple[Any, ...]] | None = None,
     keys: dict[int, int] | None = None,
     metadata: str = "",
     matrix: tuple[float, ...] = (),
@@ -36,7 +37,7 @@ def write_tiff(
     unless they are given; ``matrix`` is written in place of the pixel's size.
     """
     rows, columns = values.shape
-    values = values.astype(values.dtype.newbyteorder(order))
+    values = values.astype(np.dtype(f"{order}{values.dtype.str[1:]}"))
     strip = rows_per_strip or rows
     if tile:
         padded = np.zeros((-(-rows // tile) * tile, -(-columns // tile) * tile), values.dtype)

@@ -62,7 +62,7 @@ class Voronoi:
             py += j
             py -= self._cells.dy
             # How much further this point is than the nearest, over how fast that changes across the edge.
-            further = px * px + py * py
+            further: Array = px * px + py * py
             further -= square
             px -= x1
             py -= y1

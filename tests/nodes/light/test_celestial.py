@@ -150,7 +150,8 @@ def test_rings_are_seen_as_bright_as_they_are_before_and_behind_the_planet(tmp_p
     distance = (shown.direction @ shown.pole) / (ray @ shown.pole)
     point = distance[..., None] * ray - shown.direction
     radius = np.linalg.norm(point, axis=-1) / math.sin(math.radians(29.33 / 2)) * 60268
-    sun, lit_side = shown.sun @ shown.pole, (shown.sun @ shown.pole) * (-shown.direction @ shown.pole) > 0
+    sun = float(shown.sun @ shown.pole)
+    lit_side = sun * float(-shown.direction @ shown.pole) > 0
     for ring in (RINGS["A"], RINGS["B"], RINGS["C"]):
         inside = (radius > 60268 * ring.inner + 2500) & (radius < 60268 * ring.outer - 2500) & (distance > 0)
         lit = inside & (bare.semantic == 0) & (view.radiance[..., 0] > 0)

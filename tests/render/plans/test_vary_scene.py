@@ -29,6 +29,8 @@ from icymoon.render.plans.vary_scene import (
 )
 from icymoon.settings import description, preset_files
 from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.topics.declaration import Parts
+from icymoon.settings.topics.scene import Settings
 from icymoon.support.errors import IcyMoonError
 
 ELEVATION = VariedSetting("light.sun_elevation_deg", 5.0, 60.0, 5)
@@ -43,7 +45,7 @@ NUMBERS = [
 ]
 
 
-def scene(*parts: dict) -> description.Settings:
+def scene(*parts: Parts) -> Settings:
     """A whole scene of a preset, with changes."""
     return description.merged(
         description.defaults(),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from functools import partial
 
 import pytest
 from icymoon.render.workers.calculation import Calculation
@@ -29,7 +30,7 @@ def test_its_value_is_its_only_message_and_told_once():
 def test_no_message_is_lost_while_it_is_polled():
     """It is polled from another thread, at any moment of its end."""
     for k in range(300):
-        assert messages(Calculation(lambda k=k: k, "k")) == [{"type": "result", "value": k}]
+        assert messages(Calculation(partial(int, k), "k")) == [{"type": "result", "value": k}]
 
 
 @pytest.mark.parametrize(

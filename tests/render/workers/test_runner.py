@@ -319,7 +319,7 @@ def test_pairs_that_are_known_to_be_complete_are_not_read_again(stand, monkeypat
     read = []
     monkeypatch.setattr(runner, "is_complete", lambda folder: read.append(folder) or True)
     watched._complete = {pair.id for pair in PAIRS[:5]}
-    worker = runner._Worker(None, None, list(PAIRS))  # type: ignore[arg-type]
+    worker = runner._Worker(None, None, list(PAIRS))
     assert watched._find_left(worker) == []
     assert len(read) == len(PAIRS) - 5
     assert watched._find_left(worker) == []

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.stereo.export import exports_with_blender, find_plugins
 from icymoon.stereo.export.encodings import in_steps, run_lengths, write_pfm
 from icymoon.stereo.export.layouts import coco_annotations, export, write_truth
@@ -227,8 +228,8 @@ def test_what_does_not_fit_16_bits_is_unknown_and_counted_never_wrapped():
 NEAR = pairs.Scene(distance_m=0.5, slope_y=1.2, rock=False)
 
 
-def near_rig(baseline_m: float) -> pairs.StereoCamera:
-    return pairs.StereoCamera(96, 64, 120.0, 48.0, 32.0, baseline_m)
+def near_rig(baseline_m: float) -> StereoCamera:
+    return StereoCamera(96, 64, 120.0, 48.0, 32.0, baseline_m)
 
 
 @pytest.mark.parametrize("kind", ["kitti", "png16", "webdataset"])
