@@ -15,7 +15,7 @@ from ..support.foreign_bytes import MOST_TEXT, read
 from ..support.suggestions import nearest
 from ..support.terminal import named, show_progress
 from ..validation.all_comparisons import load_comparisons
-from ..validation.comparison import AGREES, OFF, Bench, Comparison, Result, load_own_comparison, run_comparison
+from ..validation.comparison import FAILS, Bench, Comparison, Result, load_own_comparison, run_comparison
 from ..validation.tables import cells, markdown_section, replace_sections, sources, summary
 
 
@@ -86,11 +86,11 @@ def _print_result(result: Result) -> None:
         rows: list[list[str | tuple[str, str]]] = []
         for row in result.rows:
             quantity, *numbers, verdict = cells(row)
-            rows.append([quantity.replace("`", ""), *numbers, (verdict, "red" if row.verdict == OFF else "")])
+            rows.append([quantity.replace("`", ""), *numbers, (verdict, "red" if row.verdict == FAILS else "")])
         printer.print_table(("", "here", "held against", "allowed", "off by", "verdict"), rows, left=range(6))
     for source in sources(result.rows):
         printer.say(f"  Source: {source}")
     for row in result.rows:
-        if row.why and row.verdict != AGREES:
-            printer.say(f"  {row.quantity.replace('`', '')}: {row.why}")
+        if row.note:
+            printer.say(f"  {row.quantity.replace('`', '')}: {row.note}")
     printer.say(summary(result))

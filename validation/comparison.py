@@ -1,7 +1,8 @@
 """A comparison: its rows, the bench that it works on, and how a user adds one.
 
 A comparison gives rows. Each row has a number of ours, the number that it is held against, the largest difference that
-counts as agreement, and the source. A number that a preset was fitted to tests only the fit, so its row states that.
+counts as agreement, and the source. The numbers alone decide whether a row passes or fails: a stated cause changes no
+verdict. A row that cannot be decided is not judged, with a reason that does not depend on the difference.
 """
 
 from __future__ import annotations
@@ -28,17 +29,20 @@ from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
 
-#: Verdicts of a row.
-AGREES, EXPLAINED, LIKELY, OFF = "agrees", "off, explained", "off, likely cause", "off"
+#: The verdicts of a row; there are no others.
+PASSES, FAILS, NOT_JUDGED = "passes", "fails", "not judged"
+#: Why a number that ours was fitted to is not judged where both agree.
+_FITTED = "ours was fitted to it"
 
 
 @dataclass(frozen=True)
 class Row:
     """One number of ours beside one that no one here made.
 
-    ``allowed`` is the largest difference that counts as agreement, in the unit of both. ``fitted`` marks a number that
-    ours was fitted to. ``why`` states the cause of a difference; without it, a larger one is a fault. It begins with
-    ``Likely cause`` if the cause was not tested.
+    ``allowed`` is the largest difference with which the row passes, in the unit of both. ``fitted`` marks a number that
+    ours was fitted to: agreement then shows only the fit and is not judged, and a larger difference fails. ``why`` is
+    what is known about the cause of a difference, for the reader. It begins with ``Likely cause`` if the cause was not
+    tested. ``unjudged`` is the reason for which the row is not judged at all.
     """
 
     quantity: str
@@ -49,6 +53,7 @@ class Row:
     unit: str = ""
     fitted: bool = False
     why: str = ""
+    unjudged: str = ""
 
     @property
     def difference(self) -> float:
@@ -57,12 +62,19 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """``AGREES``, ``EXPLAINED``, ``LIKELY`` or ``OFF``; a number that is not finite agrees with nothing."""
-        if abs(self.difference) <= self.allowed:
-            return AGREES
-        if not self.why:
-            return OFF
-        return LIKELY if self.why.startswith("Likely cause") else EXPLAINED
+        """``PASSES``, ``FAILS`` or ``NOT_JUDGED``. A judged number that is not finite fails."""
+        if self.unjudged:
+            return NOT_JUDGED
+        if not abs(self.difference) <= self.allowed:
+            return FAILS
+        return NOT_JUDGED if self.fitted else PASSES
+
+    @property
+    def note(self) -> str:
+        """Beside a row that fails, the cause if known; beside one that is not judged, the reason; else empty."""
+        if self.verdict == NOT_JUDGED:
+            return f"Not judged: {self.unjudged or _FITTED}"
+        return self.why if self.verdict == FAILS else ""
 
     def to_json(self) -> dict[str, Any]:
         """The row as plain values, null for numbers that are not finite."""
@@ -77,6 +89,7 @@ class Row:
             "verdict": self.verdict,
             "source": self.source,
             "why": self.why,
+            "unjudged": self.note.removeprefix("Not judged: ") if self.verdict == NOT_JUDGED else "",
         }
 
 
@@ -153,8 +166,9 @@ class Result:
 
     @property
     def passes(self) -> bool:
-        """Whether it could be made and every difference has a cause, known or likely."""
-        return not self.error and all(row.verdict != OFF for row in self.rows)
+        """Whether it could be made, something of it was judged, and every judged row passes."""
+        verdicts = {row.verdict for row in self.rows}
+        return not self.error and PASSES in verdicts and FAILS not in verdicts
 
     def to_json(self) -> dict[str, Any]:
         """The result as plain values."""

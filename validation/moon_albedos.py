@@ -21,11 +21,8 @@ _BOLOMETRIC = (
     "function, which is a guess"
 )
 _BURATTI = "Buratti et al. 2022, Planetary Science Journal 3, 200, as the program TrueColorTools quotes it"
-_NARROW = (
-    "Likely cause: two measurements disagree by more than their errors; the preset meets the one that was made "
-    "at the smallest phase angles"
-)
-_EARLIER = "Likely cause: two publications disagree by more than their errors; the preset meets the later one"
+_WIDER = "Likely cause: the preset meets the geometric albedo that was measured at the smallest phase angles"
+_EARLIER = "Likely cause: two publications of one team disagree; the preset meets the later one"
 _SPIKE = (
     "Likely cause: the measurement has only part of the narrow surge below 1° of phase, which Thompson and "
     "Lockwood 1992 (J. Geophys. Res. 97, abstract) call very strong. The preset has 0.75 with the surge and 0.62 "
@@ -80,7 +77,7 @@ MEASURED = (
     Measured(
         "enceladus_global", "geometric", 1.41, 0.04, "Verbiscer et al. 2005 at 0.555 µm, quoted; its error is a guess"
     ),
-    Measured("enceladus_global", "geometric", 1.24, 0.01, _BURATTI, why=_NARROW),
+    Measured("enceladus_global", "geometric", 1.24, 0.01, _BURATTI),
     Measured("enceladus_south_polar", "equigonal", 0.89, 0.03, f"{_FILACCHIONE}: the whole moon", fitted=True),
     Measured("enceladus_south_polar", "Bond", 0.81, 0.04, "Howett et al. 2010: the whole moon"),
     Measured("enceladus_south_polar", "geometric", 1.375, 0.03, f"{_VERBISCER}: the whole moon; the error is a guess"),
@@ -100,7 +97,7 @@ MEASURED = (
     Measured("mimas", "Bond", 0.595, 0.105, "Howett et al. 2011, as Howett et al. 2020 quote it: 0.49 to 0.70"),
     Measured("tethys", "equigonal", 0.74, 0.03, _FILACCHIONE, fitted=True),
     Measured("tethys", "geometric", 1.229, 0.005, f"{_VERBISCER} and others do; its error was not read", fitted=True),
-    Measured("tethys", "geometric", 0.93, 0.02, _BURATTI, why=_NARROW),
+    Measured("tethys", "geometric", 0.93, 0.02, _BURATTI),
     Measured(
         "tethys",
         "equigonal",
@@ -112,7 +109,7 @@ MEASURED = (
     ),
     Measured("dione", "equigonal", 0.65, 0.03, _FILACCHIONE, fitted=True),
     Measured("dione", "geometric", 0.998, 0.004, _VERBISCER, fitted=True),
-    Measured("dione", "geometric", 0.75, 0.02, _BURATTI, why=_NARROW),
+    Measured("dione", "geometric", 0.75, 0.02, _BURATTI),
     Measured(
         "dione",
         "equigonal",
@@ -126,8 +123,8 @@ MEASURED = (
     Measured("dione", "Bond", 0.44, 0.13, "Howett et al. 2014, as Howett and Royer 2021 quote it", why=_BOLOMETRIC),
     Measured("rhea", "equigonal", 0.60, 0.05, _FILACCHIONE, fitted=True),
     Measured("rhea", "geometric", 0.949, 0.003, _VERBISCER, fitted=True),
-    Measured("rhea", "geometric", 0.89, 0.01, _BURATTI, why=_NARROW),
-    Measured("rhea", "phase integral", 0.71, 0.01, _BURATTI, why=_NARROW),
+    Measured("rhea", "geometric", 0.89, 0.01, _BURATTI),
+    Measured("rhea", "phase integral", 0.71, 0.01, _BURATTI, why=_WIDER),
     Measured("rhea", "Bond", 0.59, 0.11, "Howett et al. 2014, Icarus, abstract: leading hemisphere"),
     Measured("rhea", "Bond", 0.56, 0.13, "Howett et al. 2014, Icarus, abstract: trailing hemisphere"),
     Measured("europa_global", "Bond", 0.65, 0.03, _GRUNDY),
@@ -154,11 +151,36 @@ def preset_law(preset: str) -> photometry.Law:
     return law
 
 
+def contradicting(each: Measured, ours: float) -> Measured | None:
+    """Another measurement of the same number that ours meets, if both differ by more than their errors together.
+
+    No number meets both, so a preset cannot be judged by the one that it does not meet.
+    """
+    return next(
+        (
+            other
+            for other in MEASURED
+            if (other.preset, other.quantity) == (each.preset, each.quantity)
+            and abs(other.value - each.value) > other.error + each.error
+            and abs(ours - other.value) <= other.error
+        ),
+        None,
+    )
+
+
 def _measured_row(each: Measured) -> Row:
     ours = _QUANTITIES[each.quantity](preset_law(f"surfaces/hapke_{each.preset}"))
     name = each.quantity if " " in each.quantity else f"{each.quantity} albedo"
+    other = contradicting(each, ours)
     return Row(
-        f"`hapke_{each.preset}`, {name}", ours, each.value, each.error, each.source, fitted=each.fitted, why=each.why
+        f"`hapke_{each.preset}`, {name}",
+        ours,
+        each.value,
+        each.error,
+        each.source,
+        fitted=each.fitted,
+        why=each.why,
+        unjudged=f"another measurement, {other.value:g} ± {other.error:g}, contradicts it" if other else "",
     )
 
 

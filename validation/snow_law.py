@@ -45,14 +45,14 @@ def _errors(images: list[BallImage], albedo: float) -> tuple[Array, Array]:
     return ratio[whole] - 1, (cells[:, whole] + 0.5) * _CELL
 
 
-def _rows(name: str, error: Array, middles: Array, allowed: float, why: str = "") -> list[Row]:
+def _rows(name: str, error: np.ndarray, middles: np.ndarray, allowed: float, unjudged: str = "") -> list[Row]:
     worst = int(np.argmax(np.abs(error)))
     i, e, azimuth = np.degrees(middles[:, worst])
     where = f"near i {i:.0f}°, e {e:.0f}°, azimuth {azimuth:.0f}°"
     return [
-        Row(f"{name}: RMS difference", float(np.sqrt(np.mean(error**2))), 0.0, allowed, _SOURCE, why=why),
-        Row(f"{name}: mean difference", float(np.mean(error)), 0.0, allowed, _SOURCE, why=why),
-        Row(f"{name}: largest difference, {where}", float(error[worst]), 0.0, 3 * allowed, _SOURCE, why=why),
+        Row(f"{name}: RMS difference", float(np.sqrt(np.mean(error**2))), 0.0, allowed, _SOURCE, unjudged=unjudged),
+        Row(f"{name}: mean difference", float(np.mean(error)), 0.0, allowed, _SOURCE, unjudged=unjudged),
+        Row(f"{name}: largest difference, {where}", float(error[worst]), 0.0, 3 * allowed, _SOURCE, unjudged=unjudged),
     ]
 
 
@@ -107,7 +107,10 @@ def _compare(bench: Bench) -> list[Row]:
         bench, list(surfaces.values()), _QUICK if bench.quick else _PHASES, _DISTANCE, pixels=120, samples=32
     )
     rows = _rows(
-        "Lambert's law, albedo 1, by the formula", *lambert_errors(), 0.05, why="Cause: the law has no phase function"
+        "Lambert's law, albedo 1, by the formula",
+        *lambert_errors(),
+        0.05,
+        "it is no snow of ours; it shows how far a law without a phase function is off",
     )
     for (name, settings), images in zip(surfaces.items(), found, strict=True):
         error, middles = _errors(images, float(settings.surface.albedo))

@@ -7,8 +7,10 @@ import textwrap
 from collections.abc import Sequence
 
 from ..support.number_text import count_of
-from .comparison import AGREES, EXPLAINED, LIKELY, OFF, Comparison, Result, Row
+from .comparison import FAILS, NOT_JUDGED, PASSES, Comparison, Result, Row
 
+#: The verdicts in the order in which a summary counts them, and its words.
+_COUNTED = ((PASSES, "pass"), (FAILS, "fail"), (NOT_JUDGED, "are not judged"))
 _HEADS = ("quantity", "here", "held against", "allowed", "off by", "verdict", "notes")
 
 
@@ -17,12 +19,8 @@ def shown_number(value: float) -> str:
     return f"{value:.4g}"
 
 
-def _verdict(row: Row) -> str:
-    return "fitted to it" if row.fitted and row.verdict == AGREES else row.verdict
-
-
 def cells(row: Row) -> tuple[str, ...]:
-    """What a table shows of a row, without its source and the cause of a difference."""
+    """The cells of a row in a table, without its source and its note."""
     unit = f" {row.unit}" if row.unit else ""
     return (
         row.quantity,
@@ -30,13 +28,13 @@ def cells(row: Row) -> tuple[str, ...]:
         shown_number(row.theirs) + unit,
         f"± {shown_number(row.allowed)}",
         f"{row.difference:+.2g}",
-        _verdict(row),
+        row.verdict,
     )
 
 
-def causes(rows: Sequence[Row]) -> list[str]:
-    """The stated causes of what is off, each once."""
-    return list(dict.fromkeys(row.why for row in rows if row.why and row.verdict != AGREES))
+def row_notes(rows: Sequence[Row]) -> list[str]:
+    """The causes of rows that fail and the reasons of rows that are not judged, each once."""
+    return list(dict.fromkeys(row.note for row in rows if row.note))
 
 
 def sources(rows: Sequence[Row]) -> list[str]:
@@ -49,13 +47,11 @@ def summary(result: Result) -> str:
     if result.error:
         return f"{result.comparison.title}: not made. {result.error}"
     counted = [row.verdict for row in result.rows]
-    parts = [count_of(len(counted), "number")]
-    if explained := counted.count(EXPLAINED):
-        parts.append(f"{explained} off with a known cause")
-    if likely := counted.count(LIKELY):
-        parts.append(f"{likely} off with a likely cause")
-    parts.append(f"{counted.count(OFF) or 'none'} off without a cause")
-    return f"{result.comparison.title}: {'passes' if result.passes else 'FAILS'}; {', '.join(parts)}."
+    parts = [f"{counted.count(verdict)} {words}" for verdict, words in _COUNTED if verdict in counted]
+    return (
+        f"{result.comparison.title}: {'passes' if result.passes else 'FAILS'}; of {count_of(len(counted), 'number')} "
+        f"{', '.join(parts)}."
+    )
 
 
 def markdown_section(result: Result) -> str:
@@ -67,9 +63,9 @@ def markdown_section(result: Result) -> str:
         lines += [*_wrapped(comparison.figure), ""]
     if result.error:
         return "\n".join([*lines, f"Not made: {result.error}", ""])
-    notes = [*sources(result.rows), *causes(result.rows)]
+    notes = [*sources(result.rows), *row_notes(result.rows)]
     numbered = [
-        (*cells(row), ", ".join(str(notes.index(note) + 1) for note in [row.source, *causes([row])]))
+        (*cells(row), ", ".join(str(notes.index(note) + 1) for note in [row.source, *row_notes([row])]))
         for row in result.rows
     ]
     table = [

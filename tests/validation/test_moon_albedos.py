@@ -8,7 +8,7 @@ from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load_preset
 from icymoon.support.version import ROOT
 from icymoon.validation import moon_albedos
-from icymoon.validation.comparison import OFF, Bench
+from icymoon.validation.comparison import FAILS, NOT_JUDGED, Bench
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +20,21 @@ def rows(tmp_path_factory):
 def test_every_preset_has_a_number_that_it_was_not_fitted_to(rows, preset):
     own = [row for row in rows if f"`{preset}`" in row.quantity]
     assert any(not row.fitted for row in own)
-    assert all(row.source and row.allowed > 0 and row.verdict != OFF for row in own)
+    assert all(row.source and row.allowed > 0 for row in own)
+    assert all(row.why for row in own if row.verdict == FAILS)
+
+
+def test_a_number_is_not_judged_only_if_publications_contradict_each_other_and_we_meet_one(rows):
+    albedos = {
+        (row.theirs, row.allowed): row for row in rows if row.quantity == "`hapke_enceladus_global`, geometric albedo"
+    }
+    # 1.375 ± 0.008 and 1.24 ± 0.01 are farther apart than 0.018; 1.41 ± 0.04 has 1.375 within its error.
+    assert albedos[1.24, 0.01].verdict == NOT_JUDGED
+    assert "1.375 ± 0.008" in albedos[1.24, 0.01].note
+    assert not albedos[1.41, 0.04].unjudged
+    other = moon_albedos.Measured("enceladus_global", "geometric", 1.24, 0.01, "")
+    assert moon_albedos.contradicting(other, 1.375) is not None
+    assert moon_albedos.contradicting(other, 1.5) is None  # ours meets neither: it is off
 
 
 @pytest.mark.parametrize(("terrain", "share"), [("ridges", 0.25), ("bands", 0.5)])
