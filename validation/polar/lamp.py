@@ -1,4 +1,4 @@
-"""The lamp of the photographs: its place, fitted to the shadows that the left eyes see, from the survey on.
+"""The lamp of the photographs: its place, fitted to the shadows that the left eyes see and held to the survey.
 
 Here a rock casts the shadow of its convex hull; in the renders it casts the shadow of the scan.
 """
@@ -15,16 +15,22 @@ from ...stereo.images.masks import fill_hulls, fill_polygons, overlap
 from ...support.arrays import Array
 from .camera import Calibration
 from .data_set import HEIGHT_PX, ROCK, SHADOW, SURVEYED_LAMPS, WIDTH_PX, Terrain, View
-from .sand import Sand
+from .sand import BOUND_M, Sand
 
 _SCALE = 0.25
 _SHAPE = (int(HEIGHT_PX * _SCALE), int(WIDTH_PX * _SCALE))
 _LAMP_STEPS_M = (0.2, 0.1, 0.05, 0.025, 0.0125)
+#: How far a lamp is expected off its survey, in metres: to the sides as far as the fitted cameras of terrain 04 are off
+#: theirs about their mean (0.2 m of three positions and both axes), in height half as much.
+_SURVEY_M = np.array([0.2, 0.2, 0.1])
+#: Agreement of shadows that a lamp pays for being off by one such distance: as much as that of both eyes with the same
+#: shadows differs.
+_SURVEY_COST = 0.01
 _NODE_STEPS_M = (0.01, 0.005)
 #: Distance in metres from a node within which a shadow must end or run for the node to be fitted.
 _NODE_REACH_M = 0.2
-#: Metres by which the sand between rocks may be higher than the surface through them, and what that costs.
-_MOST_RAISED_M, _RAISED_COST = 0.03, 2.0
+#: Metres by which the sand at a node may be higher than the surface through the rocks, and what that costs.
+_MOST_RAISED_M, _RAISED_COST = 0.02, 5.0
 #: Directions in which points of an outline are looked for.
 _DIRECTIONS = 96
 #: Spacing of the table of heights.
@@ -79,9 +85,9 @@ def _descend(x: Array, cost: Callable[[Array], float], steps: tuple[float, ...],
     return best
 
 
-def surveyed_lamp(azimuth: int, sand: Sand) -> Array:
-    """Place (3,) of the lamp by the survey, whose heights are above the median height of the sand, as shadows show."""
-    return np.add(SURVEYED_LAMPS[azimuth], (0.0, 0.0, float(np.median(sand.planes[:, 0]))))
+def surveyed_lamp(azimuth: int, sand: Sand) -> np.ndarray:
+    """Place (3,) in metres of the lamp by the survey, whose heights are above the median height of the sand."""
+    return np.add(SURVEYED_LAMPS[azimuth], (0.0, 0.0, sand.level_m))
 
 
 def _outline_points(points: Array, lamp: Array, level_m: float) -> Array:
@@ -106,13 +112,12 @@ class Shadows:
 
     def __init__(self, terrain: Terrain, camera: Calibration, sand: Sand) -> None:
         self.camera, self.terrain = camera, terrain
-        outlines: dict[int, list[Array]] = {azimuth: [] for azimuth in terrain.azimuths}
-        for k, rock in enumerate(terrain.rocks):
-            points, faces = sand.visible(k, rock)
+        outlines: dict[int, list[np.ndarray]] = {azimuth: [] for azimuth in terrain.azimuths}
+        levels = sand.heights(sand.middles)
+        for rock, level in zip(terrain.rocks, levels, strict=True):
+            points, faces = sand.visible(rock)
             for azimuth, found in outlines.items() if len(faces) else ():
-                found.append(
-                    _outline_points(points[np.unique(faces)], surveyed_lamp(azimuth, sand), float(sand.planes[k, 0]))
-                )
+                found.append(_outline_points(points[np.unique(faces)], surveyed_lamp(azimuth, sand), float(level)))
         self.points = {azimuth: np.concatenate(found) for azimuth, found in outlines.items() if found}
         self.ends = {azimuth: np.cumsum([len(each) for each in found])[:-1] for azimuth, found in outlines.items()}
         self.seen: dict[tuple[View, int], tuple[Array, Array]] = {}
@@ -145,15 +150,24 @@ def fit_lamps(terrain: Terrain, camera: Calibration, sand: Sand) -> tuple[dict[i
     lamps = {azimuth: surveyed_lamp(azimuth, sand) for azimuth in terrain.azimuths}
     for steps in (_LAMP_STEPS_M, _LAMP_STEPS_M[1:]):
         lamps = {
-            azimuth: _descend(lamp, partial(_disagreement, shadows, azimuth, table), steps, flat)
+            azimuth: _descend(
+                lamp, partial(_disagreement, shadows, azimuth, table, surveyed_lamp(azimuth, sand)), steps, flat
+            )
             for azimuth, lamp in lamps.items()
         }
         sand = _raise_nodes(shadows, sand, table, lamps)
     return lamps, sand
 
 
-def _disagreement(shadows: Shadows, azimuth: int, table: HeightTable, lamp: Array) -> float:
-    return -shadows.agreement(azimuth, lamp, table)
+def _disagreement(shadows: Shadows, azimuth: int, table: HeightTable, surveyed: np.ndarray, lamp: np.ndarray) -> float:
+    prior = _SURVEY_COST * float((((lamp - surveyed) / _SURVEY_M) ** 2).sum())
+    return prior - shadows.agreement(azimuth, lamp, table)
+
+
+def _off_at(table: HeightTable, sand: Sand, k: int) -> float:
+    """How far the surface is above the plane at a node."""
+    node = sand.nodes[k][None]
+    return float((table(node) - sand.on_plane(node))[0])
 
 
 def _raise_nodes(shadows: Shadows, sand: Sand, table: HeightTable, lamps: dict[int, Array]) -> Sand:
@@ -169,7 +183,7 @@ def _raise_nodes(shadows: Shadows, sand: Sand, table: HeightTable, lamps: dict[i
         for k, azimuths in used.items():
             bump = sand.bump(k, table.grid).reshape(table.heights.shape) if azimuths else np.zeros(1)
             for move in (step, -step) if azimuths else ():
-                if abs(raised[k] + move) > _MOST_RAISED_M:
+                if abs(raised[k] + move) > _MOST_RAISED_M or abs(_off_at(table, sand, k) + move) > BOUND_M:
                     continue
                 table.heights += move * bump
                 found = {azimuth: shadows.agreement(azimuth, lamps[azimuth], table) for azimuth in azimuths}

@@ -1,7 +1,13 @@
-"""The sand, whose scan is not public: a smooth surface through the lower edges of the scanned rocks.
+"""The sand, whose scan is not public: a plane through the lower edges of the scanned rocks, and what it is off it.
 
-Each scan has some sand around its rock. A plane through its lower rim is where the fit of that rock's sand starts; its
-height and tilt are then fitted to the outlines of the left eyes, in which the sand hides the foot of the rock.
+Each scan has some sand around its rock, so its lower rim is a measurement of the sand's height. One plane goes through
+all rims. At each rock the sand may be higher or lower, fitted to the outlines of the left eyes, in which it hides the
+foot of the rock. Between the rocks these heights are interpolated as a Gaussian process, which returns to the plane.
+
+The sand is **bounded**: ``BOUND_M`` is three times the standard deviation of 1.4 cm by which the rims of terrain 04 are
+off their plane. It is **smooth**: it changes over ``LENGTH_M`` only. The lamps are 0.77 to 0.81 m above sand that is up
+to 5.5 m away, so light falls with a slope of at least 0.14, and a Gaussian hill of 4 cm and this width has slopes up to
+0.08. So no sand of one hill casts a shadow of its own; the comparison measures this in its renders.
 """
 
 from __future__ import annotations
@@ -15,18 +21,20 @@ from ...support.arrays import Array
 from .camera import Calibration, extreme_points
 from .data_set import ROCK, Rock, Terrain, View
 
-#: How far the plane of a rock's sand reaches beyond its scan, in metres, and the weight of the surface beyond.
-_REACH_M, _BEYOND = 0.15, 0.1
-_TILT_STEPS = ((0.01, 0.1), (0.005, 0.05), (0.0025, 0.025))
-_MOST_TILT, _TILT_COST = 0.3, 0.5
+#: Largest height of the sand off its plane, the length over which it changes, and the prior standard deviation of its
+#: height at a rock; how well a height is known there; all in metres. They were chosen on terrain 04.
+BOUND_M, LENGTH_M = 0.04, 0.3
+_SPREAD_M, _KNOWN_M = 0.014, 0.004
+#: Agreement of outlines that a height pays for being off the plane by one standard deviation.
+_OFF_COST = 0.005
+_OFF_STEPS_M = (0.01, 0.005, 0.0025)
 #: Number of azimuths whose outlines are used; rocks do not move between them.
 _AZIMUTHS = 2
 #: Scale of the masks in which rocks are compared with their outlines.
 _SCALE = 0.5
 _MARGIN_PX = 15.0
-#: Nodes of a correction of the surface: their spacing, and the width of each in metres.
+#: Spacing in metres of the nodes at which the sand between the rocks may be raised; each is ``LENGTH_M`` wide.
 NODE_M = 0.25
-_NODE_WIDTH_M = 0.15
 
 
 def rim(rock: Rock) -> Array:
@@ -37,8 +45,8 @@ def rim(rock: Rock) -> Array:
     return np.asarray(rock.vertices[open_ends] if len(open_ends) else rock.vertices)
 
 
-def _lower_plane(rock: Rock, middle: Array) -> Array:
-    """Height at the middle, and slopes, of a plane that most of the rim is on and little is under."""
+def _rim_height(rock: Rock, middle: np.ndarray) -> float:
+    """Height at the middle of a plane that most of the rim is on and little is under."""
     points = rim(rock)
     basis = np.column_stack([np.ones(len(points)), points[:, :2] - middle])
     heights = points[:, 2]
@@ -50,89 +58,97 @@ def _lower_plane(rock: Rock, middle: Array) -> Array:
         )
         above = np.maximum(heights - basis @ plane, 0.0)
         weight = 1 / (1 + (above / 0.004) ** 2) ** 2
-    return np.array([plane[0], *np.clip(plane[1:], -0.1, 0.1)])
+    return float(plane[0])
 
 
 @dataclass(frozen=True)
 class Sand:
-    """Planes (n, 3) of height and slopes at the rocks, about the middles (n, 2) of scans of half sizes (n, 2).
+    """A plane (3,), height at the origin and slopes; at ``middles`` (n, 2) of scans the sand is ``offs`` (n,) metres
+    above it.
 
     ``nodes`` (k, 2) have ``raised`` (k,) metres, by which the surface between the rocks is higher.
     """
 
-    middles: Array
-    halves: Array
-    planes: Array
-    nodes: Array
-    raised: Array
+    plane: np.ndarray
+    middles: np.ndarray
+    offs: np.ndarray
+    nodes: np.ndarray
+    raised: np.ndarray
 
-    def height_at_rock(self, k: int, xy: Array) -> Array:
-        """Heights (n,) in metres of the plane of rock ``k`` at points (n, 2)."""
-        return np.asarray(self.planes[k, 0] + (xy - self.middles[k]) @ self.planes[k, 1:])
+    @property
+    def level_m(self) -> float:
+        """Median height at the rocks."""
+        return float(np.median(self.on_plane(self.middles) + self.offs))
 
-    def heights(self, xy: Array) -> Array:
-        """Heights (n,) in metres of the surface at points (n, 2)."""
-        far = _quadratic(np.clip(xy, self.middles.min(axis=0) - 0.3, self.middles.max(axis=0) + 0.3))
-        trend = (
-            far @ np.linalg.lstsq(_quadratic(self.middles), self.planes[:, 0], rcond=None)[0]
-            if len(self.middles) >= 12
-            else np.full(len(xy), np.median(self.planes[:, 0]))
-        )
-        above, weights = _BEYOND * trend, np.full(len(xy), _BEYOND)
-        for k, (middle, half) in enumerate(zip(self.middles, self.halves, strict=True)):
-            beside = np.maximum(np.abs(xy - middle) - half, 0.0)
-            weight = np.exp(-(beside**2).sum(axis=1) / (2 * _REACH_M**2))
-            tilted = weight * np.clip((xy - middle) @ self.planes[k, 1:], -0.03, 0.03)  # level away from the rock
-            above, weights = above + weight * (self.planes[k, 0] + tilted), weights + weight
-        found = above / weights
-        for k in np.nonzero(self.raised)[0]:
-            found = found + self.raised[k] * self.bump(k, xy)
-        return np.asarray(found)
+    def on_plane(self, xy: np.ndarray) -> np.ndarray:
+        """Heights (n,) in metres of the plane at points (n, 2)."""
+        return np.asarray(self.plane[0] + xy @ self.plane[1:])
+
+    def heights(self, xy: np.ndarray) -> np.ndarray:
+        """Heights (n,) in metres of the surface at points (n, 2), at most ``BOUND_M`` off the plane."""
+        known = _bump(self.middles, self.middles) + (_KNOWN_M / _SPREAD_M) ** 2 * np.eye(len(self.middles))
+        off = _bump(xy, self.middles) @ np.linalg.solve(known, self.offs)
+        used = np.nonzero(self.raised)[0]
+        off += _bump(xy, self.nodes[used]) @ self.raised[used]
+        return np.asarray(self.on_plane(xy) + np.clip(off, -BOUND_M, BOUND_M))
 
     def bump(self, k: int, xy: Array) -> Array:
         """What node ``k`` adds to the surface at points (n, 2) for each metre that it is raised."""
-        return np.asarray(np.exp(-((xy - self.nodes[k]) ** 2).sum(axis=1) / (2 * _NODE_WIDTH_M**2)))
+        return _bump(xy, self.nodes[k][None])[:, 0]
 
-    def visible(self, k: int, rock: Rock) -> tuple[Array, Array]:
-        """Vertices and triangles of the part of a rock above its sand; vertices below are moved up to it."""
-        level = self.height_at_rock(k, rock.vertices[:, :2])
-        up = rock.vertices[:, 2] > level
-        raised = rock.vertices.copy()
-        raised[:, 2] = np.maximum(raised[:, 2], level)
-        return raised, rock.faces[up[rock.faces].any(axis=1)]
+    def visible(self, rock: Rock) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices and triangles of the part of a rock above the sand; vertices below are moved up to it."""
+        return _part_above(rock, self.heights(rock.vertices[:, :2]))
 
 
-def _quadratic(xy: Array) -> Array:
-    x, y = xy[:, 0], xy[:, 1]
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+def _bump(xy: np.ndarray, middles: np.ndarray) -> np.ndarray:
+    """Gaussians (n, k) about middles (k, 2) at points (n, 2)."""
+    apart = ((xy[:, None] - middles[None]) ** 2).sum(axis=2)
+    return np.asarray(np.exp(-apart / (2 * LENGTH_M**2)))
+
+
+def _part_above(rock: Rock, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and triangles of the part of a rock above ``level`` (n,) at its vertices, which are moved up to it."""
+    up = rock.vertices[:, 2] > level
+    raised = rock.vertices.copy()
+    raised[:, 2] = np.maximum(raised[:, 2], level)
+    return raised, rock.faces[up[rock.faces].any(axis=1)]
+
+
+def _plane_through(middles: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """The plane (3,) that most of the heights (n,) at middles (n, 2) are on: those within some spreads of it count."""
+    basis = np.column_stack([np.ones(len(middles)), middles])
+    weight = np.ones(len(middles))
+    for _ in range(50):
+        plane = np.linalg.solve((basis.T * weight) @ basis, (basis.T * weight) @ heights)
+        weight = 1 / (1 + ((heights - basis @ plane) / _SPREAD_M) ** 2)
+    return np.asarray(plane)
 
 
 def fit_sand(terrain: Terrain, camera: Calibration) -> Sand:
-    """The sand whose planes at the rocks agree best with the outlines in the photographs of the left eyes."""
-    boxes = [(rock.vertices[:, :2].min(axis=0), rock.vertices[:, :2].max(axis=0)) for rock in terrain.rocks]
-    middles = np.array([(low + high) / 2 for low, high in boxes])
+    """The sand whose heights at the rocks agree best with the outlines in the photographs of the left eyes."""
+    middles = np.array([(rock.vertices.min(axis=0) + rock.vertices.max(axis=0))[:2] / 2 for rock in terrain.rocks])
+    rims = np.array([_rim_height(rock, middle) for rock, middle in zip(terrain.rocks, middles, strict=True)])
     low, high = middles.min(axis=0) - 0.8, middles.max(axis=0) + 0.8
     axes = [np.arange(a, b + NODE_M, NODE_M) for a, b in zip(low, high, strict=True)]
     nodes = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    sand = Sand(
-        middles,
-        np.array([(high - low) / 2 for low, high in boxes]),
-        np.array([_lower_plane(rock, middle) for rock, middle in zip(terrain.rocks, middles, strict=True)]),
-        nodes,
-        np.zeros(len(nodes)),
-    )
+    sand = Sand(_plane_through(middles, rims), middles, np.zeros(len(middles)), nodes, np.zeros(len(nodes)))
     views = [view for view in terrain.views if view.eye == "L"]
     own = {
         (view, azimuth): assign_outlines(terrain, camera, sand, view, azimuth)
         for view in views
         for azimuth in terrain.azimuths[:_AZIMUTHS]
     }
-    planes = sand.planes.copy()
+    heights = rims.copy()
     for k, rock in enumerate(terrain.rocks):
+        on_plane = sand.on_plane(middles[k][None])[0]
         targets = _targets(terrain, camera, own, views, k, rock)
-        if targets:
-            planes[k] = _fit_plane(rock, sand, k, camera, targets)
-    return replace(sand, planes=planes)
+        start = float(np.clip(rims[k] - on_plane, -BOUND_M, BOUND_M))
+        heights[k] = on_plane + (_fit_off(rock, sand, start, camera, targets) if targets else start)
+    # The rims are the lower edges of the scans, and the sand is a little higher than most of them.
+    plane = _plane_through(middles, heights)
+    offs = heights - plane[0] - middles @ plane[1:]
+    return replace(sand, plane=plane, offs=np.clip(offs, -BOUND_M, BOUND_M))
 
 
 _Target = tuple[View, Array, Array]
@@ -164,47 +180,33 @@ def _targets(
     return found
 
 
-def _fit_plane(rock: Rock, sand: Sand, k: int, camera: Calibration, targets: list[_Target]) -> Array:
-    def agreement(plane: Array) -> float:
-        planes = sand.planes.copy()
-        planes[k] = plane
-        points, faces = replace(sand, planes=planes).visible(k, rock)
-        masks: dict[View, Array] = {}
+def _fit_off(rock: Rock, sand: Sand, start: float, camera: Calibration, targets: list[_Target]) -> float:
+    """How far the sand at a rock is above the plane, from a start."""
+
+    def agreement(off: float) -> float:
+        points, faces = _part_above(rock, sand.on_plane(rock.vertices[:, :2]) + off)
+        masks: dict[View, np.ndarray] = {}
         for view, corner, mask in targets:
             if view not in masks:
                 masks[view] = fill_triangles(
                     (mask.shape[0], mask.shape[1]), (camera.eyes[view].project(points) - corner) * _SCALE, faces
                 )
-        return float(
-            np.mean([overlap(masks[view], mask) for view, _, mask in targets]) - _TILT_COST * (plane[1:] ** 2).sum()
-        )
+        found = np.mean([overlap(masks[view], mask) for view, _, mask in targets])
+        return float(found - _OFF_COST * (off / _SPREAD_M) ** 2)
 
-    best = sand.planes[k]
-    # Of heights that agree alike, the one nearest to the rim is kept: it comes first.
-    lifted = [best + np.array([lift, 0.0, 0.0]) for lift in (0.0, -0.01, 0.01, 0.02, 0.03, 0.04)]
-    score, best = max(((agreement(plane), plane) for plane in lifted), key=lambda found: found[0])
-    for steps in _TILT_STEPS:
-        tried = [np.array(step) for step in np.diag([steps[0], steps[1], steps[1]])]
-        moves = [sign * step for step in tried for sign in (1, -1)]
-        for _ in range(3):
-            better = False
-            for move in moves:
-                plane = best + move
-                if np.abs(plane[1:]).max() > _MOST_TILT:
-                    continue
-                found = agreement(plane)
-                if found > score + 1e-4:
-                    score, best, better = found, plane, True
-            if not better:
-                break
+    best, score = start, agreement(start)
+    for step in _OFF_STEPS_M:
+        for move in (step, -step):
+            while abs(best + move) <= BOUND_M and (found := agreement(best + move)) > score + 1e-4:
+                best, score = best + move, found
     return best
 
 
 def assign_outlines(terrain: Terrain, camera: Calibration, sand: Sand, view: View, azimuth: int) -> list[list[Array]]:
     """The outlines of each rock in a photograph: those whose middle is in the picture of the rock, or 10 px off it."""
     parts = []
-    for k, rock in enumerate(terrain.rocks):
-        points, faces = sand.visible(k, rock)
+    for rock in terrain.rocks:
+        points, faces = sand.visible(rock)
         used = points[np.unique(faces)] if len(faces) else rock.vertices
         parts.append(camera.eyes[view].project(extreme_points(used)))
     found: list[list[Array]] = [[] for _ in terrain.rocks]

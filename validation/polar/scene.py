@@ -90,7 +90,7 @@ def find_frame(terrain: Terrain, camera: Calibration, sand: Sand, position: str,
     z /= np.linalg.norm(z)
     up = np.array([0.0, 0.0, 1.0]) - x[2] * x
     up /= np.linalg.norm(up)
-    origin = np.array([0.0, 0.0, float(np.median(sand.planes[:, 0]))])
+    origin = np.array([0.0, 0.0, sand.level_m])
     frame = Frame(
         position,
         np.stack([x, np.cross(z, x), z]),
@@ -149,8 +149,8 @@ def write_ground(folder: Path, frame: Frame, sand: Sand, rocks: Sequence[Rock]) 
     """Write the ground with the rocks (``True``) and without them, in metres, z up, and return the files."""
     points, faces = _ground_mesh(frame, sand)
     vertices, triangles = [points], [faces]
-    for k, rock in enumerate(rocks):
-        _, above = sand.visible(k, rock)
+    for rock in rocks:
+        _, above = sand.visible(rock)
         triangles.append(above + sum(map(len, vertices)))
         vertices.append(frame.to_ours(rock.vertices))
     found = {kept: folder / f"ground_{frame.position}{'_rocks' if kept else ''}.ply" for kept in (False, True)}
@@ -205,8 +205,20 @@ def describe(frame: Frame, lamp: Array, mesh: Path) -> Settings:
     )
 
 
-def read_masks(with_rocks: Pair, without: Pair, eye: str) -> tuple[Array, Array, Array]:
-    """Masks (H, W) of rocks and of their shadows, and radiance (H, W), of an eye ``L`` or ``R`` in two renders."""
+@dataclass(frozen=True)
+class Twin:
+    """What an eye sees in our renders: masks of rock, of shadow, and of the shadow that the sand casts without rocks;
+    radiance, and planar depth in metres; all (H, W)."""
+
+    rock: np.ndarray
+    shadow: np.ndarray
+    own_shadow: np.ndarray
+    light: np.ndarray
+    depth: np.ndarray
+
+
+def read_twin(with_rocks: Pair, without: Pair, eye: str) -> Twin:
+    """The twin of a photograph of an eye ``L`` or ``R``, from a render with the rocks and one without them."""
     from ...stereo.images.exr import read_view  # which needs OpenEXR
 
     name = "left" if eye == "L" else "right"
@@ -217,8 +229,9 @@ def read_masks(with_rocks: Pair, without: Pair, eye: str) -> tuple[Array, Array,
     # Light falls with the square of the distance to the lamp.
     squared = _distances_to_lamp(with_rocks, name, here.depth) ** 2
     lit = np.nanmedian(full * squared)
-    dark = ((light < _SHADOW_SHARE * full) | (light * squared < _DARK_SHARE * lit)) & ~np.isnan(bare.depth)
-    return rock, dark & ~rock, light
+    seen = ~np.isnan(bare.depth)
+    dark = ((light < _SHADOW_SHARE * full) | (light * squared < _DARK_SHARE * lit)) & seen
+    return Twin(rock, dark & ~rock, (full * squared < _DARK_SHARE * lit) & seen, light, here.depth)
 
 
 def _distances_to_lamp(pair: Pair, name: str, depth: Array) -> Array:

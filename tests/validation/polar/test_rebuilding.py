@@ -86,7 +86,7 @@ def test_a_camera_that_a_few_rocks_of_another_terrain_agree_with_is_refused(scen
 def test_the_sand_is_level_where_it_is(scene):
     *_, sand = scene
     # A pixel of the half-size masks is 4 mm at the rocks, and the sand is seen at 27 degrees.
-    assert sand.planes[:, 0] == pytest.approx(SAND_M, abs=0.01)
+    assert sand.level_m == pytest.approx(SAND_M, abs=0.01)
     assert sand.heights(np.array([[0.0, 0.0], [-0.5, 0.5], [3.0, 3.0]])) == pytest.approx(SAND_M, abs=0.01)
 
 

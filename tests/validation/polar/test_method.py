@@ -1,0 +1,54 @@
+"""The method is frozen on terrain 04: whoever changes a constant makes another method, and says so."""
+
+from __future__ import annotations
+
+from icymoon.validation import polar_comparison
+from icymoon.validation.polar import METHOD, camera, hand, lamp, sand, scans, scene
+
+#: By method, what its constants were when it was frozen.
+FROZEN = {
+    2: {
+        polar_comparison: {
+            "_COLUMNS": 480,
+            "_ROCKS": 0.85,
+            "_SHADOWS": 0.75,
+            "_TIP": 0.02,
+            "_OUTLINE_PX": 1.0,
+            "_BASELINE_M": 0.01,
+            "_LAMP_M": 0.3,
+            "_DISPARITY_PX": 1.0,
+            "_LEAST_SHADOW_M": 0.15,
+            "_BARE": 0.02,
+            "_OWN_SHADOW": 0.005,
+        },
+        camera: {"_SAND_SHARE": 0.25, "_CORE_PX": 10.0},
+        hand: {"_SCALE": 0.5, "_STEP_PX": 8.0},
+        lamp: {
+            "_LAMP_STEPS_M": (0.2, 0.1, 0.05, 0.025, 0.0125),
+            "_SURVEY_COST": 0.01,
+            "_NODE_STEPS_M": (0.01, 0.005),
+            "_NODE_REACH_M": 0.2,
+            "_MOST_RAISED_M": 0.02,
+            "_RAISED_COST": 5.0,
+        },
+        sand: {
+            "BOUND_M": 0.04,
+            "LENGTH_M": 0.3,
+            "NODE_M": 0.25,
+            "_SPREAD_M": 0.014,
+            "_KNOWN_M": 0.004,
+            "_OFF_COST": 0.005,
+            "_OFF_STEPS_M": (0.01, 0.005, 0.0025),
+            "_AZIMUTHS": 2,
+        },
+        scans: {"_NEAR_PX": 10.0, "_LEAST_SHARE": 0.5},
+        scene: {"_SHADOW_SHARE": 0.5, "_DARK_SHARE": 0.1, "_NEARER_M": 0.002, "LAMP_DEG": 0.5, "_SAMPLES": 4},
+    }
+}
+
+
+def test_the_constants_are_those_of_the_method():
+    for module, constants in FROZEN[METHOD].items():
+        for name, value in constants.items():
+            assert getattr(module, name) == value, f"{module.__name__}.{name}"
+    assert lamp._SURVEY_M.tolist() == [0.2, 0.2, 0.1]

@@ -1,0 +1,69 @@
+"""Which outlines have a scan, decided by the camera and the scans alone, before anything is rendered.
+
+POLAR-Sim did not scan everything that was outlined, and the rebuilt scene has only what was scanned. So outlines of
+rocks without a scan, and the shadows that belong to them, are left out of the masks. An outline has a scan if at least
+half of its area is within ``_NEAR_PX`` pixels of the pictures of the whole scans. A shadow belongs to a rock without a
+scan if it touches more of such rocks than of the others. How well masks agree does not enter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ...stereo.images.masks import fill_hulls, fill_polygons
+from .camera import Calibration, extreme_points
+from .data_set import HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, Terrain, View
+
+_SCALE = 0.25
+_SHAPE = (int(HEIGHT_PX * _SCALE), int(WIDTH_PX * _SCALE))
+#: Distance in pixels of the photographs by which a scan may stand off its outline or a shadow off its rock.
+_NEAR_PX = 10.0
+_LEAST_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What a photograph shows without a scan: outlines of rocks and of their shadows, each (n, 2) in pixels.
+
+    ``share`` is the part of the area of all outlined rocks that has no scan.
+    """
+
+    rocks: list[np.ndarray]
+    shadows: list[np.ndarray]
+    share: float
+
+
+def find_left_out(terrain: Terrain, camera: Calibration, view: View, azimuth: int) -> LeftOut:
+    """The outlines of a photograph that have no scan."""
+    eye = camera.eyes[view]
+    hulls = [eye.project(extreme_points(rock.vertices)) * _SCALE for rock in terrain.rocks]
+    near = _widened(fill_hulls(_SHAPE, hulls))
+    scanned, bare = np.zeros((2, *_SHAPE), bool)
+    rocks = []
+    for outline in terrain.polygons(view, azimuth, ROCK):
+        mask = _fill(outline)
+        if np.count_nonzero(mask & near) >= _LEAST_SHARE * np.count_nonzero(mask):
+            scanned |= mask
+        else:
+            bare |= mask
+            rocks.append(outline)
+    shadows = []
+    for outline in terrain.polygons(view, azimuth, SHADOW) if rocks else []:
+        mask = _widened(_fill(outline))
+        if np.count_nonzero(mask & bare) > np.count_nonzero(mask & scanned):
+            shadows.append(outline)
+    area = np.count_nonzero(scanned | bare)
+    return LeftOut(rocks, shadows, float(np.count_nonzero(bare & ~scanned) / area) if area else 0.0)
+
+
+def _fill(outline: np.ndarray) -> np.ndarray:
+    return fill_polygons(_SHAPE, [outline * _SCALE], finer=3)
+
+
+def _widened(mask: np.ndarray) -> np.ndarray:
+    reach = round(_NEAR_PX * _SCALE)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), disc)).astype(bool)
