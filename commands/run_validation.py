@@ -15,7 +15,7 @@ from ..support.foreign_bytes import MOST_TEXT, read
 from ..support.suggestions import nearest
 from ..support.terminal import named, show_progress
 from ..validation.all_comparisons import load_comparisons
-from ..validation.comparison import FAILS, Bench, Comparison, Result, load_own_comparison, run_comparison
+from ..validation.comparison import DATA, FAILS, Bench, Comparison, Result, Say, load_own_comparison, run_comparison
 from ..validation.tables import cells, markdown_section, replace_sections, sources, summary
 
 
@@ -66,16 +66,20 @@ def _read_page(path: Path) -> str:
     return read(path, lambda foreign: foreign.text(), "a page", "give --page another", most=MOST_TEXT)
 
 
+def _make_bench(out: Path, options: argparse.Namespace, say: Say = lambda message: None) -> Bench:
+    return Bench(out, options.blender, options.quick, say, **{name: getattr(options, name) for name in DATA})
+
+
 def _run_one(comparison: Comparison, out: Path, options: argparse.Namespace) -> Result:
     if options.json:
-        return run_comparison(comparison, Bench(out, options.blender, options.quick, polar=options.polar))
+        return run_comparison(comparison, _make_bench(out, options))
     with show_progress(comparison.title) as show:
 
         def say(message: dict[str, Any]) -> None:
             if message["type"] == "progress":
                 show(message)
 
-        result = run_comparison(comparison, Bench(out, options.blender, options.quick, say, options.polar))
+        result = run_comparison(comparison, _make_bench(out, options, say))
         show({"type": "done"})
     _print_result(result)
     return result

@@ -30,6 +30,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="labels and scanned rocks of POLAR-Sim, a real scene that is rendered again; see Validation in the manual",
     )
     parser.add_argument(
+        "--frost",
+        type=as_path,
+        metavar="FOLDER",
+        help="NASA's FROST scans of real ground as PLY or OBJ, held beside the terrain presets; see Validation",
+    )
+    parser.add_argument(
         "--out",
         type=as_path,
         default=Path("out/validation"),

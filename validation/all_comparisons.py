@@ -17,6 +17,7 @@ MODULES = {
     "snow": "snow_law",
     "mitsuba": "second_renderer",
     "polar": "polar_sandbox",
+    "frost": "frost",
 }
 
 

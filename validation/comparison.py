@@ -31,6 +31,8 @@ from ..support.files import write_atomically
 
 #: The verdicts of a row; there are no others.
 PASSES, FAILS, NOT_JUDGED = "passes", "fails", "not judged"
+#: The options of the command that name a folder of data, which are fields of a bench too.
+DATA = ("polar", "frost")
 #: Why a number that ours was fitted to is not judged where both agree.
 _FITTED = "ours was fitted to it"
 
@@ -100,7 +102,7 @@ Say = Callable[[dict[str, Any]], None]
 class Bench:
     """The means of a comparison: a folder for its files, a Blender, and whether it is to be ``quick``.
 
-    ``polar`` is the user's folder of the POLAR data, None without these data.
+    ``polar`` and ``frost`` are the user's folders of the POLAR data and of the FROST scans, None without these data.
     """
 
     folder: Path
@@ -108,6 +110,7 @@ class Bench:
     quick: bool = False
     say: Say = field(default=lambda message: None)
     polar: Path | None = None
+    frost: Path | None = None
 
     def render(self, described: Sequence[Settings]) -> list[Pair]:
         """The first pair of each of these complete descriptions, rendered in one worker.
@@ -216,10 +219,10 @@ def load_own_comparison(path: Path) -> Comparison:
     found = getattr(module, "COMPARISON", None)
     if not isinstance(found, Comparison):
         raise IcyMoonError(f"{path} has no comparison; {fix}.")
-    if found.needs not in ("", "polar"):
+    if found.needs not in ("", *DATA):
         raise IcyMoonError(
-            f"{path}: no option gives the folder of needs={found.needs!r}; say 'polar', or leave it out "
-            "and let the file find its data."
+            f"{path}: no option gives the folder of needs={found.needs!r}; say {' or '.join(map(repr, DATA))}, or "
+            "leave it out and let the file find its data."
         )
     return replace(found, compare=partial(_compare_by_file, path, found.compare))
 

@@ -1,0 +1,182 @@
+"""Scans of real ground, NASA's FROST, beside the terrain presets: slopes, Hurst exponents, relief and spectra.
+
+One number of a scan chooses the preset that is held beside it. The others test whether ground with that slope also has
+the scan's other statistics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from ..formats.ply import read_vertices
+from ..physics.mesh.obj import parse_triangles
+from ..physics.terrain.roughness.statistics import measure, power_spectrum
+from ..physics.terrain.terrain import make_terrain
+from ..settings.description import defaults, merged
+from ..settings.preset_files import load_preset, preset_names
+from ..support.errors import IcyMoonError
+from ..support.foreign_bytes import read
+from .comparison import Bench, Comparison, Row
+
+#: Size in metres of a patch and spacing of the grid on which both grounds are measured; a quarter is a quadrant.
+SIZE_M, SPACING_M = 5.0, 0.02
+#: Sides in metres that a scan may have; another one means that it is not in metres.
+_LEAST_M, _MOST_M = 4.0, 12.0
+#: Largest share of cells without a point. They get the mean of their neighbours.
+_MOST_HOLES = 0.05
+_MOST_TRIANGLES = 20_000_000
+#: Distances in metres: of the slope that chooses the preset, of the slope that is judged, and of the Hurst exponent;
+#: the wavelength of the spectrum.
+_CHOSEN_M, _JUDGED_M, _LAW_M, _WAVE_M = 0.5, 0.1, (0.06, 0.6), 0.2
+_SEED = 1
+#: Student's factor of a 95 % interval for two means of four quadrants each (6 degrees of freedom).
+_T = 2.45
+_SOURCE = "FROST, Wong et al. 2019, NASA Ames Research Center: {name}"
+_FIX = "get the scan again (ti.arc.nasa.gov/dataset/frost)"
+_SUFFIXES = (".ply", ".obj")
+_CHOSEN = "slope"
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """A number of a patch, and its standard error by how much the four quadrants differ."""
+
+    value: float
+    error: float
+
+
+def read_scan(path: Path) -> np.ndarray:
+    """Heights (n, n) in metres of the middle of a scan, ``SPACING_M`` apart, from its points or vertices, z up.
+
+    A cell has the mean height of its points. Raises IcyMoonError if the file is no scan in metres, or has too many
+    holes.
+    """
+    if path.suffix.lower() == ".obj":
+        points, _ = read(path, lambda foreign: parse_triangles(foreign, _MOST_TRIANGLES), "a mesh in OBJ", _FIX)
+    else:
+        found = read_vertices(path)
+        if found is None:
+            raise IcyMoonError(f"{path}: has no x, y and z of vertices first; save it as a plain PLY file.")
+        points = found
+    points = points[np.isfinite(points).all(axis=1)]
+    sides = np.ptp(points[:, :2], axis=0) if len(points) else np.zeros(2)
+    if not (sides.min() >= _LEAST_M and sides.max() <= _MOST_M):
+        raise IcyMoonError(
+            f"{path}: is {sides[0]:.3g} x {sides[1]:.3g} wide; a scan has sides of {_LEAST_M:g} to {_MOST_M:g} m, in "
+            "metres with z up."
+        )
+    return _fill(path, *_cells(points, min(SIZE_M, float(sides.min()))))
+
+
+def _cells(points: np.ndarray, side_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of heights and numbers of points (n, n) of the cells of a square in the middle of the points."""
+    count = int(side_m / SPACING_M + 1e-6)
+    corner = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0) - count * SPACING_M) / 2
+    column, row = np.floor((points[:, :2] - corner) / SPACING_M).astype(int).T
+    inside = (column >= 0) & (column < count) & (row >= 0) & (row < count)
+    cell = row[inside] * count + column[inside]
+    sums, counts = (np.bincount(cell, weight, count * count) for weight in (points[inside, 2], None))
+    return sums.reshape(count, count), counts.reshape(count, count)
+
+
+def _fill(path: Path, sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Mean heights of the cells; those without a point have the mean of their neighbours."""
+    holes = float(np.mean(counts == 0))
+    if holes > _MOST_HOLES:
+        raise IcyMoonError(
+            f"{path}: {holes:.0%} of the cells of {SPACING_M * 100:g} cm have no point, {_MOST_HOLES:.0%} are allowed; "
+            "give the scan at full resolution."
+        )
+    with np.errstate(invalid="ignore"):
+        heights = sums / counts
+    while (empty := np.isnan(heights)).any():
+        around = np.pad(heights, 1, constant_values=np.nan)
+        beside = np.stack([around[1:-1, :-2], around[1:-1, 2:], around[:-2, 1:-1], around[2:, 1:-1]])
+        known = np.isfinite(beside)
+        mean = np.where(known, beside, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        heights = np.where(empty & known.any(axis=0), mean, heights)
+    return np.asarray(heights)
+
+
+def statistics(heights_m: np.ndarray) -> dict[str, Statistic]:
+    """The numbers of a patch (n, n) that are compared."""
+    half = len(heights_m) // 2
+    quadrants = [_numbers(heights_m[y : y + half, x : x + half]) for y in (0, half) for x in (0, half)]
+    return {
+        name: Statistic(value, float(np.std([each[name] for each in quadrants], ddof=1) / np.sqrt(len(quadrants))))
+        for name, value in _numbers(heights_m).items()
+    }
+
+
+def _numbers(heights_m: np.ndarray) -> dict[str, float]:
+    found = measure(heights_m, SPACING_M, _CHOSEN_M, _LAW_M)
+    waves, density = power_spectrum(heights_m, SPACING_M)
+    return {
+        _CHOSEN: found.slope_deg,
+        f"RMS slope at {_JUDGED_M:g} m": measure(heights_m, SPACING_M, _JUDGED_M, _LAW_M).slope_deg,
+        f"Hurst exponent from {_LAW_M[0]:g} to {_LAW_M[1]:g} m": found.hurst,
+        "RMS height": found.height_m,
+        f"logarithm of the power spectrum at {_WAVE_M:g} m": float(
+            np.interp(-np.log10(_WAVE_M), np.log10(waves), np.log10(np.maximum(density, 1e-30)))
+        ),
+    }
+
+
+@cache
+def preset_statistics(name: str) -> dict[str, Statistic]:
+    """The same numbers of the middle of a terrain preset."""
+    ground = make_terrain(merged(defaults(), load_preset(name)), _SEED)
+    axis = (np.arange(int(SIZE_M / SPACING_M + 1e-6)) + 0.5) * SPACING_M - SIZE_M / 2
+    return statistics(ground.heights(axis[None, :], axis[:, None], 2 * SPACING_M))
+
+
+def compare_scan(path: Path) -> list[Row]:
+    """The rows of a scan: the slope that chooses the preset, and what that preset predicts."""
+    theirs = statistics(read_scan(path))
+    presets = {name: preset_statistics(name) for name in preset_names("terrains")}
+    name = min(presets, key=lambda each: abs(presets[each][_CHOSEN].value - theirs[_CHOSEN].value))
+    return [
+        Row(
+            f"{path.stem} and `{name.split('/')[-1]}`: "
+            + (f"RMS slope at {_CHOSEN_M:g} m, which chooses the preset" if key == _CHOSEN else key),
+            ours.value,
+            theirs[key].value,
+            _T * float(np.hypot(ours.error, theirs[key].error)),
+            _SOURCE.format(name=path.name),
+            "°" if "slope" in key else "m" if "height" in key else "",
+            fitted=key == _CHOSEN,
+        )
+        for key, ours in presets[name].items()
+    ]
+
+
+def _compare(bench: Bench) -> list[Row]:
+    folder = bench.frost
+    if folder is None:
+        raise IcyMoonError(f"No folder of the FROST scans is given; pass --frost FOLDER, and {_FIX}.")
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in _SUFFIXES) if folder.is_dir() else []
+    if not paths:
+        raise IcyMoonError(f"--frost: {folder} has no scan ({' or '.join(_SUFFIXES)}); {_FIX}.")
+    return [row for path in paths for row in compare_scan(path)]
+
+
+COMPARISON = Comparison(
+    "frost",
+    "Scans of real ground",
+    "NASA Ames scanned salt, soil and rock of Death Valley and the Atacama Desert as examples of the ground of ocean "
+    "worlds: eleven patches of 5 x 5 m with points 2.5 mm apart (FROST, Wong et al. 2019, "
+    "ti.arc.nasa.gov/dataset/frost). Each scan is held beside the terrain preset whose RMS slope at 0.5 m is nearest. "
+    "This row chooses the preset, so agreement in it is not judged; the others test whether that preset has the scan's "
+    "slope at 0.1 m, Hurst exponent, RMS height and power spectrum too. Heights are means over cells of 2 cm, and "
+    "presets have their waves from 4 cm on. Allowed is the 95 % interval of the difference of two "
+    "patches, by how much the quadrants of each differ.\n\n"
+    "The data are not shipped, and no one here had them, so no number stands on this page. FOLDER has the scans as PLY "
+    "or OBJ files, in metres with z up. A test holds the command to ground of a known Hurst exponent.",
+    _compare,
+    quick=False,
+    needs="frost",
+)
