@@ -31,7 +31,9 @@ from .polar.hand import Hand, measure_hand
 from .polar.lamp import HeightTable, fit_lamps, shadow_of
 from .polar.sand import Sand, assign_outlines, fit_sand
 from .polar.scans import LeftOut, find_left_out
-from .polar.scene import Frame, Twin, describe, find_frame, read_twin, write_ground
+from .polar.scene import Frame, describe, find_frame, read_twin, write_ground
+from .polar.twins import Masks
+from .polar_stereo import judge_stereo
 
 #: Columns of the renders.
 _COLUMNS, _QUICK_COLUMNS = 480, 320
@@ -50,21 +52,6 @@ _SURVEY = "POLAR-Sim's survey"
 _WHO = {"L": "left", "R": "right"}
 #: Colours of the pictures: rock, shadow, the rest.
 _COLOURS = np.array([[70, 70, 80], [235, 235, 225], [20, 30, 140]], np.uint8)
-
-
-@dataclass(frozen=True)
-class Masks:
-    """Rock and shadow (H, W) of a photograph as labelled and as rendered, without what has no scan; and its twin.
-
-    ``judged`` (H, W) is where the photograph shows the sandbox and what was scanned.
-    """
-
-    rock: np.ndarray
-    shadow: np.ndarray
-    our_rock: np.ndarray
-    our_shadow: np.ndarray
-    judged: np.ndarray
-    twin: Twin
 
 
 @dataclass(frozen=True)
@@ -116,6 +103,7 @@ def judge(built: Rebuilt, masks: dict[tuple[View, int], Masks]) -> list[Row]:
         *_of_masks(terrain, masks, measure_hand(terrain, camera, sand)),
         *_of_tips(terrain, camera, sand, lamps),
         *_of_disparity(terrain, camera, sand, built.frames),
+        *judge_stereo(terrain, camera, built.frames, masks),
     ]
 
 

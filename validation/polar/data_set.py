@@ -2,13 +2,14 @@
 
 Source: POLAR-Sim (Chen et al., arXiv 2309.12397, CC0 1.0) on the photographs of NASA Ames' POLAR data set. A folder has
 ``rocks/terrainTT_rockN.obj`` in metres, +X toward Sun azimuth 0 and +Z up, and ``labels/TT_P_off_AZ_E.txt`` for camera
-position P, Sun azimuth AZ and eye E. A line of a label is a class, then x y pairs as shares of width and height.
+position P, Sun azimuth AZ and eye E, and may have the ``photographs/TT_P_off_AZ_E.png``. A line of a label is a class,
+then x y pairs as shares of width and height.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,7 @@ _OUTSIDE = 0.05
 #: Largest text of polygons in bytes; most triangles of a rock.
 _MOST_LABEL, _MOST_TRIANGLES = 10_000_000, 2_000_000
 _LABEL = re.compile(r"(\d+)_([A-Z])_off_(\d+)_([LR])\.txt")
+_IMAGE = re.compile(r"(\d+)_([A-Z])_off_(\d+)_([LR])\.png")
 _ROCK = re.compile(r"terrain(\d+)_rock(\d+)\.obj")
 
 
@@ -79,11 +81,13 @@ class Polygon:
 
 @dataclass(frozen=True)
 class Terrain:
-    """A terrain: its rocks, and the polygons of each photograph by view and Sun azimuth in degrees."""
+    """A terrain: its rocks; the polygons of each photograph by view and Sun azimuth in degrees; and the photographs
+    themselves, where the folder has them."""
 
     name: str
     rocks: tuple[Rock, ...]
     photographs: dict[tuple[View, int], tuple[Polygon, ...]] = field(repr=False)
+    images: dict[tuple[View, int], Path] = field(default_factory=dict, repr=False)
 
     @property
     def views(self) -> list[View]:
@@ -121,11 +125,15 @@ def read_terrains(folder: Path) -> list[Terrain]:
             f"{folder}: terrain {min(lone)} has labels or rocks, but not both; add what is missing, or "
             "remove its files."
         )
+    images = _files(folder / "photographs", _IMAGE)
     return [
-        _read_terrain(
-            name,
-            [(path, found) for path, found in labels if found[1] == name],
-            [(path, found) for path, found in rocks if found[1] == name],
+        replace(
+            _read_terrain(
+                name,
+                [(path, found) for path, found in labels if found[1] == name],
+                [(path, found) for path, found in rocks if found[1] == name],
+            ),
+            images={(View(found[2], found[4]), int(found[3])): path for path, found in images if found[1] == name},
         )
         for name in sorted({found[1] for _, found in labels})
     ]

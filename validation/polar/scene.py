@@ -70,7 +70,13 @@ class Frame:
         rays = fitted.rays(pixels) @ fitted.turn @ self.axes.T
         return np.asarray(rays[:, :2] / rays[:, 2:] * self.focal_px - self.corner)
 
-    def to_ours(self, points: Array) -> Array:
+    def unrectify(self, camera: Calibration, eye: str, pixels: np.ndarray) -> np.ndarray:
+        """Pixels (n, 2) of a photograph for pixels (n, 2) of our rig."""
+        fitted = camera.eyes[View(self.position, eye)]
+        rays = np.column_stack([(pixels + self.corner) / self.focal_px, np.ones(len(pixels))])
+        return fitted.project(fitted.place_m + rays @ self.axes)
+
+    def to_ours(self, points: np.ndarray) -> np.ndarray:
         """Points (n, 3) of the data set's world in ours."""
         return np.asarray((points - self.origin) @ self.world.T)
 

@@ -1,0 +1,145 @@
+"""Matchers on the photographs and on their twins: does the twin predict the errors that the photograph gives?
+
+Errors are known where scans give the truth: on pixels that show a scanned rock, by the labels and by the twin, two
+pixels inside its outline, and that both eyes see. The truth is the twin's disparity, so it has the error of the camera
+and of the scans, which the rows of disparity state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+
+from ..physics.camera.stereo_camera import StereoCamera
+from ..stereo.images.disparity_and_occlusion import visible_in_right
+from ..stereo.images.image_files import read_png
+from ..stereo.inference import typical_scene
+from ..stereo.matchers import match
+from ..stereo.matchers.methods import describe_method
+from ..stereo.matchers.search_range import AUTO, SearchRange, true_range
+from ..support.errors import IcyMoonError
+from .comparison import Row
+from .polar.camera import Calibration
+from .polar.data_set import EYES, HEIGHT_PX, WIDTH_PX, Terrain, View
+from .polar.scene import Frame
+from .polar.twins import Masks
+
+METHODS = ("bm", "sgbm")
+#: A disparity in pixels of the renders farther from the truth is wrong, as a missing one is.
+_WRONG_PX = 1.0
+#: Largest difference of the shares of wrong or missing pixels, of the twin and of the photograph.
+_ALLOWED = 0.1
+#: Pixels inside an outline from which on a pixel is judged, and the fewest pixels of a pair.
+_INSIDE_PX, _FEWEST_PX = 2, 100
+#: Points of a photograph for each pixel of our rig, along both axes.
+_FINER = 4
+#: Brightness of an image, as a quantile, that becomes white.
+_WHITE = 0.995
+_SOURCE = "NASA's photographs, matched; the truth is by POLAR-Sim's scans"
+_LACKING = "FOLDER has no photographs/TT_P_off_AZ_E.png of both eyes"
+
+
+def judge_stereo(
+    terrain: Terrain, camera: Calibration, frames: Mapping[str, Frame], masks: Mapping[tuple[View, int], Masks]
+) -> list[Row]:
+    """The rows of the matchers: mean shares of wrong or missing pixels, and the interval of the typical difference."""
+    shares = []
+    for position, azimuth in sorted({(view.position, azimuth) for view, azimuth in terrain.images}):
+        eyes = {eye: (View(position, eye), azimuth) for eye in EYES}
+        if all(at in terrain.images and at in masks for at in eyes.values()):
+            found = _measure(terrain, camera, frames[position], {eye: masks[at] for eye, at in eyes.items()}, eyes)
+            shares += [found] if found is not None else []
+    if not shares:
+        nothing = float("nan")
+        return [Row("matchers on the photographs", nothing, nothing, _ALLOWED, _SOURCE, unjudged=_LACKING)]
+    return _rows(np.array(shares))
+
+
+def _rows(shares: np.ndarray) -> list[Row]:
+    """Rows of shares (pairs, 2, methods) of wrong or missing pixels, of photographs and twins."""
+    count, family = len(shares), typical_scene.compare(shares[:, 1] - shares[:, 0], 0)
+    few = f"an interval takes {family.needed} pairs, here are {count}" if count < family.needed else ""
+    rows = []
+    for k, method in enumerate(METHODS):
+        name = f"{describe_method(method)} on {count} pairs, wrong or missing on scanned rocks"
+        photographed, twin = (float(each) for each in shares[:, :, k].mean(axis=0))
+        farthest = max(family.low[k], family.high[k], key=abs)
+        rows += [
+            Row(f"{name}: mean of the twins and of the photographs", twin, photographed, _ALLOWED, _SOURCE),
+            Row(
+                f"{name}: farthest end of the 95 % interval of the typical difference",
+                float(farthest),
+                0.0,
+                _ALLOWED,
+                _SOURCE,
+                unjudged=few,
+            ),
+        ]
+    return rows
+
+
+def _measure(
+    terrain: Terrain,
+    camera: Calibration,
+    frame: Frame,
+    masks: Mapping[str, Masks],
+    eyes: Mapping[str, tuple[View, int]],
+) -> np.ndarray | None:
+    """Shares (2, methods) of wrong or missing pixels of a photographed pair and of its twin; None if too few count."""
+    rig = StereoCamera(*frame.size, frame.focal_px, -float(frame.corner[0]), -float(frame.corner[1]), frame.baseline_m)
+    left, right = (masks[eye].twin.depth for eye in EYES)
+    truth = rig.disparity(left)
+    visible = visible_in_right(left, right, rig)
+    judged = _inner(masks["L"].rock) & _inner(masks["L"].our_rock) & visible & np.isfinite(truth)
+    if np.count_nonzero(judged) < _FEWEST_PX:
+        return None
+    photographed = [_to_grey(rectify(frame, camera, eye, _read(terrain, eyes[eye]))) for eye in EYES]
+    twin = [_to_grey(masks[eye].twin.light) for eye in EYES]
+    search = true_range(np.where(visible, truth, np.nan))
+    assert search is not None
+    return np.array(
+        [[_share(method, pair, truth, judged, rig, search) for method in METHODS] for pair in (photographed, twin)]
+    )
+
+
+def _share(
+    method: str, pair: list[np.ndarray], truth: np.ndarray, judged: np.ndarray, rig: StereoCamera, search: SearchRange
+) -> float:
+    disparity, _, _ = match(method, *pair, camera=rig, ranges={AUTO: search})
+    with np.errstate(invalid="ignore"):
+        right = np.abs(disparity - truth)[judged] <= _WRONG_PX  # NaN is not
+    return float(np.mean(~right))
+
+
+def _inner(mask: np.ndarray) -> np.ndarray:
+    size = 2 * _INSIDE_PX + 1
+    return np.asarray(cv2.erode(mask.astype(np.uint8), np.ones((size, size), np.uint8)), bool)
+
+
+def _read(terrain: Terrain, at: tuple[View, int]) -> np.ndarray:
+    path = terrain.images[at]
+    image = read_png(path)
+    if image.shape[:2] != (HEIGHT_PX, WIDTH_PX):
+        raise IcyMoonError(
+            f"{path}: has {image.shape[1]} x {image.shape[0]} pixels; a photograph has {WIDTH_PX} x {HEIGHT_PX}, so "
+            "give it uncropped."
+        )
+    return np.asarray(image if image.ndim == 2 else image[..., :3].mean(axis=2), np.float32)
+
+
+def rectify(frame: Frame, camera: Calibration, eye: str, image: np.ndarray) -> np.ndarray:
+    """A photograph (H, W) as our rig sees it, each pixel the mean of its part of the photograph."""
+    rows, columns = frame.shape
+    at = np.stack(
+        np.meshgrid((np.arange(columns * _FINER) + 0.5) / _FINER, (np.arange(rows * _FINER) + 0.5) / _FINER), axis=-1
+    )
+    there = frame.unrectify(camera, eye, at.reshape(-1, 2)).reshape(at.shape).astype(np.float32) - np.float32(0.5)
+    fine = cv2.remap(image.astype(np.float32), there[..., 0], there[..., 1], cv2.INTER_LINEAR)
+    return np.asarray(fine.reshape(rows, _FINER, columns, _FINER).mean(axis=(1, 3)))
+
+
+def _to_grey(image: np.ndarray) -> np.ndarray:
+    white = max(float(np.quantile(image[np.isfinite(image)], _WHITE)), 1e-12)
+    return np.asarray(np.clip(np.nan_to_num(image) / white, 0.0, 1.0) * 255, np.uint8)
