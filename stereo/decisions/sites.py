@@ -6,6 +6,7 @@ Unknown ground is unsafe.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -130,7 +131,11 @@ def choose(sites: Sites, among: Array) -> tuple[int, int] | None:
 
 def cast_light(height_m: Array, cell_m: float, toward_sun: Array) -> Array:
     """1.0 where the middle of the Sun, in this direction of the site, is seen from a cell over the heights, 0.0 where
-    ground stands before it, NaN where the height is unknown. What stands outside the map casts no shadow."""
+    ground stands before it, NaN where the height is unknown.
+
+    Heights are linear between the middles of neighbouring cells, and a ray is compared with them wherever it crosses a
+    row or a column of middles. What is outside the map or unknown casts no shadow.
+    """
     east, north, up = (float(each) for each in toward_sun)
     level = float(np.hypot(east, north))
     known = np.isfinite(height_m)
@@ -140,14 +145,38 @@ def cast_light(height_m: Array, cell_m: float, toward_sun: Array) -> Array:
     if level > 1e-9:
         heights = np.where(known, height_m, -np.inf)
         climb = up / level * cell_m
-        reach = float(np.nanmax(height_m) - np.nanmin(height_m))
-        for step in range(1, int(min(np.ceil(reach / climb), max(height_m.shape))) + 1):
-            rows, columns = round(-north / level * step), round(east / level * step)
-            lit &= _shifted(heights, rows, columns) <= heights + climb * float(np.hypot(rows, columns))
+        reach = float(np.nanmax(height_m) - np.nanmin(height_m)) / climb
+        for way, rows, columns in _crossings(height_m.shape, (-north / level, east / level), reach):
+            lit &= _height_at(heights, rows, columns) <= heights + climb * way
     return np.where(known, lit.astype(np.float64), np.nan)
 
 
-def _shifted(values: Array, rows: int, columns: int) -> Array:
+def _crossings(
+    shape: tuple[int, ...], toward: tuple[float, float], reach: float
+) -> Iterator[tuple[float, float, float]]:
+    """Where a level ray from a cell crosses rows and columns of middles: the way, and its rows and columns, all in
+    cells, up to the border of a map of this shape or to ``reach``."""
+    for axis, rate in enumerate(map(abs, toward)):
+        if rate > 1e-9:
+            for step in range(1, min(shape[axis], int(np.ceil(reach * rate)) + 1)):
+                place = [each * step / rate for each in toward]
+                place[axis] = round(place[axis])
+                yield step / rate, *place
+
+
+def _height_at(heights: np.ndarray, rows: float, columns: float) -> np.ndarray:
+    """For each cell the height ``rows`` and ``columns`` further on, one of which is whole: linear between two cells,
+    minus infinity where one of them is unknown or beyond the border."""
+    below = [int(np.floor(each + 1e-9)) for each in (rows, columns)]
+    share = max(rows - below[0], columns - below[1])
+    first = _shifted(heights, *below)
+    if share < 1e-9:
+        return first
+    second = _shifted(heights, below[0] + (rows - below[0] >= 1e-9), below[1] + (columns - below[1] >= 1e-9))
+    return np.asarray((1 - share) * first + share * second)
+
+
+def _shifted(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
     """For each cell the value of the cell ``rows`` and ``columns`` further on; minus infinity beyond the border."""
     result = np.full(values.shape, -np.inf)
     height, width = values.shape

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from icymoon.stereo.decisions.dem import Dem, Grid
@@ -158,6 +159,41 @@ def test_a_shadow_ends_with_the_map(shape, toward):
     ahead = (column - 1) * toward[0] - (row - 1) * toward[1]
     beside = (column - 1) * toward[1] + (row - 1) * toward[0]
     np.testing.assert_array_equal(lit == 0.0, (beside == 0) & (ahead < 0))
+
+
+def _march(height, toward):
+    """Light by rays in steps of a fiftieth of a cell over the bilinear surface; True where nothing stands before it."""
+    level = float(np.hypot(*toward[:2]))
+    row_step, column_step, rise = -toward[1] / level, toward[0] / level, toward[2] / level * CELL
+    rows, columns = (each.astype(float) for each in np.indices(height.shape))
+    lit = np.ones(height.shape, bool)
+    for way in np.arange(1, 50 * max(height.shape)) / 50:
+        row, column = rows + row_step * way, columns + column_step * way
+        inside = (row >= 0) & (row <= len(height) - 1) & (column >= 0) & (column <= height.shape[1] - 1)
+        if not inside.any():
+            break
+        r, c = (
+            np.clip(np.floor(each), 0, size - 2).astype(int)
+            for each, size in zip((row, column), height.shape, strict=True)
+        )
+        u, v = row - r, column - c
+        above = (1 - u) * ((1 - v) * height[r, c] + v * height[r, c + 1])
+        above += u * ((1 - v) * height[r + 1, c] + v * height[r + 1, c + 1])
+        lit &= ~inside | (above <= height + rise * way + 1e-12)
+    return lit
+
+
+@pytest.mark.parametrize("azimuth_deg", [0.0, 17.0, 45.0, 70.0, 123.0, 200.0, 261.0, 338.0])
+def test_light_on_rough_ground_is_that_of_a_ray_march(azimuth_deg):
+    random = np.random.default_rng(int(azimuth_deg))
+    rough = random.standard_normal((60, 70)) + np.cumsum(random.standard_normal((60, 70)), axis=1) / 3
+    height = 0.08 * cv2.GaussianBlur(rough, (0, 0), 2.0)  # waves of some cells, as a map of ground has them
+    azimuth, elevation = np.radians(azimuth_deg), np.radians(20.0)
+    sun = np.array([np.sin(azimuth) * np.cos(elevation), np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
+    marched = _march(height, sun)
+    assert 0.2 < marched.mean() < 0.9
+    # Between rows and columns the bilinear surface bulges a little. Rounding to whole cells differed by 2 to 6 %.
+    assert np.mean((cast_light(height, CELL, sun) == 1.0) != marched) < 0.01
 
 
 def test_a_hole_in_the_map_casts_no_shadow():
