@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import cv2
 import numpy as np
 
 from ..physics.camera.stereo_camera import StereoCamera
 from ..stereo.images.disparity_and_occlusion import visible_in_right
 from ..stereo.images.image_files import read_png
+from ..stereo.images.masks import narrowed, resampled
 from ..stereo.inference import typical_scene
 from ..stereo.matchers import match
 from ..stereo.matchers.methods import describe_method
@@ -92,7 +92,7 @@ def _measure(
     left, right = (masks[eye].twin.depth for eye in EYES)
     truth = rig.disparity(left)
     visible = visible_in_right(left, right, rig)
-    judged = _inner(masks["L"].rock) & _inner(masks["L"].our_rock) & visible & np.isfinite(truth)
+    judged = narrowed(masks["L"].rock & masks["L"].our_rock, _INSIDE_PX) & visible & np.isfinite(truth)
     if np.count_nonzero(judged) < _FEWEST_PX:
         return None
     photographed = [_to_grey(rectify(frame, camera, eye, _read(terrain, eyes[eye]))) for eye in EYES]
@@ -113,11 +113,6 @@ def _share(
     return float(np.mean(~right))
 
 
-def _inner(mask: np.ndarray) -> np.ndarray:
-    size = 2 * _INSIDE_PX + 1
-    return np.asarray(cv2.erode(mask.astype(np.uint8), np.ones((size, size), np.uint8)), bool)
-
-
 def _read(terrain: Terrain, at: tuple[View, int]) -> np.ndarray:
     path = terrain.images[at]
     image = read_png(path)
@@ -135,8 +130,7 @@ def rectify(frame: Frame, camera: Calibration, eye: str, image: np.ndarray) -> n
     at = np.stack(
         np.meshgrid((np.arange(columns * _FINER) + 0.5) / _FINER, (np.arange(rows * _FINER) + 0.5) / _FINER), axis=-1
     )
-    there = frame.unrectify(camera, eye, at.reshape(-1, 2)).reshape(at.shape).astype(np.float32) - np.float32(0.5)
-    fine = cv2.remap(image.astype(np.float32), there[..., 0], there[..., 1], cv2.INTER_LINEAR)
+    fine = resampled(image, frame.unrectify(camera, eye, at.reshape(-1, 2)).reshape(at.shape))
     return np.asarray(fine.reshape(rows, _FINER, columns, _FINER).mean(axis=(1, 3)))
 
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from ...stereo.images.masks import fill_hulls, fill_polygons
+from ...stereo.images.masks import fill_hulls, fill_polygons, widened
 from .camera import Calibration, extreme_points
 from .data_set import HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, Terrain, View
 
@@ -21,6 +20,7 @@ _SCALE = 0.25
 _SHAPE = (int(HEIGHT_PX * _SCALE), int(WIDTH_PX * _SCALE))
 #: Distance in pixels of the photographs by which a scan may stand off its outline or a shadow off its rock.
 _NEAR_PX = 10.0
+_REACH = round(_NEAR_PX * _SCALE)
 _LEAST_SHARE = 0.5
 
 
@@ -40,7 +40,7 @@ def find_left_out(terrain: Terrain, camera: Calibration, view: View, azimuth: in
     """The outlines of a photograph that have no scan."""
     eye = camera.eyes[view]
     hulls = [eye.project(extreme_points(rock.vertices)) * _SCALE for rock in terrain.rocks]
-    near = _widened(fill_hulls(_SHAPE, hulls))
+    near = widened(fill_hulls(_SHAPE, hulls), _REACH)
     scanned, bare = np.zeros((2, *_SHAPE), bool)
     rocks = []
     for outline in terrain.polygons(view, azimuth, ROCK):
@@ -52,7 +52,7 @@ def find_left_out(terrain: Terrain, camera: Calibration, view: View, azimuth: in
             rocks.append(outline)
     shadows = []
     for outline in terrain.polygons(view, azimuth, SHADOW) if rocks else []:
-        mask = _widened(_fill(outline))
+        mask = widened(_fill(outline), _REACH)
         if np.count_nonzero(mask & bare) > np.count_nonzero(mask & scanned):
             shadows.append(outline)
     area = np.count_nonzero(scanned | bare)
@@ -61,9 +61,3 @@ def find_left_out(terrain: Terrain, camera: Calibration, view: View, azimuth: in
 
 def _fill(outline: np.ndarray) -> np.ndarray:
     return fill_polygons(_SHAPE, [outline * _SCALE], finer=3)
-
-
-def _widened(mask: np.ndarray) -> np.ndarray:
-    reach = round(_NEAR_PX * _SCALE)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), disc)).astype(bool)
