@@ -18,6 +18,7 @@ from ..physics.terrain.roughness.statistics import measure, power_spectrum
 from ..physics.terrain.terrain import make_terrain
 from ..settings.description import defaults, merged
 from ..settings.preset_files import load_preset, preset_names
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import read
 from .comparison import Bench, Comparison, Row
@@ -49,7 +50,7 @@ class Statistic:
     error: float
 
 
-def read_scan(path: Path) -> np.ndarray:
+def read_scan(path: Path) -> Array:
     """Heights (n, n) in metres of the middle of a scan, ``SPACING_M`` apart, from its points or vertices, z up.
 
     A cell has the mean height of its points. Raises IcyMoonError if the file is no scan in metres, or has too many
@@ -72,7 +73,7 @@ def read_scan(path: Path) -> np.ndarray:
     return _fill(path, *_cells(points, min(SIZE_M, float(sides.min()))))
 
 
-def _cells(points: np.ndarray, side_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _cells(points: Array, side_m: float) -> tuple[Array, Array]:
     """Sums of heights and numbers of points (n, n) of the cells of a square in the middle of the points."""
     count = int(side_m / SPACING_M + 1e-6)
     corner = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0) - count * SPACING_M) / 2
@@ -83,7 +84,7 @@ def _cells(points: np.ndarray, side_m: float) -> tuple[np.ndarray, np.ndarray]:
     return sums.reshape(count, count), counts.reshape(count, count)
 
 
-def _fill(path: Path, sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
+def _fill(path: Path, sums: Array, counts: Array) -> Array:
     """Mean heights of the cells; those without a point have the mean of their neighbours."""
     holes = float(np.mean(counts == 0))
     if holes > _MOST_HOLES:
@@ -102,7 +103,7 @@ def _fill(path: Path, sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
     return np.asarray(heights)
 
 
-def statistics(heights_m: np.ndarray) -> dict[str, Statistic]:
+def statistics(heights_m: Array) -> dict[str, Statistic]:
     """The numbers of a patch (n, n) that are compared."""
     half = len(heights_m) // 2
     quadrants = [_numbers(heights_m[y : y + half, x : x + half]) for y in (0, half) for x in (0, half)]
@@ -112,7 +113,7 @@ def statistics(heights_m: np.ndarray) -> dict[str, Statistic]:
     }
 
 
-def _numbers(heights_m: np.ndarray) -> dict[str, float]:
+def _numbers(heights_m: Array) -> dict[str, float]:
     found = measure(heights_m, SPACING_M, _CHOSEN_M, _LAW_M)
     waves, density = power_spectrum(heights_m, SPACING_M)
     return {

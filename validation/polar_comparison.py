@@ -62,7 +62,7 @@ class Rebuilt:
     terrain: Terrain
     camera: Calibration
     sand: Sand
-    lamps: dict[int, np.ndarray]
+    lamps: dict[int, Array]
     left_out: dict[tuple[View, int], LeftOut]
     frames: dict[str, Frame]
 
@@ -112,7 +112,7 @@ def _render(
     terrain: Terrain,
     camera: Calibration,
     sand: Sand,
-    lamps: dict[int, np.ndarray],
+    lamps: dict[int, Array],
     left_out: dict[tuple[View, int], LeftOut],
 ) -> tuple[dict[tuple[View, int], Masks], dict[str, Frame]]:
     """Masks of every photograph: for each position and azimuth a pair with the rocks and one without them."""

@@ -19,6 +19,7 @@ from ..stereo.inference import typical_scene
 from ..stereo.matchers import match
 from ..stereo.matchers.methods import describe_method
 from ..stereo.matchers.search_range import AUTO, SearchRange, true_range
+from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from .comparison import Row
 from .polar.camera import Calibration
@@ -57,7 +58,7 @@ def judge_stereo(
     return _rows(np.array(shares))
 
 
-def _rows(shares: np.ndarray) -> list[Row]:
+def _rows(shares: Array) -> list[Row]:
     """Rows of shares (pairs, 2, methods) of wrong or missing pixels, of photographs and twins."""
     count, family = len(shares), typical_scene.compare(shares[:, 1] - shares[:, 0], 0)
     few = f"an interval takes {family.needed} pairs, here are {count}" if count < family.needed else ""
@@ -86,7 +87,7 @@ def _measure(
     frame: Frame,
     masks: Mapping[str, Masks],
     eyes: Mapping[str, tuple[View, int]],
-) -> np.ndarray | None:
+) -> Array | None:
     """Shares (2, methods) of wrong or missing pixels of a photographed pair and of its twin; None if too few count."""
     rig = StereoCamera(*frame.size, frame.focal_px, -float(frame.corner[0]), -float(frame.corner[1]), frame.baseline_m)
     left, right = (masks[eye].twin.depth for eye in EYES)
@@ -105,7 +106,7 @@ def _measure(
 
 
 def _share(
-    method: str, pair: list[np.ndarray], truth: np.ndarray, judged: np.ndarray, rig: StereoCamera, search: SearchRange
+    method: str, pair: list[Array], truth: Array, judged: Array, rig: StereoCamera, search: SearchRange
 ) -> float:
     disparity, _, _ = match(method, *pair, camera=rig, ranges={AUTO: search})
     with np.errstate(invalid="ignore"):
@@ -113,7 +114,7 @@ def _share(
     return float(np.mean(~right))
 
 
-def _read(terrain: Terrain, at: tuple[View, int]) -> np.ndarray:
+def _read(terrain: Terrain, at: tuple[View, int]) -> Array:
     path = terrain.images[at]
     image = read_png(path)
     if image.shape[:2] != (HEIGHT_PX, WIDTH_PX):
@@ -124,7 +125,7 @@ def _read(terrain: Terrain, at: tuple[View, int]) -> np.ndarray:
     return np.asarray(image if image.ndim == 2 else image[..., :3].mean(axis=2), np.float32)
 
 
-def rectify(frame: Frame, camera: Calibration, eye: str, image: np.ndarray) -> np.ndarray:
+def rectify(frame: Frame, camera: Calibration, eye: str, image: Array) -> Array:
     """A photograph (H, W) as our rig sees it, each pixel the mean of its part of the photograph."""
     rows, columns = frame.shape
     at = np.stack(
@@ -134,6 +135,6 @@ def rectify(frame: Frame, camera: Calibration, eye: str, image: np.ndarray) -> n
     return np.asarray(fine.reshape(rows, _FINER, columns, _FINER).mean(axis=(1, 3)))
 
 
-def _to_grey(image: np.ndarray) -> np.ndarray:
+def _to_grey(image: Array) -> Array:
     white = max(float(np.quantile(image[np.isfinite(image)], _WHITE)), 1e-12)
     return np.asarray(np.clip(np.nan_to_num(image) / white, 0.0, 1.0) * 255, np.uint8)

@@ -45,7 +45,7 @@ def _errors(images: list[BallImage], albedo: float) -> tuple[Array, Array]:
     return ratio[whole] - 1, (cells[:, whole] + 0.5) * _CELL
 
 
-def _rows(name: str, error: np.ndarray, middles: np.ndarray, allowed: float, unjudged: str = "") -> list[Row]:
+def _rows(name: str, error: Array, middles: Array, allowed: float, unjudged: str = "") -> list[Row]:
     worst = int(np.argmax(np.abs(error)))
     i, e, azimuth = np.degrees(middles[:, worst])
     where = f"near i {i:.0f}°, e {e:.0f}°, azimuth {azimuth:.0f}°"

@@ -164,7 +164,7 @@ def _crossings(
                 yield step / rate, *place
 
 
-def _height_at(heights: np.ndarray, rows: float, columns: float) -> np.ndarray:
+def _height_at(heights: Array, rows: float, columns: float) -> Array:
     """For each cell the height ``rows`` and ``columns`` further on, one of which is whole: linear between two cells,
     minus infinity where one of them is unknown or beyond the border."""
     below = [int(np.floor(each + 1e-9)) for each in (rows, columns)]
@@ -176,7 +176,7 @@ def _height_at(heights: np.ndarray, rows: float, columns: float) -> np.ndarray:
     return np.asarray((1 - share) * first + share * second)
 
 
-def _shifted(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
+def _shifted(values: Array, rows: int, columns: int) -> Array:
     """For each cell the value of the cell ``rows`` and ``columns`` further on; minus infinity beyond the border."""
     result = np.full(values.shape, -np.inf)
     height, width = values.shape

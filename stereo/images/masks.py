@@ -46,25 +46,25 @@ def fill_hulls(shape: tuple[int, int], parts: Sequence[Array]) -> Array:
     return mask.astype(bool)
 
 
-def widened(mask: np.ndarray, reach: int) -> np.ndarray:
+def widened(mask: Array, reach: int) -> Array:
     """The mask (H, W) with all pixels that are within ``reach`` pixels of it."""
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     return np.asarray(cv2.dilate(mask.astype(np.uint8), disc)).astype(bool)
 
 
-def narrowed(mask: np.ndarray, reach: int) -> np.ndarray:
+def narrowed(mask: Array, reach: int) -> Array:
     """The mask (H, W) without the pixels that have another one within ``reach`` rows and columns."""
     square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     return np.asarray(cv2.erode(mask.astype(np.uint8), square)).astype(bool)
 
 
-def resampled(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+def resampled(image: Array, pixels: Array) -> Array:
     """Values (h, w) float32 of an image (H, W) at ``pixels`` (h, w, 2), x and y, linear between pixels; 0 outside."""
     at = (pixels - 0.5).astype(np.float32)
     return np.asarray(cv2.remap(image.astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_LINEAR))
 
 
-def overlap(one: np.ndarray, other: np.ndarray) -> float:
+def overlap(one: Array, other: Array) -> float:
     """Intersection over union of two masks; NaN if both are empty."""
     union = np.count_nonzero(one | other)
     return np.count_nonzero(one & other) / union if union else float("nan")

@@ -85,7 +85,7 @@ def _descend(x: Array, cost: Callable[[Array], float], steps: tuple[float, ...],
     return best
 
 
-def surveyed_lamp(azimuth: int, sand: Sand) -> np.ndarray:
+def surveyed_lamp(azimuth: int, sand: Sand) -> Array:
     """Place (3,) in metres of the lamp by the survey, whose heights are above the median height of the sand."""
     return np.add(SURVEYED_LAMPS[azimuth], (0.0, 0.0, sand.level_m))
 
@@ -112,7 +112,7 @@ class Shadows:
 
     def __init__(self, terrain: Terrain, camera: Calibration, sand: Sand) -> None:
         self.camera, self.terrain = camera, terrain
-        outlines: dict[int, list[np.ndarray]] = {azimuth: [] for azimuth in terrain.azimuths}
+        outlines: dict[int, list[Array]] = {azimuth: [] for azimuth in terrain.azimuths}
         levels = sand.heights(sand.middles)
         for rock, level in zip(terrain.rocks, levels, strict=True):
             points, faces = sand.visible(rock)
@@ -159,7 +159,7 @@ def fit_lamps(terrain: Terrain, camera: Calibration, sand: Sand) -> tuple[dict[i
     return lamps, sand
 
 
-def _disagreement(shadows: Shadows, azimuth: int, table: HeightTable, surveyed: np.ndarray, lamp: np.ndarray) -> float:
+def _disagreement(shadows: Shadows, azimuth: int, table: HeightTable, surveyed: Array, lamp: Array) -> float:
     prior = _SURVEY_COST * float((((lamp - surveyed) / _SURVEY_M) ** 2).sum())
     return prior - shadows.agreement(azimuth, lamp, table)
 

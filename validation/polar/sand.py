@@ -45,7 +45,7 @@ def rim(rock: Rock) -> Array:
     return np.asarray(rock.vertices[open_ends] if len(open_ends) else rock.vertices)
 
 
-def _rim_height(rock: Rock, middle: np.ndarray) -> float:
+def _rim_height(rock: Rock, middle: Array) -> float:
     """Height at the middle of a plane that most of the rim is on and little is under."""
     points = rim(rock)
     basis = np.column_stack([np.ones(len(points)), points[:, :2] - middle])
@@ -69,22 +69,22 @@ class Sand:
     ``nodes`` (k, 2) have ``raised`` (k,) metres, by which the surface between the rocks is higher.
     """
 
-    plane: np.ndarray
-    middles: np.ndarray
-    offs: np.ndarray
-    nodes: np.ndarray
-    raised: np.ndarray
+    plane: Array
+    middles: Array
+    offs: Array
+    nodes: Array
+    raised: Array
 
     @property
     def level_m(self) -> float:
         """Median height at the rocks."""
         return float(np.median(self.on_plane(self.middles) + self.offs))
 
-    def on_plane(self, xy: np.ndarray) -> np.ndarray:
+    def on_plane(self, xy: Array) -> Array:
         """Heights (n,) in metres of the plane at points (n, 2)."""
         return np.asarray(self.plane[0] + xy @ self.plane[1:])
 
-    def heights(self, xy: np.ndarray) -> np.ndarray:
+    def heights(self, xy: Array) -> Array:
         """Heights (n,) in metres of the surface at points (n, 2), at most ``BOUND_M`` off the plane."""
         known = _bump(self.middles, self.middles) + (_KNOWN_M / _SPREAD_M) ** 2 * np.eye(len(self.middles))
         off = _bump(xy, self.middles) @ np.linalg.solve(known, self.offs)
@@ -96,18 +96,18 @@ class Sand:
         """What node ``k`` adds to the surface at points (n, 2) for each metre that it is raised."""
         return _bump(xy, self.nodes[k][None])[:, 0]
 
-    def visible(self, rock: Rock) -> tuple[np.ndarray, np.ndarray]:
+    def visible(self, rock: Rock) -> tuple[Array, Array]:
         """Vertices and triangles of the part of a rock above the sand; vertices below are moved up to it."""
         return _part_above(rock, self.heights(rock.vertices[:, :2]))
 
 
-def _bump(xy: np.ndarray, middles: np.ndarray) -> np.ndarray:
+def _bump(xy: Array, middles: Array) -> Array:
     """Gaussians (n, k) about middles (k, 2) at points (n, 2)."""
     apart = ((xy[:, None] - middles[None]) ** 2).sum(axis=2)
     return np.asarray(np.exp(-apart / (2 * LENGTH_M**2)))
 
 
-def _part_above(rock: Rock, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _part_above(rock: Rock, level: Array) -> tuple[Array, Array]:
     """Vertices and triangles of the part of a rock above ``level`` (n,) at its vertices, which are moved up to it."""
     up = rock.vertices[:, 2] > level
     raised = rock.vertices.copy()
@@ -115,7 +115,7 @@ def _part_above(rock: Rock, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return raised, rock.faces[up[rock.faces].any(axis=1)]
 
 
-def _plane_through(middles: np.ndarray, heights: np.ndarray) -> np.ndarray:
+def _plane_through(middles: Array, heights: Array) -> Array:
     """The plane (3,) that most of the heights (n,) at middles (n, 2) are on: those within some spreads of it count."""
     basis = np.column_stack([np.ones(len(middles)), middles])
     weight = np.ones(len(middles))
@@ -185,7 +185,7 @@ def _fit_off(rock: Rock, sand: Sand, start: float, camera: Calibration, targets:
 
     def agreement(off: float) -> float:
         points, faces = _part_above(rock, sand.on_plane(rock.vertices[:, :2]) + off)
-        masks: dict[View, np.ndarray] = {}
+        masks: dict[View, Array] = {}
         for view, corner, mask in targets:
             if view not in masks:
                 masks[view] = fill_triangles(

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...stereo.images.masks import fill_hulls, fill_polygons, widened
+from ...support.arrays import Array
 from .camera import Calibration, extreme_points
 from .data_set import HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, Terrain, View
 
@@ -31,8 +32,8 @@ class LeftOut:
     ``share`` is the part of the area of all outlined rocks that has no scan.
     """
 
-    rocks: list[np.ndarray]
-    shadows: list[np.ndarray]
+    rocks: list[Array]
+    shadows: list[Array]
     share: float
 
 
@@ -59,5 +60,5 @@ def find_left_out(terrain: Terrain, camera: Calibration, view: View, azimuth: in
     return LeftOut(rocks, shadows, float(np.count_nonzero(bare & ~scanned) / area) if area else 0.0)
 
 
-def _fill(outline: np.ndarray) -> np.ndarray:
+def _fill(outline: Array) -> Array:
     return fill_polygons(_SHAPE, [outline * _SCALE], finer=3)

@@ -70,13 +70,13 @@ class Frame:
         rays = fitted.rays(pixels) @ fitted.turn @ self.axes.T
         return np.asarray(rays[:, :2] / rays[:, 2:] * self.focal_px - self.corner)
 
-    def unrectify(self, camera: Calibration, eye: str, pixels: np.ndarray) -> np.ndarray:
+    def unrectify(self, camera: Calibration, eye: str, pixels: Array) -> Array:
         """Pixels (n, 2) of a photograph for pixels (n, 2) of our rig."""
         fitted = camera.eyes[View(self.position, eye)]
         rays = np.column_stack([(pixels + self.corner) / self.focal_px, np.ones(len(pixels))])
         return fitted.project(fitted.place_m + rays @ self.axes)
 
-    def to_ours(self, points: np.ndarray) -> np.ndarray:
+    def to_ours(self, points: Array) -> Array:
         """Points (n, 3) of the data set's world in ours."""
         return np.asarray((points - self.origin) @ self.world.T)
 
@@ -216,11 +216,11 @@ class Twin:
     """What an eye sees in our renders: masks of rock, of shadow, and of the shadow that the sand casts without rocks;
     radiance, and planar depth in metres; all (H, W)."""
 
-    rock: np.ndarray
-    shadow: np.ndarray
-    own_shadow: np.ndarray
-    light: np.ndarray
-    depth: np.ndarray
+    rock: Array
+    shadow: Array
+    own_shadow: Array
+    light: Array
+    depth: Array
 
 
 def read_twin(with_rocks: Pair, without: Pair, eye: str) -> Twin:

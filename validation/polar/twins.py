@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
+from ...support.arrays import Array
 from .scene import Twin
 
 
@@ -16,9 +15,9 @@ class Masks:
     ``judged`` (H, W) is where the photograph shows the sandbox and what was scanned.
     """
 
-    rock: np.ndarray
-    shadow: np.ndarray
-    our_rock: np.ndarray
-    our_shadow: np.ndarray
-    judged: np.ndarray
+    rock: Array
+    shadow: Array
+    our_rock: Array
+    our_shadow: Array
+    judged: Array
     twin: Twin
