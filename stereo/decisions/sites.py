@@ -161,7 +161,7 @@ def _crossings(
             for step in range(1, min(shape[axis], int(np.ceil(reach * rate)) + 1)):
                 place = [each * step / rate for each in toward]
                 place[axis] = round(place[axis])
-                yield step / rate, *place
+                yield step / rate, place[0], place[1]
 
 
 def _height_at(heights: Array, rows: float, columns: float) -> Array:
