@@ -618,7 +618,7 @@ def _parse_finite(text: str, role: str, file: str) -> float:
 
 
 def _height_unit(keys: Mapping[int, Any], named: str, scaling: tuple[float, float], file: str) -> tuple[float, str]:
-    """Metres per unit of the heights, and their unit for a sentence, '' if the file states none.
+    """Metres per unit of the heights, and the name of this unit for a message; '' if the file states no unit.
 
     ``scaling`` is the scale and the offset of the values, and ``file`` the name for commands.
     """

@@ -104,7 +104,7 @@ class Scene:
 
         ``albedo`` is a function f(x_m, y_m) of arrays, sampled at ``resolution`` x ``resolution`` places, or an array
         (rows, columns) or (rows, columns, 3) of numbers from 0 to 1, north first. Other variations of the albedo are
-        turned off. Beyond the patch the outermost values go on. Raises IcyMoonError for values outside 0 to 1.
+        turned off. Beyond the patch the outermost values are repeated. Raises IcyMoonError for values outside 0 to 1.
         """
         given, stated = albedo_input(albedo, self._settings.terrain.size_m, resolution)
         return self._changed(description.check(stated, "albedo"), {given.setting: given})
@@ -137,7 +137,7 @@ class Scene:
         again: bool = False,
         on_event: Hear = ignore,
     ) -> RenderedPair:
-        """The pair of this scene, in the folder of a data set: rendered, or read if it is there already.
+        """Render this scene into the folder of a data set, or read its pair if the folder already contains it.
 
         ``dataset`` is by default the folder that ``dataset.folder`` states. ``renderer`` is by default a ``Worker``
         that all scenes share; warnings are issued as Python's. ``on_event`` receives the messages of the render, as

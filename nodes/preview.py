@@ -294,7 +294,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
 
 
 def _roundness(built: scenes.Built) -> Callable[[Array, Array], Array] | None:
-    """Function that returns how far the curved ground drops below the plane at coordinates; None for flat ground."""
+    """Function of x and y for the drop of curved ground below the plane at the site; None for flat ground."""
     if is_from_file(built.settings) or built.settings.mesh.kind != "GRADED" or "terrain" in built.preview:
         return None
     rig, radius = built.settings.rig, float(built.settings.terrain.body_radius_m)

@@ -1,4 +1,4 @@
-"""Which stand-ins a scene shows, and what all of them have in common."""
+"""The stand-ins that a scene shows, and the constants that all stand-ins share."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ class TreeTracer:
         self.place(world)
 
     def place(self, world: World) -> None:
-        """Let the shapes stand where they do in another world with the same shapes."""
+        """Move the shapes to their places in ``world``, which contains the same shapes."""
         self._world = world
         self._inverse = np.linalg.inv(world.places)
         boxes = self._boxes[world.of]

@@ -59,9 +59,10 @@ def counted(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
 
 
 def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[str]]:
-    """``counted`` for many descriptions, each of its lists as JSON.
+    """Return a function that does the work of ``counted`` for many descriptions. It returns each list as JSON.
 
-    What a table gives is made once for all descriptions that share the table. It must not be changed meanwhile.
+    The result for a table is kept and used for all descriptions that share the table, so do not change a table in
+    between.
     """
     columns = [(name, topic, key) for name in first_settings() for topic, _, key in [present_name(name).partition(".")]]
     special = {name for name, topic, key in columns if key == "relief"}

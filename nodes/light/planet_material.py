@@ -49,7 +49,10 @@ def build_planet_material(name: str, planet: Planet, colour: Array, distance_m: 
 
 
 class _Globe:
-    """Sockets of a place on the planet: normal, cosines of incidence and emission, in units of the equator's radius."""
+    """Sockets of the shaded point of the planet, such as its normal and the cosine of incidence.
+
+    The unit of length is the radius of the equator.
+    """
 
     def __init__(self, tree: Tree, planet: Planet, distance_m: float) -> None:
         self.tree, self.planet = tree, planet

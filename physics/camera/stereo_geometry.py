@@ -51,9 +51,9 @@ def rounding_advice(rig: RigSettings, ground_m: float) -> list[str]:
 
 
 def centre_advice(rig: RigSettings) -> list[str]:
-    """Sentences about a principal point far from the middle of the image; none if it is not.
+    """Sentences that warn of a principal point far from the middle of the image; otherwise an empty list.
 
-    It is in pixels, so it stays where it was when the size of the image is changed.
+    The principal point is stated in pixels, so a change of the image size does not move it.
     """
     said = []
     for key, size_key, way in (("principal_x_px", "width_px", "to the right"), ("principal_y_px", "height_px", "down")):

@@ -60,7 +60,7 @@ def advice(settings: Settings) -> list[str]:
 
 
 def _fix(settings: Settings, arm: Arm, pulls: list[Pull]) -> str:
-    """The fix, with numbers if a moved trench is in reach."""
+    """How to bring the trench into reach, as a clause; with a move in metres if one was found."""
     moved = _find_move(arm, pulls)
     if moved is None:
         return "dig less deep, or lengthen arm.upper_m and arm.fore_m"

@@ -20,7 +20,7 @@ class Surface(Protocol):
     def heights(self, x_m: Any, y_m: Any, shortest_m: float = 0.0) -> Array:
         """Heights in metres at east and north coordinates (arrays that broadcast); NaN where there is no ground.
 
-        Wavelengths below ``shortest_m`` that are made up are left out.
+        Roughness that is made up leaves out wavelengths below ``shortest_m``.
         """
         ...
 

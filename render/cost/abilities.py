@@ -47,7 +47,7 @@ def ask_abilities(blender: str) -> Abilities:
 
 
 def lack_for_quality(quality: QualitySettings, able: Abilities) -> str:
-    """What a Blender lacks for settings of the quality, with the fix, as a sentence; empty if nothing."""
+    """A sentence on what a Blender lacks for these quality settings, with the fix; empty if it lacks nothing."""
     if quality.denoiser != "NONE" and not able.denoiser:
         return "This Blender was built without OpenImageDenoise; set quality.denoiser to NONE or use an official build."
     if quality.device == "GPU" and not able.gpu:

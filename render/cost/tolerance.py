@@ -57,10 +57,10 @@ def _is_under(value: float | None, doubt: float | None, limit: float) -> bool | 
 
 
 def checked_tolerance(epe_px: float | None, bad_1: float | None) -> Tolerance:
-    """What may be added; PX where neither is given.
+    """The tolerance with these limits; a mean disparity error of PX if neither is given.
 
-    Raises IcyMoonError unless both are between their least and most: below nothing can be told from noise, and above
-    it is not stereo any more.
+    Raises IcyMoonError for a limit out of its range. A smaller error cannot be told from noise, and with a larger one
+    stereo is useless.
     """
     if epe_px is None and bad_1 is None:
         epe_px = PX

@@ -1,4 +1,4 @@
-"""Checks the statements of ``pair.json``: its settings give the same values, which are derived here again and compared.
+"""Checks ``pair.json`` against its own settings: derives its values from the settings again and compares them.
 
 Poses and light of a scene that was edited by hand do not follow from its settings, so only their parts are compared
 with each other. Directions from kernels cannot be derived without the kernels. A missing statement, as from an older

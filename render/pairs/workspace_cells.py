@@ -21,7 +21,7 @@ PLACES = 3
 
 @dataclass(frozen=True)
 class Extent:
-    """Cells of a map: their size, how many, and the outer corner of the north-west one; lengths in metres."""
+    """Grid of a map: size and number of its cells, and the outer corner of the north-west cell; lengths in metres."""
 
     cell_m: float
     rows: int

@@ -256,7 +256,7 @@ def _draw_seeds(settings: Settings, seeds: int) -> list[int]:
 
 
 def plan_text(settings: Settings, variations: SceneVariations) -> str:
-    """The TOML text of the plan of complete settings, whose files have absolute paths, and of what varies.
+    """The TOML text of a plan: what varies, and all settings of the scene. Their files must have absolute paths.
 
     Raises IcyMoonError for values out of range, and for what cannot be combined.
     """

@@ -44,9 +44,9 @@ class Calculation(threading.Thread):
         return [self._messages.pop() for _ in self._messages[:]]
 
     def cancel(self) -> None:
-        """Do not use the value."""
+        """Mark the calculation as cancelled. It runs to its end, and its result is not used."""
         self.cancelled = True
 
     def stop(self) -> None:
-        """The same, if it has not ended."""
+        """Cancel the calculation if it is still running."""
         self.cancelled = self.cancelled or self.is_alive()

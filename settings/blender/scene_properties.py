@@ -197,7 +197,7 @@ def read_variations(group: Any) -> SceneVariations:
 
 
 def read_item(item: Any) -> VariedSetting:
-    """One setting of the list of those that vary, unchecked."""
+    """Read one entry of the list of varied settings, without a check."""
     return read_varied(item, item.setting, tuple(tick.name for tick in item.ticks if tick.on))
 
 

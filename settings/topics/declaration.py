@@ -64,9 +64,9 @@ ELSEWHERE = Section("elsewhere", "", "")
 class Setting:
     """One setting. ``minimum`` and ``maximum`` bound its values, ``soft`` is the range of the slider.
 
-    ``shown`` tells whether the present choices use it, and the sidebar hides it if not; ``active`` whether the present
-    numbers and ticks let it have an effect, and it is grey if not. ``since`` is the release that brought it, empty for
-    the first, and ``before`` the value with the effect of releases without it.
+    ``shown`` tells whether the present choices use the setting; otherwise the sidebar hides it. ``active`` tells if it
+    has an effect with the present numbers and ticks; otherwise it is grey. ``since`` is the release that added it,
+    empty for the first release. With the value ``before``, pairs look as in releases without the setting.
     """
 
     label: str

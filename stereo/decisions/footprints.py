@@ -41,7 +41,7 @@ def sums(values: Array, weights: Array) -> Array:
 
 
 def fit_planes(height_m: Array, cell_m: float, diameter_m: float) -> Planes:
-    """The planes under discs of a diameter, through the heights that are not NaN."""
+    """Fit a plane by least squares to the known heights in a disc around each cell; NaN where there are too few."""
     shape = disc(diameter_m, cell_m)
     reach = shape.shape[0] // 2
     v, u = (

@@ -41,7 +41,7 @@ def refuse_losses(pair: Loaded, losses: Sequence[Loss]) -> None:
 
 @dataclass
 class Losses:
-    """The losses in the pairs that were written."""
+    """Collects the losses of all exported pairs, to report each kind of loss once."""
 
     _found: dict[tuple[str, str], list[tuple[float, str]]] = field(default_factory=dict)
 

@@ -159,7 +159,10 @@ def with_bar(picture: Array, scale: Scale) -> Array:
 
 
 def bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, paper: int = 255) -> Array:
-    """A scale's colour bar with ticks and title: BGR (``_STRIP_PX`` times ``size``, ``width``, 3), in these greys."""
+    """Colour bar of a scale, with ticks and title: BGR (``_STRIP_PX`` times ``size``, ``width``, 3).
+
+    ``ink`` is the grey level of ticks and text, and ``paper`` of the background.
+    """
 
     def px(length: float) -> int:
         return round(length * size)

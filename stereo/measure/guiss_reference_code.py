@@ -74,8 +74,11 @@ def depth_map_metrics(prediction: Array, truth: Array) -> dict[str, float | int]
 
 
 def lattice(count: int) -> tuple[Array, Array]:
-    """The pairs i < j that are compared among ``count`` pixels: counted from the edge of 5000, one of the two is a
-    multiple of 1000, the other of 100."""
+    """The pairs of indices i < j, among ``count`` pixels, whose order of depths the reference code compares.
+
+    It skips the first 5000 and the last 5000 pixels. Counted from pixel 5000, one index of a pair is a multiple of 1000
+    and the other a multiple of 100.
+    """
     fine = np.arange(_EDGE, count - _EDGE, _STEP)
     coarse = np.arange(_EDGE, count - _EDGE, _COARSE_STEP)
     first, second = np.broadcast_arrays(fine[:, None], coarse)
