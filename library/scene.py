@@ -140,7 +140,8 @@ class Scene:
         """Render this scene into the folder of a data set, or read its pair if the folder already contains it.
 
         ``dataset`` is by default the folder that ``dataset.folder`` states. ``renderer`` is by default a ``Worker``
-        that all scenes share; warnings are issued as Python's. ``on_event`` receives the messages of the render, as
+        that all scenes share; warnings are issued as Python's. With ``again`` a pair that is there is rendered anew.
+        ``on_event`` receives the messages of the render, as
         dictionaries: ``progress`` with ``fraction``, ``warning`` with ``message``. Raises IcyMoonError if the scene
         cannot be built or rendered, and if ``dataset.headings`` asks for several pairs.
         """

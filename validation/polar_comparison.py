@@ -226,7 +226,7 @@ def _of_masks(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Hand
             masks,
             lambda each: overlap(each.our_shadow, each.shadow),
             _SHADOWS,
-            "Left eyes' outlines, carried to the right eye by the fitted sand, agree with the right eye's to "
+            "The left eye's outlines, projected into the right eye over the fitted sand, agree with the right eye's to "
             f"{hand.shadows[position]:.2f}",
         )
     return rows
