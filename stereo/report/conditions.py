@@ -85,7 +85,9 @@ def join_by_scene(
                 kept = [
                     sweep
                     for sweep in sweeps
-                    if sweep.name not in stated or any(len(np.unique(sweep.values[own])) > 1 for own in groups)
+                    if any(len(np.unique(sweep.values[own])) > 1 for own in groups)
+                    # What divides the pairs in the same way cannot be told from the terrain.
+                    or (sweep.name not in stated and len(np.unique(sweep.values)) < len(groups))
                 ]
                 return [Sweep(name, title, known), *kept]
     return list(sweeps)
