@@ -31,9 +31,9 @@ PAPERS = ("guiss",)
 _EVALUATION = "evaluation"
 #: The data sets that are matched; the figures are only shown.
 _MATCHED = ("data", "albedo")
-#: Processor seconds of measuring a pair of a megapixel by all of the paper's matchers but the networks, and bytes of
-#: its results (``icymoon reproduce guiss``, 2-core x86 server).
-_MEASURE_S_PER_MPX, _MEASURE_BYTES_PER_MPX = 12.0, 9.0e6
+#: Processor seconds of measuring a megapixel by the paper's matchers without the networks, of writing a report, and
+#: bytes of the results of a megapixel (2-core x86 server, a pair of 640 x 480 px).
+_MEASURE_S_PER_MPX, _REPORT_S, _MEASURE_BYTES_PER_MPX = 4.5, 30.0, 6.5e6
 #: Work of matching a pair, over the work of rendering one, in the progress.
 _MATCHING = 0.3
 
@@ -198,7 +198,7 @@ def _print_estimate(parts: dict[str, Part], options: argparse.Namespace) -> int:
         for name in _MATCHED
         for pair in parts[name].pairs
     )
-    measure_s = mpx * _MEASURE_S_PER_MPX
+    measure_s = mpx * _MEASURE_S_PER_MPX + _REPORT_S * len(_MATCHED)
     lines.append(
         f"measuring without networks: {duration_text(measure_s / found.processors)} on "
         f"{count_of(found.processors, 'processor')}, {size_text(mpx * _MEASURE_BYTES_PER_MPX)} on the disk"

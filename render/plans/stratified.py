@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 
 import numpy as np
 
+from ...physics.random_numbers.seeds import generator
 from ...settings.table import all_settings
 from .planned_pair import PlannedPair
 
@@ -36,7 +38,7 @@ def choose_stratified(pairs: Sequence[PlannedPair], count: int) -> list[PlannedP
     levels = _levels(pairs)
     share = [np.bincount(level) / len(pairs) for level in levels]
     chosen_of = [np.zeros(len(each)) for each in share]
-    order = np.random.default_rng(_ORDER_SEED).permutation(len(pairs))
+    order = generator(_ORDER_SEED, "plan", zlib.crc32(b"stratified")).permutation(len(pairs))
     left = np.ones(len(pairs), bool)
     chosen: list[int] = []
     for number in range(min(count, len(pairs))):

@@ -12,8 +12,9 @@ import numpy as np
 from ...render.pairs.pair_folder import Pair, is_complete, read_pair
 from ...render.plans.planned_pair import PlannedPair
 from ...support.labels import TERRAIN
+from ...support.system import remove_folder
 from ..images.gallery import automatic_white, for_screen, read_radiance, write_sheet
-from ..images.image_files import read_png
+from ..images.image_files import read_png, write_bytes
 from ..images.views import read_eye
 from ..matchers.methods import describe_method
 from ..report.by_setting import swept_settings
@@ -76,8 +77,8 @@ def draw_albedo(measured: Measured, name: str, out: Path) -> SweepCharts | None:
     table = measured.table
     summary = [summarise_method(table, k) for k in range(len(table.methods))]
     picture = out / write_curves(summary, table, sweeps, out)[_ALBEDO]
-    picture.replace(out / f"{name}.png")
-    picture.parent.rmdir()
+    write_bytes(out / f"{name}.png", picture.read_bytes())
+    remove_folder(picture.parent)
     return draw_sweeps(summary, table, sweeps)[0]
 
 

@@ -97,7 +97,7 @@ def describe_size(data: Measured, scale: float, planned: int) -> str:
     scenes = data.table.scene_count()
     own = f"{count_of(len(data.facts), 'pair')} of {planned} from {count_of(scenes, 'scene')}"
     sides = " x ".join(f"{round(side * scale)}" for side in (640, 480))
-    note = "" if scale == 1 else "; depth errors of small images are larger than of the paper's 640 x 480 px"
+    note = "" if scale == 1 else ", so depth errors are not comparable with those of the paper's 640 x 480 px"
     return f"{own[0].upper()}{own[1:]}, {sides} px{note}."
 
 
