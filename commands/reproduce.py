@@ -17,7 +17,7 @@ from ..stereo.environment import packages
 from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.number_text import count_of
-from ..support.terminal import as_path, show_progress
+from ..support.terminal import as_path, check_least, show_progress
 from .batch import add_worker_options, parse_workers, render
 
 if TYPE_CHECKING:
@@ -78,8 +78,7 @@ def _run(options: argparse.Namespace) -> int:
     from ..stereo.paper.parts import QUICK, make_parts
     from ..stereo.paper.printed import GROUPS
 
-    if options.pairs is not None and options.pairs < 1:
-        raise IcyMoonError(f"--pairs is {options.pairs}; give 1 or more.")
+    check_least(options, 1, "pairs")
     with report_errors(options.json):
         how = parse_workers(options)
         methods, missing = find_methods(options.scale, options.option)

@@ -7,23 +7,23 @@ from pathlib import Path
 import bpy
 
 from ..render.workers.job import python_command
-from ..render.workers.process import Message, Process, clean_environment
 from ..settings.blender import scene_properties
 from ..stereo.paper import PAGE
 from ..support.printer import show_controls
 from . import jobs
+from .job_operators import JobOperator
 from .preferences import find_evaluator_python, workers
 from .render import dataset_folder
 
 
-class ICYMOON_OT_reproduce(jobs.JobOperator, bpy.types.Operator):
+class ICYMOON_OT_reproduce(JobOperator, bpy.types.Operator):
     """Render and evaluate the data set of the GUISS paper into the folder guiss of the data set folder, and write its tables and figures beside the printed ones. Takes hours; started again, it goes on"""  # noqa: E501
 
     bl_idname = "icymoon.reproduce"
     bl_label = "Reproduce the GUISS Paper"
     escapes = False
 
-    size: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    size: bpy.props.EnumProperty(
         name="Pairs",
         description="How many of the 5020 pairs to render",
         items=(
@@ -31,7 +31,7 @@ class ICYMOON_OT_reproduce(jobs.JobOperator, bpy.types.Operator):
             ("ALL", "All", "All 5020 pairs"),
         ),
     )
-    scale: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    scale: bpy.props.FloatProperty(
         name="Image Scale",
         default=1.0,
         min=0.1,
@@ -59,11 +59,7 @@ class ICYMOON_OT_reproduce(jobs.JobOperator, bpy.types.Operator):
             *(["--quick"] if self.size == "QUICK" else []),
             *(["--workers", str(count)] if count else []),
         )
-        process = Process(command, clean_environment())
-        return jobs.Job(self.bl_label, process, self._handle, lambda: None)
-
-    def _handle(self, message: Message) -> None:
-        """The job itself hears progress, warnings and errors."""
+        return jobs.Job.start(self.bl_label, command)
 
     def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, show_controls(f"The tables and figures are in {self._page}"))
@@ -73,13 +69,13 @@ class ICYMOON_OT_reproduce(jobs.JobOperator, bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background:
             return self.execute(context)
-        return context.window_manager.invoke_props_dialog(self)  # type: ignore[no-any-return]
+        return context.window_manager.invoke_props_dialog(self)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Called after the dialog: starts the job."""
         if bpy.app.background:
             return super().execute(context)
-        return jobs.JobOperator.invoke(self, context, None)  # type: ignore[arg-type]
+        return super().invoke(context, None)
 
 
 CLASSES = (ICYMOON_OT_reproduce,)

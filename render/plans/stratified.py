@@ -9,6 +9,7 @@ import numpy as np
 
 from ...physics.random_numbers.seeds import generator
 from ...settings.table import all_settings
+from ...support.arrays import Array
 from .planned_pair import PlannedPair
 
 _ORDER_SEED = 0
@@ -54,9 +55,9 @@ def choose_stratified(pairs: Sequence[PlannedPair], count: int) -> list[PlannedP
     return [pairs[k] for k in sorted(chosen)]
 
 
-def _levels(pairs: Sequence[PlannedPair]) -> list[np.ndarray]:
+def _levels(pairs: Sequence[PlannedPair]) -> list[Array]:
     """The value of each pair as a number from 0 on, of each setting that varies independently."""
-    found: dict[bytes, np.ndarray] = {}
+    found: dict[bytes, Array] = {}
     for topic, key in varied_settings(pairs):
         if (topic, key) == ("dataset", "seed"):
             continue

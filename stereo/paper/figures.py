@@ -11,6 +11,7 @@ import numpy as np
 
 from ...render.pairs.pair_folder import Pair, is_complete, read_pair
 from ...render.plans.planned_pair import PlannedPair
+from ...support.arrays import Array
 from ...support.labels import TERRAIN
 from ...support.system import remove_folder
 from ..images.gallery import automatic_white, for_screen, read_radiance, write_sheet
@@ -44,7 +45,7 @@ _GROUND_GREY, _HUES, _TURN = 90, 180, 0.618034
 def write_qualitative(measured: Measured, sets: Mapping[str, Sequence[PlannedPair]], file: Path) -> list[str]:
     """Write a sheet with a typical pair of each set: image, true depth and the depth of each method. The pairs' names,
     none if no pair has a result."""
-    cells: list[tuple[Path | np.ndarray, str, str]] = []
+    cells: list[tuple[Path | Array, str, str]] = []
     shown = []
     for title, pairs in sets.items():
         names = {pair.id for pair in pairs}
@@ -94,7 +95,7 @@ def write_figure_sheet(name: str, pairs: Sequence[PlannedPair], dataset: Path, f
     titles = titles_of(sweeps, name_levels(sweeps, facts, places), len(there))
     rendered = [read_pair(pair.folder(dataset)) for pair in there]
     white = max(automatic_white(read_radiance(pair), pair) for pair in rendered)
-    cells: list[tuple[Path | np.ndarray, str, str]] = []
+    cells: list[tuple[Path | Array, str, str]] = []
     for pair, title in zip(rendered, titles, strict=True):
         first, *rest = textwrap.wrap(_ascii(title), _LINE, max_lines=2, placeholder=" ...") or [""]
         cells.append((for_screen(read_radiance(pair), white), first, "".join(rest)))
@@ -110,7 +111,7 @@ def _ascii(text: str) -> str:
     return text.replace("°", " deg").encode("ascii", "ignore").decode()
 
 
-def _masks(pair: Pair) -> list[tuple[np.ndarray, str, str]]:
+def _masks(pair: Pair) -> list[tuple[Array, str, str]]:
     _, view = read_eye(pair, "left")
     return [
         (colour_labels(labels), title, "")
@@ -119,7 +120,7 @@ def _masks(pair: Pair) -> list[tuple[np.ndarray, str, str]]:
     ]
 
 
-def colour_labels(labels: np.ndarray) -> np.ndarray:
+def colour_labels(labels: Array) -> Array:
     """Labels (H, W) as a picture (H, W, 3), blue first: the sky black, the terrain grey, any other its own hue."""
     hue = np.rint(_HUES * (labels.astype(np.float64) * _TURN % 1.0)).astype(np.uint8) % _HUES
     full = np.full_like(hue, 255)

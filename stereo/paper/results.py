@@ -11,6 +11,7 @@ import numpy as np
 
 from ...render.pairs.pair_folder import read_complete
 from ...render.plans.planned_pair import PlannedPair
+from ...support.arrays import Array
 from ..report.by_setting import scene_of
 from ..report.results import ROW, read_facts
 from ..report.row_log import RowLog
@@ -26,7 +27,7 @@ class Measured:
     facts: Sequence[Mapping[str, Any]]
     out: Path
 
-    def group(self, name: str) -> np.ndarray:
+    def group(self, name: str) -> Array:
         """Boolean (pairs,): the pairs of a group of the paper's table. Reconstructed ground is a mesh from a file."""
         from_file = np.array([pair["settings"]["source"]["kind"] != "PROCEDURAL" for pair in self.facts], bool)
         return {"All": np.ones(len(from_file), bool), "Reconstructed": from_file, "Synthetic": ~from_file}[name]

@@ -23,7 +23,7 @@ TINY = (
     "0.2",
     "--no-figures",
     "--set",
-    "quality.bake_samples=2",
+    "quality.bake_samples=4",
     "--set",
     "terrain.resolution=65",
 )
