@@ -13,8 +13,9 @@ from ...render.pairs.pair_folder import read_complete
 from ...render.plans.planned_pair import PlannedPair
 from ...support.arrays import Array
 from ..report.by_setting import scene_of
-from ..report.results import ROW, read_facts
+from ..report.results import read_facts
 from ..report.row_log import RowLog
+from ..report.schema import ROW
 from ..report.summary import Table, summarise_method
 from .printed import GROUPS
 
