@@ -64,6 +64,11 @@ _VERBS = {
         "batch",
         "add_verify_options",
     ),
+    "reproduce": (
+        "make the tables and figures of the GUISS paper, from nothing, beside the printed ones",
+        "reproduce",
+        "add_options",
+    ),
     "stand-ins": (
         "list the textures and meshes made by code in place of the GUISS paper's, or write them to a folder",
         "stand_ins",

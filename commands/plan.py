@@ -17,9 +17,9 @@ from ..render.cost.speed import recall_speed
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import Plan, find_plan, read_plan, read_plan_header
 from ..render.plans.planned_pair import PlannedPair
+from ..render.plans.stratified import varied_settings
 from ..render.workers.process import report_errors
 from ..settings.preset_files import plan_names
-from ..settings.table import all_settings
 from ..support.number_text import count_of
 from ..support.printer import emit, say, warn
 from ..support.terminal import as_path, show_count
@@ -53,20 +53,6 @@ def check_plan(plan: Plan) -> None:
     """Combine and check the pairs of a plan, and show how far it is. Raises IcyMoonError as ``Plan.pairs`` does."""
     with show_count("Checking the plan") as show:
         plan.check(show)
-
-
-def varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
-    """(topic, key) of the settings that are not the same in all pairs."""
-    # Pairs share most of their tables; each is compared once.
-    tables = {
-        topic: list({id(table): table for pair in pairs if (table := pair.settings[topic]) is not None}.values())
-        for topic in dict.fromkeys(topic for topic, _ in all_settings())
-    }
-    return [
-        (topic, s.key)
-        for topic, s in all_settings()
-        if any(table[s.key] != tables[topic][0][s.key] for table in tables[topic])
-    ]
 
 
 def describe_pair(pair: PlannedPair, names: Sequence[tuple[str, str]]) -> str:

@@ -284,6 +284,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
         layout.operator("icymoon.show_last_pair", icon="IMAGE_DATA")
         for line in dataset.readout["set_aside"][-3:]:
             draw_sentence(layout, f"Set aside: {line}")
+        draw_start(layout, "icymoon.reproduce", "Reproduce the GUISS Paper…")
 
 
 class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):

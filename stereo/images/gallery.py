@@ -8,13 +8,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...render.pairs.pair_folder import read_pair
+from ...render.pairs.pair_folder import Pair, read_pair
 from ...support.arrays import Array
 from .develop import grey
 from .exr import read_light
 from .image_files import encoded, read_picture, write_bytes
 
-_SCREEN_GAMMA = 1 / 2.2
+SCREEN_GAMMA = 1 / 2.2
 #: JPEG qualities of a sheet; the first that gives a small enough file is taken.
 _QUALITIES = range(90, 20, -5)
 _COLUMNS, _CELL_PX, _CAPTION_PX = 3, 480, 48
@@ -27,21 +27,47 @@ def write_picture(pair_folder: Path, file: Path, stops: float = 0.0) -> None:
     the gamma of screens, so it is brighter, and it has no noise.
     """
     pair = read_pair(pair_folder)
-    radiance, sensor = read_light(pair.image("left"), "left", groups=False).radiance, pair.settings.sensor
-    full = float(np.quantile(grey(radiance), sensor.auto_percentile)) / sensor.auto_target / 2.0**stops
-    shown = np.clip(radiance / max(full, 1e-30), 0.0, 1.0) ** _SCREEN_GAMMA
-    write_bytes(file, encoded(np.rint(255 * shown[..., ::-1]).astype(np.uint8), ".jpg", 92))
+    radiance = read_radiance(pair)
+    shown = for_screen(radiance, automatic_white(radiance, pair) / 2.0**stops)
+    write_bytes(file, encoded(shown, ".jpg", 92))
 
 
-def write_sheet(pictures: Sequence[tuple[Path, str, str]], file: Path, most_bytes: int = 400_000) -> None:
+def read_radiance(pair: Pair) -> Array:
+    """The light that falls into a pair's left eye: radiance (H, W, 3), red first."""
+    return read_light(pair.image("left"), "left", groups=False).radiance
+
+
+def automatic_white(radiance: Array, pair: Pair) -> float:
+    """The radiance that is white at the automatic exposure of the pair's camera."""
+    sensor = pair.settings.sensor
+    return float(np.quantile(grey(radiance), sensor.auto_percentile)) / sensor.auto_target
+
+
+def for_screen(radiance: Array, white: float) -> Array:
+    """Radiance (H, W, 3) as a picture for screens, uint8, blue first."""
+    shown = np.clip(radiance / max(white, 1e-30), 0.0, 1.0) ** SCREEN_GAMMA
+    return np.rint(255 * shown[..., ::-1]).astype(np.uint8)
+
+
+def write_sheet(
+    pictures: Sequence[tuple[Path | Array, str, str]],
+    file: Path,
+    most_bytes: int = 400_000,
+    columns: int = _COLUMNS,
+    cell_px: int = _CELL_PX,
+) -> None:
     """Write pictures side by side, each with a title and a line of text below, as one JPEG of at most ``most_bytes``.
 
-    Raises IcyMoonError if a picture cannot be read.
+    A picture is a file, or uint8 grey (H, W) or BGR (H, W, 3); each is ``cell_px`` wide. Raises IcyMoonError if one
+    cannot be read.
     """
-    cells = [_read_cell(*picture) for picture in pictures]
-    columns = min(_COLUMNS, len(cells))
-    height = max(cell.shape[0] for cell in cells)
-    cells = [np.pad(cell, ((0, height - cell.shape[0]), (0, 0), (0, 0))) for cell in cells]
+    images = [_scaled(each if isinstance(each, np.ndarray) else read_picture(each), cell_px) for each, _, _ in pictures]
+    height = max(image.shape[0] for image in images)
+    cells = [
+        np.vstack([np.pad(image, ((0, height - image.shape[0]), (0, 0), (0, 0))), _caption(title, line, cell_px)])
+        for image, (_, title, line) in zip(images, pictures, strict=True)
+    ]
+    columns = min(columns, len(cells))
     cells += [np.zeros_like(cells[0])] * (-len(cells) % columns)
     sheet = np.vstack([np.hstack(cells[k : k + columns]) for k in range(0, len(cells), columns)])
     for quality in _QUALITIES:
@@ -51,11 +77,14 @@ def write_sheet(pictures: Sequence[tuple[Path, str, str]], file: Path, most_byte
     write_bytes(file, content)
 
 
-def _read_cell(picture: Path, title: str, line: str) -> Array:
-    image = read_picture(picture)
+def _scaled(image: Array, width: int) -> Array:
     image = np.repeat(image[..., None], 3, axis=-1) if image.ndim == 2 else image[..., :3]
-    height = max(1, round(image.shape[0] * _CELL_PX / image.shape[1]))
-    caption = np.zeros((_CAPTION_PX, _CELL_PX, 3), np.uint8)
+    height = max(1, round(image.shape[0] * width / image.shape[1]))
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
+
+
+def _caption(title: str, line: str, width: int) -> Array:
+    caption = np.zeros((_CAPTION_PX, width, 3), np.uint8)
     for text, row, size in ((title, 18, 0.5), (line, 38, 0.4)):
         cv2.putText(caption, text, (6, row), cv2.FONT_HERSHEY_SIMPLEX, size, (235, 235, 235), 1, cv2.LINE_AA)
-    return np.vstack([cv2.resize(image, (_CELL_PX, height), interpolation=cv2.INTER_AREA), caption])
+    return caption

@@ -23,6 +23,8 @@ _NEVER_SWEPT = {f"{topic}.{setting.key}" for topic, setting in all_settings() if
 }
 #: The name of the sweep over the scenes that pairs are from, if these are presets.
 SCENE = "scene"
+#: The name of the sweep over the shipped terrains that pairs are from.
+TERRAIN = "terrain"
 #: Settings of where the cameras are and look, over whose values is averaged, and what readers call these.
 POSES = {"rig.heading_deg": "heading", "rig.x_m": "place", "rig.y_m": "place"}
 #: Most values that a curve shows one by one; if there are more, they form this many groups of equal size.
@@ -45,9 +47,10 @@ def scene_of(facts: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A setting that differs between pairs, or the scenes that they are from, see ``conditions.join_by_scene``."""
+    """A setting that differs between pairs, or the scenes or terrains that they are from, see
+    ``conditions.join_by_scene``."""
 
-    name: str  # topic.key, or SCENE
+    name: str  # topic.key, SCENE or TERRAIN
     title: str
     values: Array  # per pair, numbers or text; NaN or "" for pairs without facts
     together: tuple[str, ...] = ()  # titles of other settings that divide the pairs in exactly the same way

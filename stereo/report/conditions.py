@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -11,17 +12,21 @@ from typing import Any
 import numpy as np
 
 from ...settings.preset_files import KINDS, is_whole, load_preset, preset_header, preset_names
-from ...settings.table import TOPICS
+from ...settings.table import TOPICS, all_settings
 from ...settings.topics.declaration import Parts
 from ...support.arrays import Array
-from .by_setting import SCENE, Sweep
+from .by_setting import SCENE, TERRAIN, Sweep
 
 #: Maximum number of conditions with results.
 MOST = 40
 #: Effects of the settings that define a scene, apart from its light and camera.
 _OF_SCENE = ("geometry", "material")
-#: Most values in the title of a pair.
-_MOST_IN_TITLE = 3
+#: Values in the title of a pair, if no other pair has the same.
+_IN_TITLE = 3
+#: Labels that several topics have, so that they name a setting only together with its topic.
+_SHARED_LABELS = {
+    label for label, count in Counter(setting.label for _, setting in all_settings()).items() if count > 1
+}
 
 
 @dataclass(frozen=True)
@@ -38,17 +43,16 @@ def name_levels(
     """The name of each level of each sweep, such as "Sun Elevation 8°", or "Fresh snow" for a preset's settings, which
     vary together."""
     levels = [sweep.levels() for sweep in sweeps]
-    # The first pair at each level of settings that vary together stands for the level.
-    wanted: dict[int, list[tuple[int, int]]] = {}
-    for k, (sweep, (names, _, level)) in enumerate(zip(sweeps, levels, strict=True)):
-        for n in range(len(names) if sweep.together else 0):
-            wanted.setdefault(int(np.flatnonzero(level == n)[0]), []).append((k, n))
-    settings: dict[tuple[int, int], Parts] = {}
-    for pair in facts if wanted else ():
-        settings |= dict.fromkeys(wanted.get(places[pair["pair"]], ()), pair["settings"])
+    joined = any(sweep.together for sweep in sweeps)
+    # The presets of every pair, as a level has the name of one only if all of its pairs are from it.
+    of_pairs: list[frozenset[str]] = [frozenset()] * len(places)
+    for pair in facts if joined else ():
+        settings = pair["settings"]
+        of_pairs[places[pair["pair"]]] = frozenset(name for name, stated in _presets() if _has(settings, stated))
     found = []
-    for k, (sweep, (names, _, _)) in enumerate(zip(sweeps, levels, strict=True)):
-        presets = _name_presets([settings.get((k, n), {}) for n in range(len(names))]) if sweep.together else []
+    for sweep, (names, _, level) in zip(sweeps, levels, strict=True):
+        of_levels = [[of_pairs[n] for n in np.flatnonzero(level == k)] for k in range(len(names))]
+        presets = _name_presets(of_levels) if sweep.together else []
         found.append(presets or [_name_value(sweep.name, name) for name in names])
     return found
 
@@ -56,24 +60,37 @@ def name_levels(
 def join_by_scene(
     sweeps: Sequence[Sweep], facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
 ) -> list[Sweep]:
-    """The sweeps, with the scene in place of the settings by which scenes differ, if all pairs are from shipped ones.
+    """The sweeps, with the scene in place of the settings by which scenes differ, if all pairs are from shipped ones,
+    or else with the terrain in place of the settings of shipped terrains, if all made-up ground is from these.
 
-    A pair is from a scene whose ground and surfaces it has, in any light and seen by any camera. ``places`` gives the
-    number of each pair by name. Settings that differ between pairs of a scene stay.
+    A pair is from a scene whose ground and surfaces it has, in any light and seen by any camera, and from a terrain
+    whose ground it has. ``places`` gives the number of each pair by name. Settings that differ between pairs of a
+    scene or of a terrain stay.
     """
     if not sweeps:
         return []
-    titles = [""] * len(places)
-    for pair in facts:
-        titles[places[pair["pair"]]] = title = _scene_title(pair["settings"])
-        if not title:
-            return list(sweeps)
-    scenes = np.array(titles)
-    names = [name for name in np.unique(scenes) if name]
-    if len(names) < 2:
-        return list(sweeps)
-    kept = [sweep for sweep in sweeps if any(len(np.unique(sweep.values[scenes == name])) > 1 for name in names)]
-    return [Sweep(SCENE, "Scene", scenes), *kept]
+    for name, title, of_pair in ((SCENE, "Scene", _scene_title), (TERRAIN, "Terrain", _terrain_title)):
+        titles: list[str] = [""] * len(places)
+        stated: set[str] = set()
+        for pair in facts:
+            found = of_pair(pair["settings"])
+            if found is None:
+                break
+            titles[places[pair["pair"]]], settings = found
+            stated |= settings
+        else:
+            known = np.array(titles)
+            groups = [known == each for each in np.unique(known)]
+            if len(np.unique(known[known != ""])) > 1:
+                kept = [
+                    sweep
+                    for sweep in sweeps
+                    if any(len(np.unique(sweep.values[own])) > 1 for own in groups)
+                    # What divides the pairs in the same way cannot be told from the terrain.
+                    or (sweep.name not in stated and len(np.unique(sweep.values)) < len(groups))
+                ]
+                return [Sweep(name, title, known), *kept]
+    return list(sweeps)
 
 
 def conditions_of(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]]) -> list[Condition]:
@@ -88,42 +105,71 @@ def conditions_of(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]]) -> li
 
 
 def titles_of(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]], count: int) -> list[str]:
-    """A title for each of ``count`` pairs: its values of the settings that vary, those set on purpose first; empty if
-    nothing varies."""
-    titles: list[list[str]] = [[] for _ in range(count)]
-    for sweep, own in zip(sweeps[:_MOST_IN_TITLE], names, strict=False):
-        exact = sweep.numeric and not sweep.together  # a level may stand for a range of values
-        _, _, level = sweep.levels()
-        for pair, parts in enumerate(titles):
-            if level[pair] >= 0:
-                parts.append(_name_value(sweep.name, f"{sweep.values[pair]:.4g}") if exact else own[level[pair]])
-    return [", ".join(parts) for parts in titles]
+    """A title for each of ``count`` pairs, all different: its values of the settings that vary, those set on purpose
+    first, and as many as tell it from the others; empty if nothing varies."""
+    texts = [_texts_of(sweep, own) for sweep, own in zip(sweeps, names, strict=True)]
+    titles = [", ".join(filter(None, parts)) for parts in zip(*texts[:_IN_TITLE], strict=True)] or [""] * count
+    for own in texts[_IN_TITLE:]:
+        for pairs in _alike(titles):
+            if len({own[pair] for pair in pairs}) > 1:
+                for pair in pairs:
+                    titles[pair] = ", ".join(filter(None, (titles[pair], own[pair])))
+    if sweeps:
+        for pairs in _alike(titles):  # on another ground, as its seed is no setting that varies
+            for number, pair in enumerate(pairs[1:], 2):
+                titles[pair] = f"{titles[pair]} ({number})".lstrip()
+    return titles
+
+
+def _texts_of(sweep: Sweep, names: Sequence[str]) -> list[str]:
+    """The value of each pair in words, empty where it is not known."""
+    exact = sweep.numeric and not sweep.together  # a level may stand for a range of values
+    _, _, level = sweep.levels()
+    return [
+        "" if k < 0 else _name_value(sweep.name, f"{value:.4g}") if exact else names[k]
+        for k, value in zip(level.tolist(), sweep.values.tolist(), strict=True)
+    ]
+
+
+def _alike(titles: Sequence[str]) -> list[list[int]]:
+    """The pairs of each title that several have."""
+    found: defaultdict[str, list[int]] = defaultdict(list)
+    for pair, title in enumerate(titles):
+        found[title].append(pair)
+    return [pairs for pairs in found.values() if len(pairs) > 1]
 
 
 def _name_value(name: str, value: str) -> str:
     if name == SCENE:
         return value
+    if name == TERRAIN:
+        return f"Terrain: {value}"
     topic, key = name.split(".")
     try:
         setting = TOPICS[topic][key]
     except KeyError:
         return f"{name} {value}"  # of another version of the settings
     label = re.sub(r" \([^)]*\)$", "", setting.label)
+    if setting.label in _SHARED_LABELS:
+        label = f"{TOPICS[topic].label}: {label}"
     unit = {"deg": "°", "": "", "1": ""}.get(setting.unit, f" {setting.unit}")
-    return f"{label} {value}{unit}"
+    return f"{label} {dict(choice[:2] for choice in setting.choices).get(value, value)}{unit}"
 
 
-def _name_presets(levels: Sequence[Parts]) -> list[str]:
-    """The titles of presets of one kind, one for each level: each describes that level and no other. Empty if there are
-    none."""
+def _name_presets(levels: Sequence[Sequence[frozenset[str]]]) -> list[str]:
+    """The titles of presets of one kind, one for each level: each is a preset of all pairs of that level and of no
+    other pair. ``levels`` are the presets of each pair of each level. Empty if there are none."""
     for kind in KINDS:
         found = []
-        for name, stated in _presets():
-            if name.split("/")[0] == kind and [_has(level, stated) for level in levels].count(True) == 1:
-                found.append((len(stated), name, next(k for k, level in enumerate(levels) if _has(level, stated))))
-        best = {level: name for _, name, level in sorted(found)}
-        if len(best) == len(levels):
-            return [preset_header(best[k])[0] for k in range(len(levels))]
+        for own in levels:
+            others = frozenset().union(*(pair for other in levels if other is not own for pair in other))
+            fitting = frozenset.intersection(*own) - others
+            named = [
+                (len(stated), name) for name, stated in _presets() if name in fitting and name.startswith(f"{kind}/")
+            ]
+            found.append(max(named)[1] if named else "")
+        if all(found):
+            return [preset_header(name)[0] for name in found]
     return []
 
 
@@ -133,15 +179,33 @@ def preset_title(settings: Parts) -> str:
     return preset_header(max(matching)[1])[0] if matching else ""
 
 
-def _scene_title(settings: Parts) -> str:
-    """The title of the shipped scene whose ground and surfaces these settings have; empty for any other scene."""
+def _scene_title(settings: Parts) -> tuple[str, set[str]] | None:
+    """The title of the shipped scene whose ground and surfaces these settings have, and all settings, by any of which
+    it may differ from others; None for any other scene."""
     found = []
     for name, stated in _presets():
         ground = {place: value for place, value in stated.items() if TOPICS[place[0]][place[1]].effect in _OF_SCENE}
         if is_whole(name) and _has(settings, ground):
             same = sum(settings.get(topic, {}).get(key) == value for (topic, key), value in stated.items())
             found.append((same - len(stated), len(stated), name))  # of two, the one that describes light and camera too
-    return preset_header(max(found)[2])[0] if found else ""
+    every = {f"{topic}.{key}" for topic, values in settings.items() for key in values}
+    return (preset_header(max(found)[2])[0], every) if found else None
+
+
+def _terrain_title(settings: Parts) -> tuple[str, set[str]] | None:
+    """The title of the shipped terrain whose ground these settings have, and the settings that it states; None for any
+    other made-up ground. The title of ground from a file is empty."""
+    if settings.get("source", {}).get("kind") != "PROCEDURAL":
+        return "", set()
+    found = [
+        (len(stated), name, stated)
+        for name, stated in _presets()
+        if name.startswith("terrains/") and _has(settings, stated)
+    ]
+    if not found:
+        return None
+    _, name, stated = max(found, key=lambda each: each[:2])
+    return preset_header(name)[0], {f"{topic}.{key}" for topic, key in stated}
 
 
 @cache

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from ...support.arrays import Array
+from ..images.gallery import SCREEN_GAMMA
 from ..images.image_files import encoded, read_png
 from .conditions import Condition
 from .summary import Table
@@ -22,7 +23,6 @@ MOST_PICTURES = 300
 MOST_IN_MATRIX = 96
 _WIDTH_PX = 480
 _JPEG_QUALITY = 80
-_SCREEN_GAMMA = 1 / 2.2
 
 
 def embed_picture(path: Path, height: int, linear: bool = False) -> str:
@@ -32,12 +32,17 @@ def embed_picture(path: Path, height: int, linear: bool = False) -> str:
     """
     image = read_png(path)[:height]
     if linear:
-        image = (255 * (image / 255.0) ** _SCREEN_GAMMA).astype(np.uint8)
+        image = with_gamma(image)
     if image.shape[1] > _WIDTH_PX:
         size = (_WIDTH_PX, max(1, round(image.shape[0] * _WIDTH_PX / image.shape[1])))
         image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     content = base64.b64encode(encoded(image, ".jpg", _JPEG_QUALITY)).decode("ascii")
     return f"data:image/jpeg;base64,{content}"
+
+
+def with_gamma(image: Array) -> Array:
+    """The linear grey values of a sensor, uint8, as screens show them."""
+    return np.asarray((255 * (image / 255.0) ** SCREEN_GAMMA).astype(np.uint8))
 
 
 def embed_left(facts: Mapping[str, Any], out: Path) -> str:

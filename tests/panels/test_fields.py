@@ -24,7 +24,13 @@ STARTING = {cls.bl_idname for cls in operators.CLASSES if issubclass(cls, JobOpe
     "icymoon.make_asset_library",
 }
 #: Their buttons that have other words than the operator.
-OTHER_WORDS = {"icymoon.evaluate", "icymoon.evaluate_folder", "icymoon.trade", "icymoon.auto_quality"}
+OTHER_WORDS = {
+    "icymoon.evaluate",
+    "icymoon.evaluate_folder",
+    "icymoon.trade",
+    "icymoon.auto_quality",
+    "icymoon.reproduce",
+}
 
 
 @pytest.fixture

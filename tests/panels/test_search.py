@@ -48,6 +48,7 @@ SOUGHT = {
     "cancel": "icymoon.cancel",
     "stop": "icymoon.cancel",
     "sweep": "icymoon.vary",
+    "paper": "icymoon.reproduce",
     "point cloud": "icymoon.show_surface",
 }
 #: Rows of a menu that fit a screen of 1080 pixels with its bars, at 24 pixels each as Blender draws them.

@@ -44,7 +44,7 @@ def test_every_pair_is_in_the_table_and_a_few_have_pictures(many):
     assert len(html) < 2_500_000
     rows = json.loads((many / "report.json").read_text())["rows"]
     assert data["pairs"][7][3] == pytest.approx(100 * rows[14]["total_bad_1"], abs=0.06)
-    assert data["pairs"][7][1].startswith("Albedo 0.6, Sun Elevation ")
+    assert data["pairs"][7][1].startswith("Ice: Albedo 0.6, Sun Elevation ")
 
 
 def test_only_the_reports_own_script_may_run(many):

@@ -1,0 +1,215 @@
+"""The verb ``reproduce``: the tables and figures of the GUISS paper, from nothing, in one folder."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from ..render.cost.abilities import check_abilities
+from ..render.cost.estimate import duration_text, estimate, size_text
+from ..render.cost.speed import recall_speed
+from ..render.plans.frozen_plan import FrozenPlan, freeze_plan
+from ..render.workers.process import report_errors
+from ..settings.description import merged, override
+from ..stereo.environment import packages
+from ..support import printer
+from ..support.errors import IcyMoonError
+from ..support.number_text import count_of
+from ..support.terminal import as_path, check_least, show_progress
+from .batch import add_worker_options, parse_workers, render
+
+if TYPE_CHECKING:
+    from ..stereo.matchers.methods import Method
+    from ..stereo.paper.parts import Part
+
+Event = Callable[[dict[str, Any]], None]
+#: The papers that can be reproduced.
+PAPERS = ("guiss",)
+#: Folder of the results in a data set.
+_EVALUATION = "evaluation"
+#: The data sets that are matched; the figures are only shown.
+_MATCHED = ("data", "albedo")
+#: Processor seconds of measuring a megapixel by the paper's matchers without the networks, of writing a report, and
+#: bytes of the results of a megapixel (2-core x86 server, a pair of 640 x 480 px).
+_MEASURE_S_PER_MPX, _REPORT_S, _MEASURE_BYTES_PER_MPX = 4.5, 30.0, 6.5e6
+#: Work of matching a pair, over the work of rendering one, in the progress.
+_MATCHING = 0.3
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``reproduce``."""
+    parser.add_argument("paper", choices=PAPERS, help="the paper: guiss, whose tables and figures are made again")
+    parser.add_argument(
+        "--out", type=as_path, required=True, metavar="FOLDER", help="folder for the data sets, the tables and figures"
+    )
+    parser.add_argument("--dry-run", action="store_true", help="print what it will take, and end")
+    size = parser.add_mutually_exclusive_group()
+    size.add_argument("--quick", action="store_true", help="a tenth of the pairs, in which every value keeps its share")
+    size.add_argument("--pairs", type=int, metavar="N", help="about N pairs of the 5020, chosen in the same way")
+    parser.add_argument("--scale", type=float, default=1.0, help="share of the images' width and height (%(default)s)")
+    parser.add_argument("--no-figures", action="store_true", help="leave out the grids of images")
+    parser.add_argument(
+        "--glossy",
+        action="store_true",
+        help="with the materials and the sampling of the paper's public code, traced: days",
+    )
+    parser.add_argument(
+        "--files", type=as_path, metavar="FOLDER", help="your own textures and meshes in place of stand-ins"
+    )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="TOPIC.KEY=VALUE", help="one setting of all pairs; may repeat"
+    )
+    parser.add_argument(
+        "--option",
+        action="append",
+        default=[],
+        metavar="MATCHER.KEY=VALUE",
+        help="option of bm, jplv, dsmnet or igev, as in igev.checkpoint=FILE; may repeat",
+    )
+    add_worker_options(parser)
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    packages.require(*packages.PACKAGES)
+    from ..stereo.paper.methods import find_methods
+    from ..stereo.paper.parts import QUICK, make_parts
+    from ..stereo.paper.printed import GROUPS
+
+    check_least(options, 1, "pairs")
+    with report_errors(options.json):
+        how = parse_workers(options)
+        methods, missing = find_methods(options.scale, options.option)
+        overrides = merged(*map(override, options.set))
+        count = round(QUICK * GROUPS["All"]) if options.quick else options.pairs
+        parts = make_parts(count, options.scale, overrides, options.files, options.glossy)
+        if options.no_figures:
+            del parts["figures"]
+        for why in missing.values():
+            printer.warn(why)
+        if options.dry_run:
+            return _print_estimate(parts, options)
+        frozen = {name: _freeze(part, options) for name, part in parts.items()}
+        with _open_output(options.json) as tell:
+            steps = _Steps(tell, parts)
+            failed = 0
+            for name, part in parts.items():
+                folder = options.out.absolute() / part.folder
+                failed |= render(
+                    folder, list(frozen[name].pairs), how, steps.begin(f"Rendering {name}", len(part.pairs))
+                )
+            page = _write(options, parts, methods, missing, steps)
+    if options.json:
+        printer.emit("result", report=str(page))
+    else:
+        printer.say(str(page))
+    return failed
+
+
+def _freeze(part: Part, options: argparse.Namespace) -> FrozenPlan:
+    """The data set of a part, frozen into its folder. Raises IcyMoonError if Blender cannot render it, or if the folder
+    has pairs of another one."""
+    dataset = options.out.absolute() / part.folder
+    frozen = freeze_plan(dataset, part.pairs, part.text)
+    if frozen.note:  # another version's pairs, which are not those of the tables
+        raise IcyMoonError(frozen.note)
+    check_abilities((pair.settings for pair in frozen.find_missing(dataset)), options.blender)
+    return frozen
+
+
+def _write(
+    options: argparse.Namespace,
+    parts: dict[str, Part],
+    methods: list[Method],
+    missing: dict[str, str],
+    steps: _Steps,
+) -> Any:
+    """Match the pairs, and write tables and figures; the path of the page."""
+    from ..stereo.evaluate import evaluate
+    from ..stereo.paper.page import write_paper
+    from ..stereo.paper.results import read_measured
+
+    out = options.out.absolute()
+    measured = {}
+    for name in _MATCHED:
+        tell = steps.begin(f"Measuring {name}", _MATCHING * len(parts[name].pairs))
+        evaluation = out / name / _EVALUATION
+        report = evaluate(
+            [out / name],
+            methods,
+            evaluation,
+            on_event=lambda event, tell=tell: tell(event.pop("type"), **event),
+            guiss=True,
+        )
+        labels = [method.label for method in methods]
+        measured[name] = read_measured(evaluation, [pair["pair"] for pair in report["pairs"]], labels)
+    return write_paper(out, parts, measured, missing, options.scale, len(parts["data"].pairs))
+
+
+class _Steps:
+    """The progress of the steps, one after the other, as one."""
+
+    def __init__(self, tell: Event, parts: dict[str, Part]) -> None:
+        self._tell = tell
+        self._total = sum(len(part.pairs) * (1 + _MATCHING * (name in _MATCHED)) for name, part in parts.items())
+        self._before = self._work = 0.0
+
+    def begin(self, title: str, work: float) -> Callable[..., None]:
+        """A step of so much work; the function that takes its messages."""
+        self._before += self._work
+        self._work = work
+        before = self._before
+
+        def hear(kind: str, **facts: Any) -> None:
+            if kind == "progress":
+                fraction = (before + work * facts["fraction"]) / self._total
+                facts |= {"fraction": min(1.0, fraction), "message": f"{title}: {facts['message']}"}
+            if kind == "error":  # of one pair, which is set aside
+                kind, facts = "warning", {"message": facts["message"]}
+            if kind != "done":  # of this step only
+                self._tell({"type": kind, **facts})
+
+        return hear
+
+
+@contextmanager
+def _open_output(as_json: bool) -> Iterator[Event]:
+    """Where messages go: standard output as JSON lines, or a progress bar."""
+    if as_json:
+        yield printer.emit_json
+        return
+    with show_progress("Starting Blender") as show:
+        yield show
+
+
+def _print_estimate(parts: dict[str, Part], options: argparse.Namespace) -> int:
+    """Print what the parts will take, and all together."""
+    lines, hours, seconds, space = [], 0.0, 0.0, 0.0
+    for name, part in parts.items():
+        dataset = options.out.absolute() / part.folder
+        found = estimate(part.pairs, dataset, recall_speed(str(part.pairs[0].settings.quality.device)))
+        lines.append(f"{name}: {', '.join(found.lines())}")
+        hours, seconds, space = hours + found.left_wall_s, seconds + found.left_s, space + found.left_bytes
+    mpx = sum(
+        pair.settings.rig.width_px * pair.settings.rig.height_px / 1e6
+        for name in _MATCHED
+        for pair in parts[name].pairs
+    )
+    measure_s = mpx * _MEASURE_S_PER_MPX + _REPORT_S * len(_MATCHED)
+    lines.append(
+        f"measuring without networks: {duration_text(measure_s / found.processors)} on "
+        f"{count_of(found.processors, 'processor')}, {size_text(mpx * _MEASURE_BYTES_PER_MPX)} on the disk"
+    )
+    hours, space = hours + measure_s / found.processors, space + mpx * _MEASURE_BYTES_PER_MPX
+    lines.append(
+        f"together about {duration_text(hours)} on {count_of(found.processors, 'processor')}, "
+        f"{duration_text(seconds + measure_s)} of a processor, {size_text(space)} on the disk"
+    )
+    if options.json:
+        printer.emit("result", lines=lines, seconds=seconds + measure_s, wall_seconds=hours, bytes=space)
+    else:
+        for line in lines:
+            printer.say(line)
+    return 0

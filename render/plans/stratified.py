@@ -1,0 +1,67 @@
+"""A part of a data set in which every value of every setting that varies keeps its share. Imports no Blender."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...physics.random_numbers.seeds import generator
+from ...settings.table import all_settings
+from ...support.arrays import Array
+from .planned_pair import PlannedPair
+
+_ORDER_SEED = 0
+
+
+def varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
+    """(topic, key) of the settings that are not the same in all pairs."""
+    # Pairs share most of their tables; each is compared once.
+    tables = {
+        topic: list({id(table): table for pair in pairs if (table := pair.settings[topic]) is not None}.values())
+        for topic in dict.fromkeys(topic for topic, _ in all_settings())
+    }
+    return [
+        (topic, s.key)
+        for topic, s in all_settings()
+        if any(table[s.key] != tables[topic][0][s.key] for table in tables[topic])
+    ]
+
+
+def choose_stratified(pairs: Sequence[PlannedPair], count: int) -> list[PlannedPair]:
+    """``count`` of the pairs, in which each value of each setting that varies occurs about as often as its share.
+
+    Settings that always vary together count as one, and the seed of the ground as none. Pairs are chosen one by one,
+    always one whose values lack most, and in a random order that is always the same among equals. So a larger part of
+    the same pairs contains every smaller one.
+    """
+    levels = _levels(pairs)
+    share = [np.bincount(level) / len(pairs) for level in levels]
+    chosen_of = [np.zeros(len(each)) for each in share]
+    order = generator(_ORDER_SEED, "plan", zlib.crc32(b"stratified")).permutation(len(pairs))
+    left = np.ones(len(pairs), bool)
+    chosen: list[int] = []
+    for number in range(min(count, len(pairs))):
+        surplus = np.zeros(len(pairs))
+        for level, own, there in zip(levels, share, chosen_of, strict=True):
+            surplus += (there - (number + 1) * own)[level]
+        surplus[~left] = np.inf
+        best = int(order[np.argmin(np.round(surplus[order], 9))])
+        left[best] = False
+        chosen.append(best)
+        for level, there in zip(levels, chosen_of, strict=True):
+            there[level[best]] += 1
+    return [pairs[k] for k in sorted(chosen)]
+
+
+def _levels(pairs: Sequence[PlannedPair]) -> list[Array]:
+    """The value of each pair as a number from 0 on, of each setting that varies independently."""
+    found: dict[bytes, Array] = {}
+    for topic, key in varied_settings(pairs):
+        if (topic, key) == ("dataset", "seed"):
+            continue
+        known: dict[str, int] = {}
+        level = np.array([known.setdefault(repr(pair.settings[topic][key]), len(known)) for pair in pairs])
+        found[level.tobytes()] = level
+    return list(found.values())

@@ -1,0 +1,130 @@
+"""The figures of the GUISS paper: depth of each method, error against albedo, and grids of images as sheets."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ...render.pairs.pair_folder import Pair, is_complete, read_pair
+from ...render.plans.planned_pair import PlannedPair
+from ...support.arrays import Array
+from ...support.labels import TERRAIN
+from ...support.system import remove_folder
+from ..images.gallery import automatic_white, for_screen, read_radiance, write_sheet
+from ..images.image_files import read_png, write_bytes
+from ..images.views import read_eye
+from ..matchers.methods import describe_method
+from ..report.by_setting import swept_settings
+from ..report.conditions import join_by_scene, name_levels, titles_of
+from ..report.pictures import typical_pair, with_gamma
+from ..report.summary import summarise_method
+from ..report.sweep_charts import SweepCharts, draw_sweeps, write_curves
+from .results import Measured
+
+#: Columns of the sheet of each figure, its title, and what it shows.
+SHEETS = {
+    "ruggedness": (4, "Ruggedness", "Terrains in place of the paper's, from low to very high."),
+    "subsurface": (3, "Light under the surface and transmission", "Rows: its share. Columns: transmission."),
+    "texture": (6, "Albedo, gloss and noise", "Rows: albedo. Columns: specular level, without and with dark patches."),
+    "suns": (5, "Directions of the Sun", "Smooth and rugged ground under the paper's five lamps."),
+    "rocks": (3, "Rocks with masks", "Image, semantic mask and instance mask of two densities and two sizes."),
+}
+#: Columns of a picture on a sheet, and letters of a line below it.
+_CELL_PX, _LINE = 320, 36
+_MOST_BYTES = 1_000_000
+#: The setting of the albedo figure.
+_ALBEDO = "surface.albedo"
+#: Grey of the ground in masks, and the turn of the circle of hues from one label to the next: no two are alike soon.
+_GROUND_GREY, _HUES, _TURN = 90, 180, 0.618034
+
+
+def write_qualitative(measured: Measured, sets: Mapping[str, Sequence[PlannedPair]], file: Path) -> list[str]:
+    """Write a sheet with a typical pair of each set: image, true depth and the depth of each method. The pairs' names,
+    none if no pair has a result."""
+    cells: list[tuple[Path | Array, str, str]] = []
+    shown = []
+    for title, pairs in sets.items():
+        names = {pair.id for pair in pairs}
+        number = typical_pair(measured.table, np.array([name in names for name in measured.table.pairs]))
+        if number is None:
+            continue
+        facts, name = measured.facts[number], measured.table.pairs[number]
+        shown.append(name)
+        cells.append((with_gamma(read_png(measured.out / facts["images"]["left"])), title.capitalize(), name))
+        cells.append((measured.out / facts["images"]["true_depth"], "True depth", ""))
+        for matcher in measured.table.methods:
+            images = measured.row(name, matcher)["images"]
+            blank = np.zeros((facts["height_px"], facts["width_px"]), np.uint8)
+            picture = measured.out / images["depth"] if "depth" in images else blank
+            cells.append((picture, describe_method(matcher), "" if "depth" in images else "failed"))
+    if cells:
+        write_sheet(cells, file, _MOST_BYTES, 2 + len(measured.table.methods), _CELL_PX)
+    return shown
+
+
+def draw_albedo(measured: Measured, name: str, out: Path) -> SweepCharts | None:
+    """The charts of the errors against the albedo of the pairs; None if they all have the same.
+
+    Writes ``NAME.png`` to ``out`` too.
+    """
+    places = {pair["pair"]: k for k, pair in enumerate(measured.facts)}
+    sweeps = [sweep for sweep in swept_settings(measured.facts, places) if sweep.name == _ALBEDO]
+    if not sweeps:
+        return None
+    table = measured.table
+    summary = [summarise_method(table, k) for k in range(len(table.methods))]
+    picture = out / write_curves(summary, table, sweeps, out)[_ALBEDO]
+    write_bytes(out / f"{name}.png", picture.read_bytes())
+    remove_folder(picture.parent)
+    return draw_sweeps(summary, table, sweeps)[0]
+
+
+def write_figure_sheet(name: str, pairs: Sequence[PlannedPair], dataset: Path, file: Path) -> bool:
+    """Write the sheet of a figure: the images of its pairs, all at one exposure, and the masks of rocks. False if none
+    of them is rendered."""
+    there = [pair for pair in pairs if is_complete(pair.folder(dataset))]
+    if not there:
+        return False
+    facts = [{"pair": pair.id, "settings": pair.settings} for pair in there]
+    places = {pair.id: k for k, pair in enumerate(there)}
+    sweeps = join_by_scene(swept_settings(facts, places), facts, places)
+    titles = titles_of(sweeps, name_levels(sweeps, facts, places), len(there))
+    rendered = [read_pair(pair.folder(dataset)) for pair in there]
+    white = max(automatic_white(read_radiance(pair), pair) for pair in rendered)
+    cells: list[tuple[Path | Array, str, str]] = []
+    for pair, title in zip(rendered, titles, strict=True):
+        first, *rest = textwrap.wrap(_ascii(title), _LINE, max_lines=2, placeholder=" ...") or [""]
+        cells.append((for_screen(read_radiance(pair), white), first, "".join(rest)))
+        if name == "rocks":
+            cells += _masks(pair)
+    columns, _, _ = SHEETS[name]
+    write_sheet(cells, file, _MOST_BYTES, columns, _CELL_PX)
+    return True
+
+
+def _ascii(text: str) -> str:
+    """A text in the letters that OpenCV draws."""
+    return text.replace("°", " deg").encode("ascii", "ignore").decode()
+
+
+def _masks(pair: Pair) -> list[tuple[Array, str, str]]:
+    _, view = read_eye(pair, "left")
+    return [
+        (colour_labels(labels), title, "")
+        for labels, title in ((view.semantic, "Semantic mask"), (view.instance, "Instance mask"))
+        if labels is not None
+    ]
+
+
+def colour_labels(labels: Array) -> Array:
+    """Labels (H, W) as a picture (H, W, 3), blue first: the sky black, the terrain grey, any other its own hue."""
+    hue = np.rint(_HUES * (labels.astype(np.float64) * _TURN % 1.0)).astype(np.uint8) % _HUES
+    full = np.full_like(hue, 255)
+    shown = cv2.cvtColor(np.stack([hue, full, full], axis=-1), cv2.COLOR_HSV2BGR)
+    shown[labels == 0] = 0
+    shown[labels == TERRAIN] = _GROUND_GREY
+    return np.asarray(shown)

@@ -1,0 +1,55 @@
+"""The four matchers of the GUISS paper as it ran them, and why some of them cannot run here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ...support.errors import IcyMoonError
+from ...support.suggestions import nearest
+from ..matchers.bm import PRESETS
+from ..matchers.methods import Method, parse_methods
+from .printed import METHODS
+
+#: StereoBM takes its number of disparities in steps of this, and no smaller window.
+_STEP_PX, _LEAST_WINDOW = 16, 5
+
+
+def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], dict[str, str]]:
+    """The matchers that can run, and why the others cannot, by name: a sentence.
+
+    ``scale`` is the size of the images over the paper's; window and range of StereoBM are scaled with them.
+    ``options`` are ``matcher.key=value``. Raises IcyMoonError for an option that is wrong, and if a matcher cannot run
+    although it has one.
+    """
+    names = [printed.matcher for printed in METHODS]
+    for text in options:
+        if (name := text.partition(".")[0]) not in names:
+            raise IcyMoonError(f"--option {text}: the paper has no matcher {name!r}, {nearest(name, names)}")
+    found: list[Method] = []
+    missing: dict[str, str] = {}
+    for name in names:
+        own = [text for text in options if text.startswith(f"{name}.")]
+        try:
+            (method,) = parse_methods(_describe(name, scale), own)
+        except IcyMoonError as error:
+            if own:
+                raise
+            missing[name] = str(error)
+            continue
+        found.append(replace(method, label=name))
+    return found, missing
+
+
+def _describe(name: str, scale: float) -> str:
+    """A matcher with the paper's options, as ``--methods`` takes it; JPLV's are not printed, so it has its own here."""
+    if name == "jplv" or (scale != 1 and name == "dsmnet"):  # whose crop is for images of the paper's size
+        return name
+    if scale == 1 or name == "igev":
+        return f"{name}:preset=guiss"
+    preset = PRESETS["guiss"]
+    window = max(_LEAST_WINDOW, 2 * round(scale * (preset["window"] - 1) / 2) + 1)
+    disparities = _STEP_PX * math.ceil(scale * preset["disparities"] / _STEP_PX)
+    least = round(scale * preset["min_disparity"])
+    return f"bm:preset=guiss:window={window}:disparities={disparities}:min_disparity={least}"

@@ -1,0 +1,105 @@
+"""Writing the GUISS paper's tables and figures, made again, as HTML, CSV, LaTeX and pictures in one folder."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ...support.files import write_text
+from ...support.number_text import count_of
+from ..report.charts import method_keys
+from ..report.pages import read_template
+from . import PAGE
+from .figures import SHEETS, draw_albedo, write_figure_sheet, write_qualitative
+from .parts import Part
+from .printed import METHODS
+from .results import Measured, rendering_seconds
+from .tables import (
+    RUNTIME_COLUMNS,
+    metric_columns,
+    result_rows,
+    results_csv,
+    results_latex,
+    runtime_rows,
+    runtimes_csv,
+    runtimes_latex,
+)
+
+#: The set that varies the albedo at automatic exposure.
+_GENERATIVE = "generative"
+
+
+def write_paper(
+    out: Path,
+    parts: Mapping[str, Part],
+    measured: Mapping[str, Measured],
+    missing: Mapping[str, str],
+    scale: float,
+    planned: int,
+) -> Path:
+    """Write all tables and figures to ``out``; the path of the page.
+
+    ``measured`` are the evaluations of the ``data`` and of the ``albedo`` pairs, ``missing`` is why a matcher could not
+    run, ``scale`` the size of the images over the paper's, ``planned`` the number of pairs of the table.
+    """
+    data = measured["data"]
+    results = result_rows(data, with_theirs=scale == 1)
+    rendering = rendering_seconds(out / parts["data"].folder, parts["data"].pairs)
+    runtimes = runtime_rows(data, rendering)
+    size = describe_size(data, scale, planned)
+    lacking = [f"{method.title}: {missing[method.matcher]}" for method in METHODS if method.matcher in missing]
+    write_text(out / "results.csv", results_csv(results))
+    write_text(out / "runtimes.csv", runtimes_csv(runtimes))
+    caption = f"Results printed in the GUISS paper and measured here. {size}"
+    write_text(out / "results.tex", results_latex(results, " ".join([caption, *lacking])))
+    write_text(out / "runtimes.tex", runtimes_latex(runtimes, f"Run times printed in the paper and measured. {size}"))
+    names = {pair.id for pair in parts["data"].sets[_GENERATIVE]}
+    chosen = [k for k, pair in enumerate(data.facts) if pair["pair"] in names]
+    generative = Measured(
+        data.table.where(np.isin(np.arange(len(data.facts)), chosen)), [data.facts[k] for k in chosen], data.out
+    )
+    albedo = {
+        "albedo_one_exposure": ("One exposure for all albedos, as in the paper", measured["albedo"]),
+        "albedo_automatic": ("Automatic exposure, the pairs of made-up texture", generative),
+    }
+    charts = [
+        (title, drawn) for name, (title, each) in albedo.items() if (drawn := draw_albedo(each, name, out)) is not None
+    ]
+    shown = write_qualitative(data, parts["data"].sets, out / "qualitative.jpg")
+    sheets = []
+    for name, pairs in parts["figures"].sets.items() if "figures" in parts else ():
+        file = out / f"figure_{name}.jpg"
+        if write_figure_sheet(name, pairs, out / parts["figures"].folder, file):
+            sheets.append((*SHEETS[name][1:], _embed(file)))
+    html = read_template("paper.html.j2", Path(__file__).parent).render(
+        size=size,
+        results=results,
+        metrics=[ours for _, ours in metric_columns()],
+        lacking=lacking,
+        with_theirs=scale == 1,
+        runtime_columns=RUNTIME_COLUMNS,
+        runtimes=runtimes,
+        keys=method_keys(data.table.methods),
+        charts=charts,
+        qualitative=_embed(out / "qualitative.jpg") if shown else "",
+        sheets=sheets,
+        folders=[part.folder for part in parts.values()],
+    )
+    write_text(out / PAGE, html)
+    return out / PAGE
+
+
+def describe_size(data: Measured, scale: float, planned: int) -> str:
+    """A sentence on how many pairs of which size the numbers are from."""
+    scenes = data.table.scene_count()
+    own = f"{count_of(len(data.facts), 'pair')} of {planned} from {count_of(scenes, 'scene')}"
+    sides = " x ".join(f"{round(side * scale)}" for side in (640, 480))
+    note = "" if scale == 1 else ", so depth errors are not comparable with those of the paper's 640 x 480 px"
+    return f"{own[0].upper()}{own[1:]}, {sides} px{note}."
+
+
+def _embed(file: Path) -> str:
+    return f"data:image/jpeg;base64,{base64.b64encode(file.read_bytes()).decode('ascii')}"

@@ -1,0 +1,77 @@
+"""The numbers of the GUISS paper's tables, measured again: read from an evaluation, and grouped as the paper does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...render.pairs.pair_folder import read_complete
+from ...render.plans.planned_pair import PlannedPair
+from ...support.arrays import Array
+from ..report.by_setting import scene_of
+from ..report.results import read_facts
+from ..report.row_log import RowLog
+from ..report.schema import ROW
+from ..report.summary import Table, summarise_method
+from .printed import GROUPS
+
+
+@dataclass(frozen=True)
+class Measured:
+    """An evaluation: the numbers of its methods, the facts of its pairs, and where it is."""
+
+    table: Table
+    facts: Sequence[Mapping[str, Any]]
+    out: Path
+
+    def group(self, name: str) -> Array:
+        """Boolean (pairs,): the pairs of a group of the paper's table. Reconstructed ground is a mesh from a file."""
+        from_file = np.array([pair["settings"]["source"]["kind"] != "PROCEDURAL" for pair in self.facts], bool)
+        return {"All": np.ones(len(from_file), bool), "Reconstructed": from_file, "Synthetic": ~from_file}[name]
+
+    def summary(self, matcher: str, group: str) -> dict[str, Any] | None:
+        """The means of a matcher over a group, see ``summarise_method``; None if it was not run or has no result."""
+        if matcher not in self.table.methods:
+            return None
+        found = summarise_method(self.table.where(self.group(group)), self.table.methods.index(matcher))
+        return found if found["pairs"] else None
+
+    def row(self, pair: str, matcher: str) -> dict[str, Any]:
+        """The whole row of a matcher on a pair."""
+        return RowLog(self.out / "results.jsonl", ROW).read(pair, matcher)
+
+
+def read_measured(out: Path, names: Iterable[str], matchers: Sequence[str]) -> Measured:
+    """The evaluation of pairs by matchers in the folder ``out``. Raises IcyMoonError if it cannot be read."""
+    facts = [read_facts(out, name) for name in names]
+    log, table = RowLog(out / "results.jsonl", ROW), Table(matchers, [pair["pair"] for pair in facts])
+    scenes: dict[str, int] = {}
+    for k, pair in enumerate(facts):
+        table.scenes[k] = scenes.setdefault(scene_of(pair), len(scenes))
+        for matcher in matchers:
+            table.add(k, log.read(pair["pair"], matcher))
+    return Measured(table, facts, out)
+
+
+def rendering_seconds(dataset: Path, pairs: Iterable[PlannedPair]) -> dict[str, tuple[float, int]]:
+    """The mean processor seconds of rendering a pair with its share of bakes, and the number of pairs, by group of the
+    paper's table. Groups without a rendered pair are left out."""
+    seconds: dict[str, list[float]] = {}
+    bakes: dict[str, dict[str, float]] = {}
+    for pair in pairs:
+        told = read_complete(pair.folder(dataset))
+        if not told:
+            continue
+        group = "Synthetic" if pair.settings.source.kind == "PROCEDURAL" else "Reconstructed"
+        seconds.setdefault(group, []).append(float(told["cpu_seconds"]["pair"]))
+        for light in told.get("indirect", {}).get("lights", {}).values():
+            bakes.setdefault(group, {})[light["file"]] = float(light["cpu_seconds_of_bake"])
+    return {
+        group: ((sum(own) + sum(bakes.get(group, {}).values())) / len(own), len(own))
+        for group in GROUPS
+        if (own := seconds.get(group))
+    }

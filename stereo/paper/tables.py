@@ -1,0 +1,180 @@
+"""The GUISS paper's two tables, printed and measured, as cells, CSV and LaTeX."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..report.table_columns import GUISS, TOTALS, Column, format_interval, format_number
+from .printed import GROUPS, METHODS, METRICS, RENDERING_S
+from .results import Measured
+
+#: What a table shows where there is no number.
+NONE = "–"
+#: What stands for a character in LaTeX's text.
+_LATEX = {"&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}"}
+_LATEX |= {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "–": "--", "±": r"$\pm$", "×": r"$\times$"}
+#: Processor seconds that were read as the clock: the paper states times, here the share of a busy machine counts.
+RUNTIME_COLUMNS = ("", "printed (s)", "printed on", "measured (CPU s)", "measured (s)", "over")
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """A method in a group of pairs. ``printed``, ``theirs`` (measured as the paper's code does) and ``ours`` are texts
+    of METRICS; ``intervals`` of ours; ``numbers`` are the same in metres and shares, None where there is none."""
+
+    group: str
+    method: str
+    printed: tuple[str, ...]
+    theirs: tuple[str, ...]
+    ours: tuple[str, ...]
+    intervals: tuple[str, ...]
+    coverage: str
+    pairs: int
+    numbers: Mapping[str, tuple[float | None, ...]]
+
+
+def metric_columns() -> list[tuple[Column, Column]]:
+    """The column of the paper's code and ours of each of METRICS."""
+    return [next(both for both in GUISS if both[1].key == key) for key in METRICS]
+
+
+def result_rows(measured: Measured, with_theirs: bool) -> list[ResultRow]:
+    """The table of results: a row for each group and method, also for methods that were not run.
+
+    Without ``with_theirs`` the numbers of the paper's code are left out: it knows images of the paper's size only.
+    """
+    found = []
+    for group in GROUPS:
+        for method in METHODS:
+            summary = measured.summary(method.matcher, group)
+            numbers: dict[str, tuple[float | None, ...]] = {"printed": method.results[group]}
+            for k, name in enumerate(("theirs", "ours")):
+                known = summary is not None and (name == "ours" or with_theirs)
+                numbers[name] = tuple(summary[both[k].key] if known and summary else None for both in metric_columns())
+            columns = [ours for _, ours in metric_columns()]
+            bounds = summary["intervals"] if summary else {}
+            texts = {
+                name: tuple(format_number({c.key: v}, _as_printed(c)) for c, v in zip(columns, values, strict=True))
+                for name, values in numbers.items()
+            }
+            found.append(
+                ResultRow(
+                    group,
+                    method.title,
+                    texts["printed"],
+                    texts["theirs"],
+                    texts["ours"],
+                    tuple(format_interval(bounds.get(c.key), _as_printed(c)) for c in columns),
+                    format_number(summary, TOTALS[0]) if summary else NONE,
+                    summary["pairs"] if summary else 0,
+                    numbers | {"coverage": (summary["coverage"] if summary else None,)},
+                )
+            )
+    return found
+
+
+def _as_printed(column: Column) -> Column:
+    """A column with as many decimals as the paper prints."""
+    return Column(column.key, column.heading, column.unit, 1 if column.unit == "%" else 2, column.doc)
+
+
+def runtime_rows(measured: Measured, rendering: Mapping[str, tuple[float, int]]) -> list[tuple[str, ...]]:
+    """The table of run times, with ``RUNTIME_COLUMNS``: the matchers, then rendering; see ``rendering_seconds``."""
+    rows = []
+    for method in METHODS:
+        summary = measured.summary(method.matcher, "All")
+        took = [summary[key] if summary else None for key in ("seconds", "wall_seconds")]
+        rows.append(
+            (
+                method.title,
+                f"{method.seconds:g}",
+                method.machine,
+                *(NONE if each is None else f"{each:.3g}" for each in took),
+                f"{summary['pairs']} pairs" if summary else NONE,
+            )
+        )
+    for group, printed in RENDERING_S.items():
+        found = rendering.get(group)
+        rows.append(
+            (
+                f"Rendering, {group.lower()}",
+                f"about {printed:g}",
+                "i7 laptop",
+                f"{found[0]:.3g}" if found else NONE,
+                NONE,
+                f"{found[1]} pairs" if found else NONE,
+            )
+        )
+    return rows
+
+
+def results_csv(rows: Sequence[ResultRow]) -> str:
+    """The table of results as CSV, a line for each number: metres and shares; unknown numbers are empty."""
+    lines: list[Sequence[Any]] = [("group", "method", "metric", "printed", "paper_code", "measured", "pairs")]
+    for row in rows:
+        for k, metric in enumerate(METRICS):
+            numbers = (row.numbers[name][k] for name in ("printed", "theirs", "ours"))
+            lines.append((row.group, row.method, metric, *numbers, row.pairs))
+        lines.append((row.group, row.method, "coverage", None, None, row.numbers["coverage"][0], row.pairs))
+    return _csv(lines)
+
+
+def runtimes_csv(rows: Sequence[Sequence[str]]) -> str:
+    """The table of run times as CSV; unknown numbers are empty."""
+    return _csv([RUNTIME_COLUMNS, *([text if text != NONE else "" for text in row] for row in rows)])
+
+
+def _csv(lines: Sequence[Sequence[Any]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(lines)
+    return text.getvalue()
+
+
+def results_latex(rows: Sequence[ResultRow], caption: str) -> str:
+    """The table of results in LaTeX, as a floating table over two columns, without packages."""
+    metrics = [ours for _, ours in metric_columns()]
+    head = [
+        " & " + " & ".join(rf"\multicolumn{{3}}{{c}}{{{latex(_as_printed(c).title)}}}" for c in metrics) + " & ",
+        "Method" + " & printed & its code & measured" * len(metrics) + r" & coverage (\%)",
+    ]
+    body = []
+    for group in GROUPS:
+        body.append(rf"\multicolumn{{{2 + 3 * len(metrics)}}}{{l}}{{\textit{{{latex(group)}}}}}")
+        for row in rows:
+            if row.group == group:
+                cells = [text for each in zip(row.printed, row.theirs, row.ours, strict=True) for text in each]
+                body.append(" & ".join(map(latex, (row.method, *cells, row.coverage))))
+    return _latex_table("l" + "r" * (3 * len(metrics) + 1), head, body, caption)
+
+
+def runtimes_latex(rows: Sequence[Sequence[str]], caption: str) -> str:
+    """The table of run times in LaTeX."""
+    head = [" & ".join(map(latex, RUNTIME_COLUMNS))]
+    return _latex_table("lrlrrr", head, [" & ".join(map(latex, row)) for row in rows], caption)
+
+
+def _latex_table(columns: str, head: Sequence[str], body: Sequence[str], caption: str) -> str:
+    end = r" \\"
+    lines = [
+        r"\begin{table*}",
+        rf"\caption{{{latex(caption)}}}",
+        r"\centering\footnotesize",
+        rf"\begin{{tabular}}{{{columns}}}",
+        r"\hline",
+        *(line + end for line in head),
+        r"\hline",
+        *(line + end for line in body),
+        r"\hline",
+        r"\end{tabular}",
+        r"\end{table*}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def latex(text: str) -> str:
+    """Text as LaTeX prints it."""
+    return "".join(_LATEX.get(letter, letter) for letter in text)
