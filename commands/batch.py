@@ -55,7 +55,7 @@ def add_batch_options(parser: argparse.ArgumentParser) -> None:
         help="render on the Dask cluster whose scheduler is there, as in "
         "tcp://host:8786, or on N of its processes here with local:N",
     )
-    _add_worker_options(parser)
+    add_worker_options(parser)
     parser.set_defaults(run=_run_batch)
 
 
@@ -63,7 +63,7 @@ def add_work_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``work``."""
     parser.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
     parser.add_argument("--shard", default="1/1", metavar="I/N", help="shard I of N, counted from 1 (%(default)s)")
-    _add_worker_options(parser)
+    add_worker_options(parser)
     parser.set_defaults(run=_run_work)
 
 
@@ -94,7 +94,8 @@ def add_verify_options(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_run_verify)
 
 
-def _add_worker_options(parser: argparse.ArgumentParser) -> None:
+def add_worker_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that say how to render, for ``parse_workers``."""
     parser.add_argument("--workers", type=int, metavar="N", help="processes that render (one for four processors)")
     parser.add_argument("--threads-per-worker", type=int, metavar="N", help="threads of each (all, divided evenly)")
     add_cards_option(parser)
@@ -110,7 +111,7 @@ def _add_worker_options(parser: argparse.ArgumentParser) -> None:
 
 
 def parse_workers(options: argparse.Namespace) -> WorkerOptions:
-    """How to render, from the options of ``_add_worker_options``. Raises IcyMoonError for what cannot be."""
+    """How to render, from the options of ``add_worker_options``. Raises IcyMoonError for what cannot be."""
     check_least(options, 1, "workers", "threads_per_worker", "scenes_per_worker")
     cards = choose_cards(options.cards)
     count = options.workers or (len(cards.numbers) if options.cards else 0) or usual_workers()

@@ -71,6 +71,11 @@ class RenderNoise:
     #: differences of methods tell nothing.
     doubt: float | None
 
+    @property
+    def hidden(self) -> float | None:
+        """The share that noise hides in light or in shadow, whichever is more, if that is a twentieth of the image."""
+        return _worst(self.lit, self.shadow)[0] if self.verdict else None
+
     def to_json(self) -> dict[str, Any]:
         """For the facts of a pair."""
         return asdict(self)
@@ -101,17 +106,20 @@ def render_noise(
         _part(error, None if baked is None else fixed, ratio, of_bake > noise, known & where, int(known.sum()))
         for where in (~shadow, shadow)
     )
-    hidden, by_bake = max(
-        (part.hidden, part.by_bake or 0.0)
-        for part in (lit, dark)
-        if part.hidden is not None and part.share >= _LEAST_SHARE
-    )
+    hidden, by_bake = _worst(lit, dark)
     verdict = next((name for most, name in SHARES if hidden <= most), DECIDES)
     if baked is None and verdict != DECIDES:
         verdict = UNKNOWN
     larger = (BAKE if by_bake > 0.5 else RENDER) if hidden > 0 else None
     wrong = _WRONG[np.searchsorted(_RATIOS, ratio[known], side="right")]
     return RenderNoise(verdict, larger, lit, dark, float(np.mean(wrong - _WRONG_WITHOUT)))
+
+
+def _worst(*parts: Part) -> tuple[float, float]:
+    """The largest share of hidden pixels of a part that is large enough, and how much of it is by baked light."""
+    return max(
+        (part.hidden, part.by_bake or 0.0) for part in parts if part.hidden is not None and part.share >= _LEAST_SHARE
+    )
 
 
 def _noise(left: Array, right: Array, disparity: Array, visible: Array) -> tuple[Array, Array]:
