@@ -54,6 +54,7 @@ PURE = (
     "stereo/report",
     "stereo/decisions",
     "stereo/trade",
+    "stereo/study",
     "stereo",
     "validation/polar",
     "validation",
