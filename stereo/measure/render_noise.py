@@ -100,8 +100,7 @@ def render_noise(
     fixed = np.broadcast_to(np.asarray(0.0 if baked is None else baked, np.float64), left.shape)
     noise, of_bake = _mean_around(error * error, known), _mean_around(_variance(fixed), known)
     ratio = _texture_over_noise(left, noise + of_bake)
-    blurred = cv2.GaussianBlur(left.astype(np.float64), (0, 0), _BLUR_PX, borderType=cv2.BORDER_REPLICATE)
-    shadow = blurred < _SHADOW_PART * np.quantile(blurred[known], _SHADOW_QUANTILE)
+    shadow = _find_shadow(left, known)
     lit, dark = (
         _part(error, None if baked is None else fixed, ratio, of_bake > noise, known & where, int(known.sum()))
         for where in (~shadow, shadow)
@@ -113,6 +112,32 @@ def render_noise(
     larger = (BAKE if by_bake > 0.5 else RENDER) if hidden > 0 else None
     wrong = _WRONG[np.searchsorted(_RATIOS, ratio[known], side="right")]
     return RenderNoise(verdict, larger, lit, dark, float(np.mean(wrong - _WRONG_WITHOUT)))
+
+
+def hidden_by(difference: np.ndarray, converged: np.ndarray, visible: np.ndarray) -> float | None:
+    """The share of pixels that the noise of a render truly hides, where a converged render of it is known: what the
+    verdict estimates from the render alone. None if nothing is ``visible``.
+
+    ``difference`` (H, W) is the render less the ``converged`` one, in grey levels. Around a hidden pixel it varies more
+    than the converged image does. A difference that is the same all around changes no pattern, and so no match.
+    """
+    shadow, hidden = _find_shadow(converged, visible), _variance(difference) > _variance(converged)
+    return max(
+        (
+            float(hidden[part].mean())
+            for part in (visible & ~shadow, visible & shadow)
+            if part.any() and part.sum() >= _LEAST_SHARE * visible.sum()
+        ),
+        default=None,
+    )
+
+
+def _find_shadow(left: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Boolean (H, W): the pixel is in shadow, as it is much darker than most ``known`` ones."""
+    if not known.any():
+        return np.zeros(left.shape, bool)
+    blurred = cv2.GaussianBlur(left.astype(np.float64), (0, 0), _BLUR_PX, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(blurred < _SHADOW_PART * np.quantile(blurred[known], _SHADOW_QUANTILE))
 
 
 def _worst(*parts: Part) -> tuple[float, float]:

@@ -24,12 +24,12 @@ from ..matchers.search_range import known_ranges
 from ..measure.by_pixel_class import in_shadow
 from ..measure.metrics import usable
 from ..measure.prepare import Loaded, baked_error, load, noise_free_level
-from ..measure.render_noise import render_noise
+from ..measure.render_noise import hidden_by, render_noise
 from ..trade.losses import baked_seconds, mean_light
 from .design import CONVERGED, Study, View
 
 #: Of the measured numbers; files of another version are measured again.
-VERSION = 1
+VERSION = 2
 #: Classes of pixels, and the place of each in a tally.
 LIGHTS = ("lit", "shadow")
 _TALLY = Each(Each(Each(COUNT)), keys=TEXT)
@@ -39,7 +39,13 @@ _SHAPE = {
     "methods": Each(TEXT),
     "tallies": Each(_TALLY, keys=TEXT),
     "noise": Each(
-        {"verdict": Maybe(TEXT, null=True), "hidden": Maybe(NUMBER, null=True), "distance": NUMBER, "bias": NUMBER},
+        {
+            "verdict": Maybe(TEXT, null=True),
+            "hidden": Maybe(NUMBER, null=True),
+            "truly_hidden": Maybe(NUMBER, null=True),
+            "distance": NUMBER,
+            "bias": NUMBER,
+        },
         keys=TEXT,
     ),
     "reference_noise": NUMBER,
@@ -52,9 +58,11 @@ class Cell:
     """The numbers of a view.
 
     ``tallies``: by recipe, ``converged`` among them, and method, int (2, 2): of the LIGHTS the pixels that both eyes
-    see, and how many of these are missing or wrong by more than 1 px. ``noise``: by recipe the verdict, the hidden
-    share, the root mean square ``distance`` from the converged render over its mean, without the noise of that, and the
-    ``bias`` of the mean. ``reference_noise``: the standard deviation of the converged render over its mean.
+    see, and how many of these are missing or wrong by more than 1 px. ``noise``: by recipe the verdict, the share of
+    pixels that it takes for ``hidden`` and the share that the difference from the converged render hides
+    (``truly_hidden``), the root mean square ``distance`` of the light from that render over its mean, without the noise
+    of that, and the ``bias`` of the mean. ``reference_noise``: the standard deviation of the converged render over its
+    mean.
     """
 
     view: View
@@ -141,8 +149,9 @@ def _tally(disparity: np.ndarray, true: np.ndarray, shadow: np.ndarray) -> list[
 def _noise(loaded: Loaded, converged: np.ndarray, spread: float) -> dict[str, Any]:
     """The verdict on a pair's noise, and its distance from the converged radiance (H, W) with a variance ``spread``."""
     own = grey(loaded.light["left"].radiance)
+    left, best = noise_free_level(loaded, "left"), noise_free_level(loaded, "left", converged - own)
     noise = render_noise(
-        noise_free_level(loaded, "left"),
+        left,
         noise_free_level(loaded, "right"),
         loaded.pair.camera.disparity(loaded.depth["left"]),
         loaded.visible["left"],
@@ -153,6 +162,7 @@ def _noise(loaded: Loaded, converged: np.ndarray, spread: float) -> dict[str, An
     return {
         "verdict": noise.verdict,
         "hidden": noise.hidden,
+        "truly_hidden": hidden_by(left - best, best, loaded.visible["left"]),
         "distance": max(square, 0.0) ** 0.5 / mean,
         "bias": float(own.mean()) / mean - 1,
     }

@@ -185,26 +185,32 @@ def _judge(hypothesis: Hypothesis, comparisons: Sequence[dict[str, Any]]) -> dic
 
 
 def _noise_order(cells: Sequence[Cell]) -> dict[str, Any]:
-    """Kendall's tau between the share that noise hides and the distance from the converged render: of the recipes in
-    each view, and of all together."""
+    """Kendall's tau between the share that noise hides by the verdict and what a converged render tells: the share that
+    is truly hidden, and the distance of the light. Of the recipes in each view, their mean, and of all pairs together.
+    """
+    return {key: _order_by(cells, key) for key in ("truly_hidden", "distance")}
+
+
+def _order_by(cells: Sequence[Cell], key: str) -> dict[str, Any]:
     views = {
         cell.view.name: [
-            (each["hidden"], each["distance"]) for each in cell.noise.values() if each["hidden"] is not None
+            (each["hidden"], each[key]) for each in cell.noise.values() if None not in (each["hidden"], each[key])
         ]
         for cell in cells
     }
-    taus = {
-        name: kendall([hidden for hidden, _ in rows], [distance for _, distance in rows])
-        for name, rows in views.items()
-        if len(rows) > 1
-    }
+    taus = {name: _tau(rows) for name, rows in views.items()}
+    known = [tau for tau in taus.values() if tau is not None]
     together = [row for rows in views.values() for row in rows]
     return {
-        "views": {name: _known(tau) for name, tau in taus.items()},
-        "mean": _known(np.nanmean(list(taus.values()))) if taus else None,
-        "together": _known(kendall([row[0] for row in together], [row[1] for row in together])) if together else None,
+        "views": taus,
+        "mean": _known(np.mean(known)) if known else None,
+        "together": _tau(together),
         "pairs": len(together),
     }
+
+
+def _tau(rows: Sequence[tuple[float, float]]) -> float | None:
+    return _known(kendall([row[0] for row in rows], [row[1] for row in rows]))
 
 
 def _facts(cell: Cell, methods: Sequence[str]) -> dict[str, Any]:

@@ -22,6 +22,11 @@ from .design import CONVERGED, Study
 #: Between these lines of a page are the tables of a study.
 BEGIN, END = "<!-- study: begin -->", "<!-- study: end -->"
 _NONE = "–"
+#: What a converged render tells of the noise of another, see ``cells.Cell``.
+_TOLD_OF_NOISE = {
+    "truly_hidden": "pixels whose texture is weaker than what differs from the converged render around them",
+    "distance": "root mean square difference of the light over its mean",
+}
 #: Colours of a chart that is a file of its own, and not part of a page.
 _ON_WHITE = dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), "#202428") | {
     "axes.edgecolor": "#909aa4",
@@ -157,14 +162,19 @@ def _orders(found: Mapping[str, Any]) -> list[str]:
             f"| `{each['of']}` | `{each['with']}` | {order['views']} | {order['tau']:.2f} | "
             f"{100 * order['same']:.0f} %{bounds} |"
         )
-    noise = found["noise_order"]
-    if noise["together"] is not None:
-        lines += [
-            "",
-            f"Kendall's tau between the share that noise hides and the distance from the converged render: "
-            f"{noise['together']:.2f} over all {noise['pairs']} pairs of all views, {noise['mean']:.2f} in the mean of "
-            "the recipes of a view.",
-        ]
+    lines += [
+        "",
+        "### Order of the noise",
+        "",
+        "Kendall's tau between the share of pixels that the verdict calls hidden and what the converged render tells.",
+        "",
+        "| | all pairs together | pairs | mean over views |",
+        "|---|---|---|---|",
+    ]
+    for key, title in _TOLD_OF_NOISE.items():
+        order = found["noise_order"][key]
+        together, mean = (_NONE if order[which] is None else f"{order[which]:+.2f}" for which in ("together", "mean"))
+        lines.append(f"| {title} | {together} | {order['pairs']} | {mean} |")
     return [*lines, ""]
 
 
@@ -179,17 +189,18 @@ def _views(study: Study, found: Mapping[str, Any]) -> list[str]:
         "",
         "| view | Sun | in shadow | noise of the converged render | recipes | "
         + " | ".join(methods)
-        + " | tau of hidden share and distance |",
-        "|---" * (6 + len(methods)) + "|",
+        + " | tau of the noise, hidden | light |",
+        "|---" * (7 + len(methods)) + "|",
     ]
     for cell in found["cells"]:
-        tau = found["noise_order"]["views"].get(cell["view"])
+        taus = [found["noise_order"][key]["views"].get(cell["view"]) for key in _TOLD_OF_NOISE]
         noise = f"{100 * cell['reference_noise']:.1f} %"
         lines.append(
             f"| {cell['ground']} | {cell['sun_deg']:g}° | {100 * cell['shadow']:.0f} % | "
             f"{noise if cell['counts'] else f'({noise})'} | {len(cell['errors']) - 1} of {len(study.recipes)} | "
             + " | ".join(f"{cell['errors'][CONVERGED][method]['all']:.1f}" for method in methods)
-            + f" | {_NONE if tau is None else f'{tau:+.2f}'} |"
+            + "".join(f" | {_NONE if tau is None else f'{tau:+.2f}'}" for tau in taus)
+            + " |"
         )
     return lines
 
@@ -197,7 +208,21 @@ def _views(study: Study, found: Mapping[str, Any]) -> list[str]:
 def _csv(found: Mapping[str, Any]) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(["view", "ground", "sun_deg", "recipe", "method", "error", *LIGHTS, "hidden", "distance", "cpu_s"])
+    table.writerow(
+        [
+            "view",
+            "ground",
+            "sun_deg",
+            "recipe",
+            "method",
+            "error",
+            *LIGHTS,
+            "hidden",
+            "truly_hidden",
+            "distance",
+            "cpu_s",
+        ]
+    )
     for cell in found["cells"]:
         for recipe, errors in cell["errors"].items():
             noise, cost = cell["noise"].get(recipe, {}), cell["cpu_s"].get(recipe, {})
@@ -212,6 +237,7 @@ def _csv(found: Mapping[str, Any]) -> str:
                         error["all"],
                         *(error[light] for light in LIGHTS),
                         noise.get("hidden"),
+                        noise.get("truly_hidden"),
                         noise.get("distance"),
                         sum(cost.values()) if cost else None,
                     ]
@@ -254,17 +280,19 @@ def draw_changes(found: Mapping[str, Any]) -> Figure:
 
 
 def _draw_noise(found: Mapping[str, Any]) -> Figure:
-    """The share of pixels that noise hides over the distance from the converged render, by recipe."""
+    """The share of pixels that noise hides by the verdict over that by the converged render, by recipe."""
     figure = Figure(figsize=(7.2, 3.6))
     axis = figure.subplots()
     for k, recipe in enumerate(dict.fromkeys(name for cell in found["cells"] for name in cell["noise"])):
         rows = [cell["noise"][recipe] for cell in found["cells"] if recipe in cell["noise"]]
-        known = [(100 * row["distance"], 100 * row["hidden"]) for row in rows if row["hidden"] is not None]
+        shares = [(row["truly_hidden"], row["hidden"]) for row in rows]
+        known = [(100 * true, 100 * told) for true, told in shares if None not in (true, told)]
         if known:
             axis.plot(*zip(*known, strict=True), MARKS[k % len(MARKS)], color=COLOURS[k % len(COLOURS)], label=recipe)
-    axis.set_xlabel("distance from the converged render, % of its mean")
-    axis.set_ylabel("pixels that noise hides, %")
+    axis.set_xlabel("pixels that noise hides, by the converged render, %")
+    axis.set_ylabel("by the verdict, %")
     if axis.has_data():
-        axis.set_xscale("log")
+        for scale in (axis.set_xscale, axis.set_yscale):
+            scale("symlog", linthresh=0.1)
         figure.legend(loc="outside right upper")
     return figure

@@ -153,14 +153,20 @@ def test_the_order_of_methods_is_counted_over_views():
 
 def test_the_order_of_noise_is_told_for_each_view_and_for_all():
     def noise(*rows):
-        return {f"r{k}": {"verdict": "noisy", "hidden": h, "distance": d, "bias": 0.0} for k, (h, d) in enumerate(rows)}
+        return {
+            f"r{k}": {"verdict": "noisy", "hidden": h, "truly_hidden": d, "distance": -d, "bias": 0.0}
+            for k, (h, d) in enumerate(rows)
+        }
 
     errors = dict.fromkeys((CONVERGED, "half_a", "half_b"), (10.0, 5.0))
     cells = [
         cell("one", errors, noise((0.1, 0.1), (0.2, 0.2), (0.3, 0.3))),
         cell("other", errors, noise((0.4, 0.3), (0.5, 0.2))),
     ]
-    found = conclude(study(), cells, METHODS)["noise_order"]
+    order = conclude(study(), cells, METHODS)["noise_order"]
+    found = order["truly_hidden"]
     assert found["views"] == {"one_20": 1, "other_20": -1}
     assert found["mean"] == 0
     assert found["pairs"] == 5
+    assert found["together"] == 0.2  # of ten pairs of rows, four are in the other order
+    assert order["distance"]["views"] == {"one_20": -1, "other_20": 1}
