@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from ..render.cost.abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
@@ -15,7 +17,7 @@ from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.files import write_text
 from ..support.terminal import as_path, show_count, show_progress
-from .batch import add_worker_options, parse_workers, render
+from .batch import Say, add_worker_options, parse_workers, render
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -59,9 +61,13 @@ def _render(study: Study, out: Path, options: argparse.Namespace) -> int:
         if missing:
             check_abilities((pair.settings for pair in missing), options.blender)
             with show_progress("Starting Blender") as show:
-                tell = printer.emit if options.json else lambda kind, **facts: show({"type": kind, **facts})
-                status |= render(out, pairs, how, tell)
+                status |= render(out, pairs, how, printer.emit if options.json else _told_to(show))
     return status
+
+
+def _told_to(show: Callable[[dict[str, Any]], None]) -> Say:
+    """What tells a progress bar of renders."""
+    return lambda kind, **facts: show({"type": kind, **facts})
 
 
 def _measure(study: Study, out: Path, options: argparse.Namespace) -> Path:

@@ -69,6 +69,10 @@ def _numbers(methods: Sequence[str]) -> dict[str, Number]:
     return {method: _error(method) for method in methods} | gaps
 
 
+def _difference(number: Number, of: str, against: str) -> Callable[[Cell], float]:
+    return lambda cell: number(cell, of) - number(cell, against)
+
+
 def _by_ground(cells: Sequence[Cell], number: Callable[[Cell], float]) -> np.ndarray:
     """The mean of a number over the views of each ground, where it is known; NaN for grounds without one."""
     grounds: dict[str, list[float]] = {}
@@ -103,10 +107,7 @@ def _changes(
     noise: dict[str, float],
 ) -> dict[str, dict[str, Any]]:
     """The typical change of each number from a recipe to another, all held at once."""
-    columns = [
-        _by_ground(cells, lambda cell, number=number: number(cell, of) - number(cell, against))
-        for number in numbers.values()
-    ]
+    columns = [_by_ground(cells, _difference(number, of, against)) for number in numbers.values()]
     family = compare(np.stack(columns, axis=1), _SEED)
     return {
         name: _change(family, k, noise[name] if CONVERGED in (of, against) else 0.0, columns[k])

@@ -9,7 +9,7 @@ whose ``noise`` is judged. ``[settings]`` hold for all views. Each
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -199,7 +199,7 @@ def _check_name(name: str, known: Sequence[str], path: Path) -> None:
 
 def _read_hypothesis(table: Mapping[str, Any], path: Path) -> Hypothesis:
     """The range that a hypothesis states by exactly one of ``above``, ``below`` and ``within``."""
-    ranges = {
+    ranges: dict[str, Callable[[float], tuple[float, float]]] = {
         "above": lambda bound: (bound, float("inf")),
         "below": lambda bound: (float("-inf"), bound),
         "within": lambda bound: (-bound, bound),

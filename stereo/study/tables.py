@@ -45,7 +45,8 @@ def write_study(study: Study, found: Mapping[str, Any], out: Path) -> str:
     with matplotlib.rc_context(STYLE | _ON_WHITE):
         for name, draw in (("changes", draw_changes), ("noise", _draw_noise)):
             figure = draw(found)
-            for kind, dated in (("svg", {"Date": None}), ("png", {})):
+            for kind in ("svg", "png"):
+                dated = {"Date": None} if kind == "svg" else None  # an SVG has the time of its making otherwise
                 write_atomically(
                     out / f"{name}.{kind}",
                     partial(figure.savefig, format=kind, dpi=160, facecolor="white", metadata=dated),
