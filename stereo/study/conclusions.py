@@ -149,7 +149,7 @@ def _order(cells: Sequence[Cell], of: str, against: str, methods: Sequence[str])
     low, high = intervals(same[:, None], numbered, np.array([True]))[0]
     return {
         "views": len(taus),
-        "tau": _known(np.nanmean(list(taus.values()))),
+        "tau": _known(float(np.nanmean(list(taus.values())))),
         "same": _known(same.mean()),
         "low": _known(low),
         "high": _known(high),
@@ -204,7 +204,7 @@ def _order_by(cells: Sequence[Cell], key: str) -> dict[str, Any]:
     together = [row for rows in views.values() for row in rows]
     return {
         "views": taus,
-        "mean": _known(np.mean(known)) if known else None,
+        "mean": _known(float(np.mean(known))) if known else None,
         "together": _tau(together),
         "pairs": len(together),
     }

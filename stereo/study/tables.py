@@ -7,6 +7,7 @@ import io
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import matplotlib
@@ -22,6 +23,8 @@ from .design import CONVERGED, Study
 #: Between these lines of a page are the tables of a study.
 BEGIN, END = "<!-- study: begin -->", "<!-- study: end -->"
 _NONE = "–"
+#: Characters of a line of text.
+_WIDTH = 120
 #: What a converged render tells of the noise of another, see ``cells.Cell``.
 _TOLD_OF_NOISE = {
     "truly_hidden": "pixels whose texture is weaker than what differs from the converged render around them",
@@ -38,7 +41,8 @@ _ON_WHITE = dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytic
 def write_study(study: Study, found: Mapping[str, Any], out: Path) -> str:
     """Write all files to ``out``; return the text of the page."""
     parts = (_header(study, found), _change_tables(found), _hypotheses(found), _orders(found), _views(study, found))
-    text = "\n".join(line for part in parts for line in part) + "\n"
+    lines = [line if line[:1] in "|*" else fill(line, _WIDTH) for part in parts for line in part]
+    text = "\n".join(lines) + "\n"
     write_text(out / "study.json", json_text(dict(found)))
     write_text(out / "cells.csv", _csv(found))
     write_text(out / "study.md", text)

@@ -95,7 +95,7 @@ def test_the_files_tell_what_was_run(study, out, tmp_path):
     cell = measured_cell(study, study.views[0], out, METHODS)
     found = conclude(study, [cell], [method.label for method in METHODS])
     text = write_study(study, found, out)
-    assert "1 of 1 views were run, 1 of them with all 4 recipes. 1 views count" in text
+    assert "1 of 1 views were run, 1 of them with all 4 recipes. 1 views count" in " ".join(text.split())
     assert (out / "study.md").read_text() == text
     assert json.loads((out / "study.json").read_text()) == json.loads(json.dumps(found))
     rows = list(csv.DictReader((out / "cells.csv").open()))

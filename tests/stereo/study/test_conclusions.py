@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ def cell(ground, errors, noise=None, quiet=0.001, sun=20.0, shadow=0.3):
         }
         for recipe, both in errors.items()
     }
-    view = SimpleNamespace(
+    view: Any = SimpleNamespace(
         name=f"{ground}_{sun:g}",
         ground=ground,
         settings=SimpleNamespace(light=SimpleNamespace(sun_elevation_deg=sun), rig=SimpleNamespace(width_px=160)),
