@@ -114,7 +114,7 @@ def render_noise(
     return RenderNoise(verdict, larger, lit, dark, float(np.mean(wrong - _WRONG_WITHOUT)))
 
 
-def hidden_by(difference: np.ndarray, converged: np.ndarray, visible: np.ndarray) -> float | None:
+def hidden_by(difference: Array, converged: Array, visible: Array) -> float | None:
     """The share of pixels that the noise of a render truly hides, where a converged render of it is known: what the
     verdict estimates from the render alone. None if nothing is ``visible``.
 
@@ -132,7 +132,7 @@ def hidden_by(difference: np.ndarray, converged: np.ndarray, visible: np.ndarray
     )
 
 
-def _find_shadow(left: np.ndarray, known: np.ndarray) -> np.ndarray:
+def _find_shadow(left: Array, known: Array) -> Array:
     """Boolean (H, W): the pixel is in shadow, as it is much darker than most ``known`` ones."""
     if not known.any():
         return np.zeros(left.shape, bool)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...render.pairs.pair_folder import is_complete
+from ...support.arrays import Array
 from ...support.file_shapes import COUNT, NUMBER, TEXT, Each, Maybe, read_record
 from ...support.files import write_json
 from ..images.develop import develop, grey
@@ -67,7 +68,7 @@ class Cell:
 
     view: View
     pairs: Mapping[str, str]
-    tallies: Mapping[str, Mapping[str, np.ndarray]]
+    tallies: Mapping[str, Mapping[str, Array]]
     noise: Mapping[str, Mapping[str, Any]]
     reference_noise: float
     cpu_s: Mapping[str, Mapping[str, float]]
@@ -139,14 +140,14 @@ def _measure(study: Study, folders: Mapping[str, Path], methods: Sequence[Method
     }
 
 
-def _tally(disparity: np.ndarray, true: np.ndarray, shadow: np.ndarray) -> list[list[int]]:
+def _tally(disparity: Array, true: Array, shadow: Array) -> list[list[int]]:
     """See ``Cell.tallies``; all arrays are (H, W), ``true`` is NaN where only one eye sees."""
     known = np.isfinite(true)
     wrong = known & ~(usable(disparity) & (np.abs(disparity - true) <= 1))
     return [[int((known & part).sum()), int((wrong & part).sum())] for part in (~shadow, shadow)]
 
 
-def _noise(loaded: Loaded, converged: np.ndarray, spread: float) -> dict[str, Any]:
+def _noise(loaded: Loaded, converged: Array, spread: float) -> dict[str, Any]:
     """The verdict on a pair's noise, and its distance from the converged radiance (H, W) with a variance ``spread``."""
     own = grey(loaded.light["left"].radiance)
     left, best = noise_free_level(loaded, "left"), noise_free_level(loaded, "left", converged - own)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ...support.arrays import Array
 from ..inference.rank_order import kendall
 from ..inference.scene_means import intervals
 from ..inference.typical_scene import Family, compare
@@ -73,7 +74,7 @@ def _difference(number: Number, of: str, against: str) -> Callable[[Cell], float
     return lambda cell: number(cell, of) - number(cell, against)
 
 
-def _by_ground(cells: Sequence[Cell], number: Callable[[Cell], float]) -> np.ndarray:
+def _by_ground(cells: Sequence[Cell], number: Callable[[Cell], float]) -> Array:
     """The mean of a number over the views of each ground, where it is known; NaN for grounds without one."""
     grounds: dict[str, list[float]] = {}
     for cell in cells:
@@ -115,7 +116,7 @@ def _changes(
     }
 
 
-def _change(family: Family, k: int, noise: float, values: np.ndarray) -> dict[str, Any]:
+def _change(family: Family, k: int, noise: float, values: Array) -> dict[str, Any]:
     typical, quiet = float(family.typical[k]), abs(noise) <= _QUIET * abs(float(family.typical[k]))
     return {
         "grounds": int(family.scenes[k]),
