@@ -42,6 +42,11 @@ _VERBS = {
     ),
     "trade": ("measure how much accuracy each way to save time costs, on one scene", "quality", "add_trade_options"),
     "auto": ("find the cheapest quality whose stereo error is tolerable, on one scene", "quality", "add_auto_options"),
+    "study": (
+        "render and measure a preregistered study of recipes, and go on where it stopped",
+        "study",
+        "add_options",
+    ),
     "gallery": (
         "render the scenes of the gallery, as pictures and all on one sheet",
         "render_scenes",

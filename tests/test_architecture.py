@@ -55,6 +55,7 @@ PURE = (
     "stereo/decisions",
     "stereo/trade",
     "stereo/paper",
+    "stereo/study",
     "stereo",
     "validation/polar",
     "validation",

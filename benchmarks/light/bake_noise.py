@@ -6,19 +6,18 @@
 The scene is that of ``guiss_cost``, with relief for the camera alone and a Lambert surface. A row is a pair: the
 verdict with the share of the pixels that noise hides in light or shadow, whichever is more; the same share without the
 error of the bake, from what differs between the eyes alone; the noise of the bake over all light, as ``pair.json``
-states it; the root mean square difference from the converged render over the mean, what of that is one factor for all
-pixels (bias), and by how many points the share changes that each matcher has wrong or missing.
+states it; the share that the difference from the converged render truly hides; the root mean square difference of the
+light over the mean, what of that is one factor for all pixels (bias), and by how many points the share changes that
+each matcher has wrong or missing.
 
-Below each Sun and heading is Kendall's tau between either share and the distance: 1 if the order is the same, -1 if it
-is the opposite. Needs Blender as a module.
+Below each Sun and heading is Kendall's tau between either share and what is truly hidden, and the distance of light:
+1 if the order is the same, -1 if it is the opposite. Needs Blender as a module.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -28,28 +27,15 @@ from icymoon.benchmarks.common.guiss_rows import errors
 from icymoon.benchmarks.common.guiss_scene import lambert_snow, planned
 from icymoon.benchmarks.common.renders import render_planned, start_blender
 from icymoon.stereo.images.develop import grey
+from icymoon.stereo.inference.rank_order import kendall
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare import baked_error, load, noise_free_level
-from icymoon.stereo.measure.render_noise import render_noise
+from icymoon.stereo.measure.render_noise import hidden_by, render_noise
 
 #: Matchers whose errors are compared.
 METHODS = "bm,sgbm,jplv"
 #: Samples of direct light, so that the bake makes most of the noise of baked rows.
 DIRECT = 64
-
-
-def kendall(one: Sequence[float], other: Sequence[float]) -> float:
-    """Kendall's tau-b of two lists: 1 if they are in the same order, -1 if in the opposite one; nan if one is equal."""
-    signs = np.array(
-        [(np.sign(one[i] - one[k]), np.sign(other[i] - other[k])) for i, k in combinations(range(len(one)), 2)]
-    )
-    untied = (signs != 0).sum(axis=0)
-    return float((signs[:, 0] * signs[:, 1]).sum() / np.sqrt(untied[0] * untied[1])) if untied.all() else float("nan")
-
-
-def hidden(noise: Any) -> float:
-    """The share that noise hides in light or in shadow, whichever is more, if it is a twentieth of the image."""
-    return max(float(part.hidden) for part in (noise.lit, noise.shadow) if part.share >= 0.05)
 
 
 def measured(folder: Path, reference: Path | None) -> dict[str, Any]:
@@ -65,15 +51,17 @@ def measured(folder: Path, reference: Path | None) -> dict[str, Any]:
     row = {
         "verdict": noise.verdict,
         "larger": noise.larger,
-        "hidden": hidden(noise),
-        "between": hidden(between),
+        "hidden": noise.hidden,
+        "between": between.hidden,
         "baked": indirect.get("noise_of_image"),
         "wrong": wrong,
         "light": light,
     }
     if reference is not None:
         true = measured(reference, None)
+        best = noise_free_level(pair, "left", true["light"] - light)
         row |= {
+            "true": hidden_by(eyes[0] - best, best, truth[1]),
             "distance": float(np.sqrt(np.mean((light - true["light"]) ** 2)) / true["light"].mean()),
             "bias": float(light.mean() / true["light"].mean() - 1),
             "changed": {name: share - true["wrong"][name] for name, share in wrong.items()},
@@ -120,15 +108,17 @@ def print_tables(options: argparse.Namespace, dataset: Path) -> None:
                     f"  {name:11} {row['verdict']:14} {row['larger'] or '':7} hidden {100 * row['hidden']:5.1f} %, "
                     f"between the eyes {100 * row['between']:5.1f} %, "
                     f"bake {'-' if row['baked'] is None else format(100 * row['baked'], '.1f'):>4} %, "
+                    f"truly hidden {100 * row['true']:5.1f} %, "
                     f"distance {100 * row['distance']:5.1f} %, bias {100 * row['bias']:+5.1f} %, "
                     + ", ".join(f"{label} {100 * change:+5.1f}" for label, change in row["changed"].items())
                 )
-            distances = [row["distance"] for row in rows.values()]
-            print(
-                "  tau with the distance: "
-                + ", ".join(
-                    f"{what} {kendall([row[key] for row in rows.values()], distances):+.2f}"
-                    for what, key in (("hidden", "hidden"), ("between the eyes", "between"))
-                ),
-                flush=True,
-            )
+            for told in ("true", "distance"):
+                order = [row[told] for row in rows.values()]
+                print(
+                    f"  tau with {'what is truly hidden' if told == 'true' else 'the distance'}: "
+                    + ", ".join(
+                        f"{what} {kendall([row[key] for row in rows.values()], order):+.2f}"
+                        for what, key in (("hidden", "hidden"), ("between the eyes", "between"))
+                    ),
+                    flush=True,
+                )

@@ -71,6 +71,11 @@ class RenderNoise:
     #: differences of methods tell nothing.
     doubt: float | None
 
+    @property
+    def hidden(self) -> float | None:
+        """The share that noise hides in light or in shadow, whichever is more, if that is a twentieth of the image."""
+        return _worst(self.lit, self.shadow)[0] if self.verdict else None
+
     def to_json(self) -> dict[str, Any]:
         """For the facts of a pair."""
         return asdict(self)
@@ -95,23 +100,51 @@ def render_noise(
     fixed = np.broadcast_to(np.asarray(0.0 if baked is None else baked, np.float64), left.shape)
     noise, of_bake = _mean_around(error * error, known), _mean_around(_variance(fixed), known)
     ratio = _texture_over_noise(left, noise + of_bake)
-    blurred = cv2.GaussianBlur(left.astype(np.float64), (0, 0), _BLUR_PX, borderType=cv2.BORDER_REPLICATE)
-    shadow = blurred < _SHADOW_PART * np.quantile(blurred[known], _SHADOW_QUANTILE)
+    shadow = _find_shadow(left, known)
     lit, dark = (
         _part(error, None if baked is None else fixed, ratio, of_bake > noise, known & where, int(known.sum()))
         for where in (~shadow, shadow)
     )
-    hidden, by_bake = max(
-        (part.hidden, part.by_bake or 0.0)
-        for part in (lit, dark)
-        if part.hidden is not None and part.share >= _LEAST_SHARE
-    )
+    hidden, by_bake = _worst(lit, dark)
     verdict = next((name for most, name in SHARES if hidden <= most), DECIDES)
     if baked is None and verdict != DECIDES:
         verdict = UNKNOWN
     larger = (BAKE if by_bake > 0.5 else RENDER) if hidden > 0 else None
     wrong = _WRONG[np.searchsorted(_RATIOS, ratio[known], side="right")]
     return RenderNoise(verdict, larger, lit, dark, float(np.mean(wrong - _WRONG_WITHOUT)))
+
+
+def hidden_by(difference: Array, converged: Array, visible: Array) -> float | None:
+    """The share of pixels that the noise of a render truly hides, where a converged render of it is known: what the
+    verdict estimates from the render alone. None if nothing is ``visible``.
+
+    ``difference`` (H, W) is the render less the ``converged`` one, in grey levels. Around a hidden pixel it varies more
+    than the converged image does. A difference that is the same all around changes no pattern, and so no match.
+    """
+    shadow, hidden = _find_shadow(converged, visible), _variance(difference) > _variance(converged)
+    return max(
+        (
+            float(hidden[part].mean())
+            for part in (visible & ~shadow, visible & shadow)
+            if part.any() and part.sum() >= _LEAST_SHARE * visible.sum()
+        ),
+        default=None,
+    )
+
+
+def _find_shadow(left: Array, known: Array) -> Array:
+    """Boolean (H, W): the pixel is in shadow, as it is much darker than most ``known`` ones."""
+    if not known.any():
+        return np.zeros(left.shape, bool)
+    blurred = cv2.GaussianBlur(left.astype(np.float64), (0, 0), _BLUR_PX, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(blurred < _SHADOW_PART * np.quantile(blurred[known], _SHADOW_QUANTILE))
+
+
+def _worst(*parts: Part) -> tuple[float, float]:
+    """The largest share of hidden pixels of a part that is large enough, and how much of it is by baked light."""
+    return max(
+        (part.hidden, part.by_bake or 0.0) for part in parts if part.hidden is not None and part.share >= _LEAST_SHARE
+    )
 
 
 def _noise(left: Array, right: Array, disparity: Array, visible: Array) -> tuple[Array, Array]:

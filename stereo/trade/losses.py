@@ -81,17 +81,7 @@ def read_reference(
     Raises IcyMoonError if a render cannot be read, or if the scene is black.
     """
     renders = [load(folder, response) for folder in folders]
-    first = renders[0]
-    light = {
-        eye: replace(
-            first.light[eye],
-            groups={},
-            radiance=np.mean([render.light[eye].radiance for render in renders], axis=0, dtype=np.float64).astype(
-                np.float32
-            ),
-        )
-        for eye in EYES
-    }
+    first, light = renders[0], mean_light(renders)
     mean = float(grey(light["left"].radiance).mean())
     if not mean > 0:
         raise IcyMoonError(f"{folders[0]} is black, so nothing can be compared; put the Sun above the horizon.")
@@ -116,6 +106,20 @@ def read_reference(
     deciding = open_deciding(folders[0], matched[0], rules)
     own = {} if isinstance(deciding, str) or len(matched) < 2 else deciding.compare(matched[1:])
     return replace(tallied, deciding=deciding, own_decisions=own)
+
+
+def mean_light(renders: Sequence[Loaded]) -> dict[str, Light]:
+    """The mean of renders of the same view, by eye, without its light groups."""
+    return {
+        eye: replace(
+            renders[0].light[eye],
+            groups={},
+            radiance=np.mean([render.light[eye].radiance for render in renders], axis=0, dtype=np.float64).astype(
+                np.float32
+            ),
+        )
+        for eye in EYES
+    }
 
 
 def measure(
@@ -164,7 +168,7 @@ def measure(
 def _cost(renders: Sequence[Loaded], images: int = 1) -> dict[str, Any]:
     facts = [render.pair.data for render in renders]
     cpu = [
-        sum(pair.data["cpu_seconds"].values()) + _bake_seconds(pair) / images_per_bake(pair.settings, images)
+        sum(pair.data["cpu_seconds"].values()) + baked_seconds(pair) / images_per_bake(pair.settings, images)
         for pair in (render.pair for render in renders)
         if "cpu_seconds" in pair.data
     ]
@@ -179,7 +183,7 @@ def _cost(renders: Sequence[Loaded], images: int = 1) -> dict[str, Any]:
     }
 
 
-def _bake_seconds(pair: Pair) -> float:
+def baked_seconds(pair: Pair) -> float:
     """Processor seconds of baking the light that a pair was rendered with."""
     lights = pair.data.get("indirect", {}).get("lights", {})
     return sum(float(light["cpu_seconds_of_bake"]) for light in lights.values())

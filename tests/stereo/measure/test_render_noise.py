@@ -8,7 +8,7 @@ import pytest
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.measure.prepare import prepare
-from icymoon.stereo.measure.render_noise import BAKE, CLEAN, DECIDES, NOISY, RENDER, UNKNOWN, render_noise
+from icymoon.stereo.measure.render_noise import BAKE, CLEAN, DECIDES, NOISY, RENDER, UNKNOWN, hidden_by, render_noise
 
 RIG = pairs.camera(320, 240)
 SMOOTH = pairs.Scene(contrast=0.3)
@@ -178,3 +178,29 @@ def test_the_error_of_a_bake_grows_with_the_light_that_it_is_of(tmp_path):
     )
     assert plain > 0
     assert dark == pytest.approx(plain / 2, rel=0.01)
+
+
+def test_what_is_truly_hidden_follows_from_the_difference():
+    random = np.random.default_rng(5)
+    texture = 100 + 10 * random.standard_normal((60, 80))
+    everywhere = np.ones(texture.shape, bool)
+    weak, strong = 2 * random.standard_normal(texture.shape), 50 * random.standard_normal(texture.shape)
+    assert hidden_by(weak, texture, everywhere) == 0
+    assert hidden_by(strong, texture, everywhere) == 1
+    # What is the same all around changes no pattern.
+    assert hidden_by(np.full(texture.shape, 40.0), texture, everywhere) == 0
+    # A quarter of the pixels; at its edge, squares of five pixels have some of both.
+    part = np.where(np.arange(80) < 20, strong, weak)
+    assert abs(hidden_by(part, texture, everywhere) - 0.25) < 3 / 80
+    assert hidden_by(strong, texture, np.zeros(texture.shape, bool)) is None
+
+
+def test_light_and_shadow_are_judged_apart_by_the_difference_too():
+    random = np.random.default_rng(6)
+    texture = 100 + 10 * random.standard_normal((60, 80))
+    noise = random.standard_normal(texture.shape)
+    for columns, hidden in ((20, 1.0), (2, 0.0)):  # a shadow of 2 of 80 columns is no twentieth of the image
+        dark = np.arange(80) < columns
+        image = np.where(dark, texture / 50, texture)
+        found = hidden_by(noise, image, np.ones(texture.shape, bool))
+        assert abs(found - hidden) < 0.15

@@ -1,0 +1,93 @@
+"""The verb ``study``: render a preregistered study, measure it and write its tables; an interrupted one goes on."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..render.cost.abilities import check_abilities
+from ..render.pairs.pair_folder import is_complete
+from ..render.plans.frozen_plan import freeze_plan
+from ..render.plans.order import ordered
+from ..render.workers.process import report_errors
+from ..stereo.study.design import Study, find_study, read_study, study_names
+from ..support import printer
+from ..support.errors import IcyMoonError
+from ..support.files import write_text
+from ..support.terminal import as_path, show_count, show_progress
+from .batch import Say, add_worker_options, parse_workers, render
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``study``."""
+    parser.add_argument("study", help=f"{' or '.join(study_names())}, or a TOML file of that form")
+    parser.add_argument("--out", type=as_path, required=True, metavar="FOLDER", help="folder of its pairs and tables")
+    parser.add_argument(
+        "--methods", help="matchers, separated by commas, instead of the study's: another set makes another study"
+    )
+    parser.add_argument("--measure", action="store_true", help="render nothing: measure what is there")
+    parser.add_argument(
+        "--page", type=as_path, metavar="FILE", help="page of the manual between whose marks the tables are put"
+    )
+    add_worker_options(parser)
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from ..stereo.environment import packages
+
+    packages.require(*packages.PACKAGES)
+    study, out = read_study(find_study(options.study)), options.out.absolute()
+    with report_errors(options.json):
+        status = 0 if options.measure else _render(study, out, options)
+        page = _measure(study, out, options)
+    if options.json:
+        printer.emit("result", page=str(page))
+    else:
+        printer.say(str(page))
+    return status
+
+
+def _render(study: Study, out: Path, options: argparse.Namespace) -> int:
+    """Render what is missing, round by round; the exit status is 1 if pairs were set aside."""
+    rounds = [ordered([pair for view in views for pair in study.pairs_of(view).values()]) for views in study.rounds()]
+    how = parse_workers(options)
+    freeze_plan(out, [pair for pairs in rounds for pair in pairs], study.text)
+    status = 0
+    for pairs in rounds:
+        missing = [pair for pair in pairs if not is_complete(pair.folder(out))]
+        if missing:
+            check_abilities((pair.settings for pair in missing), options.blender)
+            with show_progress("Starting Blender") as show:
+                status |= render(out, pairs, how, printer.emit if options.json else _told_to(show))
+    return status
+
+
+def _told_to(show: Callable[[dict[str, Any]], None]) -> Say:
+    """What tells a progress bar of renders."""
+    return lambda kind, **facts: show({"type": kind, **facts})
+
+
+def _measure(study: Study, out: Path, options: argparse.Namespace) -> Path:
+    """Measure the views that have new pairs, and write all tables; the path of the page."""
+    from ..stereo.matchers.methods import parse_methods
+    from ..stereo.study.cells import measured_cell
+    from ..stereo.study.conclusions import conclude
+    from ..stereo.study.tables import put_between_marks, write_study
+
+    methods = parse_methods(options.methods or study.methods)
+    cells = []
+    with show_count("Measuring") as show:
+        for k, view in enumerate(study.views):
+            show(k, len(study.views))
+            cell = measured_cell(study, view, out, methods)
+            if cell is not None:
+                cells.append(cell)
+    if not cells:
+        raise IcyMoonError(f"{out} has no view whose converged render is whole; run the study without --measure.")
+    text = write_study(study, conclude(study, cells, [method.label for method in methods]), out)
+    if options.page:
+        write_text(options.page, put_between_marks(options.page, text))
+    return out / "study.md"

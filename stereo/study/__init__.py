@@ -1,0 +1,1 @@
+"""Preregistered studies: recipes of rendering held against converged renders on many grounds."""

@@ -1,0 +1,240 @@
+"""What a study concludes from its views: typical changes of errors and of gaps, the order of methods and of noise.
+
+A scene is a ground; its views are averaged first. A comparison is one family: the changes of all errors and of all gaps
+between methods are held at once. A change against the converged render is claimed only if the noise of that render,
+which its two halves tell, is below a tenth of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from ...support.arrays import Array
+from ..inference.rank_order import kendall
+from ..inference.scene_means import intervals
+from ..inference.typical_scene import Family, compare
+from .cells import LIGHTS, Cell
+from .design import CONVERGED, Hypothesis, Study
+
+#: Noise of the converged render, as a part of a change, up to which the change is claimed.
+_QUIET = 0.1
+_SEED = 0
+#: The verdicts on a hypothesis.
+HOLDS, FAILS, OPEN = "holds", "fails", "open"
+
+Number = Callable[[Cell, str], float]
+
+
+def conclude(study: Study, cells: Sequence[Cell], methods: Sequence[str]) -> dict[str, Any]:
+    """All conclusions as JSON: errors in points of 100; ``null`` where there are too few scenes. Views whose converged
+    render has more noise than the study allows are among the ``cells``, and do not count."""
+    counted = [cell for cell in cells if cell.reference_noise <= study.reference_noise]
+    numbers = _numbers(methods)
+    by_light = {f"{method}, {light}": _error(method, light) for method in methods for light in LIGHTS}
+    noise = {name: _reference_noise(study, counted, number) for name, number in (numbers | by_light).items()}
+    comparisons = [
+        {
+            "of": of,
+            "with": against,
+            "changes": _changes(counted, of, against, numbers, noise),
+            "by_light": _changes(counted, of, against, by_light, noise),
+            "order": _order(counted, of, against, methods),
+        }
+        for of, against in study.comparisons
+    ]
+    return {
+        "methods": list(methods),
+        "cells": [_facts(cell, methods) | {"counts": cell.reference_noise <= study.reference_noise} for cell in cells],
+        "comparisons": comparisons,
+        "hypotheses": [_judge(each, comparisons) for each in study.hypotheses],
+        "noise_order": _noise_order(counted),
+    }
+
+
+def _error(method: str, light: str | None = None) -> Number:
+    return lambda cell, recipe: 100 * cell.error(recipe, method, light)
+
+
+def _gap(one: str, other: str) -> Number:
+    return lambda cell, recipe: 100 * (cell.error(recipe, other) - cell.error(recipe, one))
+
+
+def _numbers(methods: Sequence[str]) -> dict[str, Number]:
+    """The error of each method, and each gap ``b - a`` between two."""
+    gaps = {f"{other} - {one}": _gap(one, other) for one, other in combinations(methods, 2)}
+    return {method: _error(method) for method in methods} | gaps
+
+
+def _difference(number: Number, of: str, against: str) -> Callable[[Cell], float]:
+    return lambda cell: number(cell, of) - number(cell, against)
+
+
+def _by_ground(cells: Sequence[Cell], number: Callable[[Cell], float]) -> Array:
+    """The mean of a number over the views of each ground, where it is known; NaN for grounds without one."""
+    grounds: dict[str, list[float]] = {}
+    for cell in cells:
+        known = grounds.setdefault(cell.view.ground, [])
+        if math.isfinite(value := number(cell)):
+            known.append(value)
+    return np.array([np.mean(values) if values else np.nan for values in grounds.values()])
+
+
+def _reference_noise(study: Study, cells: Sequence[Cell], number: Number) -> float:
+    """By how much noise changes a number of the converged render, in the typical scene.
+
+    What noise adds falls as its variance, so the mean of two halves has half of what each has: as much as it is better
+    than they are. What noise scatters is half of the difference of the halves, over the root of the grounds.
+    """
+    one, other = study.reference
+    added = _by_ground(cells, lambda cell: (number(cell, one) + number(cell, other)) / 2 - number(cell, CONVERGED))
+    apart = _by_ground(cells, lambda cell: (number(cell, one) - number(cell, other)) / 2)
+    known = np.isfinite(added)
+    if not known.any():
+        return math.nan
+    typical = compare(added[:, None], _SEED).typical[0]
+    return float(max(abs(typical), np.sqrt(np.mean(apart[known] ** 2) / known.sum())))
+
+
+def _changes(
+    cells: Sequence[Cell],
+    of: str,
+    against: str,
+    numbers: dict[str, Number],
+    noise: dict[str, float],
+) -> dict[str, dict[str, Any]]:
+    """The typical change of each number from a recipe to another, all held at once."""
+    columns = [_by_ground(cells, _difference(number, of, against)) for number in numbers.values()]
+    family = compare(np.stack(columns, axis=1), _SEED)
+    return {
+        name: _change(family, k, noise[name] if CONVERGED in (of, against) else 0.0, columns[k])
+        for k, name in enumerate(numbers)
+    }
+
+
+def _change(family: Family, k: int, noise: float, values: Array) -> dict[str, Any]:
+    typical, quiet = float(family.typical[k]), abs(noise) <= _QUIET * abs(float(family.typical[k]))
+    return {
+        "grounds": int(family.scenes[k]),
+        "typical": _known(typical),
+        "low": _known(family.low[k]),
+        "high": _known(family.high[k]),
+        "least": _known(np.nanmin(values)) if np.isfinite(values).any() else None,
+        "most": _known(np.nanmax(values)) if np.isfinite(values).any() else None,
+        "noise": _known(noise),
+        "found": bool(family.found[k]),
+        "claimed": bool(family.found[k]) and quiet,
+    }
+
+
+def _known(value: float) -> float | None:
+    return round(float(value), 3) if math.isfinite(value) else None
+
+
+def _order(cells: Sequence[Cell], of: str, against: str, methods: Sequence[str]) -> dict[str, Any]:
+    """Kendall's tau of the methods' order by two recipes: mean over views, and the share of views with one order."""
+    taus = {
+        cell.view.name: kendall(*([cell.error(recipe, method) for method in methods] for recipe in (of, against)))
+        for cell in cells
+        if all(math.isfinite(cell.error(recipe, methods[0])) for recipe in (of, against))
+    }
+    if not taus:
+        return {"views": 0, "tau": None, "same": None, "low": None, "high": None}
+    same = np.array([tau == 1 for tau in taus.values()], float)
+    ground = {cell.view.name: cell.view.ground for cell in cells}
+    numbered = np.unique([ground[name] for name in taus], return_inverse=True)[1]
+    low, high = intervals(same[:, None], numbered, np.array([True]))[0]
+    return {
+        "views": len(taus),
+        "tau": _known(float(np.nanmean(list(taus.values())))),
+        "same": _known(same.mean()),
+        "low": _known(low),
+        "high": _known(high),
+    }
+
+
+def _judge(hypothesis: Hypothesis, comparisons: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The verdict on a hypothesis by the interval of its change."""
+    change = next(
+        each["changes"][hypothesis.what]
+        for each in comparisons
+        if (each["of"], each["with"]) == (hypothesis.of, hypothesis.against)
+    )
+    low, high = change["low"], change["high"]
+    if low is None or high is None:
+        verdict = OPEN
+    elif hypothesis.low < low and high < hypothesis.high:
+        verdict = HOLDS
+    else:
+        verdict = FAILS if high <= hypothesis.low or low >= hypothesis.high else OPEN
+    loud = abs(change["noise"] or 0.0) > _QUIET * max(
+        (abs(bound) for bound in (hypothesis.low, hypothesis.high) if math.isfinite(bound) and bound),
+        default=abs(change["typical"] or 0.0),
+    )
+    return {
+        "says": hypothesis.says,
+        "of": hypothesis.of,
+        "with": hypothesis.against,
+        "what": hypothesis.what,
+        **{key: change[key] for key in ("typical", "low", "high", "noise")},
+        "verdict": OPEN if loud else verdict,
+        "loud": loud,
+    }
+
+
+def _noise_order(cells: Sequence[Cell]) -> dict[str, Any]:
+    """Kendall's tau between the share that noise hides by the verdict and what a converged render tells: the share that
+    is truly hidden, and the distance of the light. Of the recipes in each view, their mean, and of all pairs together.
+    """
+    return {key: _order_by(cells, key) for key in ("truly_hidden", "distance")}
+
+
+def _order_by(cells: Sequence[Cell], key: str) -> dict[str, Any]:
+    views = {
+        cell.view.name: [
+            (each["hidden"], each[key]) for each in cell.noise.values() if None not in (each["hidden"], each[key])
+        ]
+        for cell in cells
+    }
+    taus = {name: _tau(rows) for name, rows in views.items()}
+    known = [tau for tau in taus.values() if tau is not None]
+    together = [row for rows in views.values() for row in rows]
+    return {
+        "views": taus,
+        "mean": _known(float(np.mean(known))) if known else None,
+        "together": _tau(together),
+        "pairs": len(together),
+    }
+
+
+def _tau(rows: Sequence[tuple[float, float]]) -> float | None:
+    return _known(kendall([row[0] for row in rows], [row[1] for row in rows]))
+
+
+def _facts(cell: Cell, methods: Sequence[str]) -> dict[str, Any]:
+    """The numbers of a view, for the tables."""
+    tally = cell.tallies[CONVERGED][methods[0]]
+    return {
+        "view": cell.view.name,
+        "ground": cell.view.ground,
+        "sun_deg": float(cell.view.settings.light.sun_elevation_deg),
+        "width_px": int(cell.view.settings.rig.width_px),
+        "shadow": _known(tally[1, 0] / tally[:, 0].sum()),
+        "reference_noise": round(cell.reference_noise, 5),
+        "errors": {
+            recipe: {
+                method: {
+                    "all": _known(100 * cell.error(recipe, method)),
+                    **{light: _known(100 * cell.error(recipe, method, light)) for light in LIGHTS},
+                }
+                for method in methods
+            }
+            for recipe in cell.tallies
+        },
+        "noise": {name: dict(each) for name, each in cell.noise.items()},
+        "cpu_s": {name: dict(each) for name, each in cell.cpu_s.items()},
+    }

@@ -1,0 +1,211 @@
+"""The design of a study: a TOML file, and the pairs that it determines.
+
+``[study]`` has a title, the question, presets to ``include``, the ``methods``, two recipes that are the halves of the
+converged render (``reference``), the ``reference_noise`` over the mean light up to which a view counts, and the recipes
+whose ``noise`` is judged. ``[settings]`` hold for all views. Each
+``[[ground]]`` is seen under its Suns, one of each round; each ``[[recipe]]`` renders every view. ``[[comparison]]`` and
+``[[hypothesis]]`` name two recipes, or a recipe and ``converged``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...render.plans.planned_pair import PlannedPair, expand_headings
+from ...settings.description import check, defaults, merged
+from ...settings.preset_files import load_preset
+from ...settings.toml_text import toml_and_text
+from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, check_record
+from ...support.suggestions import nearest
+from ..trade.measure_variants import scaled_view
+
+#: The name of the mean of both halves in comparisons.
+CONVERGED = "converged"
+_FIX = "compare it with the shipped studies"
+#: Beside these keys, a ground and a recipe have settings.
+_SHAPE = {
+    "study": {
+        "title": TEXT,
+        "question": TEXT,
+        "include": Each(TEXT),
+        "methods": TEXT,
+        "scale": Maybe(NUMBER),
+        "reference": Each(TEXT),
+        "reference_noise": NUMBER,
+        "noise": Each(TEXT),
+    },
+    "settings": TABLE,
+    "ground": Each({"preset": TEXT, "suns_deg": Each(NUMBER), "name": Maybe(FILE_NAME), "scale": Maybe(NUMBER)}),
+    "recipe": Each({"name": TEXT, "title": TEXT, "preset": Maybe(TEXT)}),
+    "comparison": Each({"of": TEXT, "with": TEXT}),
+    "hypothesis": Maybe(
+        Each(
+            {
+                "says": TEXT,
+                "of": TEXT,
+                "with": TEXT,
+                "what": TEXT,
+                "above": Maybe(NUMBER),
+                "below": Maybe(NUMBER),
+                "within": Maybe(NUMBER),
+            }
+        )
+    ),
+}
+
+
+@dataclass(frozen=True)
+class View:
+    """A ground under a Sun: its name, the round in which it is rendered, complete settings without a recipe."""
+
+    name: str
+    ground: str
+    round: int
+    settings: Settings
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A way to render a view: the settings that it changes."""
+
+    name: str
+    title: str
+    changes: Settings
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """What was expected of ``what``, an error such as ``bm`` or a gap such as ``jplv - bm``: that the typical change is
+    in ``low`` to ``high``, in points."""
+
+    says: str
+    of: str
+    against: str
+    what: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study as its file states it."""
+
+    text: str
+    title: str
+    question: str
+    methods: str
+    views: tuple[View, ...]
+    recipes: tuple[Recipe, ...]
+    reference: tuple[str, str]
+    reference_noise: float
+    noise: tuple[str, ...]
+    comparisons: tuple[tuple[str, str], ...]
+    hypotheses: tuple[Hypothesis, ...]
+
+    def pairs_of(self, view: View) -> dict[str, PlannedPair]:
+        """The pair of each recipe."""
+        return {recipe.name: expand_headings(merged(view.settings, recipe.changes))[0] for recipe in self.recipes}
+
+    def rounds(self) -> list[list[View]]:
+        """The views of each round."""
+        return [[view for view in self.views if view.round == k] for k in sorted({view.round for view in self.views})]
+
+
+def study_names() -> list[str]:
+    """The names of the shipped studies."""
+    return sorted(path.stem for path in Path(__file__).parent.glob("*.toml"))
+
+
+def find_study(name: str) -> Path:
+    """The file of a shipped study by its name, or a file of the user's whose name ends in .toml."""
+    if name.endswith(".toml"):
+        return Path(name)
+    if name not in study_names():
+        raise IcyMoonError(f"There is no study {name!r}, {nearest(name, study_names())}")
+    return Path(__file__).parent / f"{name}.toml"
+
+
+def read_study(path: Path) -> Study:
+    """Read and check a study. Raises IcyMoonError that names the file and what is wrong."""
+    data, text = toml_and_text(path)
+    check_record(data, _SHAPE, path, _FIX)
+    head = data["study"]
+    recipes = tuple(
+        Recipe(table["name"], table["title"], _part(table, ("name", "title"), path)) for table in data["recipe"]
+    )
+    names = [recipe.name for recipe in recipes]
+    if len(head["reference"]) != 2 or len(set(names)) < len(names):
+        raise IcyMoonError(f"{path}: a study has two halves of its reference, and recipes of different names; {_FIX}.")
+    for name in (*head["reference"], *head["noise"]):
+        _check_name(name, names, path)
+    for table in (*data["comparison"], *data.get("hypothesis", [])):
+        for side in ("of", "with"):
+            _check_name(table[side], [CONVERGED, *names], path)
+    base = merged(defaults(), *map(load_preset, head["include"]))
+    common = check(data["settings"], str(path))
+    return Study(
+        text,
+        head["title"],
+        head["question"],
+        head["methods"],
+        tuple(
+            View(f"{name}_{sun:g}", name, k, _seen(merged(base, part, common), sun, scale))
+            for name, part, suns, scale in _grounds(data["ground"], head, path)
+            for k, sun in enumerate(suns)
+        ),
+        recipes,
+        (head["reference"][0], head["reference"][1]),
+        float(head["reference_noise"]),
+        tuple(head["noise"]),
+        tuple((table["of"], table["with"]) for table in data["comparison"]),
+        tuple(_read_hypothesis(table, path) for table in data.get("hypothesis", [])),
+    )
+
+
+def _grounds(
+    tables: Sequence[Mapping[str, Any]], head: Mapping[str, Any], path: Path
+) -> list[tuple[str, Settings, list[float], float]]:
+    """The name, the settings, the Suns and the scale of each ground."""
+    return [
+        (
+            table.get("name") or table["preset"].split("/")[-1],
+            _part(table, ("name", "suns_deg", "scale"), path),
+            table["suns_deg"],
+            float(table.get("scale", head.get("scale", 1.0))),
+        )
+        for table in tables
+    ]
+
+
+def _part(table: Mapping[str, Any], known: Sequence[str], path: Path) -> Settings:
+    """The settings that a table states, over those of its preset."""
+    own = check({key: value for key, value in table.items() if key not in (*known, "preset")}, str(path))
+    return merged(load_preset(table["preset"]), own) if table.get("preset") else own
+
+
+def _seen(settings: Settings, sun_deg: float, scale: float) -> Settings:
+    return scaled_view(merged(settings, {"light": {"sun_elevation_deg": float(sun_deg)}}), scale)
+
+
+def _check_name(name: str, known: Sequence[str], path: Path) -> None:
+    if name not in known:
+        raise IcyMoonError(f"{path}: there is no recipe {name!r}, {nearest(name, known)}")
+
+
+def _read_hypothesis(table: Mapping[str, Any], path: Path) -> Hypothesis:
+    """The range that a hypothesis states by exactly one of ``above``, ``below`` and ``within``."""
+    ranges: dict[str, Callable[[float], tuple[float, float]]] = {
+        "above": lambda bound: (bound, float("inf")),
+        "below": lambda bound: (float("-inf"), bound),
+        "within": lambda bound: (-bound, bound),
+    }
+    stated = [key for key in ranges if key in table]
+    if len(stated) != 1:
+        raise IcyMoonError(f"{path}: {table['says']!r} states {len(stated)} ranges; give above, below or within.")
+    low, high = ranges[stated[0]](float(table[stated[0]]))
+    return Hypothesis(table["says"], table["of"], table["with"], table["what"], low, high)
