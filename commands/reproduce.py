@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ..render.cost.abilities import check_abilities
@@ -140,12 +141,16 @@ def _write(
             [out / name],
             methods,
             evaluation,
-            on_event=lambda event, tell=tell: tell(event.pop("type"), **event),
+            on_event=partial(_forward, tell),
             guiss=True,
         )
         labels = [method.label for method in methods]
         measured[name] = read_measured(evaluation, [pair["pair"] for pair in report["pairs"]], labels)
     return write_paper(out, parts, measured, missing, options.scale, len(parts["data"].pairs))
+
+
+def _forward(tell: Callable[..., None], event: dict[str, Any]) -> None:
+    tell(event.pop("type"), **event)
 
 
 class _Steps:

@@ -108,10 +108,11 @@ def _measure(
 def _share(
     method: str, pair: list[Array], truth: Array, judged: Array, rig: StereoCamera, search: SearchRange
 ) -> float:
-    disparity, _, _ = match(method, *pair, camera=rig, ranges={AUTO: search})
+    left, right = pair
+    disparity, _, _ = match(method, left, right, camera=rig, ranges={AUTO: search})
     with np.errstate(invalid="ignore"):
-        right = np.abs(disparity - truth)[judged] <= _WRONG_PX  # NaN is not
-    return float(np.mean(~right))
+        agrees = np.abs(disparity - truth)[judged] <= _WRONG_PX  # NaN does not
+    return float(np.mean(~agrees))
 
 
 def _read(terrain: Terrain, at: tuple[View, int]) -> Array:

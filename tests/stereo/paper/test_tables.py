@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from typing import Any
 
 import numpy as np
 import pairs
@@ -30,7 +31,7 @@ from icymoon.stereo.paper.tables import (
 )
 
 #: Two made-up scenes, and one of a mesh; albedo and distance differ.
-MADE = {
+MADE: dict[str, tuple[Any, float]] = {
     "a0": ({"surface": {"albedo": 0.2}}, 2.0),
     "b0": ({"surface": {"albedo": 0.8}}, 3.0),
     "c0": ({"surface": {"albedo": 0.8}, "source": {"kind": "STAND_IN"}}, 2.5),

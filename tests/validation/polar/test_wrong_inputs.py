@@ -142,7 +142,9 @@ def test_eyes_that_are_not_beside_each_other_fail_by_disparity(known, tmp_path):
 
 
 def test_sand_that_casts_shadows_of_its_own_fails(known, tmp_path):
-    assert _some(_failing(_result(tmp_path, *known, hollow=True)), "shadow of the sand")
+    terrain, camera, sand, lamps = known
+    found = _result(tmp_path, terrain, camera, sand, lamps, hollow=True)
+    assert _some(_failing(found), "shadow of the sand")
 
 
 def test_the_sand_is_bounded_smooth_and_returns_to_its_plane(known):
