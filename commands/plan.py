@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..physics.camera.stereo_geometry import centre_advice
+from ..physics.camera.depth_accuracy import centre_advice
 from ..physics.scene_requirements import bake_advice
 from ..render.cost.abilities import find_lack, needs_full_build
 from ..render.cost.estimate import estimate

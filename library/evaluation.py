@@ -167,7 +167,7 @@ def _predict(name: str, function: Matcher, folders: Sequence[Path], response: An
 
 def _means(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | None]]:
     """Mean metrics by method, of pairs that passed their self-check; None where no pair has a number."""
-    from ..stereo.measure.result_row import NUMBERS
+    from ..stereo.measure.row_metrics import NUMBERS
 
     found: dict[str, dict[str, float | None]] = {}
     for method in dict.fromkeys(row["method"] for row in rows):

@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from ..physics import refused_scenes
-from ..physics.refused_scenes import LOWEST_M, buried_sentence, in_rock_sentence
+from ..physics import scene_checks
+from ..physics.scene_checks import LOWEST_M, buried_sentence, in_rock_sentence
 from ..support.arrays import Array
 from .built_scene import Built
 from .datablocks.fingerprint import TAG
@@ -29,7 +29,7 @@ def reasons_when_built(built: Built, scene: bpy.types.Scene | None = None) -> li
     """
     settings = built.settings
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
-    return list(refused_scenes.find_reasons(settings)) or ([] if graded else reasons(built, scene=scene))
+    return list(scene_checks.find_reasons(settings)) or ([] if graded else reasons(built, scene=scene))
 
 
 def reasons(built: Built, turn_deg: float = 0.0, scene: bpy.types.Scene | None = None) -> list[str]:

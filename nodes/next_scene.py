@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import bpy
 
-from ..physics import refused_scenes
-from ..physics.camera.stereo_geometry import rounding_advice
+from ..physics import scene_checks
+from ..physics.camera.depth_accuracy import rounding_advice
 from ..settings import changes
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
@@ -47,7 +47,7 @@ def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
         *reflectance_laws.advice(settings),
         *light_advice(described_sky(settings), settings),
         *rounding_advice(settings.rig, built.site_m),
-        *refused_scenes.scene_advice(settings),
+        *scene_checks.scene_advice(settings),
         *built.excavation.get("advice", []),
     ]
     now = find(bpy.context.scene)

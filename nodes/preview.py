@@ -15,7 +15,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..physics import refused_scenes
+from ..physics import scene_checks
 from ..physics.arm.parametric import JOINTS
 from ..physics.excavation.jitter import jittered_rig
 from ..physics.mesh import fine_relief
@@ -332,7 +332,7 @@ def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_
         return []
     if built.edited_parts("lander"):
         return [_EDITED.format("lander")]
-    if reasons := list(refused_scenes.lander_reasons(settings)):
+    if reasons := list(scene_checks.lander_reasons(settings)):
         return [str(reason) for reason in reasons]
     old = {role: item for role, item in built_objects(built.collection).items() if role in LANDER_ROLES.values()}
     if there and old and not new_ground and _only_joints_differ(settings, before):

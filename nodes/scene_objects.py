@@ -9,9 +9,9 @@ from typing import Any
 
 import bpy
 
-from ..physics import refused_scenes
+from ..physics import scene_checks
 from ..physics.camera import blur
-from ..physics.camera.stereo_geometry import rounding_advice
+from ..physics.camera.depth_accuracy import rounding_advice
 from ..physics.excavation.jitter import jittered_rig
 from ..physics.excavation.unsupported_rocks import settle_rocks
 from ..physics.light.map_sky import doubt_sky
@@ -85,7 +85,7 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects
 
     Raises IcyMoonError, before anything is made, for settings that cannot be built.
     """
-    if reasons := refused_scenes.reasons_of_settings(settings):
+    if reasons := scene_checks.reasons_of_settings(settings):
         raise IcyMoonError(" ".join(reasons))
     hapke_warnings = reflectance_laws.advice(settings)
     sky = described_sky(settings)
@@ -96,7 +96,7 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects
     warnings += [
         *hapke_warnings,
         *rounding_advice(settings.rig, site_m),
-        *refused_scenes.scene_advice(settings),
+        *scene_checks.scene_advice(settings),
         *_advise_on_ground(settings, ground.surface, own),
     ]
     terrain = _make_terrain(settings, ground, warnings)
@@ -117,7 +117,7 @@ def _advise_on_ground(settings: Settings, ground: Surface, own: UserGround | Non
             *(ground.advice(settings) if isinstance(ground, Graded) else []),
         ]
     if settings.rocks.coverage > 0:
-        refused_scenes.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
+        scene_checks.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
     return [*own.warnings, *doubt_sky(settings.light, own.map_place)]
 
 

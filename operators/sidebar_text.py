@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 import bpy
 
 from ..physics.camera.blur import blur_advice, blur_of, confusion_px, motion_px
+from ..physics.camera.depth_accuracy import GroundRow, depth_error_m, ground_row, shared_width_px
 from ..physics.camera.lens_distortion import coefficients, overscan_needed
-from ..physics.camera.stereo_geometry import GroundRow, depth_error_m, ground_row, shared_width_px
 from ..physics.light.scene_sun import described_by
 from ..physics.light.sky import sky, sky_facts
 from ..physics.rig.focal_length import focal_px

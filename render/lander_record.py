@@ -18,7 +18,7 @@ from ..physics.arm.lander_solids import BODY, HEAD
 from ..physics.camera.stereo_camera import StereoCamera
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
-from .hidden_pixels import read_depth
+from .cycles_occlusion import read_depth
 from .pairs.pair_folder import EYES, TRUTH_FILE
 
 #: Metres and sines by which the pose of an object may differ from its pose by the settings before it counts as moved

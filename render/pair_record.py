@@ -13,7 +13,7 @@ from ..nodes.light.sun_lamp import read_scene_sun
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import describe_hapke
 from ..paper_stand_ins.items import describe, items_of
-from ..physics import refused_scenes
+from ..physics import scene_checks
 from ..physics.camera.blur import blur_of
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..physics.camera.stereo_camera import StereoCamera
@@ -128,7 +128,7 @@ def pair_json(
         "blur": blur.to_json() if blur else None,
         "light": light,
         "left_out": _left_out(built, settings, indirect),
-        "advice": refused_scenes.scene_advice(settings),
+        "advice": scene_checks.scene_advice(settings),
         "channels": _channels(settings.quality.truth, settings.quality.files),
         "seeds": {"dataset": settings.dataset.seed, "render": planned.render_seed},
         "versions": {

@@ -38,7 +38,7 @@ from ..support.files import explain_disk_errors, part_of, sha256, write_json
 from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
 from ..support.number_text import count_of
-from . import cycles_settings, hidden_pixels, passes, separate_lights, unlit
+from . import cycles_occlusion, cycles_settings, passes, separate_lights, unlit
 from .baked_light import Indirect
 from .cost.estimate import count_bytes_left, pixels_of
 from .cycles_errors import first_line
@@ -288,7 +288,7 @@ def _render_takes(
             if stage
             else (
                 sum(layer == TRUTH for take in takes for layer, _ in take.images)
-                + (len(hidden_pixels.STEPS_PX) if _is_full(planned) else 0)
+                + (len(cycles_occlusion.STEPS_PX) if _is_full(planned) else 0)
             )
         )
         with (
@@ -423,16 +423,18 @@ def _render_truth(
             return files
         with _render_depth_alone(scene, built):
             shifted = passes.choose_layer(scene, TRUTH, stem.with_name(f"{stem.name}-between"), "DEPTH")
-            for step in hidden_pixels.STEPS_PX:
+            for step in cycles_occlusion.STEPS_PX:
                 with shift_frame(scene, step):
                     _run_cycles(scene, shifted, planned)
                 with explain_disk_errors("write", stem), _report_unreadable(planned):
                     for eye, file in shifted.items():
                         # In single precision: millions of pixels have four numbers each here.
-                        between[eye].append(hidden_pixels.read_disparity(file.read_bytes(), camera).astype(np.float32))
+                        between[eye].append(
+                            cycles_occlusion.read_disparity(file.read_bytes(), camera).astype(np.float32)
+                        )
                         system.remove(file)
     with explain_disk_errors("write", stem), _report_unreadable(planned):
-        hidden_pixels.add_hidden(files, between, camera)
+        cycles_occlusion.add_hidden(files, between, camera)
     return files
 
 

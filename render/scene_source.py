@@ -14,7 +14,7 @@ from ..nodes import eyes_above_ground
 from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.next_scene import adapt_scene
 from ..nodes.scene import Built
-from ..physics import refused_scenes
+from ..physics import scene_checks
 from ..physics.camera.blur import blur_identity
 from ..physics.mesh.fine_relief import still_from_m
 from ..settings import changes
@@ -61,7 +61,7 @@ class FixedScene:
         cycles_settings.check_possible(planned.settings.quality)
         _raise_reasons(
             [
-                *refused_scenes.reasons_of_settings(planned.settings),
+                *scene_checks.reasons_of_settings(planned.settings),
                 *eyes_above_ground.reasons(self._built, planned.turn_deg, self._scene),
             ]
         )
@@ -93,7 +93,7 @@ class ScenesFromSettings:
         start = time.perf_counter()
         before, self._built = self._built, None
         cycles_settings.check_possible(planned.settings.quality)
-        refused_scenes.refuse(planned.settings)
+        scene_checks.refuse(planned.settings)
         shared = before is not None and _same_scene_and_light(before.settings, planned.settings)
         if not shared:  # the data that Cycles keeps are of no use any more
             self._held.close()

@@ -14,7 +14,7 @@ from .images import colours
 from .images.image_files import write_disparity, write_png
 from .matchers.methods import Method
 from .measure.prepare import Prepared
-from .measure.result_row import depth_of
+from .measure.row_metrics import depth_of
 
 #: The files that an evaluation writes into its folder, beside ``pairs/``, and how each begins.
 _OPENINGS: Mapping[str, bytes] = {

@@ -47,7 +47,7 @@ from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.prepare import Prepared
-from .measure.result_row import depth_of
+from .measure.row_metrics import depth_of
 from .measure_pair import search_ranges
 from .report.row_log import Row, RowLog
 from .sources import Source, check_response, find_sources, sort_by_ground

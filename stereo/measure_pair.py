@@ -26,7 +26,7 @@ from .measure.common_pixels import common_numbers
 from .measure.costs import COSTS
 from .measure.plug_in import plugin_numbers
 from .measure.prepare import Prepared
-from .measure.result_row import NUMBERS, own_numbers
+from .measure.row_metrics import NUMBERS, own_numbers
 from .report.row_log import Row
 from .report.schema import Failure
 from .sources import Source

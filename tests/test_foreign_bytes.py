@@ -515,7 +515,7 @@ ALLOWED: dict[str, str] = {
     "physics/surfaces/principled.py": "json.loads, read_text: shipped with the program",
     "plugins/installed.py": "read_text: of installed packages, which Python reads by itself too",
     "render/ground_maps.py": "read_bytes: an image that Blender wrote just now",
-    "render/hidden_pixels.py": "read_bytes: images that Blender wrote just now",
+    "render/cycles_occlusion.py": "read_bytes: images that Blender wrote just now",
     "render/lander_record.py": "read_bytes: an image that Blender wrote just now",
     "render/render_pair.py": "read_bytes: images that Blender wrote just now",
     "settings/pair_ids.py": "json.loads: what this process counted",

@@ -23,7 +23,7 @@ from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.workspace import Workspace, compare, decide, open_workspace
 from icymoon.stereo.matchers import match
 from icymoon.stereo.measure.prepare import prepare
-from icymoon.stereo.measure.result_row import depth_of
+from icymoon.stereo.measure.row_metrics import depth_of
 from icymoon.support.arrays import Array
 from icymoon.support.files import sha256
 

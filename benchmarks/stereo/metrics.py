@@ -34,7 +34,7 @@ from icymoon.stereo.measure.metrics import (
     total_metrics,
 )
 from icymoon.stereo.measure.prepare import load, prepare
-from icymoon.stereo.measure.result_row import depth_of, own_numbers
+from icymoon.stereo.measure.row_metrics import depth_of, own_numbers
 
 
 def cost(work: Callable[[], object]) -> tuple[float, float]:

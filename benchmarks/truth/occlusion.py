@@ -24,9 +24,9 @@ from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.processor import Stopwatch, seconds_of
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
 from icymoon.nodes.scene import Built, build
-from icymoon.physics.camera import hidden_points as columns
-from icymoon.physics.camera.hidden_points import find_hidden, is_in_frame, matching_column, warped
-from icymoon.render import hidden_pixels, render_pair
+from icymoon.physics.camera import occlusion as columns
+from icymoon.physics.camera.occlusion import find_hidden, is_in_frame, matching_column, warped
+from icymoon.render import cycles_occlusion, render_pair
 from icymoon.render.pairs.pair_folder import EYES, Pair, find_pairs
 from icymoon.settings import description
 from icymoon.settings.topics.scene import typed
@@ -136,7 +136,7 @@ def _render(built: Built, settings: Any) -> tuple[Pair, Masks, dict[str, list[Ar
     take to that of all the rest, the least of two."""
     found: dict[str, list[Array]] = {}
     spent = 0.0
-    add_hidden, shift_frame = hidden_pixels.add_hidden, render_pair.shift_frame
+    add_hidden, shift_frame = cycles_occlusion.add_hidden, render_pair.shift_frame
 
     def add(truth: Any, between: Any, camera: Any) -> None:
         nonlocal spent
@@ -151,7 +151,7 @@ def _render(built: Built, settings: Any) -> tuple[Pair, Masks, dict[str, list[Ar
             yield
         spent += watch.lap()
 
-    hidden_pixels.add_hidden, render_pair.shift_frame = add, shift
+    cycles_occlusion.add_hidden, render_pair.shift_frame = add, shift
     ratios = []
     for _ in range(2):
         spent, watch = 0.0, Stopwatch()

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from cycler import cycler
-from icymoon.physics.camera import sensor, stereo_geometry
+from icymoon.physics.camera import depth_accuracy, sensor
 from icymoon.physics.light import ephemeris, photons, planetshine
 from icymoon.physics.light.sunlight import sun_diameter_deg, sun_irradiance_wm2
 from icymoon.physics.random_numbers.seeds import generator
@@ -266,7 +266,7 @@ def depth_error(figure: Figure) -> None:
         rig, title = described(name).rig, preset_files.preset_header(name)[0]
         axes.loglog(
             depth,
-            [100 * stereo_geometry.depth_error_m(z, rig, 0.25) for z in depth],
+            [100 * depth_accuracy.depth_error_m(z, rig, 0.25) for z in depth],
             "-" if k % 2 else "--",
             label=f"{title}, f·B {focal_px(rig) * rig.baseline_m:.0f} px·m",
         )

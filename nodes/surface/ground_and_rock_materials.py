@@ -25,7 +25,7 @@ from ..ground.dug_ground import DEPTH
 from ..ground.rocks import label_instances
 from ..ground.terrain_mesh import SPACING
 from ..ground.user_ground import file_of, is_mesh
-from .ground_colour import clean_albedo
+from .dirt_and_salt_colour import clean_albedo
 from .ice_material import build_material
 from .images import load_maps, measure_brightness, measure_means
 from .textures import Textured

@@ -24,9 +24,9 @@ from ..tree.builder import Tree
 from ..tree.formula import Number
 from . import dug_layers, ice_layers, reflectance_laws
 from .baked_passes import add_baked_passes
+from .dirt_and_salt_colour import add_ground_colour
 from .fractures import VEIL_ALBEDO, add_fracture_share
 from .glints import add_glints
-from .ground_colour import add_ground_colour
 from .patches_and_grain import (
     GRAIN_FARTHEST,
     add_brightness,

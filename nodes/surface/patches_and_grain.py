@@ -1,7 +1,7 @@
 """Variation of the ice from place to place: dark patches, dirty troughs and slopes, salt, grains.
 
-Patches and black dirt darken clean ice; salt and dirt of a material have their own colour, see ``ground_colour``. What
-is switched off gets no nodes.
+Patches and black dirt darken clean ice. Salt and dirt of a material have a colour, see ``dirt_and_salt_colour``.
+Effects that are switched off get no nodes.
 """
 
 from __future__ import annotations

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...formats.toml_lines import Place
-from ...physics import refused_scenes
+from ...physics import scene_checks
 from ...physics.camera.blur import blur_identity
 from ...physics.random_numbers.seeds import generator, stream
-from ...physics.refused_scenes import Reason
+from ...physics.scene_checks import Reason
 from ...physics.terrain.sites import RockyGround, make_rocky_ground
 from ...settings.description import defaults, digest, merged
 from ...settings.pair_ids import make_counter
@@ -37,7 +37,7 @@ MOST_GROUNDS = 32
 Report = Callable[[int, int], None]
 #: Pairs from one report to the next.
 _REPORTED = 100
-#: Topics that ``refused_scenes.reasons_of_settings`` reads, and the settings of the terrain that it reads.
+#: Topics that ``scene_checks.reasons_of_settings`` reads, and the settings of the terrain that it reads.
 _OF_SETTINGS = (
     "source",
     "surface",
@@ -352,7 +352,7 @@ def _find_refusals(
         if each.settings.lander.kind != "NONE" or each.settings.excavation.path != "NONE":
             key += rigs.of(each.settings)  # an arm may be around an eye, a trench too far from it
         if key not in known:
-            known[key] = refused_scenes.reasons_of_settings(each.settings)
+            known[key] = scene_checks.reasons_of_settings(each.settings)
         found.append(list(known[key]))
         if each.settings.source.kind == "PROCEDURAL" and grounds.key_of(each.settings) in looked_at:
             try:
@@ -368,11 +368,11 @@ def _find_refusals(
 
 def _check_eyes(ground: RockyGround, made: list[_Combination]) -> list[Reason | None]:
     try:
-        found = refused_scenes.reasons_of_eyes(ground, [each.settings.rig for each in made])
+        found = scene_checks.reasons_of_eyes(ground, [each.settings.rig for each in made])
     except IcyMoonError as error:  # sizes of rocks that contradict each other
         return [Reason(str(error)) for _ in made]
     for each, reason in zip(made, found, strict=True):
-        if reason is not None and reason.names == refused_scenes.OUTSIDE:
+        if reason is not None and reason.names == scene_checks.OUTSIDE:
             raise _at_place(IcyMoonError(reason), each.place_of(*reason.names))
     return found
 

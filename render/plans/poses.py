@@ -13,7 +13,7 @@ import numpy as np
 
 from ...formats.toml_lines import Place
 from ...physics.light.directions import toward
-from ...physics.refused_scenes import LOWEST_M
+from ...physics.scene_checks import LOWEST_M
 from ...physics.terrain.sites import RockyGround
 from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError

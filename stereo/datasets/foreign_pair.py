@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.camera.hidden_points import is_in_frame, matching_column
+from ...physics.camera.occlusion import is_in_frame, matching_column
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...physics.camera.hidden_points import find_hidden, is_in_frame, matching_column
+from ...physics.camera.occlusion import find_hidden, is_in_frame, matching_column
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError

@@ -12,7 +12,7 @@ from ...support.arrays import Array
 from ..images.colours import signed_colours
 from ..images.image_files import write_bytes
 from ..measure.prepare import Prepared
-from ..measure.result_row import depth_of
+from ..measure.row_metrics import depth_of
 
 #: Most points of one pair; of a larger image every second, third and so on row and column is taken.
 MOST_POINTS = 60_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...physics.camera.hidden_points import find_hidden, is_in_frame, matching_column
+from ...physics.camera.occlusion import find_hidden, is_in_frame, matching_column
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.labels import PLANET

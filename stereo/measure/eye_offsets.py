@@ -16,7 +16,7 @@ from functools import cache
 import cv2
 import numpy as np
 
-from ...physics.camera.hidden_points import matching_column, warped
+from ...physics.camera.occlusion import matching_column, warped
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from .jackknife import jackknife, tile_sums

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...physics.camera.hidden_points import matching_column
+from ...physics.camera.occlusion import matching_column
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 

@@ -16,7 +16,7 @@ from ...support.errors import IcyMoonError
 from ...support.files import read_checksum
 from .metrics import usable
 from .prepare import Prepared, none_for_nan
-from .result_row import NUMBERS, depth_of
+from .row_metrics import NUMBERS, depth_of
 
 #: Units of a metric; % is for shares from 0 to 1.
 UNITS = ("", "%", "px", "m", "cm", "mm", "s", "deg", "1/m")

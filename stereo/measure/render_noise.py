@@ -19,7 +19,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...physics.camera.hidden_points import matching_column
+from ...physics.camera.occlusion import matching_column
 from ...support.arrays import Array
 
 CLEAN, NOISY, DECIDES = "clean", "noisy", "noise decides"

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.camera.hidden_points import matching_column, warped
+from ...physics.camera.occlusion import matching_column, warped
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ..images.disparity_and_occlusion import visible_in_left, visible_in_right

@@ -23,7 +23,7 @@ from ...support.number_text import count_of
 from ..images import colours
 from ..inference.scene_means import FEWEST_FOR_MEAN
 from ..matchers.methods import Method, describe_method
-from ..measure.result_row import REGION_METRICS, REGIONS
+from ..measure.row_metrics import REGION_METRICS, REGIONS
 from .by_setting import SCENE, Sweep
 from .charts import draw_charts, method_keys
 from .conditions import Condition

@@ -21,7 +21,7 @@ from ..matchers.methods import Method
 from ..measure import common_pixels
 from ..measure.metrics import ERROR_STEPS_M, SHARES
 from ..measure.plug_in import metrics_of_plugins
-from ..measure.result_row import NUMBERS, REGIONS
+from ..measure.row_metrics import NUMBERS, REGIONS
 from .by_setting import scene_of, swept_settings
 from .conditions import conditions_of, join_by_scene, name_levels, preset_title, titles_of
 from .html import choose_pairs, write_report

@@ -11,7 +11,7 @@ from typing import Any, NotRequired, TypedDict
 
 from ...support.file_shapes import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape
 from ..measure import common_pixels
-from ..measure.result_row import NUMBERS
+from ..measure.row_metrics import NUMBERS
 from .notes import BAKED, NOISE, SEARCH
 from .row_log import Row
 

@@ -14,7 +14,7 @@ from ..inference.scene_means import intervals, scene_means, simultaneous_interva
 from ..inference.typical_scene import compare, pairs_of, ranks, subtract
 from ..measure import by_pixel_class, common_pixels, disparity_histograms
 from ..measure.metrics import BAD, ERROR_STEPS_M, L1_RATES, QUANTILES, SHARES
-from ..measure.result_row import NUMBERS, REGION_METRICS
+from ..measure.row_metrics import NUMBERS, REGION_METRICS
 from .schema import Comparison
 
 #: Metrics that are means over pixels, so that the pixels of all pairs can be pooled. The scale-invariant and order

@@ -24,7 +24,7 @@ from ..decisions.sites import Sites
 from ..decisions.workspace import Workspace, decide, open_workspace
 from ..measure.jackknife import jackknife, tile_sums
 from ..measure.prepare import none_for_nan, prepare
-from ..measure.result_row import depth_of
+from ..measure.row_metrics import depth_of
 
 #: Decisions are the same if at most so many of the cells in reach are decided otherwise, if those that are unsafe but
 #: taken for safe are as many but for this share of the cells, both with their doubts, and if the chosen site costs no

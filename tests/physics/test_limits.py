@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from icymoon.physics.camera import brackets, stereo_geometry
+from icymoon.physics.camera import brackets, depth_accuracy
 from icymoon.physics.camera.blur import blur_of, pose_after
 from icymoon.physics.camera.point_spread import apply_lens
 from icymoon.physics.camera.sensor import digital_numbers, electrons, exposure_s, top_dn
@@ -219,24 +219,24 @@ def test_a_sky_is_of_numbers(settings):
 @given(topic("rig"), st.floats(-1e4, 1e4))
 def test_what_a_camera_can_measure_is_positive_or_nothing(settings, row):
     rig = settings["rig"]
-    found = stereo_geometry.ground_row(rig, row)
+    found = depth_accuracy.ground_row(rig, row)
     assert found.depth_m > 0
     assert found.width_m > 0
     assert found.across_m > 0
     assert found.along_m > 0
-    assert stereo_geometry.depth_error_m(1.0, rig, 0.1) > 0
-    assert stereo_geometry.shared_width_px(rig, 1.0) <= rig["width_px"] + 1e-9
-    assert stereo_geometry.rounding_px(rig, 0.0) > 0
-    assert all(text.endswith(".") for text in stereo_geometry.rounding_advice(rig, 0.0))
+    assert depth_accuracy.depth_error_m(1.0, rig, 0.1) > 0
+    assert depth_accuracy.shared_width_px(rig, 1.0) <= rig["width_px"] + 1e-9
+    assert depth_accuracy.rounding_px(rig, 0.0) > 0
+    assert all(text.endswith(".") for text in depth_accuracy.rounding_advice(rig, 0.0))
 
 
 @pytest.mark.parametrize(("x_m", "step_m"), [(0.0, 1.2e-7), (1000.0, 6.1e-5), (5e4, 3.9e-3)])
 def test_rounding_is_that_of_single_precision(x_m, step_m):
     """24 bits: 2^-23 of the power of two under the number."""
     rig = description.defaults().rig | {"x_m": x_m}
-    assert stereo_geometry.rounding_m(x_m, 0.0, 1.6) == pytest.approx(step_m, rel=0.03)
-    assert stereo_geometry.rounding_px(rig, 0.0) == pytest.approx(341.33 * step_m / 2 / 1.6, rel=0.03)
-    assert bool(stereo_geometry.rounding_advice(rig, 0.0)) == (x_m == 5e4)
+    assert depth_accuracy.rounding_m(x_m, 0.0, 1.6) == pytest.approx(step_m, rel=0.03)
+    assert depth_accuracy.rounding_px(rig, 0.0) == pytest.approx(341.33 * step_m / 2 / 1.6, rel=0.03)
+    assert bool(depth_accuracy.rounding_advice(rig, 0.0)) == (x_m == 5e4)
 
 
 @given(topic("rig"))

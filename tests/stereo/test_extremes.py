@@ -11,7 +11,7 @@ from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.common_pixels import common_numbers
 from icymoon.stereo.measure.costs import COSTS
 from icymoon.stereo.measure.prepare import prepare
-from icymoon.stereo.measure.result_row import NUMBERS, own_numbers
+from icymoon.stereo.measure.row_metrics import NUMBERS, own_numbers
 
 pytestmark = pytest.mark.filterwarnings("error")
 

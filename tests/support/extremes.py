@@ -12,7 +12,7 @@ import numpy as np
 from icymoon.nodes.light.sun_lamp import angular_diameter, irradiance_wm2
 from icymoon.nodes.scene import Built, build
 from icymoon.nodes.surface.patches_and_grain import ELEVATION
-from icymoon.physics.camera.stereo_geometry import rounding_m
+from icymoon.physics.camera.depth_accuracy import rounding_m
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs

@@ -8,7 +8,7 @@ from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.physics.light.planetshine import irradiance_wm2
 from icymoon.physics.light.sky import sky, sky_facts
-from icymoon.physics.refused_scenes import reasons_of_settings
+from icymoon.physics.scene_checks import reasons_of_settings
 from icymoon.physics.surfaces import photometry
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import expand_headings

@@ -17,7 +17,7 @@ from icymoon.physics.arm.lander_arm import arm_of, joint_facts, joint_values, ke
 from icymoon.physics.arm.link_mesh import read_link_mesh
 from icymoon.physics.arm.own_arm import arm_of_file, own_arm
 from icymoon.physics.arm.urdf import MOST_LINKS, read_urdf
-from icymoon.physics.refused_scenes import lander_reasons
+from icymoon.physics.scene_checks import lander_reasons
 from icymoon.settings import user_files
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.scene import Settings

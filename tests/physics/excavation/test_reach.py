@@ -7,7 +7,7 @@ import pytest
 from icymoon.physics.arm.parametric import arm_of, inverse
 from icymoon.physics.excavation.reach import advice, share_in_reach
 from icymoon.physics.excavation.site import make_site
-from icymoon.physics.refused_scenes import scene_advice
+from icymoon.physics.scene_checks import scene_advice
 from icymoon.settings import description
 
 

@@ -6,7 +6,7 @@ import pytest
 from icymoon.stereo.measure.common_pixels import METRICS, NUMBERS, common_numbers
 from icymoon.stereo.measure.metrics import depth_metrics, disparity_metrics
 from icymoon.stereo.measure.prepare import prepare
-from icymoon.stereo.measure.result_row import depth_of
+from icymoon.stereo.measure.row_metrics import depth_of
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -10,7 +10,7 @@ import re
 import numpy as np
 import pairs
 import pytest
-from icymoon.physics.camera.hidden_points import matching_column
+from icymoon.physics.camera.occlusion import matching_column
 from icymoon.stereo.measure.eye_offsets import light_offsets, truth_offsets
 from icymoon.stereo.measure.self_check import Eye, self_check, visibility
 

@@ -13,7 +13,7 @@ import pairs
 import pytest
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.result_row import NUMBERS
+from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report.by_setting import MOST_LEVELS, Sweep, mean_by_level, scene_of, swept_settings
 from icymoon.stereo.report.html import MOST_PAIRS, choose_pairs
 from icymoon.stereo.report.summary import Table, summarise_method

@@ -7,7 +7,7 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.result_row import NUMBERS
+from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report.conditions import Condition
 from icymoon.stereo.report.pictures import (
     MOST_IN_MATRIX,

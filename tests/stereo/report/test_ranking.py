@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_header
-from icymoon.stereo.measure.result_row import NUMBERS
+from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report.by_setting import swept_settings
 from icymoon.stereo.report.conditions import (
     Condition,

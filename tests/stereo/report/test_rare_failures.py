@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from icymoon.stereo.measure.result_row import NUMBERS
+from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report.rare_failures import find_rare_failures
 from icymoon.stereo.report.summary import Table, compare_methods
 from icymoon.stereo.report.verdict_text import describe_verdicts

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from icymoon.stereo.measure import common_pixels
-from icymoon.stereo.measure.result_row import NUMBERS
+from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report.schema import Comparison
 from icymoon.stereo.report.summary import Table, compare_methods, summarise_method
 from icymoon.stereo.report.verdict_text import describe_typical, describe_verdicts

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset
-from icymoon.stereo.measure.result_row import NUMBERS
+from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report import sweep_charts
 from icymoon.stereo.report.averaged import averaged_over
 from icymoon.stereo.report.by_setting import SCENE, Sweep, mean_by_level, swept_settings

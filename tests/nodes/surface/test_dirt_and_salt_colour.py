@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.benchmarks.light.furnace import albedo as furnace
-from icymoon.nodes.surface.ground_colour import clean_albedo, ice_tint
+from icymoon.nodes.surface.dirt_and_salt_colour import clean_albedo, ice_tint
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.light.bands import bubbly_ice_bands, material_bands, snow_bands
 from icymoon.physics.surfaces.spectra import MATERIALS

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from icymoon.physics.camera.hidden_points import find_hidden, matching_column, warped
+from icymoon.physics.camera.occlusion import find_hidden, matching_column, warped
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..formats.exr_parts import assemble, read_pieces, strip_passing
 from ..formats.exr_pixels import Pixels
-from ..physics.camera.hidden_points import find_hidden
+from ..physics.camera.occlusion import find_hidden
 from ..physics.camera.stereo_camera import StereoCamera
 from ..support.arrays import Array
 from ..support.labels import HIDDEN, SKY_DEPTH_M, TRUTH

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from icymoon.nodes.scene import build
-from icymoon.physics.camera.hidden_points import is_in_frame, matching_column
+from icymoon.physics.camera.occlusion import is_in_frame, matching_column
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from icymoon.commands import render_scenes
-from icymoon.physics import refused_scenes
+from icymoon.physics import scene_checks
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
 from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.physics.terrain.terrain import make_terrain
@@ -37,24 +37,24 @@ def test_an_eye_in_the_ground_is_refused_and_admitted_from_where_it_is_above():
     # As the rig is described: the right eye is east of the left one and as high, the left one over the origin.
     rise = float(ground.heights(0.3, 0.0) - ground.heights(0.0, 0.0))
     assert rise > 0.1
-    (said,) = refused_scenes.find_reasons(settings)
+    (said,) = scene_checks.find_reasons(settings)
     assert is_sentence(said)
     assert f"right eye {rise - 0.1:.3g} m under the ground" in said
     assert "rig.height_m (0.1 m)" in said
     for above_m, admitted in ((0.5e-3, False), (2e-3, True)):  # of the least height, a millimetre
         near = complete(UNDERGROUND, {"rig": {"height_m": rise + above_m}})
-        assert bool(refused_scenes.find_reasons(near)) != admitted
+        assert bool(scene_checks.find_reasons(near)) != admitted
 
 
 def test_rocks_of_which_none_fits_are_refused():
     """Of 25 m² 30 % are under rocks of 1963 m²: 0.004 rocks."""
     none = complete({"terrain": {"size_m": 5.0}, "rocks": {"coverage": 0.3, "smallest_m": 50.0, "largest_m": 50.0}})
-    (said,) = refused_scenes.find_reasons(none)
+    (said,) = scene_checks.find_reasons(none)
     assert is_sentence(said)
     assert "0.0038 rocks" in said
     # As many as there are then: those that the build draws.
     some = complete(none, {"rocks": {"smallest_m": 2.0, "largest_m": 2.0}, "terrain": {"rms_slope_deg": 0.0}})
-    assert not refused_scenes.find_reasons(some)
+    assert not scene_checks.find_reasons(some)
     rocks = make_rocky_ground(some).rocks
     assert rocks is not None
     assert len(rocks.diameter_m) == round(0.3 * 25 / np.pi)
@@ -78,19 +78,19 @@ def returned(parameters, incidence_deg):
 )
 def test_ice_that_makes_light_is_refused_up_to_the_w_that_is_advised(hapke):
     settings = complete({"surface": {"model": "HAPKE"}, "hapke": hapke})
-    (said,) = refused_scenes.find_reasons(settings)
+    (said,) = scene_checks.find_reasons(settings)
     assert is_sentence(said)
     parameters = from_settings(settings["hapke"])
-    share, incidence_deg = refused_scenes.returned_share(parameters)
+    share, incidence_deg = scene_checks.returned_share(parameters)
     assert f"{share:.3g} times" in said
     # 100 000 directions, of which few hold the peak: 2 %.
     assert returned(parameters, incidence_deg) == pytest.approx(share, rel=0.02)
     advised = float(said.split("lower hapke.w to ")[1].split()[0].rstrip("."))
     most = 1.045 if parameters.h_function == "1981" else 1.01
     for w, admitted in ((advised, True), (advised + 0.01, False)):
-        assert (refused_scenes.returned_share(replace(parameters, w=min(w, 1.0)))[0] <= most) == admitted
-    assert not refused_scenes.find_reasons(complete(settings, {"hapke": {"w": advised}}))
-    assert not refused_scenes.find_reasons(
+        assert (scene_checks.returned_share(replace(parameters, w=min(w, 1.0)))[0] <= most) == admitted
+    assert not scene_checks.find_reasons(complete(settings, {"hapke": {"w": advised}}))
+    assert not scene_checks.find_reasons(
         complete(settings, {"surface": {"model": "LAMBERT"}})
     )  # which has no such parameters
 
@@ -106,7 +106,7 @@ def test_ice_that_makes_light_is_refused_up_to_the_w_that_is_advised(hapke):
     ],
 )
 def test_parameters_that_were_published_are_admitted(parameters):
-    assert refused_scenes.returned_share(parameters)[0] <= (1.045 if parameters.h_function == "1981" else 1.01)
+    assert scene_checks.returned_share(parameters)[0] <= (1.045 if parameters.h_function == "1981" else 1.01)
 
 
 def test_an_image_that_smooths_the_ice_counts():
@@ -115,9 +115,9 @@ def test_an_image_that_smooths_the_ice_counts():
         "hapke": {"w": 1.0, "b": 0.3, "c": 1.0, "theta_bar_deg": 25.0, "h_function": "2002"},
     }
     smoothing = complete(bright, {"hapke": {"theta_bar_range_deg": 50.0}})
-    assert not refused_scenes.find_reasons(complete(bright))
-    assert not refused_scenes.find_reasons(smoothing)  # without an image
-    assert refused_scenes.find_reasons(complete(smoothing, {"textures": {"set": "FROST"}}))
+    assert not scene_checks.find_reasons(complete(bright))
+    assert not scene_checks.find_reasons(smoothing)  # without an image
+    assert scene_checks.find_reasons(complete(smoothing, {"textures": {"set": "FROST"}}))
 
 
 @pytest.mark.parametrize(
@@ -132,15 +132,15 @@ def test_an_image_that_smooths_the_ice_counts():
 )
 def test_a_date_of_years_that_are_not_known_is_refused(date, admitted):
     at = complete({"light": {"directions_from": "DATE", "date_utc": date}})
-    said = refused_scenes.find_reasons(at)
+    said = scene_checks.find_reasons(at)
     assert bool(said) != admitted
     assert all(is_sentence(each) and date in each and "2060" in each for each in said)
-    assert not refused_scenes.find_reasons(complete(at, {"light": {"directions_from": "ANGLES"}}))
+    assert not scene_checks.find_reasons(complete(at, {"light": {"directions_from": "ANGLES"}}))
 
 
 def test_all_reasons_are_said_at_once():
     with pytest.raises(IcyMoonError) as caught:
-        refused_scenes.refuse(
+        scene_checks.refuse(
             complete(
                 UNDERGROUND,
                 {
@@ -157,12 +157,12 @@ def test_all_reasons_are_said_at_once():
 
 def test_what_may_be_meant_is_told_and_not_refused():
     up = complete({"rig": {"pitch_deg": -60.0}})
-    assert not refused_scenes.find_reasons(up)
-    assert "above the horizon" in refused_scenes.scene_advice(up)[0]
+    assert not scene_checks.find_reasons(up)
+    assert "above the horizon" in scene_checks.scene_advice(up)[0]
     wide = complete({"mesh": {"kind": "GRID"}, "terrain": {"resolution": 2, "size_m": 2000.0, "rms_slope_deg": 0.0}})
-    assert "2e+03 m wide" in refused_scenes.scene_advice(wide)[0]
-    assert not refused_scenes.find_reasons(wide)
-    assert not refused_scenes.scene_advice(complete())
+    assert "2e+03 m wide" in scene_checks.scene_advice(wide)[0]
+    assert not scene_checks.find_reasons(wide)
+    assert not scene_checks.scene_advice(complete())
 
 
 @pytest.mark.parametrize(
@@ -185,8 +185,8 @@ def test_what_may_be_meant_is_told_and_not_refused():
 )
 def test_a_principal_point_that_did_not_follow_the_size_of_the_image_is_told(rig, words):
     settings = complete({"rig": rig})
-    assert not refused_scenes.find_reasons(settings)
-    said = [each for each in refused_scenes.scene_advice(settings) if "principal point" in each]
+    assert not scene_checks.find_reasons(settings)
+    said = [each for each in scene_checks.scene_advice(settings) if "principal point" in each]
     assert len(said) == bool(words)
     assert all(words in each and each.endswith("by the same factor.") for each in said)
 
@@ -204,7 +204,7 @@ def test_a_principal_point_that_did_not_follow_the_size_of_the_image_is_told(rig
 def test_light_that_is_baked_with_few_samples_is_told(indirect, samples, model, told):
     """Noise that both eyes share passes for texture; where light is traced there is none."""
     few = complete({"quality": {"indirect": indirect, "bake_samples": samples}, "surface": {"model": model}})
-    said = refused_scenes.scene_advice(few)
+    said = scene_checks.scene_advice(few)
     assert [("only 63 samples" in each, "raise quality.bake_samples to 64" in each) for each in said] == (
         [(True, True)] if told else []
     )
@@ -213,16 +213,16 @@ def test_light_that_is_baked_with_few_samples_is_told(indirect, samples, model, 
 @pytest.mark.parametrize("name", render_scenes.DEMO)
 def test_the_scenes_of_the_demo_need_no_advice(name):
     changes = (dict(render_scenes.DEMO_ALIKE), dict(render_scenes.DEMO[name]))
-    assert not refused_scenes.scene_advice(complete(preset_files.load_preset(name), *changes))
+    assert not scene_checks.scene_advice(complete(preset_files.load_preset(name), *changes))
 
 
 @pytest.mark.parametrize("name", preset_files.preset_names())
 def test_every_shipped_preset_is_admitted(name):
     settings = complete(preset_files.load_preset(name))
-    assert not refused_scenes.find_reasons(settings)
+    assert not scene_checks.find_reasons(settings)
     # What any trench states of its walls and rocks asks for no change.
     stated = ("Walls up to ", "Rocks in the trench are not taken away")
-    assert [said for said in refused_scenes.scene_advice(settings) if not said.startswith(stated)] == []
+    assert [said for said in scene_checks.scene_advice(settings) if not said.startswith(stated)] == []
 
 
 PLAN = """[plan]
@@ -272,7 +272,7 @@ def test_a_plan_sets_aside_what_is_refused_and_keeps_the_others(tmp_path):
     assert 0 < len(refused) < 6
     for name, pair in pairs.items():  # the same as one that renders says of it, with the line
         assert refused.get(name, "").removeprefix(f"{file}, line 8: ") == " ".join(
-            refused_scenes.find_reasons(pair.settings)
+            scene_checks.find_reasons(pair.settings)
         )
     for options in ([], ["--dry-run"]):
         done = subprocess.run(
@@ -293,8 +293,8 @@ def test_a_plan_sets_aside_what_is_refused_and_keeps_the_others(tmp_path):
 def test_a_joint_beyond_its_limits_and_an_eye_in_the_arm_are_refused_only_with_a_lander():
     there = {"lander": {"kind": "PARAMETRIC"}}
     fault = {"arm": {"elbow_deg": 160.0, "elbow_offset_deg": 10.0}}
-    assert not list(refused_scenes.lander_reasons(complete(fault)))
-    (reason,) = refused_scenes.lander_reasons(complete(there, fault))
+    assert not list(scene_checks.lander_reasons(complete(fault)))
+    (reason,) = scene_checks.lander_reasons(complete(there, fault))
     assert is_sentence(reason)
     assert "the joint elbow at 170°" in reason
     assert "arm.elbow_offset_deg" in reason.names
@@ -302,9 +302,9 @@ def test_a_joint_beyond_its_limits_and_an_eye_in_the_arm_are_refused_only_with_a
         "arm": {"shoulder_deg": 90.0, "elbow_deg": 0.0, "wrist_deg": 0.0, "yaw_deg": 0.0, "shoulder_y_m": 0.1},
         "rig": {"height_m": 1.3, "baseline_m": 0.2},
     }
-    assert not list(refused_scenes.lander_reasons(complete(there, upright)))
+    assert not list(scene_checks.lander_reasons(complete(there, upright)))
     # The shoulder's axis is 0.1 m ahead of the yaw axis: it is now under the left eye.
     found = list(
-        refused_scenes.lander_reasons(complete(there, upright, {"arm": {**upright["arm"], "shoulder_x_m": -0.1}}))
+        scene_checks.lander_reasons(complete(there, upright, {"arm": {**upright["arm"], "shoulder_x_m": -0.1}}))
     )
     assert [text.split(" is ")[0] for text in found] == ["The left eye"]

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from icymoon.physics.camera.depth_accuracy import depth_error_m, ground_row, shared_width_px
 from icymoon.physics.camera.stereo_camera import StereoCamera
-from icymoon.physics.camera.stereo_geometry import depth_error_m, ground_row, shared_width_px
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.settings.description import defaults
 

@@ -23,7 +23,7 @@ from .arm.collisions import find_link_around
 from .arm.kinematics import Joint, beyond_limits
 from .arm.lander_arm import arm_of, is_own, joint_values
 from .arm.parametric import JOINTS
-from .camera.stereo_geometry import centre_advice, coarse_advice, ground_row
+from .camera.depth_accuracy import centre_advice, coarse_advice, ground_row
 from .excavation import reach
 from .excavation import site as excavation
 from .light.directions import camera_axes
