@@ -160,7 +160,7 @@ class ShowsPair(WatchingOperator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         result = super().execute(context)
         if result == {"FINISHED"} and session.shown is not None:
-            self.report({"INFO"}, show_controls("; ".join(session.shown.views.lines)))  # type: ignore[attr-defined]
+            self.report({"INFO"}, show_controls("; ".join(session.shown.views.lines)))
         return result
 
     def start(self, context: bpy.types.Context) -> Job | None:
