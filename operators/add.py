@@ -115,7 +115,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
         return self.add(context, lambda: build_terrain_object(self.read_settings(context)))
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout: Any = self.layout
+        layout: bpy.types.UILayout = self.layout
         layout.use_property_split = True
         layout.prop(self, "preset")
         ground = [name for name, (topic, _) in self.own_settings.items() if topic == "terrain"]

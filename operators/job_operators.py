@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from ..support.errors import IcyMoonError
@@ -21,7 +19,7 @@ class WatchingOperator(OperatorMixin):
     (``EXEC_DEFAULT``) the operator returns when the job has ended.
     """
 
-    _timer: Any = None
+    _timer: bpy.types.Timer | None = None
     _job: jobs.Job | None = None
 
     def start(self, context: bpy.types.Context) -> jobs.Job | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import bpy
 
@@ -13,13 +13,13 @@ from .operator_type import OperatorMixin
 class EditedList(NamedTuple):
     """A list of a property group: its name, the name of the selected index, and the effect of a change."""
 
-    group: Any
+    group: bpy.types.PropertyGroup
     name: str
     active: str
     effect: str
 
     @property
-    def entries(self) -> Any:
+    def entries(self) -> bpy.types.bpy_prop_collection:
         """The entries, a collection of Blender's."""
         return getattr(self.group, self.name)
 

@@ -215,7 +215,7 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
     automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
-    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return next(text for name, _, text in VIEWS if name == properties.view)
 
     def find_folder(self, context: bpy.types.Context) -> Path:

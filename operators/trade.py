@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import bpy
 
@@ -156,7 +155,7 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, bpy.types.Operator):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the dialog, with only the tolerances that are used."""
-        layout: Any = self.layout
+        layout: bpy.types.UILayout = self.layout
         layout.use_property_split = True
         layout.prop(self, "judged_by")
         for name in ("px", "bad_1"):
