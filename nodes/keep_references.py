@@ -37,7 +37,7 @@ def set_owned_blocks(collection: bpy.types.Collection, blocks: dict[str, Any]) -
         collection[f"{OWN}{name}"] = block
 
 
-def is_owned_elsewhere(collection: bpy.types.Collection, block: Any) -> bool:
+def is_owned_elsewhere(collection: bpy.types.Collection, block: bpy.types.ID) -> bool:
     """Whether another built collection owns a data-block too. After a full copy of a scene, both own the materials."""
     return any(
         block in owned_blocks(other).values()
@@ -46,7 +46,7 @@ def is_owned_elsewhere(collection: bpy.types.Collection, block: Any) -> bool:
     )
 
 
-def replace_block(old: Any, new: Any) -> None:
+def replace_block(old: bpy.types.ID, new: bpy.types.ID) -> None:
     """Replace a data-block for all its users. The new one takes its name."""
     name = old.name
     old.user_remap(new)
@@ -84,7 +84,7 @@ def _clear_object(item: bpy.types.Object) -> None:
             del item[key]
 
 
-def _copy_properties(old: Any, new: Any) -> None:
+def _copy_properties(old: bpy.types.ID, new: bpy.types.ID) -> None:
     """Copy the properties that a render can show from ``new`` to ``old``; properties of the window stay."""
     kind: Any = type(new)
     # The rotation mode comes first: Blender converts all rotations when it changes.

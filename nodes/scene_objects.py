@@ -63,7 +63,7 @@ class MadeObjects:
     excavation: dict[str, Any] = field(default_factory=dict)  # its report
 
 
-def tag(block: Any, role: str) -> Any:
+def tag(block: bpy.types.ID, role: str) -> bpy.types.ID:
     """Mark a data-block as ours, in a role."""
     block[TAG] = role
     return block

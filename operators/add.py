@@ -15,11 +15,12 @@ from ..settings.table import TOPICS, ground_settings
 from ..settings.topics.declaration import LANDFORMS
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
+from .operator_type import OperatorMixin
 from .presets import preset_items
 from .sidebar_text import in_window
 
 
-class _AddOperator:
+class _AddOperator(OperatorMixin):
     """Mix-in: makes an object from the settings of the scene and of the operator, at the 3D cursor."""
 
     #: (topic, key) of each setting that the operator replaces, by the name of its property.
@@ -29,7 +30,7 @@ class _AddOperator:
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
-            cls.poll_message_set("Only in Object Mode")  # type: ignore[attr-defined]
+            cls.poll_message_set("Only in Object Mode")
         return bool(context.mode == "OBJECT")
 
     def read_settings(self, context: bpy.types.Context) -> Settings:
@@ -40,7 +41,7 @@ class _AddOperator:
         try:
             item = make()
         except IcyMoonError as error:
-            self.report({"ERROR"}, in_window(error))  # type: ignore[attr-defined]
+            self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         context.collection.objects.link(item)
         item.location = context.scene.cursor.location
@@ -114,7 +115,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
         return self.add(context, lambda: build_terrain_object(self.read_settings(context)))
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout: Any = self.layout
+        layout: bpy.types.UILayout = self.layout
         layout.use_property_split = True
         layout.prop(self, "preset")
         ground = [name for name, (topic, _) in self.own_settings.items() if topic == "terrain"]

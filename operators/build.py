@@ -45,7 +45,7 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
 
     The local view hides the user's objects in this view. They are not changed.
     """
-    space: Any = context.space_data
+    space: bpy.types.Space = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
         return
     session.views_left.discard(space.as_pointer())

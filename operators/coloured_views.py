@@ -33,7 +33,7 @@ def show_colours(context: bpy.types.Context, items: Iterable[bpy.types.Object], 
     The colours of the ground itself are visible in Solid shading only. It has no light there, so that the colours match
     the legend.
     """
-    space: Any = context.space_data
+    space: bpy.types.Space = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
         return
     for item in items if space.local_view is not None else ():
@@ -41,7 +41,7 @@ def show_colours(context: bpy.types.Context, items: Iterable[bpy.types.Object], 
     _colour(context.scene, space, solid)
 
 
-def _colour(scene: bpy.types.Scene, space: Any, solid: bool) -> None:
+def _colour(scene: bpy.types.Scene, space: bpy.types.Space, solid: bool) -> None:
     shading = space.shading
     kept = session.shading_before.setdefault(space.as_pointer(), {})
     session.colours_left.pop(space.as_pointer(), None)

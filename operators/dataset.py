@@ -243,7 +243,7 @@ class DatasetOperator(JobOperator):
 
     def report_success(self, context: bpy.types.Context) -> None:
         dataset = self._process.facts["dataset"]
-        self.report({"INFO"}, show_controls(f"The data set in {dataset} is rendered"))  # type: ignore[attr-defined]
+        self.report({"INFO"}, show_controls(f"The data set in {dataset} is rendered"))
         if self._process.facts.get("evaluate"):
             self._keeper.report(self, context)
 

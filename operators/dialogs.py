@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import bpy
 
+from .operator_type import OperatorMixin
 
-class SearchDialog:
+
+class SearchDialog(OperatorMixin):
     """Mix-in: an operator whose ``bl_property`` is chosen in a search box if it is not given."""
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self.properties.is_property_set(self.bl_property):  # type: ignore[attr-defined]
-            return self.execute(context)  # type: ignore[attr-defined]
+        if self.properties.is_property_set(self.bl_property):
+            return self.execute(context)
         context.window_manager.invoke_search_popup(self)
         return {"INTERFACE"}  # as Blender's own searches; a running operator would never be freed
 

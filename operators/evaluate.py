@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import bpy
 
@@ -198,7 +197,7 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
     )
 
     @classmethod
-    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         """The tooltip, with the requirements of the matcher, if any."""
         needs = needs_of(properties.matcher)
         return f"{cls.__doc__}. It needs {needs}" if needs else str(cls.__doc__)

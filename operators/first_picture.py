@@ -91,7 +91,7 @@ def _read(path: Path) -> gpu.types.GPUTexture:
 
 def _frame(context: bpy.types.Context) -> tuple[float, float, float, float] | None:
     """Left, bottom, width and height of the camera's frame in a lit 3D View through the camera of the built scene."""
-    space: Any = context.space_data
+    space: bpy.types.Space = context.space_data
     view = context.region_data
     camera = space.camera if space.use_local_camera else context.scene.camera
     if (

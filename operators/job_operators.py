@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from ..support.errors import IcyMoonError
 from . import jobs
+from .operator_type import OperatorMixin
 from .session import session
 from .sidebar_text import in_window
 from .window import redraw_panels
 
 
-class WatchingOperator:
+class WatchingOperator(OperatorMixin):
     """Mix-in: an operator whose work is a job.
 
     ``start`` returns the job, and ``report_success`` is called after it has succeeded. From a script
     (``EXEC_DEFAULT``) the operator returns when the job has ended.
     """
 
-    _timer: Any = None
+    _timer: bpy.types.Timer | None = None
     _job: jobs.Job | None = None
 
     def start(self, context: bpy.types.Context) -> jobs.Job | None:
@@ -47,7 +46,7 @@ class WatchingOperator:
 
     def fail(self, error: Exception) -> set[str]:
         """Report an error to the user and cancel."""
-        self.report({"ERROR"}, in_window(error))  # type: ignore[attr-defined]
+        self.report({"ERROR"}, in_window(error))
         return {"CANCELLED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
@@ -115,7 +114,7 @@ class JobOperator(WatchingOperator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if session.job is not None:
-            cls.poll_message_set(f"{session.job.title} is running")  # type: ignore[attr-defined]
+            cls.poll_message_set(f"{session.job.title} is running")
             return False
         return True
 
@@ -150,9 +149,9 @@ class JobOperator(WatchingOperator):
             session.job = None
         redraw_panels()
         for warning in self._job.warnings:
-            self.report({"WARNING"}, in_window(warning))  # type: ignore[attr-defined]
+            self.report({"WARNING"}, in_window(warning))
         if self._job.process.cancelled and not self._job.process.left:
-            self.report({"WARNING"}, in_window(self._job.failure))  # type: ignore[attr-defined]
+            self.report({"WARNING"}, in_window(self._job.failure))
 
 
 class ICYMOON_OT_cancel(bpy.types.Operator):

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import bpy
 
 from ..settings.change_announcements import announce
+from .operator_type import OperatorMixin
 
 
 class EditedList(NamedTuple):
     """A list of a property group: its name, the name of the selected index, and the effect of a change."""
 
-    group: Any
+    group: bpy.types.PropertyGroup
     name: str
     active: str
     effect: str
 
     @property
-    def entries(self) -> Any:
+    def entries(self) -> bpy.types.bpy_prop_collection:
         """The entries, a collection of Blender's."""
         return getattr(self.group, self.name)
 
@@ -33,7 +34,7 @@ class EditedList(NamedTuple):
         announce(scene, self.effect)
 
 
-class _ListOperator:
+class _ListOperator(OperatorMixin):
     bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
     #: Why there is nothing to edit.
     empty: ClassVar[str]
@@ -46,7 +47,7 @@ class _ListOperator:
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not cls.find(context.scene).entries:
-            cls.poll_message_set(cls.empty)  # type: ignore[attr-defined]
+            cls.poll_message_set(cls.empty)
             return False
         return True
 

@@ -8,7 +8,6 @@ import posixpath
 import re
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import bpy
 
@@ -157,7 +156,7 @@ class ICYMOON_OT_open_manual(bpy.types.Operator):
     )
 
     @classmethod
-    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return "Open the page of the manual on this panel" if properties.page != FIRST_PAGE else str(cls.__doc__)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -90,7 +90,7 @@ def find_asset_libraries() -> list[Any]:
     ]
 
 
-def _preferences() -> Any:
+def _preferences() -> bpy.types.AddonPreferences:
     add_on = bpy.context.preferences.addons.get(ADD_ON)
     return add_on.preferences if add_on else None
 
@@ -209,7 +209,7 @@ def _matcher_texts(item: Any) -> list[str]:
     return [f"{item.name}:{item.method}:{option}" for option in options] or [f"{item.name}:{item.method}"]
 
 
-def _choose_cache(preferences: Any, context: bpy.types.Context) -> None:
+def _choose_cache(preferences: bpy.types.AddonPreferences, context: bpy.types.Context) -> None:
     cache.choose_folder(bpy.path.abspath(preferences.cache) if preferences and preferences.cache else "")
 
 
@@ -327,7 +327,7 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         _draw_matchers(layout, self.matchers)
 
 
-def _draw_matchers(layout: Any, matchers: Any) -> None:
+def _draw_matchers(layout: bpy.types.UILayout, matchers: Any) -> None:
     row = layout.row()
     row.label(text="Own Matchers")
     row.operator("icymoon.add_matcher", icon="ADD")

@@ -179,7 +179,7 @@ def known_sources(settings: Settings, preset: str) -> dict[str, str]:
     return found | {name: str(source) for name, source in sources.items() if name in unchanged}
 
 
-def _fresh_settings(group: Any) -> Settings:
+def _fresh_settings(group: bpy.types.PropertyGroup) -> Settings:
     """The settings to which a preset of a whole scene is applied: defaults, and the quality that the user has chosen.
 
     Values of quality that the previously loaded preset set become defaults. Settings of the data set are left out.
@@ -211,7 +211,7 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
     build: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
-    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         """Blender adds the title and the description of the preset where one is given."""
         given = properties.is_property_set("preset")
         return "Load this preset into the settings of the scene" if given else str(cls.__doc__)

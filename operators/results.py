@@ -25,6 +25,7 @@ from ..support.files import explain_disk_errors
 from ..support.foreign_bytes import parse_json
 from ..support.number_text import count_of
 from . import image_editor, own_reports
+from .operator_type import OperatorMixin
 from .render import dataset_folder
 from .sidebar_text import in_window, place_of
 from .window import push_undo
@@ -409,14 +410,14 @@ def show_images(
     return True
 
 
-class ResultOperator:
+class ResultOperator(OperatorMixin):
     """Mix-in: an operator that needs an evaluation of the scene."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         found = kept_results(context.scene) is not None
         if not found:
-            cls.poll_message_set("This scene has not been evaluated yet")  # type: ignore[attr-defined]
+            cls.poll_message_set("This scene has not been evaluated yet")
         return found
 
 

@@ -160,7 +160,7 @@ class ShowsPair(WatchingOperator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         result = super().execute(context)
         if result == {"FINISHED"} and session.shown is not None:
-            self.report({"INFO"}, show_controls("; ".join(session.shown.views.lines)))  # type: ignore[attr-defined]
+            self.report({"INFO"}, show_controls("; ".join(session.shown.views.lines)))
         return result
 
     def start(self, context: bpy.types.Context) -> Job | None:
@@ -215,7 +215,7 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
     automatic: bpy.props.BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
-    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return next(text for name, _, text in VIEWS if name == properties.view)
 
     def find_folder(self, context: bpy.types.Context) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import bpy
 
@@ -66,8 +65,8 @@ def _begin(context: bpy.types.Context, verb: str, title: str, *arguments: str) -
     return jobs.Job.start(title, command, clean_up=partial(remove_folder, folder), device=settings.quality.device)
 
 
-class _MeasureDialog:
-    """Mix-in: a dialog with the scale of the images and the samples of the reference."""
+class _MeasureDialog(JobOperator):
+    """Mix-in: a job with a dialog for the scale of the images and the samples of the reference."""
 
     scale: bpy.props.FloatProperty(
         name="Image Scale",
@@ -87,7 +86,7 @@ class _MeasureDialog:
     def _common(self) -> list[str]:
         return ["--scale", f"{self.scale:g}", "--reference-samples", str(self.reference_samples)]
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
         if bpy.app.background:
             return self.execute(context)
         return context.window_manager.invoke_props_dialog(self)
@@ -95,11 +94,11 @@ class _MeasureDialog:
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Called after the dialog: starts the job."""
         if bpy.app.background:
-            return JobOperator.execute(self, context)  # type: ignore[arg-type]
-        return JobOperator.invoke(self, context, None)  # type: ignore[arg-type]
+            return super().execute(context)
+        return super().invoke(context, None)
 
 
-class ICYMOON_OT_trade(_MeasureDialog, JobOperator, bpy.types.Operator):
+class ICYMOON_OT_trade(_MeasureDialog, bpy.types.Operator):
     """Render the scene at cheaper qualities, measure the errors of light, depth and stereo, and write a report. Takes minutes to hours"""  # noqa: E501
 
     bl_idname = "icymoon.trade"
@@ -121,7 +120,7 @@ class ICYMOON_OT_trade(_MeasureDialog, JobOperator, bpy.types.Operator):
     _scene: str
 
 
-class ICYMOON_OT_auto_quality(_MeasureDialog, JobOperator, bpy.types.Operator):
+class ICYMOON_OT_auto_quality(_MeasureDialog, bpy.types.Operator):
     """Find and set the cheapest quality whose stereo error is within the tolerance in this scene"""
 
     bl_idname = "icymoon.auto_quality"
@@ -156,7 +155,7 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, JobOperator, bpy.types.Operator):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the dialog, with only the tolerances that are used."""
-        layout: Any = self.layout
+        layout: bpy.types.UILayout = self.layout
         layout.use_property_split = True
         layout.prop(self, "judged_by")
         for name in ("px", "bad_1"):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
@@ -90,7 +89,7 @@ def _key_of(scene: bpy.types.Scene, settings: Settings) -> str:
     return json.dumps([shown, wanted.seed, wanted.headings, repr(scene_properties.read_variations(scene.icymoon))])
 
 
-def draw_icons(layout: Any, scene: bpy.types.Scene) -> bool:
+def draw_icons(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> bool:
     """Draw the pictures of the first and the last pair; whether there are any."""
     found = icons(scene)
     if not found:

@@ -58,7 +58,7 @@ def setting_of_button(context: bpy.types.Context) -> str:
     return f"{topic}.{prop.identifier}"
 
 
-def _choice_items(operator: Any, _context: Any) -> list[tuple[str, str, str]]:
+def _choice_items(operator: bpy.types.Operator, _context: bpy.types.Context) -> list[tuple[str, str, str]]:
     """The values of the choice that the dialog is about."""
     return list(_of_name(operator.setting).choices) if operator.setting else []
 
@@ -89,7 +89,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
     )
 
     @classmethod
-    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         """The tooltip, with the description of the setting if one is given."""
         if not properties.is_property_set("setting"):
             return str(cls.__doc__)
@@ -134,7 +134,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
         if _of_name(self.setting).choices:
             self.layout.column().prop(self, "values")
 
-    def _complete(self, root: Any) -> None:
+    def _complete(self, root: bpy.types.PropertyGroup) -> None:
         """Fill in the fields that the caller did not give: from the list, or else with values about the present one."""
         there = next(
             (each for each in scene_properties.read_variations(root).varied if each.name == self.setting), None
@@ -155,7 +155,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
                 setattr(self, name, each)
 
 
-def draw_values(layout: Any, fields: Any, name: str) -> None:
+def draw_values(layout: bpy.types.UILayout, fields: Any, name: str) -> None:
     """Draw the ends, the number and the spacing of a number that varies; a sentence for a tick."""
     setting, unit = _of_name(name), unit_of(name)
     if setting.kind == "bool":

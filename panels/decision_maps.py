@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from ..nodes import painted_decisions
@@ -12,7 +10,7 @@ from ..stereo.matchers.methods import describe_method
 from .fields import draw_sentence
 
 
-def draw_decisions(layout: Any, scene: bpy.types.Scene) -> None:
+def draw_decisions(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Draw a button for each map of each matcher that has decisions; nothing without decisions.
 
     The meanings of the colours follow below the buttons of the matcher that is shown: near the eye, and without moving
@@ -34,7 +32,7 @@ def draw_decisions(layout: Any, scene: bpy.types.Scene) -> None:
         _draw_legend(layout.column(align=True), meanings)
 
 
-def _draw_legend(column: Any, meanings: tuple[tuple[str, str], ...]) -> None:
+def _draw_legend(column: bpy.types.UILayout, meanings: tuple[tuple[str, str], ...]) -> None:
     for meaning, icon in meanings:
         draw_sentence(column, meaning, icon)
     column.operator("icymoon.hide_decisions", icon="X")

@@ -18,7 +18,7 @@ from .fields import draw_lines, draw_sentence
 _NAMES = 0.62
 
 
-def draw_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
+def draw_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
     """Draw the matchers, fewest wrong pixels first. A star marks the best where the scenes allow it."""
     for row in rows:
         box = layout.box().column(align=True)
@@ -33,7 +33,7 @@ def draw_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str,
         _draw_buttons(box, scene, row["method"])
 
 
-def explain_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
+def explain_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
     """Draw the meanings of the names in the table, and heavy failures in few pairs."""
     draw_sentence(layout, "Wrong: off by over 1 px, or missing. The grey metrics are of covered pixels.")
     draw_sentence(
@@ -55,7 +55,7 @@ def explain_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[s
         draw_lines(layout, (sentence,), "ERROR")
 
 
-def _draw_name(box: Any, row: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> None:
+def _draw_name(box: bpy.types.UILayout, row: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> None:
     line = box.row()
     line.label(text=describe_method(row["method"]))
     if not row["n"]:
@@ -77,7 +77,7 @@ def _other_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _draw_metric(column: Any, name: str, value: str) -> None:
+def _draw_metric(column: bpy.types.UILayout, name: str, value: str) -> None:
     """Draw a name, and its value at the right of the line: below each other, values of one unit are aligned."""
     line = column.split(factor=_NAMES)
     line.label(text=name)
@@ -86,7 +86,7 @@ def _draw_metric(column: Any, name: str, value: str) -> None:
     right.label(text=value)
 
 
-def _draw_buttons(box: Any, scene: bpy.types.Scene, method: str) -> None:
+def _draw_buttons(box: bpy.types.UILayout, scene: bpy.types.Scene, method: str) -> None:
     """Draw a button for each way to see the errors of a matcher, grey where the evaluation kept nothing for it."""
     buttons = box.column(align=True)  # beside each other, words with a verb would be cut
     for operator, text, kept in (

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, ClassVar, NamedTuple
 
+import bpy
+
 from ..operators.session import session
 from ..operators.sidebar_text import in_lines, line_length, plain
 from ..settings.blender import scene_properties
@@ -35,7 +37,7 @@ class _Found:
     fields: ClassVar[dict[tuple[str, tuple[str, ...]], tuple[_Field, ...]]] = {}
 
 
-def find_fields(root: Any, topic: str, keys: tuple[str, ...]) -> tuple[_Field, ...]:
+def find_fields(root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]) -> tuple[_Field, ...]:
     """The settings of a topic that the present choices use; ``root`` is ``Scene.icymoon``.
 
     Found once for the same settings, since the window asks at every redraw.
@@ -57,7 +59,7 @@ def _describe(topic: str, key: str, settings: Settings) -> _Field:
     return _Field(setting, TOPICS[topic].has_effect(key, settings), next(meanings, "").partition(". ")[0])
 
 
-def draw_settings(layout: Any, root: Any, topic: str, keys: tuple[str, ...]) -> None:
+def draw_settings(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, topic: str, keys: tuple[str, ...]) -> None:
     """Draw the settings of a topic that the present choices use; ``root`` is ``Scene.icymoon``."""
     group = getattr(root, topic)
     for setting, acts, meaning in find_fields(root, topic, keys):
@@ -71,7 +73,7 @@ def draw_settings(layout: Any, root: Any, topic: str, keys: tuple[str, ...]) -> 
             draw_sentence(layout, meaning)
 
 
-def draw_start(layout: Any, operator: str, text: str, icon: str = "NONE", **properties: Any) -> None:
+def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str = "NONE", **properties: Any) -> None:
     """Draw the button of an operator that starts a job, with its properties; while a job runs, a grey button.
 
     Blender keeps the button under the mouse as it was when the mouse came to it, so the same button would stay grey
@@ -88,7 +90,7 @@ def draw_start(layout: Any, operator: str, text: str, icon: str = "NONE", **prop
         setattr(button, name, value)
 
 
-def draw_lines(layout: Any, lines: Iterable[str], icon: str = "NONE", hang: str = "") -> None:
+def draw_lines(layout: bpy.types.UILayout, lines: Iterable[str], icon: str = "NONE", hang: str = "") -> None:
     """Draw lines of text, with an icon before the first. Text too long for the sidebar goes on in the next line, which
     begins with ``hang``."""
     column, has_icon = layout.column(align=True), icon != "NONE"
@@ -96,12 +98,12 @@ def draw_lines(layout: Any, lines: Iterable[str], icon: str = "NONE", hang: str 
         column.label(text=line, icon="BLANK1" if k and has_icon else icon)
 
 
-def draw_sentence(layout: Any, sentence: str, icon: str = "NONE", hang: str = "") -> None:
+def draw_sentence(layout: bpy.types.UILayout, sentence: str, icon: str = "NONE", hang: str = "") -> None:
     """Draw a sentence, with labels instead of keys."""
     draw_lines(layout, (plain(sentence),), icon, hang)
 
 
-def _draw_field(layout: Any, group: Any, setting: Setting) -> None:
+def _draw_field(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:
     """Draw a setting's field, with a split where Blender would leave too little room for the label."""
     if setting.kind in ("choice", "text"):
         split = layout.split(factor=0.45 if setting.choices else 0.38)
@@ -120,7 +122,16 @@ def at_zero(setting: Setting) -> str:
     return f"{setting.label} (0: {setting.zero})"
 
 
-def draw_list(layout: Any, kind: str, group: Any, name: str, active: str, *, add: str, verb: str) -> None:
+def draw_list(
+    layout: bpy.types.UILayout,
+    kind: str,
+    group: bpy.types.PropertyGroup,
+    name: str,
+    active: str,
+    *,
+    add: str,
+    verb: str,
+) -> None:
     """Draw a list of a group by a UIList, with buttons that ``add``, and that remove and move by operators that begin
     with ``verb``."""
     row = layout.row()
@@ -133,7 +144,7 @@ def draw_list(layout: Any, kind: str, group: Any, name: str, active: str, *, add
         buttons.operator(f"{verb}_move", text="", icon=f"TRIA_{direction}").direction = direction
 
 
-def _draw_list(layout: Any, group: Any, setting: Setting) -> None:
+def _draw_list(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup, setting: Setting) -> None:
     """Draw a list of tables with its buttons, and the settings of the selected table."""
     name, active = setting.key, f"{setting.key}_active"
     draw_list(layout, "ICYMOON_UL_layers", group, name, active, add="icymoon.layer_add", verb="icymoon.layer")

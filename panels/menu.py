@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from ..operators.preferences import can_install_evaluator
@@ -31,7 +29,7 @@ class _KindMenu:
     """Mix-in: the presets of one kind."""
 
     kind: str
-    layout: Any
+    layout: bpy.types.UILayout
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -190,18 +188,18 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.open_manual", icon="HELP")
 
 
-def _draw_menu(self: Any, context: bpy.types.Context) -> None:
+def _draw_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     self.layout.separator()
     self.layout.menu(ICYMOON_MT_icymoon.bl_idname, icon="WORLD")
 
 
-def _draw_meshes(self: Any, context: bpy.types.Context) -> None:
+def _draw_meshes(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     self.layout.separator()
     self.layout.operator("icymoon.add_terrain", icon="RNDCURVE")
     self.layout.operator("icymoon.add_block", icon="MESH_ICOSPHERE")
 
 
-def _draw_status(self: Any, context: bpy.types.Context) -> None:
+def _draw_status(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     """Draw the running job in the status bar, which is visible without the sidebar too."""
     job = session.job
     if job is None:

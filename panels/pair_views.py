@@ -13,7 +13,7 @@ from .fields import draw_lines
 _COLUMNS = 3
 
 
-def draw_pair(layout: Any, scene: bpy.types.Scene) -> None:
+def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Draw the buttons for the views of the last rendered pair, and lines about the pair that is shown."""
     pairs = show_pair.kept_pairs(scene)
     if not pairs:
@@ -28,13 +28,13 @@ def draw_pair(layout: Any, scene: bpy.types.Scene) -> None:
     draw_lines(layout, show_pair.lines(scene), "IMAGE_DATA")
 
 
-def _draw_views(row: Any, views: Any, now: ShownPair | None, number: int) -> None:
+def _draw_views(row: bpy.types.UILayout, views: Any, now: ShownPair | None, number: int) -> None:
     for name, label, _ in views:
         button = row.operator("icymoon.show_pair", text=label, depress=now is not None and now.view == name)
         button.view, button.number = name, number
 
 
-def _draw_choice(row: Any, view: str, number: int, count: int) -> None:
+def _draw_choice(row: bpy.types.UILayout, view: str, number: int, count: int) -> None:
     """Draw buttons for the previous and the next pair."""
     before = row.operator("icymoon.show_pair", text="", icon="TRIA_LEFT")
     before.view, before.number = view, (number - 2) % count + 1

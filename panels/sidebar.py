@@ -47,7 +47,7 @@ class Sidebar:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Icy Moon"
-    layout: Any
+    layout: bpy.types.UILayout
     bl_label: str
     page = manual.WINDOW_PAGE
 
@@ -57,7 +57,7 @@ class Sidebar:
         self.layout.operator("icymoon.open_manual", text="", icon="HELP", emboss=False).page = self.page
 
 
-def draw_job(layout: Any) -> None:
+def draw_job(layout: bpy.types.UILayout) -> None:
     """Draw the progress of the running job, with a button that cancels it; nothing if none runs."""
     job = session.job
     if job is None:
@@ -248,7 +248,7 @@ class ICYMOON_UL_layers(bpy.types.UIList):
     def draw_item(
         self,
         context: bpy.types.Context,
-        layout: Any,
+        layout: bpy.types.UILayout,
         data: Any,
         item: Any,
         icon: int,

@@ -25,11 +25,11 @@ _albedo_advice, _albedos = remember(principled.albedo_advice), remember(albedos.
 Extra = Callable[[Any, bpy.types.Context], None]
 
 
-def _draw_import(layout: Any, context: bpy.types.Context) -> None:
+def _draw_import(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator("icymoon.import_ground", text="Import Ground…", icon="IMPORT")
 
 
-def _draw_seed(layout: Any, context: bpy.types.Context) -> None:
+def _draw_seed(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     root = context.scene.icymoon
     layout.prop(root.dataset, "seed")
     if root.source.kind != "PROCEDURAL" and not root.source.detail:
@@ -41,7 +41,7 @@ def _draw_seed(layout: Any, context: bpy.types.Context) -> None:
         )
 
 
-def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
+def _draw_roughness(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the measured roughness of the ground. Values of an earlier ground stay, grey: fields must not move while the
     user drags a number."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
@@ -56,7 +56,7 @@ def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
     column.operator("icymoon.show_roughness", text=lines[2] if fits else "Measured Roughness")
 
 
-def _draw_moons(layout: Any, context: bpy.types.Context) -> None:
+def _draw_moons(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw a button for each moon whose sky is shipped; the button of the scene's moon is pressed."""
     body = context.scene.icymoon.light.body
     split = layout.split(factor=0.25)
@@ -72,19 +72,19 @@ def _moons() -> list[tuple[str, str, object]]:
     return [(name, preset_header(name)[0], load(preset_path(name)).light.body) for name in preset_names("bodies")]
 
 
-def _draw_sky_fault(layout: Any, context: bpy.types.Context) -> None:
+def _draw_sky_fault(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Why the sky cannot be computed, below the fields that determine it."""
     if fault := sidebar_text.sky_fault(scene_properties.read_for_display(context.scene.icymoon).light):
         draw_sentence(layout, fault, "ERROR")
 
 
-def _draw_expose(layout: Any, context: bpy.types.Context) -> None:
+def _draw_expose(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     draw_start(layout, "icymoon.expose", "Show Camera Image", "IMAGE_DATA")
     layout.prop(context.scene.icymoon, "follow")
     draw_lines(layout, live_exposure.lines(), "INFO")
 
 
-def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
+def _draw_qualities(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """A button for each quality with its seconds and its error; the one that the scene has is pressed."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
     column = layout.column(align=True)
@@ -118,12 +118,12 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
     draw_start(layout, "icymoon.auto_quality", "Find Cheapest Quality…", "VIEWZOOM")
 
 
-def _draw_camera_notes(layout: Any, context: bpy.types.Context) -> None:
+def _draw_camera_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     draw_lines(layout, sidebar_text.camera_notes(scene_properties.read_for_display(context.scene.icymoon)), "INFO")
 
 
 def _make_surface_extra(topic: str) -> Extra:
-    def draw(layout: Any, context: bpy.types.Context) -> None:
+    def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         group = getattr(context.scene.icymoon, topic)
         surface = SurfaceSettings.from_values({s.key: getattr(group, s.key) for s in TOPICS[topic].settings})
         advice = _albedo_advice(surface)
@@ -138,13 +138,13 @@ def _make_surface_extra(topic: str) -> Extra:
     return draw
 
 
-def _draw_hapke(layout: Any, context: bpy.types.Context) -> None:
+def _draw_hapke(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     values = scene_properties.read_for_display(context.scene.icymoon)
     _draw_albedos(layout, values.surface | {"model": "HAPKE"}, values.hapke)
 
 
 def _make_stand_in_note(kind: type) -> Extra:
-    def draw(layout: Any, context: bpy.types.Context) -> None:
+    def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         for item in items_of(scene_properties.read_for_display(context.scene.icymoon)):
             if isinstance(item, kind):
                 draw_sentence(layout, describe(item), "INFO")
@@ -152,7 +152,7 @@ def _make_stand_in_note(kind: type) -> Extra:
     return draw
 
 
-def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -> None:
+def _draw_albedos(layout: bpy.types.UILayout, surface: SurfaceSettings, hapke: HapkeSettings) -> None:
     """Draw the albedos that follow from the settings of a surface."""
     found = _albedos(surface, hapke)
     if found is not None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from ..operators import manual, trade
@@ -21,7 +19,7 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout: Any = self.layout
+        layout: bpy.types.UILayout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
         draw_start(layout, "icymoon.measure_machine", "Measure This Machine")
         draw_start(layout, "icymoon.trade", "Compare Qualities…")

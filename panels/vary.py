@@ -34,7 +34,7 @@ class ICYMOON_UL_variations(bpy.types.UIList):
     def draw_item(
         self,
         context: bpy.types.Context,
-        layout: Any,
+        layout: bpy.types.UILayout,
         data: Any,
         item: Any,
         icon: int,
@@ -76,7 +76,7 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
         _draw_curves(layout, context.scene)
 
 
-def _draw_render(layout: Any, context: bpy.types.Context) -> None:
+def _draw_render(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the pairs, time and size of the variations, and the buttons that render and save them."""
     root = context.scene.icymoon
     total, *cost = render_variations.lines(context.scene)
@@ -98,7 +98,7 @@ def _draw_render(layout: Any, context: bpy.types.Context) -> None:
         draw_sentence(layout, f"Set aside: {line}")
 
 
-def _draw_pictures(layout: Any, scene: bpy.types.Scene) -> None:
+def _draw_pictures(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Draw buttons that show the first and the last pair, if several were rendered."""
     count = len(show_pair.kept_pairs(scene))
     if count > 1:
@@ -107,7 +107,7 @@ def _draw_pictures(layout: Any, scene: bpy.types.Scene) -> None:
             row.operator("icymoon.show_pair", text=text, icon="IMAGE_DATA").number = number
 
 
-def _draw_varied(layout: Any, root: Any, item: Any) -> None:
+def _draw_varied(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, item: Any) -> None:
     """Draw the values of the selected setting, and a warning if it has no effect."""
     if item.setting not in _VARY:
         draw_sentence(layout, "This setting cannot vary; remove it.", "ERROR")
@@ -125,7 +125,7 @@ def _draw_varied(layout: Any, root: Any, item: Any) -> None:
         draw_sentence(layout, "It has no effect with the present settings.", "ERROR")
 
 
-def _draw_curves(layout: Any, scene: bpy.types.Scene) -> None:
+def _draw_curves(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Draw a button for each picture of the error against a setting."""
     found = list(variation_curves.sorted_curves(scene))
     if not found:

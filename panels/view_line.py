@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+import bpy
 
 #: Comparison with a pair, by the result of ``view_exposure.how_exposed``.
 _TRACED = {
@@ -13,7 +13,7 @@ _TRACED = {
 
 
 def view_line(
-    space: Any,
+    space: bpy.types.Space,
     engine: str,
     exposed: str = "other",
     coarse: bool = False,

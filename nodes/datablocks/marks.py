@@ -56,7 +56,7 @@ class Walk:
         self._lowest = 0
         self._structs: list[tuple[int, type]] = []
 
-    def mark(self, block: Any) -> str:
+    def mark(self, block: bpy.types.ID) -> str:
         """The mark of a data-block and of all data-blocks that it refers to.
 
         A reference back to a data-block that is still being read counts as its distance, which ends circles.
@@ -78,7 +78,7 @@ class Walk:
         self._lowest = min(outside, self._lowest)
         return found
 
-    def content(self, block: Any, omit: tuple[str, ...] = ()) -> list[Any]:
+    def content(self, block: bpy.types.ID, omit: tuple[str, ...] = ()) -> list[Any]:
         """The content of a data-block, without the properties to ``omit``."""
         if getattr(block, "is_missing", False):
             self._refuse(block, "is missing in the library it is linked from; restore the library, or remove it.")
@@ -88,14 +88,14 @@ class Walk:
             omit = (*omit, "texspace_location", "texspace_size")
         return [*self._struct(block, omit), *self._custom(block), *self._beside(_BLOCKS, block)]
 
-    def _beside(self, readers: tuple[tuple[Any, Any], ...], struct: Any) -> list[Any]:
+    def _beside(self, readers: tuple[tuple[Any, Any], ...], struct: bpy.types.bpy_struct) -> list[Any]:
         read = next((read for kind, read in readers if isinstance(struct, kind)), None)
         return read(self, struct) if read else []
 
-    def _refuse(self, struct: Any, why: str) -> None:
+    def _refuse(self, struct: bpy.types.bpy_struct, why: str) -> None:
         self.refused.append(f"{_named(struct)} {why}")
 
-    def _struct(self, struct: Any, omit: tuple[str, ...] = ()) -> list[Any]:
+    def _struct(self, struct: bpy.types.bpy_struct, omit: tuple[str, ...] = ()) -> list[Any]:
         kind: Any = type(struct)
         key = (struct.as_pointer(), kind)
         if key in self._structs:
@@ -108,7 +108,7 @@ class Walk:
         self._structs.pop()
         return found
 
-    def _property(self, struct: Any, name: str, how: str) -> Any:
+    def _property(self, struct: bpy.types.bpy_struct, name: str, how: str) -> Any:
         value = getattr(struct, name)
         if how == "value":
             return _plain(value)
@@ -128,7 +128,7 @@ class Walk:
             return [*self._struct(value), *self._beside(_STRUCTS, value)]
         return _plain(value)
 
-    def _custom(self, block: Any) -> list[Any]:
+    def _custom(self, block: bpy.types.ID) -> list[Any]:
         """Custom properties, which attribute and geometry nodes read, without groups, which other add-ons make."""
         values = [(key, block[key]) for key in sorted(set(compat.custom_properties(block)) - {"icymoon", "_RNA_UI"})]
         return [
@@ -144,7 +144,7 @@ class Walk:
         items = sorted([*value.children, *value.objects], key=lambda item: item.name)
         return [self.mark(value), [self.ordered(item) for item in items]]
 
-    def _file(self, struct: Any, path: str) -> Any:
+    def _file(self, struct: bpy.types.bpy_struct, path: str) -> Any:
         """The mark of a file's content, which does not depend on its path."""
         packed = getattr(struct, "packed_file", None)
         if packed or not path or path == "<builtin>" or getattr(struct, "mode", "") == "INTERNAL":
@@ -162,11 +162,11 @@ class Walk:
             self.refused.append(f"{file}: this file of {_named(owner)} does not exist; restore it or choose another.")
         return "missing"
 
-    def packed(self, packed: Any) -> str:
+    def packed(self, packed: bpy.types.PackedFile | None) -> str:
         """The mark of a file that is packed into the .blend."""
         return hashlib.sha256(packed.data).hexdigest() if packed else ""
 
-    def random(self, tree: Any) -> bool:
+    def random(self, tree: bpy.types.NodeTree) -> bool:
         """Whether a node tree uses the random number of an object, which Cycles computes from the object's name."""
         return tree is not None and any(
             node.outputs["Random"].is_linked
@@ -177,7 +177,7 @@ class Walk:
 
     # Content of data-blocks and structures that is not in their properties, by kind.
 
-    def of_object(self, item: Any) -> list[Any]:
+    def of_object(self, item: bpy.types.Object) -> list[Any]:
         """Name, shape key and weights of an object where they have an effect; refuses what cannot be marked."""
         for modifier in item.modifiers:
             if modifier.type in _SIMULATED and modifier.show_render:
@@ -209,7 +209,7 @@ class Walk:
         )
         return [item.name if counts else "", key, weights]
 
-    def of_mesh(self, mesh: Any) -> list[Any]:
+    def of_mesh(self, mesh: bpy.types.Mesh) -> list[Any]:
         """All arrays of a mesh. In Edit Mode they are read from a copy, since the mesh itself has none."""
         if not mesh.is_editmode:
             return mesh_arrays(mesh)
@@ -222,7 +222,7 @@ class Walk:
         finally:
             bpy.data.meshes.remove(copy)
 
-    def of_image(self, image: Any) -> list[Any]:
+    def of_image(self, image: bpy.types.Image) -> list[Any]:
         """The content of an image's files, one for each tile."""
         if image.source in ("MOVIE", "SEQUENCE", "VIEWER"):
             self._refuse(
@@ -241,7 +241,7 @@ class Walk:
             else [self._file(image, image.filepath or f"//{image.name}")]
         )
 
-    def of_tree(self, tree: Any) -> list[Any]:
+    def of_tree(self, tree: bpy.types.NodeTree) -> list[Any]:
         """Nodes by name, since the builders find their own by name, with the values of their sockets; and links."""
         nodes = []
         for node in sorted(tree.nodes, key=lambda n: n.name):
@@ -268,7 +268,7 @@ class Walk:
         ]
         return [nodes, sorted(links)]
 
-    def _sockets(self, node: Any, aimed: bool) -> list[Any]:
+    def _sockets(self, node: bpy.types.Node, aimed: bool) -> list[Any]:
         return [
             (socket.identifier, socket.bl_idname, self.ordered(getattr(socket, "default_value", None)))
             for side in (node.inputs, node.outputs)
@@ -276,7 +276,7 @@ class Walk:
             if not (aimed and not socket.is_output and is_aimed(node, socket.identifier))
         ]
 
-    def of_collection(self, collection: Any) -> list[Any]:
+    def of_collection(self, collection: bpy.types.Collection) -> list[Any]:
         """The objects and children of a collection, independent of their order."""
         items = [
             (self.mark(item), each.light_linking.link_state)
@@ -288,7 +288,7 @@ class Walk:
         ]
         return [sorted(items), sorted(children)]
 
-    def of_driver(self, driver: Any) -> list[Any]:
+    def of_driver(self, driver: bpy.types.Driver) -> list[Any]:
         """Refuses drivers that a render does not evaluate as the window does."""
         self.changes_with_time = True
         if driver.type == "SCRIPTED" and not driver.is_simple_expression:
@@ -304,14 +304,14 @@ class Walk:
             )
         return []
 
-    def of_target(self, target: Any) -> list[Any]:
+    def of_target(self, target: bpy.types.DriverTarget) -> list[Any]:
         """The value that a driver reads."""
         try:
             return [_plain(target.id.path_resolve(target.data_path)) if target.id and target.data_path else None]
         except (ValueError, TypeError):
             return ["?"]
 
-    def of_nodes(self, modifier: Any) -> list[Any]:
+    def of_nodes(self, modifier: bpy.types.NodesModifier) -> list[Any]:
         """Inputs of a modifier of nodes. Inputs at the defaults of the group may be missing in the modifier.
 
         From 5.2 on they are ordinary properties.
@@ -329,13 +329,13 @@ class Walk:
             if item.item_type == "SOCKET"
         ]
 
-    def of_shape(self, key: Any) -> list[Any]:
+    def of_shape(self, key: bpy.types.Key) -> list[Any]:
         """Positions of the points of a shape key."""
         if len(key.data) and type(key.data[0]).bl_rna.identifier == "ShapeKeyPoint":
             return [mark(read_property(key.data, "co", width=3))]
         return [self.value(item) for item in key.data]
 
-    def of_animation(self, animation: Any) -> list[Any]:
+    def of_animation(self, animation: bpy.types.AnimData) -> list[Any]:
         """Notes whether the content changes with the frame."""
         self.changes_with_time |= bool(animation.action or animation.nla_tracks)
         return []
@@ -366,13 +366,13 @@ def hashed(content: Any) -> str:
     return hashlib.sha256(repr(content).encode()).hexdigest()
 
 
-def is_aimed(node: Any, socket: str) -> bool:
+def is_aimed(node: bpy.types.Node, socket: str) -> bool:
     """Whether an input of a node describes the Sun or the planet, and so is set for every render."""
     prefixes = _AIMED.get((node.name, node.bl_idname))
     return prefixes is not None and socket.startswith(prefixes)
 
 
-def _named(block: Any) -> str:
+def _named(block: bpy.types.ID) -> str:
     return f"{type(block).bl_rna.identifier} {block.name!r}"
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import bpy
+
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import Shape, check_record
 from ...support.foreign_bytes import MOST_TEXT, parse_json
@@ -11,7 +13,7 @@ from ...support.foreign_bytes import MOST_TEXT, parse_json
 _FIX = "press Build Scene to build it again"
 
 
-def read_stored(owner: Any, key: str, shape: Shape, absent: str = "{}") -> Any:
+def read_stored(owner: bpy.types.ID, key: str, shape: Shape, absent: str = "{}") -> Any:
     """The content of the property ``key`` of a data-block; ``absent`` replaces a missing text.
 
     Raises IcyMoonError if the content does not have the ``shape``.

@@ -7,7 +7,6 @@ adds count without a change here. A test requires a reason for every property th
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import bpy
 
@@ -201,7 +200,7 @@ _OF_EVERY_BLOCK = {"rna_type", "original", "library", "override_library", "previ
 _PLAIN = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 
-def _kinds(struct: Any) -> list[str]:
+def _kinds(struct: bpy.types.bpy_struct) -> list[str]:
     """The RNA names of a structure and of its base structures."""
     return [base.bl_rna.identifier for base in struct.__mro__ if hasattr(base, "bl_rna")]
 
@@ -216,7 +215,7 @@ def _reasons() -> dict[tuple[str, str], str]:
     }
 
 
-def why_left_out(struct: Any, name: str) -> str | None:
+def why_left_out(struct: bpy.types.bpy_struct, name: str) -> str | None:
     """Why a property does not count, or None if it does."""
     found = next((_reasons()[kind, name] for kind in _kinds(struct) if (kind, name) in _reasons()), None)
     if found is None and issubclass(struct, bpy.types.Node) and name.startswith(("bl_", "active_")):
@@ -225,7 +224,7 @@ def why_left_out(struct: Any, name: str) -> str | None:
 
 
 @lru_cache(maxsize=1024)
-def stored_properties(struct: Any) -> tuple[tuple[str, str], ...]:
+def stored_properties(struct: bpy.types.bpy_struct) -> tuple[tuple[str, str], ...]:
     """(name, how to read it) of each property of a structure that counts.
 
     It is read as ``value``, ``file`` (a path), ``pointer``, ``name`` (a pointer whose name counts) or ``items``.
@@ -251,7 +250,7 @@ def stored_properties(struct: Any) -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def _of_an_add_on(struct: Any, prop: Any) -> bool:
+def _of_an_add_on(struct: bpy.types.bpy_struct, prop: bpy.types.Property) -> bool:
     """Whether a property belongs to an add-on, which has no effect on Cycles and is not loaded by workers."""
     # Blender registers some properties of its nodes, and from 5.2 on the inputs of modifiers, in the way of add-ons.
     by_blender = (

@@ -10,7 +10,6 @@ wide, is chosen, as are the hues: under a black sky a mere mirror is black but f
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import bpy
 
@@ -19,7 +18,7 @@ from ...support.blender import compat
 from ...support.labels import LANDER, NORMAL_AOV
 from ..datablocks.fingerprint import NAME, TAG
 from ..surface.patches_and_grain import add_noise, threshold_for_share
-from ..tree.builder import Tree, output
+from ..tree.builder import Node, Socket, Tree, output
 from ..tree.formula import Number
 
 
@@ -68,7 +67,7 @@ def _build(name: str, finish: _Finish, frost_share: float) -> bpy.types.Material
     return material
 
 
-def _add_creases(tree: Tree, finish: _Finish, place: Any) -> Any:
+def _add_creases(tree: Tree, finish: _Finish, place: Socket) -> Socket | None:
     """Socket of the normal of creased foil or brushed metal; None for a smooth finish."""
     if finish.creases_m == 0.0:
         return None
@@ -91,7 +90,7 @@ def _add_creases(tree: Tree, finish: _Finish, place: Any) -> Any:
     return tree.bump("Creases", cells, finish.creases_m)
 
 
-def _add_frost(tree: Tree, geometry: Any, place: Any, share: float) -> Any:
+def _add_frost(tree: Tree, geometry: Node, place: Socket, share: float) -> Socket:
     """Socket of the share of frost: patches on what looks up, none on what does not."""
     parts = tree.separated("Which Way Up", geometry.outputs["Normal"])
     up = (Number(tree, parts[2]) - _LEAST_UP) / (1.0 - _LEAST_UP)
@@ -101,6 +100,6 @@ def _add_frost(tree: Tree, geometry: Any, place: Any, share: float) -> Any:
     return (patch * up.at_least(0.0).sqrt() * 0.9).value
 
 
-def _add_finish(tree: Tree, label: str, finish: _Finish, normal: Any) -> Any:
+def _add_finish(tree: Tree, label: str, finish: _Finish, normal: Socket | None) -> Socket:
     """Shader socket of a finish."""
     return tree.principled(label, (*finish.colour, 1.0), finish.roughness, Metallic=finish.metal, Normal=normal)

@@ -20,7 +20,7 @@ from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.file_shapes import NUMBER, Each
 from ..datablocks.stored_json import read_stored
-from ..tree.builder import WHITE, Tree
+from ..tree.builder import WHITE, Socket, Tree, Value
 
 SHAPE = "icymoon_shape"  # property of the lamp: inputs of ``hapke.osl`` on the planet, without its radiance
 _INPUTS = {
@@ -85,7 +85,7 @@ def planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
     return {"PlanetRadiance": (*(full * band for band in shine.data.color), 1.0), **read_stored(shine, SHAPE, _INPUTS)}
 
 
-def _add_sunlit(tree: Tree, planet: Planet) -> Any:
+def _add_sunlit(tree: Tree, planet: Planet) -> Socket:
     """Output socket: cosine of the Sun's zenith distance on the planet in the direction of the light.
 
     The ray o + t w meets an ellipsoid, which is the unit sphere after space is stretched along the pole.
@@ -94,7 +94,7 @@ def _add_sunlit(tree: Tree, planet: Planet) -> Any:
     vector, scaled = tree.vector, tree.scaled
     dot = partial(vector, "DOT_PRODUCT")
 
-    def stretched(label: str, a: Any) -> Any:
+    def stretched(label: str, a: Value) -> Socket:
         along = dot(f"{label} along Pole", a, tuple(planet.pole))
         more = scaled(f"{label} Stretch", tuple(planet.pole * (1 / (1 - planet.flattening) - 1)), along)
         return vector("ADD", f"{label} Stretched", a, more)

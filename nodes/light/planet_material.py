@@ -24,7 +24,7 @@ from ...physics.light.planet_face import (
 from ...physics.light.planetshine import Planet, ellipsoid
 from ...support.arrays import Array
 from ...support.blender import compat
-from ..tree.builder import Tree, output
+from ..tree.builder import Socket, Tree, Triple, Value, output
 
 #: Longest wavelength of the ripples of bands along a circle of latitude, in radii, and over that across it.
 _RIPPLE_LENGTH, _RIPPLE_STRETCH = 0.2, 8.0
@@ -37,8 +37,8 @@ def build_planet_material(name: str, planet: Planet, colour: Array, distance_m: 
     globe = _Globe(tree, planet, distance_m)
     face = FACES.get(planet.face)
     if face is None:
-        shade: Any = tree.math("MULTIPLY", "Sunlit", globe.incidence, globe.add_passed())
-        light: Any = (*map(float, colour), 1.0)
+        shade: Value = tree.math("MULTIPLY", "Sunlit", globe.incidence, globe.add_passed())
+        light: Triple = (*map(float, colour), 1.0)
     else:
         shade = globe.add_passed()
         light = _add_face(globe, face, np.array(face_scale(planet)) * colour)
@@ -74,12 +74,12 @@ class _Globe:
     def _stretch(self) -> float:
         return 1 / (1 - self.planet.flattening) - 1
 
-    def dot(self, label: str, a: Any, b: Any) -> Any:
+    def dot(self, label: str, a: Socket, b: Any) -> Socket:
         """The dot product of a socket and another or a vector."""
         b = b if isinstance(b, bpy.types.NodeSocket) else tuple(map(float, b))
         return self.tree.vector("DOT_PRODUCT", label, a, b)
 
-    def along_pole(self, label: str, a: Any, more: float) -> Any:
+    def along_pole(self, label: str, a: Socket, more: float) -> Socket:
         """A vector whose part along the pole is longer by a factor 1 + ``more``."""
         up = self.tree.scaled(
             f"{label} Pole",
@@ -88,7 +88,7 @@ class _Globe:
         )
         return self.tree.vector("ADD", label, a, up)
 
-    def add_passed(self) -> Any:
+    def add_passed(self) -> Value:
         """The share of the sunlight that the rings let through, or 1."""
         rise = float(self.planet.sun @ self.planet.pole)
         if not self.planet.rings or abs(rise) < 1e-6:
@@ -98,7 +98,7 @@ class _Globe:
         sunward = tree.scaled("Sunward", tuple(map(float, self.planet.sun)), way)
         radius = tree.vector("LENGTH", "Radius of the Crossing", tree.vector("ADD", "Crossing", place, sunward))
         ahead = tree.math("GREATER_THAN", "Toward the Sun", way, 0.0)
-        passed: Any = 1.0
+        passed: Value = 1.0
         for number, ring in enumerate(self.planet.rings):
             # Not a colour ramp: its table of 256 entries would move the edges.
             beyond = tree.math("GREATER_THAN", f"Beyond the Inner Edge {number}", radius, ring.inner)
@@ -113,7 +113,7 @@ class _Globe:
         return passed
 
 
-def _add_face(globe: _Globe, face: Face, factors: Array) -> Any:
+def _add_face(globe: _Globe, face: Face, factors: Array) -> Socket:
     """The colour of a place: B (μ₀ μ)^k / μ times factors of the bands."""
     tree = globe.tree
     emission = tree.math(
@@ -135,7 +135,7 @@ def _add_face(globe: _Globe, face: Face, factors: Array) -> Any:
     )
 
 
-def _add_bands(globe: _Globe, face: Face) -> Any:
+def _add_bands(globe: _Globe, face: Face) -> Socket:
     """The reflectance of a latitude."""
     tree = globe.tree
     sine = globe.dot("Sine of Latitude", globe.normal, globe.planet.pole)
@@ -157,7 +157,7 @@ def _add_bands(globe: _Globe, face: Face) -> Any:
     return output(ramp, "Color")
 
 
-def _add_spot(globe: _Globe, spot: Spot, pattern: Any) -> Any:
+def _add_spot(globe: _Globe, spot: Spot, pattern: Socket) -> Socket:
     """A pattern with an oval in its collar."""
     tree, (middle, east, north) = globe.tree, spot_axes(globe.planet, spot)
     place = tree.combined(

@@ -8,11 +8,11 @@ from __future__ import annotations
 from typing import Any
 
 from ...support.labels import BAKED_AOVS, BAKED_ATTRIBUTES, BAKED_ERROR_AOVS, BAKED_ERROR_ATTRIBUTES
-from ..tree.builder import Tree
+from ..tree.builder import Socket, Tree, Triple, Value
 from ..tree.formula import Number
 
 
-def add_baked_passes(tree: Tree, reflectance: Any, rock: bool) -> None:
+def add_baked_passes(tree: Tree, reflectance: Value, rock: bool) -> None:
     """Add the passes ``BAKED_AOVS`` to a material of the ground, or of rocks, with this reflectance, and
     ``BAKED_ERROR_AOVS`` to one of the ground.
 
@@ -28,14 +28,14 @@ def add_baked_passes(tree: Tree, reflectance: Any, rock: bool) -> None:
             _add_error(tree, group, level)
 
 
-def _add_error(tree: Tree, group: str, level: Any) -> None:
+def _add_error(tree: Tree, group: str, level: Triple) -> None:
     error = _attribute(tree, f"{group}, Error", "GEOMETRY", BAKED_ERROR_ATTRIBUTES[group])
     seen = tree.vector("MULTIPLY", f"Error of Baked Light of {group}", error, level)
     mean = tree.vector("DOT_PRODUCT", f"Mean Error of {group}", seen, (1 / 3,) * 3)
     tree.value_pass(f"Error Pass of {group}", BAKED_ERROR_AOVS[group], (0.0,) * 4, mean)
 
 
-def _attribute(tree: Tree, group: str, kind: str, name: str) -> Any:
+def _attribute(tree: Tree, group: str, kind: str, name: str) -> Socket:
     return tree.attribute(f"Baked Light of {group}", name, "Vector", kind)
 
 
@@ -49,7 +49,7 @@ def _add_terms(tree: Tree) -> list[Any]:
     return [*(term.value for term in of_normal), *place]
 
 
-def _add_sum(tree: Tree, group: str, attribute: str, terms: list[Any]) -> Any:
+def _add_sum(tree: Tree, group: str, attribute: str, terms: list[Any]) -> Socket:
     """The light of a rock: the sum of its numbers times terms, at least 0."""
     total = _attribute(tree, group, "INSTANCER", f"{attribute}_0")
     for k, term in enumerate(terms, start=1):

@@ -13,7 +13,7 @@ from ...physics.light.bands import material_bands, snow_bands
 from ...physics.surfaces.albedos import albedos
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
-from ..tree.builder import Tree
+from ..tree.builder import Node, Socket, Tree, Value
 from .patches_and_grain import add_clean_share, add_stained_share
 
 _WHITE = (1.0, 1.0, 1.0)
@@ -59,12 +59,12 @@ def is_grey(surface: SurfaceSettings) -> bool:
 def add_ground_colour(
     tree: Tree,
     surface: SurfaceSettings,
-    geometry: Any,
+    geometry: Node,
     salt_at: float,
     elevated: bool,
     settings: Settings | None,
-    ice: Any = None,
-) -> Any:
+    ice: Socket | None = None,
+) -> Socket | None:
     """Output socket of the colour of the ground; None for grey, clean ice.
 
     ``salt_at`` selects the fields of salt and of patches of dirt, ``elevated`` is whether the mesh has the attribute
@@ -98,7 +98,7 @@ def _over(bands: tuple[float, float, float], albedo: float) -> tuple[float, floa
     return red, green, blue
 
 
-def _add_mix(tree: Tree, label: str, share: Any, a: Any, b: Any) -> Any:
+def _add_mix(tree: Tree, label: str, share: Value, a: Any, b: Any) -> Socket:
     """Output socket of a colour that is ``b`` in this share of the area, and else ``a``."""
     a, b = ((*colour, 1.0) if isinstance(colour, tuple) else colour for colour in (a, b))
     return tree.mixed(label, share, a, b)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ...settings.topics.excavation import ExcavationSettings
 from ..ground.dug_ground import DEPTH, SPOIL
-from ..tree.builder import Tree
+from ..tree.builder import Socket, Tree
 from ..tree.formula import Number
 
 #: Depths in metres between which ground becomes fresh.
@@ -24,7 +22,7 @@ def darkest(excavation: ExcavationSettings) -> float:
     return float(min(excavation.fresh_albedo, layer, 1.0))
 
 
-def add_dug_brightness(tree: Tree, excavation: ExcavationSettings) -> Any:
+def add_dug_brightness(tree: Tree, excavation: ExcavationSettings) -> Socket:
     """Output socket of the factor on the albedo. The mesh has the attributes ``DEPTH`` and ``SPOIL``.
 
     Depth changes evenly along a wall, however few vertices it has, so layers have sharp edges on it. Spoil is a mixture
@@ -32,7 +30,7 @@ def add_dug_brightness(tree: Tree, excavation: ExcavationSettings) -> Any:
     """
     depth, spoil = tree.attribute("Depth", DEPTH), tree.attribute("Spoil", SPOIL)
     fresh = tree.ramp("Dug Open", depth, _SURFACE_M, _FRESH_M)
-    level: Any = Number(tree, excavation.fresh_albedo)
+    level: Number = Number(tree, excavation.fresh_albedo)
     if excavation.layer_thickness_m > 0.0:
         level = level + Number(tree, _add_layer(tree, excavation, depth)) * (
             excavation.layer_albedo - excavation.fresh_albedo
@@ -41,7 +39,7 @@ def add_dug_brightness(tree: Tree, excavation: ExcavationSettings) -> Any:
     return (ground + (Number(tree, excavation.fresh_albedo) - ground) * Number(tree, spoil)).named("Dug").value
 
 
-def _add_layer(tree: Tree, excavation: ExcavationSettings, depth: Any) -> Any:
+def _add_layer(tree: Tree, excavation: ExcavationSettings, depth: Socket) -> Socket:
     """Output socket: 1 in a layer, else 0."""
     below = tree.math("SUBTRACT", "Below the First Top", depth, excavation.layer_depth_m)
     reached = tree.math("GREATER_THAN", "Deep Enough", below, 0.0)

@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ...physics.surfaces.fractures import gap_reflectance, sight_m
 from ...settings.topics.surfaces import SurfaceSettings
-from ..tree.builder import Tree, output
+from ..tree.builder import Node, Socket, Tree, output
 from ..tree.formula import Number, Vector
 from .patches_and_grain import NOISE_DEVIATION, add_noise, threshold_for_share
 
@@ -44,7 +43,7 @@ class _View:
     fourth: Number
 
 
-def add_fracture_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> Any:
+def add_fracture_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, of_rocks: bool) -> Socket:
     """Output socket of the share of a place, as it is seen, that is a veil of a fracture in the ice."""
     view = _add_view(tree, surface, geometry, fourth, of_rocks)
     clear: Number = Number(tree, 1.0)
@@ -55,7 +54,7 @@ def add_fracture_share(tree: Tree, surface: SurfaceSettings, geometry: Any, four
     return ((1.0 - clear) * outside).named("Veils").value
 
 
-def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> _View:
+def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, of_rocks: bool) -> _View:
     inward = tree.scaled("View", geometry.outputs["Incoming"], -1.0)
     into = tree.node(
         "ShaderNodeVectorMath",
@@ -87,7 +86,7 @@ def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float
     return _View(turned[0], turned[1], Number(tree, chance) * 512.0 + fourth)
 
 
-def _add_bent(tree: Tree, place: Any, fourth: float) -> Any:
+def _add_bent(tree: Tree, place: Socket, fourth: float) -> Socket:
     """Output socket of a place moved so that planes are bent. The view's way to them stays straight: they bend little
     over a spacing."""
     field = tree.noise("Bent Planes", {"Vector": place, "W": fourth}, 1.0 / _BEND, 1.0).outputs["Color"]

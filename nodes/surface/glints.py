@@ -13,9 +13,8 @@ single glints was found for icy moons.
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from ..tree.builder import Tree, output
+from ..tree.builder import Node, Socket, Tree, Value, output
 from ..tree.formula import Number, Vector
 
 #: GGX width of the slopes of facets about the surface, and of the lobe of one facet, as alpha.
@@ -28,15 +27,15 @@ _CELL_PX = 1.0
 
 def add_glints(
     tree: Tree,
-    snow: Any,
-    reflectance: Any,
-    geometry: Any,
-    normal: Any,
+    snow: Socket,
+    reflectance: Value,
+    geometry: Node,
+    normal: Socket,
     share: float,
     size_m: float,
     pixel_rad: float,
     seed: float,
-) -> Any:
+) -> Socket:
     """Shader socket of ``snow`` with facets: camera rays meet facets on a share of it.
 
     ``reflectance`` is a number or a socket of a colour, ``normal`` a socket, ``size_m`` the size of a grain and
@@ -66,7 +65,7 @@ def add_glints(
     return tree.over("Snow or Facet", (ray * share).named("Share of Facets").value, snow, glint)
 
 
-def _add_level(tree: Tree, geometry: Any, size_m: float, pixel_rad: float, seed: float) -> Number:
+def _add_level(tree: Tree, geometry: Node, size_m: float, pixel_rad: float, seed: float) -> Number:
     """The octave of the cells: twice the size of a grain for each, as a whole number.
 
     Between two octaves each place has one by chance, so that no line shows where they change.
@@ -83,7 +82,7 @@ def _add_level(tree: Tree, geometry: Any, size_m: float, pixel_rad: float, seed:
     return Number(tree, tree.math("FLOOR", "Octave", (octaves + Number(tree, chance)).value))
 
 
-def _add_facet(tree: Tree, place: Any, normal: Any, level: Number, cell_m: Number, seed: float) -> Any:
+def _add_facet(tree: Tree, place: Socket, normal: Socket, level: Number, cell_m: Number, seed: float) -> Socket:
     """Output socket of the normal of the facet of the cell that a place is in."""
     cell = tree.vector("FLOOR", "Cell", tree.scaled("Place in Cells", place, (1.0 / cell_m).value))
     chance = tree.node(

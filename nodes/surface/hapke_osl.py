@@ -17,7 +17,7 @@ import bpy
 
 from ...support.blender import compat
 from ...support.scratch import scratch_folder
-from ..tree.builder import Tree
+from ..tree.builder import Node, Tree
 
 SOURCE = Path(__file__).parent / "hapke.osl"
 _SOCKETS = {
@@ -48,7 +48,7 @@ def compile_source() -> str:
         return _FILE_NAME.sub("", "".join(line for line in lines if not line.startswith("#")))
 
 
-def add_script_node(tree: Tree, label: str, inputs: Mapping[str, Any]) -> Any:
+def add_script_node(tree: Tree, label: str, inputs: Mapping[str, Any]) -> Node:
     """Add the script node and set all its inputs. Raises ValueError if an input is missing or unknown."""
     code = compile_source()
     node = tree.tree.nodes.new("ShaderNodeScript")

@@ -15,7 +15,7 @@ from typing import Any
 from ...physics.light.bands import bubbly_ice_bands, clear_ice_absorption_1_m
 from ...physics.surfaces.principled import diffuse_fresnel_reflectance
 from ...settings.topics.surfaces import SurfaceSettings
-from ..tree.builder import WHITE, Tree
+from ..tree.builder import WHITE, Node, Socket, Tree
 from ..tree.formula import Number
 from .patches_and_grain import (
     NOISE_DEVIATION,
@@ -46,7 +46,7 @@ def as_bubbly_ice(surface: SurfaceSettings) -> SurfaceSettings:
     return surface | {"albedo": sum(bands) / 3, "ice_colour": "GREY"}
 
 
-def add_bubbly_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> Any:
+def add_bubbly_colour(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, of_rocks: bool) -> Socket:
     """Output socket of the albedo, by band, of ice with the bubbles of ``surface`` settings.
 
     In bands the share f of bubbles varies by equal factors up and down. The albedo A in each colour band then is a
@@ -65,7 +65,7 @@ def add_bubbly_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, fourt
     return tree.colour("Bubbly Ice", *parts)
 
 
-def _add_bubble_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> Number:
+def _add_bubble_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, of_rocks: bool) -> Number:
     """The share of bubbles at a place."""
     place = geometry.outputs["Position"]
     steepest = tuple(part / surface.bubble_band_m for part in _ACROSS)
@@ -80,7 +80,7 @@ def _add_bubble_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourt
     return ((step * math.log(_BAND_CONTRAST)).exp() * surface.bubble_share).at_most(_MOST_BUBBLES)
 
 
-def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Any) -> tuple[Any, Any]:
+def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Socket | None) -> tuple[Any, Any]:
     """Sockets of the surface and of the volume of clear ice that light passes through.
 
     What sees it directly or through a mirror sees it refract. Light for other ground passes straight through, as no
@@ -110,7 +110,7 @@ def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Any) -> tuple[An
     return shader, volume
 
 
-def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
+def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float) -> Socket:
     """Output socket of the share of a place that is frost: much on level ground and on top of rocks, none on steep
     faces."""
     field = add_patch_noise(tree, surface, "Frost", geometry.outputs["Position"], surface.frost_patch_m, fourth)
@@ -121,20 +121,20 @@ def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth:
     return tree.ramp("Frosted", (Number(tree, field) - steep).value, limit - edge, limit + edge, smooth=True)
 
 
-def add_crust_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
+def add_crust_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float) -> Socket:
     """Output socket of the share of a place that is crust: 0 or 1 but for its edge."""
     field = add_noise(tree, "Crust", geometry.outputs["Position"], surface.crust_patch_m, fourth, 5.0)
     limit, edge = threshold_for_share(surface.crust_share), _CRUST_EDGE * NOISE_DEVIATION
     return tree.ramp("Crusted", field, limit - edge, limit + edge)
 
 
-def add_smoothed(tree: Tree, crusted: Any, height: Any) -> Any:
+def add_smoothed(tree: Tree, crusted: Socket, height: Socket | None) -> Socket | None:
     """Output socket of a height of fine relief, lower under a crust; None if there is no relief."""
     if height is None:
         return None
     return (Number(tree, height) * (1.0 - Number(tree, crusted) * (1.0 - CRUST_GRAIN))).value
 
 
-def add_crust_height(tree: Tree, surface: SurfaceSettings, crusted: Any) -> Any:
+def add_crust_height(tree: Tree, surface: SurfaceSettings, crusted: Socket) -> Socket:
     """Output socket of the height in metres of a crust above the snow beside it."""
     return (Number(tree, crusted) * surface.crust_height_m).value

@@ -20,7 +20,7 @@ from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from ...support.blender import compat
 from ...support.labels import NORMAL_AOV, ROCK, TERRAIN
-from ..tree.builder import Tree
+from ..tree.builder import Node, Socket, Tree, Triple, Value
 from ..tree.formula import Number
 from . import dug_layers, ice_layers, reflectance_laws
 from .baked_passes import add_baked_passes
@@ -44,14 +44,14 @@ from .textures import Sampler, Textured
 _CRUST_SPECULAR = 0.25
 
 
-def _add_product(tree: Tree, label: str, a: Any, b: Any) -> Any:
+def _add_product(tree: Tree, label: str, a: Socket | None, b: Socket | None) -> Socket | None:
     """Output socket of the product of two colours. None is white."""
     if a is None or b is None:
         return b if a is None else a
     return tree.vector("MULTIPLY", label, a, b)
 
 
-def _add_reflectance(tree: Tree, surface: SurfaceSettings, grey: Any, colour: Any) -> Any:
+def _add_reflectance(tree: Tree, surface: SurfaceSettings, grey: Value, colour: Socket | None) -> Value:
     """The reflectance albedo x grey x colour: a number, or the output socket of a colour."""
     albedo = surface.albedo
     if isinstance(grey, float) and colour is None:
@@ -65,11 +65,11 @@ def _add_reflectance(tree: Tree, surface: SurfaceSettings, grey: Any, colour: An
 def _add_fine_height(
     tree: Tree,
     surface: SurfaceSettings,
-    where: Any,
+    where: Socket,
     place: Sequence[float],
     pieces: Sampler | None,
     textured: Textured | None,
-) -> Any:
+) -> Socket | None:
     """Output socket of the height in metres of grain and height image, with a mean of 0; None if there is neither."""
     grain = None
     if surface.grain_amplitude_m > 0.0:
@@ -79,7 +79,7 @@ def _add_fine_height(
     return _add_sum(tree, grain, _add_image_height(tree, pieces, textured))
 
 
-def _add_image_height(tree: Tree, pieces: Sampler | None, textured: Textured | None) -> Any:
+def _add_image_height(tree: Tree, pieces: Sampler | None, textured: Textured | None) -> Socket | None:
     """Output socket of the height in metres of the height image, with a mean of 0; None without a height image."""
     if pieces is None or textured is None or "height" not in textured.maps:
         return None
@@ -89,7 +89,7 @@ def _add_image_height(tree: Tree, pieces: Sampler | None, textured: Textured | N
     return tree.math("MULTIPLY", "Map Height in Metres", centred, textured.settings.height_m)
 
 
-def _add_sum(tree: Tree, a: Any, b: Any) -> Any:
+def _add_sum(tree: Tree, a: Socket | None, b: Socket | None) -> Socket | None:
     """Output socket of the sum of two heights. None is 0."""
     if a is None or b is None:
         return b if a is None else a
@@ -97,15 +97,15 @@ def _add_sum(tree: Tree, a: Any, b: Any) -> Any:
 
 
 def _add_snow(
-    tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any], normal: Any
-) -> Any:
+    tree: Tree, label: str, surface: SurfaceSettings, wanted: Value, varied: Mapping[str, Any], normal: Socket | None
+) -> Socket:
     """Shader socket of a Principled surface with the reflectance ``wanted``, a number or a socket.
 
     ``varied`` has sockets for some of its inputs, ``normal`` is one or None.
     """
     radius = surface.subsurface_radius_m
     if isinstance(wanted, (int, float)):
-        base: Any = (*[principled.base_colour(surface, wanted)] * 3, 1.0)
+        base: Triple = (*[principled.base_colour(surface, wanted)] * 3, 1.0)
     else:
         base = tree.curve(f"Base of {label}", wanted, *principled.inverse_curve(surface))
     return tree.principled(
@@ -128,11 +128,11 @@ def _add_principled(
     tree: Tree,
     label: str,
     surface: SurfaceSettings,
-    wanted: Any,
+    wanted: Value,
     varied: Mapping[str, Any],
-    normal: Any,
+    normal: Socket | None,
     smooth: bool,
-) -> Any:
+) -> Socket:
     """Shader socket of Principled ice. If ``smooth``, it has its relief for camera rays only."""
     seen = _add_snow(tree, label, surface, wanted, varied, normal)
     if not smooth or normal is None:
@@ -174,15 +174,15 @@ class _Ice:
 
     tree: Tree
     surface: SurfaceSettings
-    wanted: Any
+    wanted: Value
     varied: Mapping[str, Any]
-    normal: Any
+    normal: Socket | None
     smooth: bool
-    geometry: Any
+    geometry: Node
     pixel_rad: float
     at: _Places
 
-    def add(self, label: str, surface: SurfaceSettings, glints: bool = False) -> Any:
+    def add(self, label: str, surface: SurfaceSettings, glints: bool = False) -> Socket:
         """Shader socket of ice with ``surface`` settings, but for their albedo."""
         shader = _add_principled(self.tree, label, surface, self.wanted, self.varied, self.normal, self.smooth)
         if not glints or surface.glint_share == 0.0 or self.pixel_rad == 0.0:
@@ -201,7 +201,7 @@ class _Ice:
         )
 
 
-def _add_layers(ice: _Ice, crusted: Any, of_rocks: bool) -> tuple[Any, Any]:
+def _add_layers(ice: _Ice, crusted: Socket | None, of_rocks: bool) -> tuple[Any, Any]:
     """Sockets of the shader, and of the volume or None, of Principled ice with the layers of its settings."""
     tree, surface, volume = ice.tree, ice.surface, None
     through = of_rocks and principled.lets_light_through(surface)
@@ -241,7 +241,7 @@ def _numbers_of(surface: SurfaceSettings, settings: Settings | None, textured: T
     return ("roughness",) if varies and textured is not None and textured.placement != "MEAN" else ()
 
 
-def _add_slopes(tree: Tree, hapke: HapkeSettings, image: Any, mean: float) -> reflectance_laws.Slopes:
+def _add_slopes(tree: Tree, hapke: HapkeSettings, image: bpy.types.Image, mean: float) -> reflectance_laws.Slopes:
     """Hapke's θ̄ as varied by the values of a roughness image with the given ``mean``."""
     middle, span = math.radians(hapke.theta_bar_deg), math.radians(hapke.theta_bar_range_deg)
     most = math.radians(TOPICS["hapke"]["theta_bar_deg"].maximum)
@@ -318,10 +318,10 @@ class _Material:
             else None
         )
         self._varied: dict[str, Any] = {}  # sockets of the law's inputs that vary over the ground, by their names
-        self._normal: Any = None  # the socket of the normal with relief, if there is relief
-        self._displacement: Any = None  # the socket of moved vertices, if vertices are moved
-        self._crusted: Any = None
-        self._volume: Any = None
+        self._normal: Socket | None = None  # the socket of the normal with relief, if there is relief
+        self._displacement: Socket | None = None  # the socket of moved vertices, if vertices are moved
+        self._crusted: Socket | None = None
+        self._volume: Socket | None = None
 
     @property
     def _is_principled(self) -> bool:

@@ -19,7 +19,7 @@ from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
 from ...support.labels import FACE_ATTRIBUTE
 from ..ground.terrain_mesh import SPACING
-from ..tree.builder import Tree, output
+from ..tree.builder import Node, Socket, Tree, Value, output
 from ..tree.formula import Number
 
 ELEVATION = "icymoon_elevation"  # attribute: height above the mean plane in standard deviations
@@ -47,12 +47,12 @@ _RAGGED = 0.125
 _MOST_ELEVATION = 3.0
 
 
-def add_noise(tree: Tree, label: str, where: Any, wavelength_m: float, fourth: float, octaves: float) -> Any:
+def add_noise(tree: Tree, label: str, where: Socket, wavelength_m: float, fourth: float, octaves: float) -> Socket:
     """Output socket of Blender's noise, around 0.5, with a longest wavelength. ``fourth`` selects the field."""
     return tree.noise(label, {"Vector": where, "W": fourth}, 1.0 / wavelength_m, octaves).outputs[0]
 
 
-def add_patchy(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float], height: Any) -> Any:
+def add_patchy(tree: Tree, surface: SurfaceSettings, where: Socket, place: Sequence[float], height: Socket) -> Socket:
     """Output socket of a height of grain that is stronger in some places and weaker in others. The RMS height is kept.
 
     The factor is log-normal, as in a multiplicative cascade: exp(s g - s²) with Gaussian noise g of unit deviation has
@@ -67,7 +67,7 @@ def add_patchy(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence
     return (Number(tree, height) * share).value
 
 
-def add_grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float]) -> Any:
+def add_grain(tree: Tree, where: Socket, wavelength_m: float, place: Sequence[float]) -> Socket:
     """Output socket of the height of grain, around 0, with a longest wavelength.
 
     ``place`` (3), in wavelengths, is the offset in the noise that selects the field. It must be at most
@@ -80,13 +80,15 @@ def add_grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float
     return tree.math("MULTIPLY", "Grain of Span 1", centred, _GRAIN_SPAN)
 
 
-def _add_grain_place(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float]) -> Any:
+def _add_grain_place(tree: Tree, where: Socket, wavelength_m: float, place: Sequence[float]) -> Socket:
     """Output socket of the place in the noise, in wavelengths, askew to its lattice."""
     shifted = tree.vector("MULTIPLY_ADD", "Grain Place", where, (1.0 / wavelength_m,) * 3, place)
     return tree.vector("REFLECT", "Off the Lattice", shifted, _OFF_LATTICE)
 
 
-def add_grain_by_fineness(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float]) -> tuple[Any, Any]:
+def add_grain_by_fineness(
+    tree: Tree, surface: SurfaceSettings, where: Socket, place: Sequence[float]
+) -> tuple[Any, Any]:
     """Output sockets of the heights in metres of the grain that the vertices carry, and of the finer rest.
 
     Their sum is ``add_grain`` times the amplitude, octave by octave. The mesh has the attribute ``SPACING``. Only one
@@ -117,7 +119,7 @@ def _partly_carried(surface: SurfaceSettings, spacing: Number) -> Number:
     return carried.at_least(0.0).at_most(OCTAVES - 1.0)
 
 
-def _add_octaves(tree: Tree, label: str, where: Any, scale: Number | float, detail: Number | float) -> Number:
+def _add_octaves(tree: Tree, label: str, where: Socket, scale: Number | float, detail: Number | float) -> Number:
     """The sum of ``detail`` + 1 octaves of noise, the first with a span of about 2 and each other with half of that."""
     scale, detail = (each.value if isinstance(each, Number) else each for each in (scale, detail))
     return Number(tree, tree.noise(label, {"Vector": where}, scale, detail, normalize=False).outputs[0])
@@ -149,12 +151,12 @@ def mark_elevation(
     attribute.data.foreach_set("value", np.clip(elevation, -_MOST_ELEVATION, _MOST_ELEVATION).astype(np.float32))
 
 
-def _add_kept(tree: Tree, label: str, share: Any, dirt: float) -> Any:
+def _add_kept(tree: Tree, label: str, share: Value, dirt: float) -> Value:
     """Output socket of 1 - dirt x share."""
     return tree.math("SUBTRACT", f"{label} Kept", 1.0, tree.math("MULTIPLY", f"{label} Darkening", share, dirt))
 
 
-def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, elevated: bool) -> Any:
+def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, elevated: bool) -> Value:
     """Grey factor on the albedo of clean ice: an output socket, or 1.0 if nothing darkens it.
 
     ``elevated`` is whether the mesh has the attribute ``ELEVATION``, which rocks do not have.
@@ -169,8 +171,8 @@ def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: 
 
 
 def add_patch_noise(
-    tree: Tree, surface: SurfaceSettings, label: str, where: Any, wavelength_m: float, fourth: float
-) -> Any:
+    tree: Tree, surface: SurfaceSettings, label: str, where: Socket, wavelength_m: float, fourth: float
+) -> Socket:
     """Output socket of noise for patches, of mean ``NOISE_MEAN`` and deviation ``NOISE_DEVIATION``.
 
     A share ``patch_raggedness`` of its variance has ``_RAGGED`` of the wavelength and less: the edges of patches then
@@ -185,7 +187,7 @@ def add_patch_noise(
     return (both + NOISE_MEAN * (1.0 - long - short)).named(f"{label}, Both").value
 
 
-def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, elevated: bool) -> Any:
+def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float, elevated: bool) -> Value:
     """Share of the area that dirt of a material leaves free: an output socket, or 1.0 if there is no dirt.
 
     With patches of dirt it is 0 in them and 1 between them, and they take up the dirt's share of the area. ``fourth``
@@ -203,14 +205,14 @@ def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth:
     return tree.ramp("Between Patches", ahead.value, -_EDGE, _EDGE, smooth=True)
 
 
-def _add_factors(tree: Tree, label: str, factors: Sequence[Any]) -> Any:
-    product: Any = 1.0
+def _add_factors(tree: Tree, label: str, factors: Sequence[Any]) -> Value:
+    product: Value = 1.0
     for k, factor in enumerate(factors):
         product = factor if k == 0 else tree.math("MULTIPLY", label, product, factor)
     return product
 
 
-def _clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Any, elevated: bool) -> list[Any]:
+def _clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Node, elevated: bool) -> list[Any]:
     """Output sockets of the shares of the area that dirt in troughs and dirt on slopes leave free."""
     factors: list[Any] = []
     if surface.trough_dirt != 0.0 and elevated:
@@ -252,7 +254,7 @@ def threshold_for_share(share: float, deviation: float = NOISE_DEVIATION) -> flo
     return NOISE_MEAN + deviation * statistics.NormalDist().inv_cdf(min(max(1.0 - share, 1e-4), 1 - 1e-4))
 
 
-def add_stained_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
+def add_stained_share(tree: Tree, surface: SurfaceSettings, geometry: Node, fourth: float) -> Socket:
     """Output socket: 1 where salt covers the ground, 0 elsewhere. ``fourth`` selects the field."""
     share = surface.salt_share
     field = add_noise(tree, "Salt", geometry.outputs["Position"], surface.salt_patch_m, fourth, 4.0)

@@ -35,7 +35,7 @@ from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
 from ..light.planet_lamp import planet_inputs
-from ..tree.builder import Tree
+from ..tree.builder import Socket, Tree, Triple, Value
 from ..tree.formula import Number, Vector
 from . import hapke_nodes
 from .hapke_osl import add_script_node
@@ -46,7 +46,7 @@ from .sun_inputs import BLUR, DIRECTION, LEVELS, SCRIPT, Sun, sun_inputs
 class Slopes:
     """Hapke's θ̄ as varied by an image: its output socket, and its limits, in radians."""
 
-    value: Any
+    value: Socket
     low: float
     high: float
 
@@ -61,9 +61,9 @@ class Ground:
     """
 
     tree: Tree
-    normal: Any
-    grey: Any
-    colour: Any
+    normal: Socket | None
+    grey: Value
+    colour: Socket | None
     slopes: Slopes | None = None
 
 
@@ -145,7 +145,7 @@ def _add_sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
     )
 
 
-def _add_reflectance(ground: Ground, label: str, weight: Number) -> Any:
+def _add_reflectance(ground: Ground, label: str, weight: Number) -> Triple:
     """A reflectance times the ground's colour: a colour, or its output socket."""
     value = weight.value
     if ground.colour is not None:
@@ -153,12 +153,12 @@ def _add_reflectance(ground: Ground, label: str, weight: Number) -> Any:
     return (*[float(value)] * 3, 1.0) if isinstance(value, (int, float)) else value
 
 
-def _add_diffuse(ground: Ground, label: str, weight: Number) -> Any:
+def _add_diffuse(ground: Ground, label: str, weight: Number) -> Socket:
     """Shader socket of Lambert's law with this reflectance times the ground's colour."""
     return ground.tree.diffuse(label, _add_reflectance(ground, label, weight), ground.normal)
 
 
-def _add_lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> Any:
+def _add_lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> Socket:
     """Shader socket of the diffuse closure with the weight ``lit`` where the Sun is above the surface, else ``other``.
 
     Cycles does not evaluate the nodes of the side that it does not need.
@@ -171,7 +171,7 @@ def _add_lit_or_not(ground: Ground, mu0: Number, lit: Number, other: Number) -> 
     )
 
 
-def add_seen_or_not(tree: Tree, seen: Any, other: Any) -> Any:
+def add_seen_or_not(tree: Tree, seen: Socket, other: Socket) -> Socket:
     """Shader socket of the closure ``seen`` for camera rays, and ``other`` for all other rays.
 
     Cycles does not evaluate the nodes of the side that it does not need.
@@ -180,7 +180,7 @@ def add_seen_or_not(tree: Tree, seen: Any, other: Any) -> Any:
     return tree.over("Seen or Not", ray, other, seen)
 
 
-def add_lambert(ground: Ground, albedo: float, smooth: bool) -> Any:
+def add_lambert(ground: Ground, albedo: float, smooth: bool) -> Socket:
     """Shader socket of Lambert's law. If ``smooth``, only camera rays see the ground's normal with its relief."""
     colour = _add_reflectance(ground, "Lambert", Number(ground.tree, ground.grey) * albedo)
     seen = ground.tree.diffuse("Lambert", colour, ground.normal)
@@ -189,7 +189,7 @@ def add_lambert(ground: Ground, albedo: float, smooth: bool) -> Any:
     return add_seen_or_not(ground.tree, seen, ground.tree.diffuse("Smooth Lambert", colour))
 
 
-def add_lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> Any:
+def add_lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> Socket:
     """Shader socket of ``physics.photometry.lunar_lambert``."""
     n, toward_sun, eye = _add_sight(ground, sun)
     mu0, mu = n.dot(toward_sun).named("µ0"), n.dot(eye).at_least(1e-6).named("µ")
@@ -199,7 +199,7 @@ def add_lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> 
     return _add_lit_or_not(ground, mu0, lit, bond)
 
 
-def add_snow(ground: Ground, albedo: float, sun: Sun) -> Any:
+def add_snow(ground: Ground, albedo: float, sun: Sun) -> Socket:
     """Shader socket of ``physics.surfaces.snow``. Light of ground in shadow gets the albedo of the emission angle."""
     n, toward_sun, eye = _add_sight(ground, sun)
     mu0, mu = n.dot(toward_sun).at_least(0.0).named("µ0"), n.dot(eye).at_least(0.0).named("µ")
@@ -219,7 +219,7 @@ def add_snow(ground: Ground, albedo: float, sun: Sun) -> Any:
     return _add_lit_or_not(ground, mu0, lit, seen.exp())
 
 
-def add_snow_of_osl(ground: Ground, albedo: float, sun: Sun, level: str) -> Any:
+def add_snow_of_osl(ground: Ground, albedo: float, sun: Sun, level: str) -> Socket:
     """Shader socket of the same law in Open Shading Language."""
     w = (Number(ground.tree, ground.grey) * albedo).at_most(1.0).value
     return _add_script(
@@ -239,7 +239,7 @@ def add_snow_of_osl(ground: Ground, albedo: float, sun: Sun, level: str) -> Any:
     )
 
 
-def _add_script(ground: Ground, sun: Sun, level: str, inputs: dict[str, Any], label: str) -> Any:
+def _add_script(ground: Ground, sun: Sun, level: str, inputs: dict[str, Any], label: str) -> Socket:
     """Shader socket of ``hapke.osl`` with these inputs and the inputs for the Sun and the planet."""
     normal = ground.normal
     if normal is None:
@@ -307,7 +307,7 @@ def _known(ground: Ground, q: model.HapkeParameters) -> hapke_nodes.Grains:
     )
 
 
-def add_hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Any:
+def add_hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Socket:
     """Shader socket of Hapke's law from nodes."""
     n, toward_sun, eye = _add_sight(ground, sun)
     tree, known = ground.tree, _known(ground, grains.parameters)
@@ -322,14 +322,14 @@ def add_hapke_of_nodes(ground: Ground, grains: Grains, sun: Sun) -> Any:
     return _add_lit_or_not(ground, n.dot(toward_sun), weight, white.at_least(0.0).at_most(1.0))
 
 
-def _add_vector(tree: Tree, label: str, numbers: list[Number]) -> Any:
+def _add_vector(tree: Tree, label: str, numbers: list[Number]) -> Socket:
     """Three constants, or the output socket of a node that combines the numbers."""
     if all(number.known is not None for number in numbers):
         return tuple(number.known for number in numbers)
     return tree.combined(label, *(number.value for number in numbers))
 
 
-def add_hapke_of_osl(ground: Ground, grains: Grains, sun: Sun, level: str) -> Any:
+def add_hapke_of_osl(ground: Ground, grains: Grains, sun: Sun, level: str) -> Socket:
     """Shader socket of Hapke's law in Open Shading Language."""
     tree, q = ground.tree, grains.parameters
     known = _known(ground, q)

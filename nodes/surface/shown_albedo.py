@@ -13,7 +13,7 @@ from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
 from ...support.labels import ALBEDO_AOV
-from ..tree.builder import Tree
+from ..tree.builder import Socket, Tree, Value
 
 #: Factors on w at which the albedo of Hapke's law is computed; between them it is linear, within 0.002.
 _STEPS = 17
@@ -23,10 +23,10 @@ def add_albedo_pass(
     tree: Tree,
     surface: SurfaceSettings,
     settings: Settings | None,
-    grey: Any,
-    reflectance: Any,
+    grey: Value,
+    reflectance: Value,
     least: float,
-    frosted: Any = None,
+    frosted: Socket | None = None,
 ) -> None:
     """Add the pass ``ALBEDO_AOV``: the albedo in even light, in the bands of ``physics.light.bands``.
 

@@ -88,13 +88,13 @@ def sun_inputs(sun: Sun) -> dict[str, Any]:
     }
 
 
-def _find_own_node(material: bpy.types.Material, name: str, kind: str) -> Any:
+def _find_own_node(material: bpy.types.Material, name: str, kind: str) -> bpy.types.Node | None:
     """A node of our own, or None: the user may have replaced the material."""
     node = material.node_tree.nodes.get(name) if material.node_tree else None
     return node if node and node.bl_idname == kind else None
 
 
-def _set_input(socket: Any, value: Any) -> None:
+def _set_input(socket: bpy.types.NodeSocket, value: Any) -> None:
     """Set an input if its value differs, since any change of a material makes Cycles build its scene again."""
     if not np.array_equal(np.float32(socket.default_value), np.float32(value)):
         socket.default_value = value

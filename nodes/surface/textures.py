@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 from ...settings.topics.surfaces import TexturesSettings
 from ...support.blender import compat
 from ...support.labels import UV_LAYER
-from ..tree.builder import Tree, output
+from ..tree.builder import Node, Socket, Tree, Triple, Value, output
 from .images import Map
 
 #: Hexagons per image width. Each shows about half of the image.
@@ -40,7 +40,7 @@ class Textured:
     placement: str = "POSITION"
     patch_m: float = math.nan
 
-    def make_sampler(self, tree: Tree, geometry: Any, offset: tuple[float, float]) -> Sampler:
+    def make_sampler(self, tree: Tree, geometry: Node, offset: tuple[float, float]) -> Sampler:
         """The sampler of the maps in a tree. ``offset``, in image widths, shifts images that are mapped by position."""
         if self.placement == "UV":
             return ByUV(tree, geometry)
@@ -72,25 +72,25 @@ class Sampler:
             for k, (place, _, _) in enumerate(self.pieces)
         ]
 
-    def _blended(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Any:
+    def _blended(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Socket:
         """Output socket of mean + sum of share x (value - mean), but no albedo below 0.
 
         The squares of the shares add up to 1, so that contrast is kept, and the shares to more.
         """
         if len(values) == 1:
             return values[0]
-        total: Any = mean
+        total: Triple = mean
         for k, (value, (_, share, _)) in enumerate(zip(values, self.pieces, strict=True)):
             apart = self.tree.vector("SUBTRACT", f"{kind.title()} {k} Apart", value, mean)
             part = self.tree.scaled(f"{kind.title()} {k} Part", apart, share)
             total = self.tree.vector("ADD", f"{kind.title()} Sum {k}", total, part)
         return self.tree.vector("MAXIMUM", "At Least Black", total, (0.0, 0.0, 0.0)) if kind == "albedo" else total
 
-    def sample(self, kind: str, of: Map) -> Any:
+    def sample(self, kind: str, of: Map) -> Socket:
         """Output socket of the blended colour of a map."""
         return self._blended(kind, self._images(kind, of), of.mean)
 
-    def sample_normal(self, of: Map) -> Any:
+    def sample_normal(self, of: Map) -> Socket:
         """Output socket of the surface's normal tilted as a normal map states (x right, y up, z out; OpenGL)."""
         raise NotImplementedError
 
@@ -98,7 +98,7 @@ class Sampler:
 class Mean(Sampler):
     """The mean of an image everywhere."""
 
-    def sample(self, kind: str, of: Map) -> Any:
+    def sample(self, kind: str, of: Map) -> Socket:
         return self.tree.combined(f"Mean {kind.title()}", *of.mean)
 
 
@@ -107,12 +107,12 @@ class ByUV(Sampler):
 
     _TANGENT: ClassVar[dict[str, Any]] = {"space": "TANGENT", "uv_map": UV_LAYER, **compat.NORMAL_MAP}
 
-    def __init__(self, tree: Tree, geometry: Any) -> None:
+    def __init__(self, tree: Tree, geometry: Node) -> None:
         super().__init__(tree)
         self.normal = geometry.outputs["Normal"]
         self.pieces = [(tree.node("ShaderNodeUVMap", "UV", uv_map=UV_LAYER, from_instancer=False).outputs[0], 1.0, 0.0)]
 
-    def sample_normal(self, of: Map) -> Any:
+    def sample_normal(self, of: Map) -> Socket:
         # The node uses the normal before displacement. So its change of that normal is added to the true one.
         mapped, level = (
             self.tree.node("ShaderNodeNormalMap", label, {"Strength": 1.0, "Color": colour}, **self._TANGENT).outputs[0]
@@ -126,7 +126,7 @@ class ByUV(Sampler):
 class Pieces(Sampler):
     """By position: one piece for plain repeats, otherwise three."""
 
-    def __init__(self, tree: Tree, textures: TexturesSettings, geometry: Any, offset: tuple[float, float]) -> None:
+    def __init__(self, tree: Tree, textures: TexturesSettings, geometry: Node, offset: tuple[float, float]) -> None:
         super().__init__(tree)
         self._place(geometry, textures, offset)
         if textures.repeat == "PLAIN":
@@ -134,7 +134,7 @@ class Pieces(Sampler):
         else:
             self._hexagons(turned=textures.repeat == "TURNED")
 
-    def chosen(self, label: str, share: Any, a: Any, b: Any) -> Any:
+    def chosen(self, label: str, share: Value, a: Triple, b: Triple) -> Socket:
         """Output socket of vector ``a`` where ``share`` is 0 and ``b`` where it is 1."""
         return output(
             self.tree.node(
@@ -148,7 +148,7 @@ class Pieces(Sampler):
             "Result_Vector",
         )
 
-    def _place(self, geometry: Any, textures: TexturesSettings, offset: tuple[float, float]) -> None:
+    def _place(self, geometry: Node, textures: TexturesSettings, offset: tuple[float, float]) -> None:
         """Set ``plane``, the position in image widths as seen from above, or from the side on walls."""
         tree = self.tree
         at = tree.scaled("Image Widths", geometry.outputs["Position"], 1.0 / textures.width_m)
@@ -191,7 +191,7 @@ class Pieces(Sampler):
             random = self.tree.node(
                 "ShaderNodeTexWhiteNoise", f"Random {name}", {"Vector": corner}, noise_dimensions="2D"
             )
-            angle: Any = 0.0
+            angle: Value = 0.0
             place = self.plane
             if turned:
                 angle = math_("MULTIPLY", f"Angle {name}", output(random, "Value"), 2 * math.pi)
@@ -199,7 +199,9 @@ class Pieces(Sampler):
             moved = tree.vector("ADD", f"Piece {name}", place, output(random, "Color"))
             self.pieces.append((moved, math_("DIVIDE", f"Share {name}", weight, total), angle))
 
-    def rotated(self, label: str, vector: Any, angle: Any, centre: Any = (0.0, 0.0, 0.0), back: bool = False) -> Any:
+    def rotated(
+        self, label: str, vector: Socket, angle: Value, centre: Triple = (0.0, 0.0, 0.0), back: bool = False
+    ) -> Socket:
         """Output socket of a vector turned about the third axis."""
         return self.tree.node(
             "ShaderNodeVectorRotate",
@@ -209,7 +211,7 @@ class Pieces(Sampler):
             invert=back,
         ).outputs[0]
 
-    def sample_normal(self, of: Map) -> Any:
+    def sample_normal(self, of: Map) -> Socket:
         """Output socket of the surface's normal tilted as a normal map states (x right, y up, z out; OpenGL)."""
         tree, slopes = self.tree, []
         for k, colour in enumerate(self._images("normal", of)):
@@ -241,10 +243,10 @@ class OverPatch(Pieces):
 
     _EXTENSION = "EXTEND"
 
-    def __init__(self, tree: Tree, textures: TexturesSettings, geometry: Any, patch_m: float) -> None:
+    def __init__(self, tree: Tree, textures: TexturesSettings, geometry: Node, patch_m: float) -> None:
         super().__init__(tree, textures | {"repeat": "PLAIN", "width_m": patch_m}, geometry, (0.5, 0.5))
 
-    def _place(self, geometry: Any, textures: TexturesSettings, offset: tuple[float, float]) -> None:
+    def _place(self, geometry: Node, textures: TexturesSettings, offset: tuple[float, float]) -> None:
         tree = self.tree
         at = tree.scaled("Patch Widths", geometry.outputs["Position"], 1.0 / textures.width_m)
         x, y, _ = tree.separated("Place", tree.vector("ADD", "From Corner", at, (*offset, 0.0)))

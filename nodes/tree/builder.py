@@ -8,9 +8,16 @@ identifiers, which no version has renamed.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import bpy
+
+#: The output of a node (a number, a vector, a colour or a shader), and a node.
+Socket: TypeAlias = bpy.types.NodeSocket
+Node: TypeAlias = bpy.types.Node
+#: A number, and a vector or colour: a constant, or the output socket that gives it.
+Value: TypeAlias = float | Socket
+Triple: TypeAlias = Sequence[float] | Socket
 
 COLUMN, ROW = 220.0, 260.0
 BLACK = (0.0, 0.0, 0.0, 1.0)
@@ -54,7 +61,7 @@ _PRINCIPLED_IN_SOME = {
 _TO_NUMBER = ("DOT_PRODUCT", "LENGTH", "DISTANCE")
 
 
-def non_socket_values(node: Any) -> list[Any]:
+def non_socket_values(node: bpy.types.Node) -> list[Any]:
     """Values of a node that are not in sockets: the name of its image, the points of its curves, its UV layer."""
     image, mapping = getattr(node, "image", None), getattr(node, "mapping", None)
     curves = getattr(mapping, "curves", ())
@@ -62,7 +69,7 @@ def non_socket_values(node: Any) -> list[Any]:
     return [image.name if image else "", points, *([node.uv_map] if hasattr(node, "uv_map") else [])]
 
 
-def output(node: Any, identifier: str) -> Any:
+def output(node: bpy.types.Node, identifier: str) -> Socket:
     """The output socket with an identifier. Unlike names, no version has renamed identifiers."""
     return next(socket for socket in node.outputs if socket.identifier == identifier)
 
@@ -83,7 +90,7 @@ class Tree:
         *,
         if_present: Mapping[str, Any] | None = None,
         **properties: Any,
-    ) -> Any:
+    ) -> bpy.types.Node:
         """Add a node and return it. Raises ValueError if an input is missing or unknown.
 
         ``inputs`` maps identifiers of sockets to values, or to output sockets that are linked to them; None leaves a
@@ -109,38 +116,38 @@ class Tree:
                 present[identifier].default_value = value
         return node
 
-    def math(self, operation: str, label: str, a: Any, b: Any = None, c: Any = None) -> Any:
+    def math(self, operation: str, label: str, a: Value, b: Value | None = None, c: Value | None = None) -> Socket:
         """Output socket of a Math node of one operand, two or three."""
         operands = zip(("Value", "Value_001", "Value_002"), (a, b, c), strict=True)
         inputs = {key: value for key, value in operands if value is not None}
         return self.node("ShaderNodeMath", label, inputs, operation=operation, use_clamp=False).outputs[0]
 
-    def vector(self, operation: str, label: str, a: Any, b: Any = None, c: Any = None) -> Any:
+    def vector(self, operation: str, label: str, a: Triple, b: Triple | None = None, c: Triple | None = None) -> Socket:
         """Output socket of a Vector Math node of one vector, two or three."""
         operands = {"Vector": a, "Vector_001": b, "Vector_002": c}
         inputs = {key: value for key, value in operands.items() if value is not None}
         node = self.node("ShaderNodeVectorMath", label, inputs, operation=operation)
         return output(node, "Value" if operation in _TO_NUMBER else "Vector")
 
-    def scaled(self, label: str, vector: Any, factor: Any) -> Any:
+    def scaled(self, label: str, vector: Triple, factor: Value) -> Socket:
         """Output socket of a vector times a number."""
         inputs = {"Vector": vector, "Scale": factor}
         return self.node("ShaderNodeVectorMath", label, inputs, operation="SCALE").outputs[0]
 
-    def combined(self, label: str, x: Any, y: Any, z: Any = 0.0) -> Any:
+    def combined(self, label: str, x: Value, y: Value, z: Value = 0.0) -> Socket:
         """Output socket of a vector of three numbers."""
         return self.node("ShaderNodeCombineXYZ", label, {"X": x, "Y": y, "Z": z}).outputs[0]
 
-    def separated(self, label: str, vector: Any) -> Sequence[Any]:
+    def separated(self, label: str, vector: Triple) -> Sequence[Any]:
         """Output sockets of a vector's three numbers."""
         return self.node("ShaderNodeSeparateXYZ", label, {"Vector": vector}).outputs
 
-    def colour(self, label: str, red: Any, green: Any, blue: Any) -> Any:
+    def colour(self, label: str, red: Value, green: Value, blue: Value) -> Socket:
         """Output socket of a colour of three bands."""
         inputs = {"Red": red, "Green": green, "Blue": blue}
         return self.node("ShaderNodeCombineColor", label, inputs, mode="RGB").outputs[0]
 
-    def mixed(self, label: str, share: Any, a: Any, b: Any) -> Any:
+    def mixed(self, label: str, share: Value, a: Triple, b: Triple) -> Socket:
         """Output socket of a colour that is ``b`` to this share and else ``a``."""
         return output(
             self.node(
@@ -155,7 +162,7 @@ class Tree:
             "Result_Color",
         )
 
-    def ramp(self, label: str, value: Any, zero: float, one: float, smooth: bool = False) -> Any:
+    def ramp(self, label: str, value: Value, zero: float, one: float, smooth: bool = False) -> Socket:
         """Output socket: 0 where ``value`` is ``zero``, 1 where it is ``one``, limited to that range."""
         return self.node(
             "ShaderNodeMapRange",
@@ -170,12 +177,12 @@ class Tree:
         self,
         label: str,
         where: Mapping[str, Any],
-        scale: Any,
-        detail: Any,
+        scale: Value,
+        detail: Value,
         *,
         roughness: float = 0.5,
         normalize: bool = True,
-    ) -> Any:
+    ) -> bpy.types.Node:
         """Noise node of ``detail`` + 1 octaves. ``where`` is its place: a Vector, a W, or both."""
         return self.node(
             "ShaderNodeTexNoise",
@@ -193,11 +200,11 @@ class Tree:
             normalize=normalize,
         )
 
-    def attribute(self, label: str, name: str, identifier: str = "Fac", kind: str = "GEOMETRY") -> Any:
+    def attribute(self, label: str, name: str, identifier: str = "Fac", kind: str = "GEOMETRY") -> Socket:
         """Output socket of an attribute of the mesh, or of the instance."""
         return output(self.node("ShaderNodeAttribute", label, attribute_type=kind, attribute_name=name), identifier)
 
-    def bump(self, label: str, height: Any, distance_m: float, normal: Any = None) -> Any:
+    def bump(self, label: str, height: Value, distance_m: float, normal: Socket | None = None) -> Socket:
         """Output socket of the normal with bumps, which are ``distance_m`` high where ``height`` is 1.
 
         The bumps are on the surface's own normal, or on ``normal``.
@@ -210,14 +217,14 @@ class Tree:
             invert=False,
         ).outputs[0]
 
-    def diffuse(self, label: str, colour: Any, normal: Any = None) -> Any:
+    def diffuse(self, label: str, colour: Triple, normal: Socket | None = None) -> Socket:
         """Shader socket of Lambert's law with a normal; None is the mesh's own."""
         inputs = {"Color": colour, "Roughness": 0.0, "Normal": normal}
         return self.node("ShaderNodeBsdfDiffuse", label, inputs, if_present={"Weight": 0.0}).outputs[0]
 
     def principled(
-        self, label: str, colour: Any, roughness: Any, subsurface: str = "RANDOM_WALK", **others: Any
-    ) -> Any:
+        self, label: str, colour: Triple, roughness: Value, subsurface: str = "RANDOM_WALK", **others: Any
+    ) -> Socket:
         """Shader socket of a Principled surface. ``others`` are inputs that differ from ``_PRINCIPLED``."""
         return self.node(
             "ShaderNodeBsdfPrincipled",
@@ -228,30 +235,30 @@ class Tree:
             subsurface_method=subsurface,
         ).outputs[0]
 
-    def emission(self, label: str, colour: Any, strength: Any) -> Any:
+    def emission(self, label: str, colour: Triple, strength: Value) -> Socket:
         """Shader socket of a surface that emits light."""
         inputs = {"Color": colour, "Strength": strength}
         return self.node("ShaderNodeEmission", label, inputs, if_present={"Weight": 0.0}).outputs[0]
 
-    def transparent(self, label: str, colour: Any) -> Any:
+    def transparent(self, label: str, colour: Triple) -> Socket:
         """Shader socket of a surface that light passes straight through."""
         return self.node("ShaderNodeBsdfTransparent", label, {"Color": colour}, if_present={"Weight": 0.0}).outputs[0]
 
-    def over(self, label: str, share: Any, under: Any, layer: Any) -> Any:
+    def over(self, label: str, share: Value, under: Socket, layer: Socket) -> Socket:
         """Shader socket of ``layer`` over its share of ``under``. Where that is 0 or 1, Cycles evaluates only one."""
         inputs = {"Fac": share, "Shader": under, "Shader_001": layer}
         return self.node("ShaderNodeMixShader", label, inputs).outputs[0]
 
-    def surface(self, shader: Any, label: str = "Surface", target: str = "ALL", **others: Any) -> None:
+    def surface(self, shader: Socket, label: str = "Surface", target: str = "ALL", **others: Any) -> None:
         """Connect a shader, and others such as ``Volume``, to a material's output."""
         inputs = {"Surface": shader, "Displacement": None, "Volume": None, "Thickness": None} | others
         self.node("ShaderNodeOutputMaterial", label, inputs, target=target)
 
-    def value_pass(self, label: str, name: str, colour: Any = BLACK, value: Any = 0.0) -> None:
+    def value_pass(self, label: str, name: str, colour: Triple = BLACK, value: Value = 0.0) -> None:
         """Write a colour and a value into a pass."""
         self.node("ShaderNodeOutputAOV", label, {"Color": colour, "Value": value}, aov_name=name)
 
-    def curve(self, label: str, colour: Any, x: Any, y: Any) -> Any:
+    def curve(self, label: str, colour: Triple, x: Any, y: Any) -> Socket:
         """Output socket of a colour after linear interpolation of each band between points (x, y)."""
         node = self.node("ShaderNodeRGBCurve", label, {"Fac": 1.0, "Color": colour})
         points = node.mapping.curves[3].points  # the curve of all bands, which has two points at first
@@ -281,7 +288,7 @@ class Tree:
         self.tree.nodes.foreach_set("location", places)  # to move one node would update the whole tree
 
 
-def _plain(struct: Any) -> dict[str, Any]:
+def _plain(struct: bpy.types.bpy_struct) -> dict[str, Any]:
     """The plain properties of a node, without properties of the node editor."""
     return {
         p.identifier: getattr(struct, p.identifier)

@@ -62,7 +62,7 @@ class _Translation:
             self._made[name] = self.group.nodes.new(kind)
         return self._made[name]
 
-    def _copy(self, node: Any, made: Any) -> None:
+    def _copy(self, node: bpy.types.Node, made: bpy.types.Node) -> None:
         for prop in node.bl_rna.properties:
             if not prop.is_readonly and prop.identifier not in _OF_ANY_NODE:
                 setattr(made, prop.identifier, getattr(node, prop.identifier))

@@ -129,8 +129,9 @@ class _Decoder:
         status = self._process.poll()
         system.kill_all(self._process)
         for stream in (self._process.stdin, self._process.stdout):
+            assert stream is not None
             with suppress(OSError):  # input that it has not read
-                stream.close()  # type: ignore[union-attr]
+                stream.close()
         return status
 
 

@@ -228,8 +228,9 @@ class _Resident:
 
     def stop(self, grace_s: float) -> None:
         """End it, with all that it has started, after some time to end by itself."""
+        assert self._process.stdin is not None
         with suppress(OSError):
-            self._process.stdin.close()  # type: ignore[union-attr]
+            self._process.stdin.close()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(grace_s)
         system.kill_all(self._process)
