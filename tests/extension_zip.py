@@ -55,6 +55,7 @@ def shipped() -> set[str]:
         "nodes/*/*.osl",
         "physics/*/*.json",
         "physics/*/*.csv",
+        "plugins/*.txt",
     )
     files += [path for pattern in data for path in ROOT.glob(pattern)]
     return {path.relative_to(ROOT).as_posix() for path in files}

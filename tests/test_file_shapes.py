@@ -33,7 +33,7 @@ from icymoon.stereo.images import develop as stereo_develop
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare import load
 from icymoon.stereo.reexpose import reexpose
-from icymoon.stereo.report import results
+from icymoon.stereo.report import results, schema
 from icymoon.stereo.report.row_log import RowLog
 from icymoon.support import cache, file_shapes, files, system
 from icymoon.support.errors import IcyMoonError
@@ -241,7 +241,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
         "error_curve": [],
     }
     rows.write_text(json.dumps(row) + "\n")
-    assert RowLog(rows, results.ROW).find("p", "bm", "k") == row
+    assert RowLog(rows, schema.ROW).find("p", "bm", "k") == row
     assert results.find_facts(tmp_path, "p") is not None
     assert machine.recall_speed("CPU") == speed
     file = machine._speed_file()
@@ -252,7 +252,7 @@ def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkey
         (claim, lambda: claims.is_lost(PAIRS[0].id)),
         (running, lambda: Detached.attach(tmp_path / "run")),
         (facts, lambda: results.find_facts(tmp_path, "p")),
-        (rows, lambda: RowLog(rows, results.ROW).find("p", "bm", "k")),
+        (rows, lambda: RowLog(rows, schema.ROW).find("p", "bm", "k")),
     ):
         good, chosen = path.read_text(), random.Random(8)
         for _ in range(60):

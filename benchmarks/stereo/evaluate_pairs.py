@@ -14,6 +14,7 @@ import argparse
 import cProfile
 import pstats
 import time
+from typing import Any
 
 import pairs
 from icymoon.benchmarks.common.arguments import scratch
@@ -67,7 +68,7 @@ def main(options: argparse.Namespace) -> None:
     print(f"measuring  {measured / rows:.3f} CPU-s per pair and method")
     print(f"report     {(whole - measured):.3f} CPU-s once")
     if options.profile:
-        stats = pstats.Stats(profile)
+        stats: Any = pstats.Stats(profile)
         for (file, _, name), (_, _, _, cumulative, _) in stats.stats.items():
             if any(file.endswith(path) and name == wanted for path, wanted in PARTS):
                 print(f"  {name:24}{cumulative / rows:8.3f}")

@@ -1,6 +1,7 @@
 """How often the verdicts and intervals over scenes are wrong, by simulation of what scenes are like.
 
     python benchmarks inference_coverage --runs 1000 --processes 2
+    python benchmarks inference_coverage --runs 2000 --beyond
 
 Each cell has so many data sets with seeds of their own. Errors of methods are drawn for each scene: normal, lognormal
 (sd of the logarithm 1), exponential, or beta(0.3, 5), which is bounded and skewed. All methods have the same spread, or
@@ -33,6 +34,21 @@ ERRORS: dict[str, tuple[Draw, float, float]] = {
     "exponential": (lambda random, shape: random.exponential(1, shape), 1.0, 1.0),
     "beta": (lambda random, shape: random.beta(0.3, 5, shape), 0.3 / 5.3, (0.3 * 5 / 5.3**2 / 6.3) ** 0.5),
 }
+#: Errors beyond those for which the limit was chosen; their means are not used.
+BEYOND: dict[str, tuple[Draw, float, float]] = {
+    "29 % of scenes 50 times as hard": (
+        lambda random, shape: np.where(random.random(shape) < 0.29, 50, 1) * random.lognormal(0, 0.5, shape),
+        np.nan,
+        1.0,
+    ),
+    "5 % of scenes 20 times as hard": (
+        lambda random, shape: np.where(random.random(shape) < 0.05, 20, 1) * random.lognormal(0, 0.5, shape),
+        np.nan,
+        1.0,
+    ),
+    "t with 2 degrees of freedom": (lambda random, shape: random.standard_t(2, shape), np.nan, 1.0),
+}
+ALL_ERRORS = ERRORS | BEYOND
 #: The spread of the first method, relative to the others.
 SPREADS = (1.0, 0.25)
 #: By how many standard deviations each method is worse than the one before.
@@ -69,7 +85,7 @@ def typical_difference(errors: str, spread: float) -> float:
     """The pseudomedian of ``spread`` times an error less another error."""
     if spread == 1.0:
         return 0.0
-    random, draw = np.random.default_rng(1), ERRORS[errors][0]
+    random, draw = np.random.default_rng(1), ALL_ERRORS[errors][0]
     found = []
     for _ in range(4):
         one, other = (draw(random, (2, 2**20)).sum(axis=0) for _ in range(2))
@@ -79,7 +95,7 @@ def typical_difference(errors: str, spread: float) -> float:
 
 def draw_errors(random: np.random.Generator, errors: str, spread: float, scenes: int, methods: int) -> Array:
     """Errors (scenes, methods) of methods without a typical difference."""
-    drawn = ERRORS[errors][0](random, (scenes, methods))
+    drawn = ALL_ERRORS[errors][0](random, (scenes, methods))
     drawn[:, 0] = spread * drawn[:, 0] - typical_difference(errors, spread)
     return drawn
 
@@ -96,10 +112,10 @@ def wrong(cell: tuple[str, float, int, int], runs: int, procedure: Procedure = t
     errors, spread, scenes, methods = cell
     counts = np.zeros((3, len(EFFECTS)))
     for run in range(runs):
-        random = np.random.default_rng((scenes, methods, list(ERRORS).index(errors), int(spread == 1), run))
+        random = np.random.default_rng((scenes, methods, list(ALL_ERRORS).index(errors), int(spread == 1), run))
         drawn = draw_errors(random, errors, spread, scenes, methods)
         for k, effect in enumerate(EFFECTS):
-            true = differences_of(shift := effect * ERRORS[errors][2] * np.arange(methods))
+            true = differences_of(shift := effect * ALL_ERRORS[errors][2] * np.arange(methods))
             low, high, found = procedure(differences_of(drawn + shift))
             rounding = 1e-9 * (1 + np.abs(true))
             side = np.sign(low + high)
@@ -217,16 +233,28 @@ def rows(runs: int, pool: ProcessPoolExecutor) -> Iterator[tuple[str, float]]:
         )
 
 
+def rows_beyond(runs: int, pool: ProcessPoolExecutor) -> Iterator[tuple[str, float]]:
+    """The lines of the table of errors beyond, and the processor seconds that each took."""
+    numbers = (6, 8, 12, 20, 200)
+    yield f"| errors | spread of the first method | {' | '.join(f'{scenes} scenes' for scenes in numbers)} |", 0
+    yield "|---|---" + "|---" * len(numbers) + "|", 0
+    for errors, spread in product(BEYOND, (0.25, 0.0)):
+        done = list(pool.map(timed, [partial(wrong, (errors, spread, scenes, 2), runs) for scenes in numbers]))
+        shares = " | ".join(f"{100 * found[0, 0]:.1f}" for found, _ in done)
+        yield f"| {errors} | {spread:g} | {shares} |", sum(seconds for _, seconds in done)
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--runs", type=int, default=1000, help="data sets of each cell")
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--beyond", action="store_true", help="false verdicts for errors of other kinds instead")
 
 
 def main(options: argparse.Namespace) -> None:
     """Print the tables, all in %, and the processor time."""
     seconds = 0.0
     with ProcessPoolExecutor(options.processes) as pool:
-        for line, own in rows(options.runs, pool):
+        for line, own in (rows_beyond if options.beyond else rows)(options.runs, pool):
             print(line, flush=True)
             seconds += own
     print(f"\n{options.runs} data sets of each cell, {seconds / 60:.1f} processor minutes")

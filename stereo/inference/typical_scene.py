@@ -45,9 +45,10 @@ _ROUNDING = 1e-9
 class Family:
     """The comparisons of one family, an array element per comparison.
 
-    ``typical`` is the typical difference; ``low`` and ``high`` are its bounds, all of which hold at once in 95 % of
-    data sets. They and ``p``, which is adjusted for the family, are NaN without a verdict, for which it takes
-    ``needed`` scenes. ``detectable`` is the difference that would be found in ``POWER`` of such data sets.
+    ``typical`` is the typical difference; ``low`` and ``high`` are its bounds. All hold at once in at least 93 % of the
+    data sets of ``docs/theory/inference.md``. They and ``p``, which is adjusted for the family, are NaN without a
+    verdict, for which it takes ``needed`` scenes. ``detectable`` is the difference that would be found in ``POWER`` of
+    such data sets.
     """
 
     scenes: Array
@@ -186,7 +187,7 @@ def ranks(better: Array) -> list[tuple[int, int]]:
     """The best and the worst possible rank of each method, from a boolean (methods, methods): the row's method is
     significantly better than the column's.
 
-    All these ranges hold at once with 95 % (Mogstad, Romano, Shaikh and Wilhelm 2024).
+    All these ranges hold at once as often as the intervals (Mogstad, Romano, Shaikh and Wilhelm 2024).
     """
     count = len(better)
     return [(1 + int(better[:, k].sum()), count - int(better[k].sum())) for k in range(count)]

@@ -16,6 +16,7 @@ from ...plugins.installed import Plugin, explained, function_of, load, source_fi
 from ...settings.topics.trust_boundary import LOADS
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
+from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
 from .opencv import SEARCH_RANGE, settle_range
 from .options import Option, resolve
@@ -85,7 +86,7 @@ class PluginMatcher:
         with explained(self.plugin):
             found = self._match(left.copy(), right.copy(), MatchContext(_own(options), least, most, **known))
             found, facts = found if isinstance(found, tuple) else (found, {})
-            facts = json.loads(json.dumps(dict(facts), allow_nan=False))
+            facts = parse_json(json.dumps(dict(facts), allow_nan=False))
         if not self.plugin.built_in:
             facts |= {"plug_in": self.plugin.release}
         return Result(checked_disparity(self.plugin, found, left.shape[:2]), facts=facts)

@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pairs
 import pytest
 from icymoon.commands.cli import main as icymoon
@@ -174,13 +175,14 @@ def test_facts_are_read_without_an_import(tmp_path, monkeypatch):
     assert fact_of(deep, "NEEDS") is None
 
 
+BLACK = np.zeros((20, 30), "uint8")
 CHECKED = 'ICYMOON_API = 1\ndef check(*_):\n    return "Install the moon."\n'
 
 
 def test_why_it_cannot_run_is_one_sentence(tmp_path, monkeypatch, capsys):
     add_package(tmp_path / "a", monkeypatch, "matcher", "absent", CHECKED + "def match(*_):\n    raise SystemExit\n")
     with pytest.raises(IcyMoonError, match=r"The matcher absent of .* cannot run here: Install the moon\."):
-        match("absent", *[pairs.np.zeros((20, 30), "uint8")] * 2)
+        match("absent", BLACK, BLACK)
     add_package(tmp_path / "b", monkeypatch, "export", "absent", CHECKED + "def write_all(*_):\n    raise SystemExit\n")
     status = main(["export", data_set(tmp_path / "data"), "--format", "absent", "--out", str(tmp_path / "out")])
     assert status == 1
@@ -243,7 +245,7 @@ def test_what_it_states_wrong_is_named(stated, said, tmp_path, monkeypatch):
     option = "OPTIONS = {'w': {'default': 3, 'minimum': 1, 'maximum': 9, 'doc': 'px'}}\n"
     add_package(tmp_path, monkeypatch, "matcher", "odd", f"{MATCHER}{option}{stated}\n")
     with pytest.raises(IcyMoonError) as raised:
-        match("odd", *[pairs.np.zeros((20, 30), "uint8")] * 2)
+        match("odd", BLACK, BLACK)
     assert said in str(raised.value)
 
 
@@ -252,4 +254,4 @@ def test_facts_that_no_report_can_hold_are_a_sentence(tmp_path, monkeypatch):
         source = MATCHER.replace("np.float32)", f"np.float32), {facts}")
         add_package(tmp_path / name, monkeypatch, "matcher", name, source)
         with pytest.raises(IcyMoonError, match=f"The matcher {name} of the package .* failed"):
-            match(name, *[pairs.np.zeros((20, 30), "uint8")] * 2)
+            match(name, BLACK, BLACK)

@@ -96,8 +96,8 @@ def test_files_are_as_they_are_named(dataset, tmp_path):
 
 def test_only_what_is_missing_is_made(dataset, tmp_path, monkeypatch):
     calls = []
-    real = module.match
-    monkeypatch.setattr(module, "match", lambda name, *rest: calls.append(name) or real(name, *rest))
+    real = module.match_checked
+    monkeypatch.setattr(module, "match_checked", lambda name, *rest: calls.append(name) or real(name, *rest))
     first = run([dataset], tmp_path / "out")
     again = run([dataset], tmp_path / "out")
     assert calls == ["bm"] * 2
@@ -259,8 +259,10 @@ def test_too_small_cells_are_noted(tmp_path):
 
 
 def test_a_depth_of_nothing_takes_no_site_and_is_told_in_words(dataset, tmp_path, monkeypatch):
-    real = module.match
-    monkeypatch.setattr(module, "match", lambda *given: (np.full_like(real(*given)[0], np.nan), *real(*given)[1:]))
+    real = module.match_checked
+    monkeypatch.setattr(
+        module, "match_checked", lambda *given: (np.full_like(real(*given)[0], np.nan), *real(*given)[1:])
+    )
     report = run([dataset], tmp_path / "out")
     assert not report["failed"]
     entry = report["summary"][1]

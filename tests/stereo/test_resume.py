@@ -33,13 +33,13 @@ def dataset(tmp_path):
 def matched(monkeypatch):
     """The methods that were really run."""
     runs = []
-    real = module.match
+    real = module.match_checked
 
     def match(method, *arguments):
         runs.append(method)
         return real(method, *arguments)
 
-    monkeypatch.setattr(module, "match", match)
+    monkeypatch.setattr(module, "match_checked", match)
     return runs
 
 

@@ -16,7 +16,7 @@ def _no_checkpoints(monkeypatch, tmp_path):
 def test_at_the_papers_size_it_is_the_papers_stereobm():
     methods, missing = find_methods(1.0, [])
     assert [method.label for method in methods] == ["bm", "jplv"]
-    assert methods[0].options == {"preset": "guiss"}
+    assert methods[0].options == complete_options("bm", {"preset": "guiss"})
     assert set(missing) == {"dsmnet", "igev"}
     assert all("no checkpoint" in why and why.endswith(".") for why in missing.values())
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from icymoon.validation import polar_comparison
 from icymoon.validation.polar import METHOD, camera, hand, lamp, sand, scans, scene
 
 #: By method, what its constants were when it was frozen.
-FROZEN = {
+FROZEN: dict[int, dict[Any, dict[str, object]]] = {
     2: {
         polar_comparison: {
             "_COLUMNS": 480,
