@@ -529,6 +529,8 @@ ALLOWED: dict[str, str] = {
     "stereo/matchers/onnx.py": "onnxruntime.InferenceSession: a file of the user's, never a scene's",
     "stereo/measuring_cluster.py": "json.loads: text that this program wrote",
     "stereo/measuring_processes.py": "json.loads: lines that the process wrote that started it",
+    "stereo/paper/figures.py": "read_bytes: a chart that was written just now",
+    "stereo/paper/page.py": "read_bytes: sheets that were written just now",
     "stereo/report/html.py": "read_text: shipped with the program",
     "stereo/report/row_log.py": "open: a regular file that it appends to, line by line with a limit",
     "support/printer.py": "open: the null device",

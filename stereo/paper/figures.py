@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,7 +14,6 @@ from ...render.pairs.pair_folder import Pair, is_complete, read_pair
 from ...render.plans.planned_pair import PlannedPair
 from ...support.arrays import Array
 from ...support.labels import TERRAIN
-from ...support.system import remove_folder
 from ..images.gallery import automatic_white, for_screen, read_radiance, write_sheet
 from ..images.image_files import read_png, write_bytes
 from ..images.views import read_eye
@@ -77,9 +77,9 @@ def draw_albedo(measured: Measured, name: str, out: Path) -> SweepCharts | None:
         return None
     table = measured.table
     summary = [summarise_method(table, k) for k in range(len(table.methods))]
-    picture = out / write_curves(summary, table, sweeps, out)[_ALBEDO]
-    write_bytes(out / f"{name}.png", picture.read_bytes())
-    remove_folder(picture.parent)
+    with tempfile.TemporaryDirectory(prefix="icymoon-paper-") as folder:
+        picture = Path(folder, write_curves(summary, table, sweeps, Path(folder))[_ALBEDO])
+        write_bytes(out / f"{name}.png", picture.read_bytes())
     return draw_sweeps(summary, table, sweeps)[0]
 
 

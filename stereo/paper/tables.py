@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ...support.number_text import count_of
 from ..report.table_columns import GUISS, TOTALS, Column, format_interval, format_number
 from .printed import GROUPS, METHODS, METRICS, RENDERING_S
 from .results import Measured
@@ -94,7 +95,7 @@ def runtime_rows(measured: Measured, rendering: Mapping[str, tuple[float, int]])
                 f"{method.seconds:g}",
                 method.machine,
                 *(NONE if each is None else f"{each:.3g}" for each in took),
-                f"{summary['pairs']} pairs" if summary else NONE,
+                count_of(summary["pairs"], "pair") if summary else NONE,
             )
         )
     for group, printed in RENDERING_S.items():
@@ -106,7 +107,7 @@ def runtime_rows(measured: Measured, rendering: Mapping[str, tuple[float, int]])
                 "i7 laptop",
                 f"{found[0]:.3g}" if found else NONE,
                 NONE,
-                f"{found[1]} pairs" if found else NONE,
+                count_of(found[1], "pair") if found else NONE,
             )
         )
     return rows

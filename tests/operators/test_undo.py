@@ -29,6 +29,7 @@ CHANGE_NOTHING = {
     "show_ends",
     "evaluate_folder",
     "decide",
+    "reproduce",
 }
 #: Operators that go on when what they change is changed, and take the step then.
 TAKE_THEIR_OWN = {
