@@ -128,11 +128,15 @@ class _Decoder:
             self._process.wait(_LOOK_S)
         status = self._process.poll()
         system.kill_all(self._process)
+        self.close()
+        return status
+
+    def close(self) -> None:
+        """Close our ends of its pipes, which a process that was forked from its owner has too."""
         for stream in (self._process.stdin, self._process.stdout):
             assert stream is not None
             with suppress(OSError):  # input that it has not read
                 stream.close()
-        return status
 
 
 def _read_answer(stream: IO[bytes], most_bytes: int) -> Array | str:
@@ -170,7 +174,7 @@ def _ask(request: dict[str, Any], content: bytes, most_bytes: int) -> Array:
     request |= {"bytes": len(content), "cpu_s": cpu_s, "memory": _COPIES * most_bytes + 2 * len(content) + _MEMORY}
     with _lock:
         if _running and _running[0].owner != os.getpid():
-            _running.clear()  # of the process that we were forked from
+            _running.pop().close()  # of the process that we were forked from
         if not _running:
             _running.append(_Decoder())
         try:
@@ -198,6 +202,8 @@ def stop_decoder() -> None:
         decoder = _running.pop()
         if decoder.owner == os.getpid():
             decoder.end()
+        else:
+            decoder.close()
 
 
 def main(arguments: Sequence[str]) -> int:
