@@ -26,7 +26,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from icymoon.support.arrays import Array
+import numpy.typing as npt
 from mathutils import Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -464,7 +464,7 @@ def render_by_mouse() -> Waiting:
     return f"longest gap {gap:.2f} of {duration:.0f} s (bound {bound:.1f}), {len(fractions)} stages of progress"
 
 
-def cell_means(image: Array, low: Array, high: Array) -> Array:
+def cell_means(image: npt.NDArray[Any], low: npt.NDArray[Any], high: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Mean colours (12, 24, 3) of the cells of an image between two corners, columns and rows."""
     columns, rows = (np.rint(np.linspace(low[k], high[k], n + 1)).astype(int) for k, n in enumerate((24, 12)))
     return np.array(
@@ -475,7 +475,7 @@ def cell_means(image: Array, low: Array, high: Array) -> Array:
     )
 
 
-def read_screenshot(name: str) -> Array:
+def read_screenshot(name: str) -> npt.NDArray[Any]:
     """The colours (H, W, 3) of the last screenshot of this name, from below, as Blender's places are."""
     shot = bpy.data.images.load(str(max(FOLDER.glob(f"*_{name}.png"))))
     screen = np.empty(len(shot.pixels), np.float32)
@@ -485,7 +485,7 @@ def read_screenshot(name: str) -> Array:
     return screen
 
 
-def on_screen(picture: Array, name: str) -> Waiting:
+def on_screen(picture: npt.NDArray[Any], name: str) -> Waiting:
     """How much what the second window shows of the image differs from a picture (H, W, 3), from 0 to 1."""
     yield from screenshot(name)
     screen = read_screenshot(name)
