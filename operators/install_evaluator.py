@@ -15,7 +15,7 @@ from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
 from ..support.system import find_pythons, is_python, remove_folder, run
 from . import jobs
-from .job_operators import JobOperator
+from .job_operators import DialogJobOperator, JobOperator
 from .preferences import has_own_evaluator, own_evaluator_python, show_findings
 from .session import session
 
@@ -43,7 +43,7 @@ def _makes_environments(python: Path) -> bool:
         return False
 
 
-class ICYMOON_OT_install_evaluator(JobOperator, bpy.types.Operator):
+class ICYMOON_OT_install_evaluator(DialogJobOperator, bpy.types.Operator):
     """Make a Python environment for the evaluator in the extension's folder, and install its packages from the Internet (390 MB on disk)"""  # noqa: E501
 
     bl_idname = "icymoon.install_evaluator"
@@ -63,7 +63,7 @@ class ICYMOON_OT_install_evaluator(JobOperator, bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start the job. Ask before it where the user has pressed Evaluate, or has not allowed online access yet."""
         if bpy.app.background or (self.then_evaluate == "NOTHING" and bpy.app.online_access):
-            return super().invoke(context, event)
+            return JobOperator.invoke(self, context, event)
         return set(
             context.window_manager.invoke_props_dialog(
                 self,
@@ -79,12 +79,6 @@ class ICYMOON_OT_install_evaluator(JobOperator, bpy.types.Operator):
         layout.label(text=f"Evaluating needs packages from the Internet: {DISK_MB} MB on disk, once")
         if not bpy.app.online_access:
             layout.operator("extensions.userpref_allow_online", text="Allow Online Access", icon="CHECKMARK")
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Called after the question: starts the job."""
-        if bpy.app.background:
-            return super().execute(context)
-        return JobOperator.invoke(self, context, None)
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         if not bpy.app.online_access:

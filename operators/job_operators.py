@@ -154,6 +154,21 @@ class JobOperator(WatchingOperator):
             self.report({"WARNING"}, in_window(self._job.failure))
 
 
+class DialogJobOperator(JobOperator):
+    """Mix-in: an operator that asks in a dialog of its properties before it starts its job."""
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
+        if bpy.app.background:
+            return self.execute(context)
+        return context.window_manager.invoke_props_dialog(self)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Called after the dialog: starts the job."""
+        if bpy.app.background:
+            return super().execute(context)
+        return super().invoke(context, None)
+
+
 class ICYMOON_OT_cancel(bpy.types.Operator):
     """Stop the running job. Finished pairs are kept"""
 

@@ -11,12 +11,12 @@ from ..settings.blender import scene_properties
 from ..stereo.paper import PAGE
 from ..support.printer import show_controls
 from . import jobs
-from .job_operators import JobOperator
+from .job_operators import DialogJobOperator
 from .preferences import find_evaluator_python, workers
 from .render import dataset_folder
 
 
-class ICYMOON_OT_reproduce(JobOperator, bpy.types.Operator):
+class ICYMOON_OT_reproduce(DialogJobOperator, bpy.types.Operator):
     """Render and evaluate the data set of the GUISS paper into the folder guiss of the data set folder, and write its tables and figures beside the printed ones. Takes hours; started again, it goes on"""  # noqa: E501
 
     bl_idname = "icymoon.reproduce"
@@ -65,17 +65,6 @@ class ICYMOON_OT_reproduce(JobOperator, bpy.types.Operator):
         self.report({"INFO"}, show_controls(f"The tables and figures are in {self._page}"))
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if bpy.app.background:
-            return self.execute(context)
-        return context.window_manager.invoke_props_dialog(self)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Called after the dialog: starts the job."""
-        if bpy.app.background:
-            return super().execute(context)
-        return super().invoke(context, None)
 
 
 CLASSES = (ICYMOON_OT_reproduce,)

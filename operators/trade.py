@@ -23,7 +23,7 @@ from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
 from . import jobs, sidebar_text
 from .evaluate import matcher_arguments
-from .job_operators import JobOperator
+from .job_operators import DialogJobOperator, JobOperator
 from .preferences import find_evaluator_python
 from .render import dataset_folder
 from .window import find_scene
@@ -65,7 +65,7 @@ def _begin(context: bpy.types.Context, verb: str, title: str, *arguments: str) -
     return jobs.Job.start(title, command, clean_up=partial(remove_folder, folder), device=settings.quality.device)
 
 
-class _MeasureDialog(JobOperator):
+class _MeasureDialog(DialogJobOperator):
     """Mix-in: a job with a dialog for the scale of the images and the samples of the reference."""
 
     scale: bpy.props.FloatProperty(
@@ -85,17 +85,6 @@ class _MeasureDialog(JobOperator):
 
     def _common(self) -> list[str]:
         return ["--scale", f"{self.scale:g}", "--reference-samples", str(self.reference_samples)]
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
-        if bpy.app.background:
-            return self.execute(context)
-        return context.window_manager.invoke_props_dialog(self)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Called after the dialog: starts the job."""
-        if bpy.app.background:
-            return super().execute(context)
-        return super().invoke(context, None)
 
 
 class ICYMOON_OT_trade(_MeasureDialog, bpy.types.Operator):
