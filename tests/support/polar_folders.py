@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from icymoon.support.arrays import Array
-from icymoon.validation.polar.camera import Eye, turned
+from icymoon.validation.polar.camera import Calibration, Eye, turned
 from icymoon.validation.polar.data_set import (
     EYES,
     HEIGHT_PX,
@@ -22,8 +22,11 @@ from icymoon.validation.polar.data_set import (
     SURVEYED_YAW_DEG,
     WIDTH_PX,
     Rock,
+    Terrain,
     View,
+    read_terrains,
 )
+from icymoon.validation.polar.sand import Sand
 
 SAND_M = 0.17
 #: East, north, radius and height of the eggs in metres.
@@ -108,3 +111,12 @@ def write_polar_folder(folder: Path, name: str = "07", scale: float = 1.0) -> Kn
             "\n".join(lines), encoding="utf-8"
         )
     return truth
+
+
+def read_known(folder: Path) -> tuple[Terrain, Calibration, Sand, dict[int, Array]]:
+    """Write the terrain to a folder and read it: the terrain, and its true camera, sand and lamps."""
+    truth = write_polar_folder(folder)
+    (terrain,) = read_terrains(folder)
+    middles = np.array([rock.vertices[:, :2].mean(axis=0) for rock in terrain.rocks])
+    sand = Sand(np.array([SAND_M, 0.0, 0.0]), middles, np.zeros(len(middles)), np.zeros((1, 2)), np.zeros(1))
+    return terrain, Calibration(truth.eyes, np.zeros(1)), sand, {30: truth.lamp}

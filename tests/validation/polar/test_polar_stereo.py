@@ -10,24 +10,18 @@ import pytest
 from icymoon.support.errors import IcyMoonError
 from icymoon.validation import polar_stereo
 from icymoon.validation.comparison import FAILS, NOT_JUDGED, PASSES
-from icymoon.validation.polar.camera import Calibration
 from icymoon.validation.polar.data_set import EYES, HEIGHT_PX, WIDTH_PX, View, read_terrains
-from icymoon.validation.polar.sand import Sand
 from icymoon.validation.polar.scene import Twin, find_frame
 from icymoon.validation.polar.twins import Masks
 from icymoon.validation.polar_stereo import METHODS, judge_stereo, rectify
-from polar_folders import SAND_M, write_polar_folder
+from polar_folders import read_known
 
 
 @pytest.fixture(scope="module")
 def known(tmp_path_factory):
     """The terrain, its true camera, and our rig at position A."""
     folder = tmp_path_factory.mktemp("polar")
-    truth = write_polar_folder(folder)
-    (terrain,) = read_terrains(folder)
-    middles = np.array([rock.vertices[:, :2].mean(axis=0) for rock in terrain.rocks])
-    sand = Sand(np.array([SAND_M, 0.0, 0.0]), middles, np.zeros(len(middles)), np.zeros((1, 2)), np.zeros(1))
-    camera = Calibration(truth.eyes, np.zeros(1))
+    terrain, camera, sand, _ = read_known(folder)
     return folder, terrain, camera, find_frame(terrain, camera, sand, "A", 480)
 
 

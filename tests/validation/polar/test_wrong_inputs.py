@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from icymoon.stereo.images.masks import fill_hulls, fill_polygons
 from icymoon.validation.comparison import FAILS, Bench, Comparison, run_comparison
-from icymoon.validation.polar.camera import Calibration, turned
-from icymoon.validation.polar.data_set import EYES, HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, View, read_terrains
+from icymoon.validation.polar.camera import turned
+from icymoon.validation.polar.data_set import EYES, HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, View
 from icymoon.validation.polar.sand import BOUND_M, Sand
 from icymoon.validation.polar.scans import find_left_out
 from icymoon.validation.polar.scene import Twin, find_frame
 from icymoon.validation.polar.twins import Masks
 from icymoon.validation.polar_comparison import Rebuilt, judge
-from polar_folders import SAND_M, shadow_on_sand, write_polar_folder
+from polar_folders import SAND_M, read_known, shadow_on_sand
 
 _SCALE = 0.5
 _SHAPE = (int(HEIGHT_PX * _SCALE), int(WIDTH_PX * _SCALE))
@@ -27,12 +27,7 @@ _SHAPE = (int(HEIGHT_PX * _SCALE), int(WIDTH_PX * _SCALE))
 @pytest.fixture(scope="module")
 def known(tmp_path_factory):
     """The terrain that was read, and its true camera, sand and lamps."""
-    folder = tmp_path_factory.mktemp("polar")
-    truth = write_polar_folder(folder)
-    (terrain,) = read_terrains(folder)
-    middles = np.array([rock.vertices[:, :2].mean(axis=0) for rock in terrain.rocks])
-    sand = Sand(np.array([SAND_M, 0.0, 0.0]), middles, np.zeros(len(middles)), np.zeros((1, 2)), np.zeros(1))
-    return terrain, Calibration(truth.eyes, np.zeros(1)), sand, {30: truth.lamp}
+    return read_known(tmp_path_factory.mktemp("polar"))
 
 
 def _draw(terrain, camera, lamps, left_out, hollow):
