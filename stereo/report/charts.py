@@ -13,6 +13,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -150,6 +151,17 @@ def set_logarithmic(axis: Axes, which: str) -> None:
     getattr(axis, f"set_{which}scale")("log")
     along = getattr(axis, f"{which}axis")
     along.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
+    _write_plain_numbers(along)
+
+
+def set_logarithmic_beyond(axis: Axes, which: str, threshold: float) -> None:
+    """Make the axis ``which`` ("x" or "y") linear up to ``threshold`` on both sides of 0, and logarithmic beyond."""
+    getattr(axis, f"set_{which}scale")("symlog", linthresh=threshold)
+    _write_plain_numbers(getattr(axis, f"{which}axis"))
+
+
+def _write_plain_numbers(along: Axis) -> None:
+    """Write 0.1 and 100, as powers of ten would be formulas, which our charts do not set."""
     along.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     along.set_minor_formatter(NullFormatter())
 

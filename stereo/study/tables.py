@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from ...support.errors import IcyMoonError
 from ...support.files import json_text, read_text, write_atomically, write_text
 from ..matchers.methods import describe_method
-from ..report.charts import COLOURS, MARKS, STYLE
+from ..report.charts import COLOURS, MARKS, STYLE, set_logarithmic_beyond
 from .cells import LIGHTS
 from .design import CONVERGED, Study
 
@@ -297,7 +297,7 @@ def _draw_noise(found: Mapping[str, Any]) -> Figure:
     axis.set_xlabel("pixels that noise hides, by the converged render, %")
     axis.set_ylabel("by the verdict, %")
     if axis.has_data():
-        for scale in (axis.set_xscale, axis.set_yscale):
-            scale("symlog", linthresh=0.1)
+        for which in "xy":
+            set_logarithmic_beyond(axis, which, 0.1)
         figure.legend(loc="outside right upper")
     return figure

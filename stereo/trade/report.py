@@ -11,12 +11,11 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.ticker import FuncFormatter
 
 from ...render.cost.variants import SHAPES
 from ...support.files import write_json, write_text
 from ..matchers.methods import describe_method
-from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg, set_logarithmic
+from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg, set_logarithmic, set_logarithmic_beyond
 from ..report.pages import read_template
 from ..report.table_columns import Column, format_number
 from .advice import decision_advice, distinct_steps, loss_text, pareto_fronts, variant_advice
@@ -191,8 +190,7 @@ def _draw_chart(
             if label == "radiance":
                 set_logarithmic(axis, "y")
             else:  # linear near zero, as a loss may be negative, logarithmic beyond
-                axis.set_yscale("symlog", linthresh=0.01)
-                axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+                set_logarithmic_beyond(axis, "y", 0.01)
             axis.set_xlabel("CPU seconds per pair")
             axis.set_ylabel("RMSE of the radiance" if label == "radiance" else "more disparity error (px)")
             axis.set_title("Radiance" if label == "radiance" else describe_method(label), loc="left")

@@ -104,6 +104,7 @@ def test_the_files_tell_what_was_run(study, out, tmp_path):
     }
     for name in ("changes.svg", "changes.png", "noise.svg", "noise.png"):
         assert (out / name).stat().st_size > 1000
+    assert "mathdefault" not in (out / "noise.svg").read_text()
     page = tmp_path / "page.md"
     page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n", encoding="utf-8")
     new = put_between_marks(page, text)
