@@ -212,6 +212,25 @@ def _europa_rows() -> list[Row]:
     whole, plains, dark = (
         preset_law(f"surfaces/hapke_europa_{name}") for name in ("global", "bright_plains", "dark_lineae")
     )
+    return [
+        *_surgeless_rows(whole),
+        *_phase_coefficient_rows(whole),
+        *_opposition_rows(whole, plains, dark),
+        *_mixed_rows("ridges", 0.25, plains, dark, ""),
+        *_mixed_rows(
+            "bands",
+            0.5,
+            plains,
+            dark,
+            "Likely cause: chaos, whose darkness was not measured, is brighter "
+            "than ground with half dark material; with bands on up to 22 % of the disc it has the measured "
+            "0.62 or more",
+        ),
+    ]
+
+
+def _surgeless_rows(whole: photometry.Law) -> list[Row]:
+    """Europa's geometric albedo where it is seen without the narrow surge, and in blue light."""
     colour, error = europa_over_green(470.0)
     extrapolated = albedo_without_surge(whole)
     return [
@@ -245,6 +264,11 @@ def _europa_rows() -> list[Row]:
             0.05,
             f"doi 10.48577/jpl.6IR6VA, abstract: 0.72 leading, 0.62 trailing; colour: see Colours, ± {error:.3f}",
         ),
+    ]
+
+
+def _phase_coefficient_rows(whole: photometry.Law) -> list[Row]:
+    return [
         Row(
             "`hapke_europa_global`, phase coefficient from 1.5° to 7°",
             _magnitudes_per_degree(whole, 1.5, 7.0),
@@ -263,6 +287,12 @@ def _europa_rows() -> list[Row]:
             why="Likely causes: the surge in the infrared is another one, and the published fit has too weak a surge, "
             "see the opposition effect of `hapke_europa_bright_plains`",
         ),
+    ]
+
+
+def _opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: photometry.Law) -> list[Row]:
+    """How bright and how steep Europa's terrains are near zero phase."""
+    return [
         Row(
             "`hapke_europa_bright_plains`, opposition effect over that of `hapke_europa_global`",
             opposition_effect(plains) / opposition_effect(whole),
@@ -285,16 +315,6 @@ def _europa_rows() -> list[Row]:
             3.0,
             1.0,
             f"{_HELFENSTEIN}: up to four times for the darkest spots, by shadow hiding; taken as 2 to 4",
-        ),
-        *_mixed_rows("ridges", 0.25, plains, dark, ""),
-        *_mixed_rows(
-            "bands",
-            0.5,
-            plains,
-            dark,
-            "Likely cause: chaos, whose darkness was not measured, is brighter "
-            "than ground with half dark material; with bands on up to 22 % of the disc it has the measured "
-            "0.62 or more",
         ),
     ]
 

@@ -142,6 +142,22 @@ def _visible_part(rock: Rock) -> Array:
     return extreme_points(rock.vertices[heights > low])
 
 
+class _Outlines:
+    """The outlines of rocks as eyes see them, from the ``_visible_part`` of each."""
+
+    def __init__(self, rocks: Sequence[Rock]) -> None:
+        parts = [_visible_part(rock) for rock in rocks]
+        self._points, self._firsts = np.concatenate(parts), np.cumsum([0, *map(len, parts)])[:-1]
+
+    def middles(self, eye: Eye) -> Array:
+        """Their middles (n, 2) in pixels."""
+        return _middles(np.split(eye.project(self._points), self._firsts[1:]))
+
+    def supports(self, eye: Eye) -> Array:
+        """How far each reaches in each direction, (n, directions) in pixels."""
+        return np.asarray(np.maximum.reduceat(eye.project(self._points) @ _TOWARD, self._firsts))
+
+
 def _middles(outlines: Sequence[Array]) -> Array:
     return np.array([(each.min(axis=0) + each.max(axis=0)) / 2 for each in outlines]).reshape(-1, 2)
 
@@ -161,6 +177,12 @@ def _solve(
     )
     left = (slope.T * weight) @ slope + np.diag(strength)
     return np.asarray(x - np.linalg.solve(left, (slope.T * weight) @ at + strength * (x - start)))
+
+
+def _shared_of(coarse: Array) -> Array:
+    """The shared parameters of eyes side by side without distortion, from those that ``_find_pose`` fits."""
+    focal_px, x_px, y_px = coarse[0], *coarse[7:]
+    return np.array([focal_px, 0, 0, focal_px, x_px, y_px, 0, 0, 0, 0, 0, SURVEYED_BASELINE_M, 0, 0])
 
 
 _COARSE_STEPS = np.array([1.0, *_POSE_STEPS, 0.1, 0.1])
@@ -186,8 +208,7 @@ def _find_pose(terrain: Terrain, position: str, starts: Sequence[Array], prior: 
         raise IcyMoonError(f"Terrain {terrain.name}, position {position}: no rock is outlined; add its labels.")
 
     def projected(x: Array) -> list[Array]:
-        shared = np.array([x[0], 0, 0, x[0], x[7], x[8], 0, 0, 0, 0, 0, SURVEYED_BASELINE_M, 0, 0])
-        return [_eye(shared, position, eye, x[1:7]).project(middles) for eye in EYES]
+        return [_eye(_shared_of(x), position, eye, x[1:7]).project(middles) for eye in EYES]
 
     def distances(x: Array) -> list[Array]:
         return [np.linalg.norm(a[:, None] - b[None], axis=2) for a, b in zip(projected(x), seen, strict=True)]
@@ -239,28 +260,8 @@ def _find_poses(terrain: Terrain) -> dict[str, Array]:
 def calibrate(terrain: Terrain) -> Calibration:
     """Fit the camera. Raises IcyMoonError if fewer than half of the outlines meet a rock within 10 px."""
     poses, positions = _find_poses(terrain), terrain.positions
-    parts = [_visible_part(rock) for rock in terrain.rocks]
-    points, ends = np.concatenate(parts), np.cumsum([0, *map(len, parts)])[:-1]
-    first = poses[positions[0]]
-    x = np.array(
-        [
-            first[0],
-            0,
-            0,
-            first[0],
-            first[7],
-            first[8],
-            0,
-            0,
-            0,
-            0,
-            0,
-            SURVEYED_BASELINE_M,
-            0,
-            0,
-            *np.concatenate([poses[position][1:7] for position in positions]),
-        ]
-    )
+    outlines = _Outlines(terrain.rocks)
+    x = np.concatenate([_shared_of(poses[positions[0]]), *(poses[position][1:7] for position in positions)])
     start = x.copy()
     start[4:6] = 0.0
     steps = np.array([*_SHARED_STEPS, *_POSE_STEPS * len(positions)])
@@ -270,15 +271,10 @@ def calibrate(terrain: Terrain) -> Calibration:
         k = _SHARED + 6 * positions.index(view.position)
         return _eye(y, view.position, view.eye, y[k : k + 6])
 
-    def supports(y: Array, view: View) -> Array:
-        return np.asarray(np.maximum.reduceat(eye_of(y, view).project(points) @ _TOWARD, ends))
-
     for reach, width in _ROUNDS:
         targets = {
-            view: _outline_supports(terrain, view, _middles(np.split(eye_of(x, view).project(points), ends[1:])), reach)
-            for view in terrain.views
+            view: _outline_supports(terrain, view, outlines.middles(eye_of(x, view)), reach) for view in terrain.views
         }
-
         known = np.concatenate([np.isfinite(target).ravel() for target in targets.values()])
         if not known.any():
             raise IcyMoonError(
@@ -287,7 +283,9 @@ def calibrate(terrain: Terrain) -> Calibration:
             )
 
         def residual(y: Array, targets: dict[View, Array] = targets, known: Array = known) -> Array:
-            return np.concatenate([(supports(y, view) - target).ravel() for view, target in targets.items()])[known]
+            return np.concatenate(
+                [(outlines.supports(eye_of(y, view)) - target).ravel() for view, target in targets.items()]
+            )[known]
 
         for _ in range(6):
             weight = 1 / (1 + (residual(x) / width) ** 2) ** 2

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -88,26 +88,7 @@ class Frame:
 
 def find_frame(terrain: Terrain, camera: Calibration, sand: Sand, position: str, columns: int) -> Frame:
     """Our rig at a position, with a window of about ``columns`` columns around all labels of rocks and shadows."""
-    left, right = (camera.eyes[View(position, eye)] for eye in EYES)
-    across = right.place_m - left.place_m
-    x = across / np.linalg.norm(across)
-    forward = left.turn[2] + right.turn[2]
-    z = forward - (forward @ x) * x
-    z /= np.linalg.norm(z)
-    up = np.array([0.0, 0.0, 1.0]) - x[2] * x
-    up /= np.linalg.norm(up)
-    origin = np.array([0.0, 0.0, sand.level_m])
-    frame = Frame(
-        position,
-        np.stack([x, np.cross(z, x), z]),
-        np.stack([x, np.cross(up, x), up]),
-        origin,
-        left.place_m,
-        float(np.linalg.norm(across)),
-        1000.0,
-        np.zeros(2),
-        (0, 0),
-    )
+    frame = _rig(camera, sand, position)
     seen = np.concatenate(
         [
             frame.rectify(camera, view.eye, each)
@@ -120,17 +101,30 @@ def find_frame(terrain: Terrain, camera: Calibration, sand: Sand, position: str,
     low, high = seen.min(axis=0), seen.max(axis=0)
     scale = (columns - 2 * _MARGIN) / (high[0] - low[0])
     corner = np.floor(low * scale) - _MARGIN
-    size = np.ceil(high * scale).astype(int) + _MARGIN - corner.astype(int)
+    width, height = (np.ceil(high * scale).astype(int) + _MARGIN - corner.astype(int)).tolist()
+    return replace(frame, focal_px=frame.focal_px * scale, corner=corner, size=(width, height))
+
+
+def _rig(camera: Calibration, sand: Sand, position: str) -> Frame:
+    """Our rig at a position, as yet without a window."""
+    left, right = (camera.eyes[View(position, eye)] for eye in EYES)
+    across = right.place_m - left.place_m
+    x = across / np.linalg.norm(across)
+    forward = left.turn[2] + right.turn[2]
+    z = forward - (forward @ x) * x
+    z /= np.linalg.norm(z)
+    up = np.array([0.0, 0.0, 1.0]) - x[2] * x
+    up /= np.linalg.norm(up)
     return Frame(
         position,
-        frame.axes,
-        frame.world,
-        origin,
+        np.stack([x, np.cross(z, x), z]),
+        np.stack([x, np.cross(up, x), up]),
+        np.array([0.0, 0.0, sand.level_m]),
         left.place_m,
-        frame.baseline_m,
-        1000.0 * scale,
-        corner,
-        (int(size[0]), int(size[1])),
+        float(np.linalg.norm(across)),
+        1000.0,
+        np.zeros(2),
+        (0, 0),
     )
 
 
@@ -168,9 +162,8 @@ def write_ground(folder: Path, frame: Frame, sand: Sand, rocks: Sequence[Rock]) 
 
 def describe(frame: Frame, lamp: Array, mesh: Path) -> Settings:
     """The complete settings of a photograph: our rig, a lamp near the ground, the mesh, lunar regolith on it."""
-    way = frame.to_ours(lamp[None])[0]
+    way, eye = (frame.to_ours(point[None])[0] for point in (lamp, frame.left))
     distance = float(np.linalg.norm(way))
-    eye = frame.to_ours(frame.left[None])[0]
     forward = frame.world @ frame.axes[2]
     middle = np.array(frame.size) / 2 + frame.corner
     width, height = frame.size
