@@ -63,14 +63,14 @@ _SHAPE: dict[str, dict[str, Any]] = {
         "doffs_px": Maybe(NUMBER),
     },
 }
-#: The keys of the patterns of files.
+#: The tables and keys of the patterns of files.
 _KEYS = {
-    "left": "images.left",
-    "right": "images.right",
-    "disparity": "truth.disparity",
-    "depth": "truth.depth",
-    "truth_right": "truth.right",
-    "visible": "truth.visible",
+    "left": ("images", "left"),
+    "right": ("images", "right"),
+    "disparity": ("truth", "disparity"),
+    "depth": ("truth", "depth"),
+    "visible": ("truth", "visible"),
+    "truth_right": ("truth", "right"),
 }
 _FIX = "write it as the manual's page on foreign data shows"
 
@@ -85,19 +85,33 @@ def plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
     path = find_inside(root, FILE)
     data = parse_pairs_toml(path)
     patterns = {
-        key: _checked_pattern(path, key, data[table][key])
-        for table, key in (
-            ("images", "left"),
-            ("images", "right"),
-            ("truth", "disparity"),
-            ("truth", "depth"),
-            ("truth", "right"),
-            ("truth", "visible"),
-        )
-        if key in data[table] and not (table == "truth" and key == "right")
+        name: _checked_pattern(path, key, data[table][key])
+        for name, (table, key) in _KEYS.items()
+        if key in data[table]
     }
-    if "right" in data["truth"]:
-        patterns["truth_right"] = _checked_pattern(path, "right", data["truth"]["right"])
+    kind = _truth_kind(path, patterns)
+    names = _names(root, patterns["left"])
+    if not names:
+        raise IcyMoonError(f"{path}: there is no file {patterns['left']}; correct images.left.")
+    for key, pattern in patterns.items():  # files of single pairs may be missing, which costs these only
+        if not any(os.path.lexists(root / pattern.replace(_PLACE, name)) for name in names):
+            raise IcyMoonError(
+                f"{path}: there is no file {pattern} of any pair, such as "
+                f"{pattern.replace(_PLACE, names[0])}; correct {'.'.join(_KEYS[key])}."
+            )
+    return [
+        find_pair(
+            safe_name(name),
+            root,
+            root / patterns["left"].replace(_PLACE, name),
+            partial(_pair, root, path, name, kind, patterns, data),
+        )
+        for name in names
+    ]
+
+
+def _truth_kind(path: Path, patterns: dict[str, str]) -> str:
+    """Whether the truth is ``disparity`` or ``depth``. Raises IcyMoonError if both are named, or neither."""
     kinds = [kind for kind in ("disparity", "depth") if kind in patterns]
     if len(kinds) != 1:
         raise IcyMoonError(
@@ -109,24 +123,7 @@ def plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
             f"{path}: truth.right names the files of truth.{kinds[0]}, which are of the left eye; name "
             "those of the right eye, or leave it out."
         )
-    names = _names(root, patterns["left"])
-    if not names:
-        raise IcyMoonError(f"{path}: there is no file {patterns['left']}; correct images.left.")
-    for key, pattern in patterns.items():  # files of single pairs may be missing, which costs these only
-        if not any(os.path.lexists(root / pattern.replace(_PLACE, name)) for name in names):
-            raise IcyMoonError(
-                f"{path}: there is no file {pattern} of any pair, such as "
-                f"{pattern.replace(_PLACE, names[0])}; correct {_KEYS[key]}."
-            )
-    return [
-        find_pair(
-            safe_name(name),
-            root,
-            root / patterns["left"].replace(_PLACE, name),
-            partial(_pair, root, path, name, kinds[0], patterns, data),
-        )
-        for name in names
-    ]
+    return kinds[0]
 
 
 def parse_pairs_toml(path: Path) -> dict[str, Any]:

@@ -63,7 +63,7 @@ def _write_cahvor(pair: Loaded, folder: Path) -> None:
             named[f"{eye}_sensor"] = (getattr(images, f"detected_{eye}"), k, camera.eye_rotation(eye))
         for name, (image, distortion, turn) in named.items():
             model = from_pinhole(
-                _centre_matrix(camera),
+                centre_matrix(camera),
                 turn @ pose[:3, :3].T,
                 pose[:3, 3],
                 (camera.width_px, camera.height_px),
@@ -74,7 +74,7 @@ def _write_cahvor(pair: Loaded, folder: Path) -> None:
             write_text(folder / f"{name}.lbl", pds_text(model, FRAME))
 
 
-def _centre_matrix(camera: StereoCamera) -> Array:
+def centre_matrix(camera: StereoCamera) -> Array:
     """K with pixels counted from the centre of the first one."""
     matrix = np.array(camera.matrix)
     matrix[:2, 2] -= 0.5
@@ -126,6 +126,22 @@ def _scene_of(pair: Loaded) -> str:
     )
 
 
+def _frame_of(file: str, camera: StereoCamera, pose: Array) -> dict[str, Any]:
+    """A frame of nerfstudio, whose cameras look along -z with y up."""
+    return {
+        "file_path": file,
+        "transform_matrix": (pose @ np.diag([1.0, -1.0, -1.0, 1.0])).tolist(),
+        "camera_model": "OPENCV",
+        "w": camera.width_px,
+        "h": camera.height_px,
+        "fl_x": camera.focal_px,
+        "fl_y": camera.focal_px,
+        "cx": camera.cx_px,
+        "cy": camera.cy_px,
+        **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0),
+    }
+
+
 def _add_pair(model: _Model, pair: Loaded, folder: Path) -> None:
     camera = pair.pair.camera
     line = (
@@ -151,20 +167,7 @@ def _add_pair(model: _Model, pair: Loaded, folder: Path) -> None:
                 for n, (x, y) in enumerate(zip(where[eye], rows, strict=True))
             ),
         ]
-        model.frames.append(
-            {
-                "file_path": f"images/{name}",
-                "transform_matrix": (pose @ np.diag([1.0, -1.0, -1.0, 1.0])).tolist(),
-                "camera_model": "OPENCV",
-                "w": camera.width_px,
-                "h": camera.height_px,
-                "fl_x": camera.focal_px,
-                "fl_y": camera.focal_px,
-                "cx": camera.cx_px,
-                "cy": camera.cy_px,
-                **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0),
-            }
-        )
+        model.frames.append(_frame_of(f"images/{name}", camera, pose))
     for n, point in enumerate(points):
         blue, green, red = np.broadcast_to(seen["left"][rows[n], columns[n]], 3).tolist()
         place = " ".join(map(repr, map(float, point)))

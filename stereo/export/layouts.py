@@ -16,10 +16,11 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -280,49 +281,49 @@ def _middlebury_calibration(pair: Loaded) -> str:
 
 def _write_coco(each: Each, out: Path) -> None:
     categories = [{"id": k, "name": SEMANTIC[k], "supercategory": "thing"} for k in THINGS]
-    images: list[dict[str, Any]] = []
 
     def fill(part: Path) -> None:
-        # Masks go to the disk pair by pair, so that many pairs do not fill the memory.
         with part.open("w", encoding="utf-8", newline="\n") as stream:
             stream.write(
                 f'{{"info": {json.dumps({"description": "Icy Moon"})},\n"categories": '
                 f'{json.dumps(categories)},\n"annotations": ['
             )
-            count = 0
-
-            def write(pair: Loaded) -> None:
-                nonlocal count
-                camera, names = pair.pair.camera, {eye: f"{pair.pair.folder.name}_{eye}.png" for eye in EYES}
-                with filled(out) as folder:
-                    for eye, name in names.items():
-                        _write_8_bit(folder / "images" / name, pair, eye)
-                    every = {
-                        eye: list(coco_annotations(pair.views[eye].instance, pair.views[eye].semantic)) for eye in EYES
-                    }
-                for eye, name in names.items():
-                    images.append(
-                        {
-                            "id": len(images) + 1,
-                            "file_name": name,
-                            "width": camera.width_px,
-                            "height": camera.height_px,
-                            "pair": pair.pair.folder.name,
-                            "eye": eye,
-                        }
-                    )
-                    for annotation in every[eye]:
-                        count += 1
-                        stream.write(
-                            ("," if count > 1 else "")
-                            + "\n"
-                            + json.dumps({"id": count, "image_id": len(images), **annotation})
-                        )
-
-            each(write)
+            images = _write_coco_images(each, out, stream)
             stream.write(f'\n],\n"images": {json.dumps(images)}}}\n')
 
     write_atomically(out / "annotations.json", fill)
+
+
+def _write_coco_images(each: Each, out: Path, annotations: TextIO) -> list[dict[str, Any]]:
+    """Write all images, and their annotations to a stream; the entries of the images."""
+    images: list[dict[str, Any]] = []
+    numbers = itertools.count(1)
+
+    def write(pair: Loaded) -> None:
+        camera, names = pair.pair.camera, {eye: f"{pair.pair.folder.name}_{eye}.png" for eye in EYES}
+        with filled(out) as folder:
+            for eye, name in names.items():
+                _write_8_bit(folder / "images" / name, pair, eye)
+            every = {eye: list(coco_annotations(pair.views[eye].instance, pair.views[eye].semantic)) for eye in EYES}
+        for eye, name in names.items():
+            images.append(
+                {
+                    "id": len(images) + 1,
+                    "file_name": name,
+                    "width": camera.width_px,
+                    "height": camera.height_px,
+                    "pair": pair.pair.folder.name,
+                    "eye": eye,
+                }
+            )
+            # Masks go to the disk pair by pair, so that many pairs do not fill the memory.
+            for annotation in every[eye]:
+                number = next(numbers)
+                entry = {"id": number, "image_id": len(images), **annotation}
+                annotations.write(f"{',' if number > 1 else ''}\n{json.dumps(entry)}")
+
+    each(write)
+    return images
 
 
 def coco_annotations(instance: Array | None, semantic: Array | None) -> Iterator[dict[str, Any]]:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -20,7 +21,7 @@ from ...support.files import explain_disk_errors, part_of
 from ...support.system import remove_folder, replace
 from ..images.develop import to_8_bit
 from ..measure.prepare import Loaded
-from .cameras import pose_of, quaternion, rays_of
+from .cameras import centre_matrix, pose_of, quaternion, rays_of
 from .losses import Each
 
 FRAMES = {"left": "stereo_left_optical", "right": "stereo_right_optical"}
@@ -76,88 +77,82 @@ def write_all(each: Each, out: Path) -> None:
 def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, Any]]:
     """(topic, message) of everything about a pair; ``types`` is a typestore of rosbags."""
     kinds = types.types
-    camera, depth = pair.pair.camera, pair.depth["left"]
     stamp = kinds["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
 
     def header(frame: str) -> Any:
         return kinds["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
-    def image(pixels: Array, encoding: str, frame: str) -> Any:
-        rows, columns = pixels.shape[:2]
-        data = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
-        return kinds["sensor_msgs/msg/Image"](
-            header=header(frame),
-            height=rows,
-            width=columns,
-            encoding=encoding,
-            is_bigendian=0,
-            step=pixels[0].size * pixels.dtype.itemsize,
-            data=np.frombuffer(data.tobytes(), np.uint8),
-        )
+    def developed(numbers: Array, colours: str) -> Any:
+        bits = 8 if pair.images.bits == 8 else 16
+        pixels = to_8_bit(numbers, 8, pair.images.encoding) if bits == 8 else numbers.astype(np.uint16)
+        return _image(pixels, f"{colours}{bits}", kinds, optical)
 
-    for k, eye in enumerate(EYES):
-        numbers = getattr(pair.images, eye)
-        eight = pair.images.bits == 8
-        yield (
-            f"/stereo/{eye}/image_rect",
-            image(
-                to_8_bit(numbers, 8, pair.images.encoding) if eight else numbers.astype(np.uint16),
-                "mono8" if eight else "mono16",
-                FRAMES["left"],
-            ),
-        )
+    optical = header(FRAMES["left"])
+    for eye in EYES:
+        yield f"/stereo/{eye}/image_rect", developed(getattr(pair.images, eye), "mono")
         if pair.images.is_mosaic:
-            colours = pair.images.seen(eye)
-            yield (
-                f"/stereo/{eye}/image_rect_color",
-                image(
-                    to_8_bit(colours, 8, pair.images.encoding) if eight else colours.astype(np.uint16),
-                    "rgb8" if eight else "rgb16",
-                    FRAMES["left"],
-                ),
-            )
-        # The principal point is counted from the centre of the first pixel there.
-        matrix = np.array(camera.matrix)
-        matrix[:2, 2] -= 0.5
-        projection = np.column_stack([matrix, [-camera.focal_baseline_px_m * k, 0.0, 0.0]])
-        yield (
-            f"/stereo/{eye}/camera_info",
-            kinds["sensor_msgs/msg/CameraInfo"](
-                header=header(FRAMES["left"]),
-                height=camera.height_px,
-                width=camera.width_px,
-                distortion_model="plumb_bob",
-                d=np.zeros(5),
-                k=matrix.ravel(),
-                r=np.eye(3).ravel(),
-                p=projection.ravel(),
-                binning_x=0,
-                binning_y=0,
-                roi=kinds["sensor_msgs/msg/RegionOfInterest"](
-                    x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
-                ),
-            ),
-        )
-    disparity = camera.disparity(depth)
+            yield f"/stereo/{eye}/image_rect_color", developed(pair.images.seen(eye), "rgb")
+        yield f"/stereo/{eye}/camera_info", _camera_info(pair.pair.camera, eye, kinds, optical)
+    yield "/stereo/disparity", _disparity(pair, kinds, optical)
+    yield "/stereo/points2", _cloud(pair, kinds, optical)
+    yield "/tf", _transforms(pair, kinds, header)
+
+
+def _image(pixels: Array, encoding: str, kinds: Any, header: Any) -> Any:
+    rows, columns = pixels.shape[:2]
+    data = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
+    return kinds["sensor_msgs/msg/Image"](
+        header=header,
+        height=rows,
+        width=columns,
+        encoding=encoding,
+        is_bigendian=0,
+        step=pixels[0].size * pixels.dtype.itemsize,
+        data=np.frombuffer(data.tobytes(), np.uint8),
+    )
+
+
+def _camera_info(camera: StereoCamera, eye: str, kinds: Any, header: Any) -> Any:
+    # The principal point is counted from the centre of the first pixel there.
+    matrix = centre_matrix(camera)
+    shift = -camera.focal_baseline_px_m * EYES.index(eye)
+    return kinds["sensor_msgs/msg/CameraInfo"](
+        header=header,
+        height=camera.height_px,
+        width=camera.width_px,
+        distortion_model="plumb_bob",
+        d=np.zeros(5),
+        k=matrix.ravel(),
+        r=np.eye(3).ravel(),
+        p=np.column_stack([matrix, [shift, 0.0, 0.0]]).ravel(),
+        binning_x=0,
+        binning_y=0,
+        roi=_region(kinds, 0, 0),
+    )
+
+
+def _region(kinds: Any, height: int, width: int) -> Any:
+    return kinds["sensor_msgs/msg/RegionOfInterest"](
+        x_offset=0, y_offset=0, height=height, width=width, do_rectify=False
+    )
+
+
+def _disparity(pair: Loaded, kinds: Any, header: Any) -> Any:
+    """The true disparity of the left pixels, NaN for none."""
+    camera = pair.pair.camera
+    disparity = camera.disparity(pair.depth["left"])
     known = np.isfinite(disparity)
     least, most = (float(disparity[known].min()), float(disparity[known].max())) if known.any() else (0.0, 0.0)
-    yield (
-        "/stereo/disparity",
-        kinds["stereo_msgs/msg/DisparityImage"](
-            header=header(FRAMES["left"]),
-            image=image(np.where(known, disparity, np.nan).astype(np.float32), "32FC1", FRAMES["left"]),
-            f=camera.focal_px,
-            t=camera.baseline_m,
-            valid_window=kinds["sensor_msgs/msg/RegionOfInterest"](
-                x_offset=0, y_offset=0, height=camera.height_px, width=camera.width_px, do_rectify=False
-            ),
-            min_disparity=least,
-            max_disparity=most,
-            delta_d=0.0,
-        ),
+    return kinds["stereo_msgs/msg/DisparityImage"](
+        header=header,
+        image=_image(np.where(known, disparity, np.nan).astype(np.float32), "32FC1", kinds, header),
+        f=camera.focal_px,
+        t=camera.baseline_m,
+        valid_window=_region(kinds, camera.height_px, camera.width_px),
+        min_disparity=least,
+        max_disparity=most,
+        delta_d=0.0,
     )
-    yield "/stereo/points2", _cloud(pair, kinds, header(FRAMES["left"]))
-    yield "/tf", _transforms(pair, kinds, header)
 
 
 def _cloud(pair: Loaded, kinds: Any, header: Any) -> Any:

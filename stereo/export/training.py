@@ -7,7 +7,6 @@ Images and disparities are those that the pairs were developed to; what training
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import json
 import tarfile
@@ -24,7 +23,7 @@ from ...render.pairs.pair_folder import EYES
 from ...render.pairs.scene_splits import scene_of, split_of_pair
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.files import explain_disk_errors, part_of, write_json, write_text
+from ...support.files import explain_disk_errors, part_of, sha256, write_json, write_text
 from ...support.number_text import count_of
 from ...support.system import remove, replace
 from ...support.version import version
@@ -57,6 +56,48 @@ _COLUMNS = (
     "depth_median_m",
     "occluded_share",
 )
+
+#: Of the columns of the index that are not numbers with a fraction.
+_KINDS = {
+    **dict.fromkeys(("key", "shard", "split", "scene"), "sc:Text"),
+    **dict.fromkeys(("width_px", "height_px", "seed"), "sc:Integer"),
+}
+#: The terms of Croissant 1.0, as its definition has them.
+_CONTEXT = {
+    "@language": "en",
+    "@vocab": "https://schema.org/",
+    "sc": "https://schema.org/",
+    "cr": "http://mlcommons.org/croissant/",
+    "dct": "http://purl.org/dc/terms/",
+    "citeAs": "cr:citeAs",
+    "column": "cr:column",
+    "conformsTo": "dct:conformsTo",
+    "data": {"@id": "cr:data", "@type": "@json"},
+    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+    "examples": {"@id": "cr:examples", "@type": "@json"},
+    "extract": "cr:extract",
+    "field": "cr:field",
+    "fileObject": "cr:fileObject",
+    "fileProperty": "cr:fileProperty",
+    "fileSet": "cr:fileSet",
+    "format": "cr:format",
+    "includes": "cr:includes",
+    "isLiveDataset": "cr:isLiveDataset",
+    "jsonPath": "cr:jsonPath",
+    "key": "cr:key",
+    "md5": "cr:md5",
+    "parentField": "cr:parentField",
+    "path": "cr:path",
+    "recordSet": "cr:recordSet",
+    "references": "cr:references",
+    "regex": "cr:regex",
+    "repeated": "cr:repeated",
+    "replace": "cr:replace",
+    "separator": "cr:separator",
+    "source": "cr:source",
+    "subField": "cr:subField",
+    "transform": "cr:transform",
+}
 
 
 @dataclass
@@ -240,16 +281,7 @@ def _write_sceneflow(each: Each, out: Path) -> None:
         number = f"{frame[folder]:04d}"
         with filled(root) as part:
             for eye in EYES:
-                image = pair.images.seen(eye)
-                grey = to_8_bit(image[..., ::-1] if image.ndim == 3 else image, pair.images.bits, pair.images.encoding)
-                content = encoded(grey if grey.ndim == 3 else np.repeat(grey[..., None], 3, axis=-1), ".png")
-                for passed in ("frames_cleanpass", "frames_finalpass"):
-                    write_bytes(part / passed / split / "A" / folder / eye / f"{number}.png", content)
-                disparity = pair.pair.camera.disparity(pair.depth[eye])
-                write_pfm(
-                    part / "disparity" / split / "A" / folder / eye / f"{number}.pfm",
-                    np.where(np.isfinite(disparity), disparity, UNKNOWN_PX),
-                )
+                _write_eye(pair, eye, part, f"{split}/A/{folder}/{eye}/{number}")
         frame[folder] += 1
         if split == "TEST":
             tested.append(f"{split}/A/{folder}/left/{number}.pfm")
@@ -270,6 +302,16 @@ def _write_sceneflow(each: Each, out: Path) -> None:
             ),
         ),
     )
+
+
+def _write_eye(pair: Loaded, eye: str, out: Path, frame: str) -> None:
+    """Write the image of an eye, for both passes, and its disparity, each as ``<kind>/<frame>.png`` or ``.pfm``."""
+    image = to_8_bit(pair.images.for_files(eye), pair.images.bits, pair.images.encoding)
+    content = encoded(image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=-1), ".png")
+    for passed in ("frames_cleanpass", "frames_finalpass"):
+        write_bytes(out / passed / f"{frame}.png", content)
+    disparity = pair.pair.camera.disparity(pair.depth[eye])
+    write_pfm(out / "disparity" / f"{frame}.pfm", np.where(np.isfinite(disparity), disparity, UNKNOWN_PX))
 
 
 def _card(index: _Index, layout: str, how: str) -> str:
@@ -294,83 +336,39 @@ def _card(index: _Index, layout: str, how: str) -> str:
 
 def _croissant(out: Path, shards: list[str]) -> dict[str, Any]:
     """Metadata in Croissant 1.0 (mlcommons.org/croissant/1.0): the index as records, the shards as files."""
-
-    def file(name: str, kind: str) -> dict[str, Any]:
-        digest = hashlib.sha256()
-        with (out / name).open("rb") as stream:
-            while block := stream.read(1 << 20):
-                digest.update(block)
-        return {
-            "@type": "cr:FileObject",
-            "@id": name,
-            "name": name,
-            "contentUrl": name,
-            "encodingFormat": kind,
-            "sha256": digest.hexdigest(),
-        }
-
-    kinds = {
-        "key": "sc:Text",
-        "shard": "sc:Text",
-        "split": "sc:Text",
-        "scene": "sc:Text",
-        "width_px": "sc:Integer",
-        "height_px": "sc:Integer",
-        "seed": "sc:Integer",
-    }
     fields = [
         {
             "@type": "cr:Field",
             "@id": f"pairs/{name}",
             "name": name,
-            "dataType": kinds.get(name, "sc:Float"),
+            "dataType": _KINDS.get(name, "sc:Float"),
             "source": {"fileObject": {"@id": "index.csv"}, "extract": {"column": name}},
         }
         for name in _COLUMNS
     ]
     return {
-        "@context": {
-            "@language": "en",
-            "@vocab": "https://schema.org/",
-            "sc": "https://schema.org/",
-            "cr": "http://mlcommons.org/croissant/",
-            "dct": "http://purl.org/dc/terms/",
-            "citeAs": "cr:citeAs",
-            "column": "cr:column",
-            "conformsTo": "dct:conformsTo",
-            "data": {"@id": "cr:data", "@type": "@json"},
-            "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
-            "examples": {"@id": "cr:examples", "@type": "@json"},
-            "extract": "cr:extract",
-            "field": "cr:field",
-            "fileObject": "cr:fileObject",
-            "fileProperty": "cr:fileProperty",
-            "fileSet": "cr:fileSet",
-            "format": "cr:format",
-            "includes": "cr:includes",
-            "isLiveDataset": "cr:isLiveDataset",
-            "jsonPath": "cr:jsonPath",
-            "key": "cr:key",
-            "md5": "cr:md5",
-            "parentField": "cr:parentField",
-            "path": "cr:path",
-            "recordSet": "cr:recordSet",
-            "references": "cr:references",
-            "regex": "cr:regex",
-            "repeated": "cr:repeated",
-            "replace": "cr:replace",
-            "separator": "cr:separator",
-            "source": "cr:source",
-            "subField": "cr:subField",
-            "transform": "cr:transform",
-        },
+        "@context": _CONTEXT,
         "@type": "sc:Dataset",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "name": "icymoon-stereo",
         "description": f"Stereo pairs of icy moons with exact disparity, made by Icy Moon {version()}.",
         "version": "1.0.0",
-        "distribution": [file("index.csv", "text/csv"), *(file(name, "application/x-tar") for name in shards)],
+        "distribution": [
+            _file_object(out / "index.csv", "text/csv"),
+            *(_file_object(out / name, "application/x-tar") for name in shards),
+        ],
         "recordSet": [{"@type": "cr:RecordSet", "@id": "pairs", "name": "pairs", "field": fields}],
+    }
+
+
+def _file_object(path: Path, kind: str) -> dict[str, Any]:
+    return {
+        "@type": "cr:FileObject",
+        "@id": path.name,
+        "name": path.name,
+        "contentUrl": path.name,
+        "encodingFormat": kind,
+        "sha256": sha256(path),
     }
 
 

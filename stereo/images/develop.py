@@ -137,56 +137,30 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
     may differ from the one that the pair was rendered with. The same pair, data set seed and noise seed always give
     the same noise.
     """
-    sensor, rig = settings.sensor, settings.rig
-    pitch_m = pixel_pitch_m(sensor, rig)
+    sensor, seed = settings.sensor, int(pair.settings.dataset.seed)
+    pitch_m = pixel_pitch_m(sensor, settings.rig)
     channels = Channels(settings.light, sensor, pitch_m)
     rate = channels.rate
-    lenses = {eye: lens_of(pair.camera, rig, eye) for eye in EYES}
-    scaled = {
+    optics = {eye: _Optics.of(pair, settings, eye) for eye in EYES}
+    planes = {
         eye: channels.planes(scaled_radiance(view, pair, settings.light))
         for eye, view in (("left", left), ("right", right))
     }
-    seed = int(pair.settings.dataset.seed)
-    camera = pair.camera
-    blocked = {eye: blocked_share(sensor, rig, (camera.height_px, camera.width_px), seed, eye) for eye in EYES}
-    light = {
-        eye: channels.at_pixels(
-            [
-                apply_lens(apply_deposits(_on_sensor(plane, camera, lenses[eye]), blocked[eye], sensor), sensor)
-                for plane in scaled[eye]
-            ]
-        )
-        for eye in EYES
-    }
+    light = {eye: channels.at_pixels([optics[eye].on_sensor(plane) for plane in planes[eye]]) for eye in EYES}
     metered = exposure_s(channels.balanced(light["left"]), rate, sensor)
     times = brackets.exposure_times(metered, sensor)
-    image = {eye: _exposures(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
-    frames = tuple(Frame(*each) for each in zip(times, image["left"], image["right"], strict=True))
-    full_s = capacity_e(sensor) / times[-1]  # electrons per second
-    if len(frames) == 1:
-        bits, final = int(sensor.bits), {eye: image[eye][0] for eye in EYES}
-    else:
-        merged = {eye: brackets.merge_exposures(image[eye], times, sensor) for eye in EYES}
-        full_s = brackets.full_rate(channels.balanced(merged["left"]), times[-1], sensor)
-        bits, final = brackets.MERGED_BITS, {eye: brackets.quantise(merged[eye], full_s) for eye in EYES}
-    saturated = float(np.mean(image["left"][-1] == top_dn(sensor)))
-    detected = final
-    colours: dict[str, Array] = {}
-    if sensor.colour == "BAYER":
-        black = black_dn(sensor) if len(frames) == 1 else 0.0
-        colours = {
-            eye: _rectified(channels.colours(numbers, bits, black), lenses[eye]) for eye, numbers in detected.items()
-        }
-        final = {eye: np.rint(grey_of(image, sensor)).astype(np.uint16) for eye, image in colours.items()}
-    else:
-        final = {eye: _rectified(numbers, lenses[eye]) for eye, numbers in detected.items()}
+    exposed = {eye: _exposures(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
+    bits, detected, full_s = _merged(exposed, times, channels, sensor)
+    black = black_dn(sensor) if len(times) == 1 else 0.0
+    final, colours = _rectified(detected, bits, black, channels, optics)
+    saturated = float(np.mean(exposed["left"][-1] == top_dn(sensor)))
     return Images(
         final["left"],
         final["right"],
         detected["left"],
         detected["right"],
         bits,
-        frames,
+        tuple(Frame(*each) for each in zip(times, exposed["left"], exposed["right"], strict=True)),
         metered,
         gain_dn_per_e(sensor),
         rate,
@@ -201,12 +175,58 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
         colours.get("left"),
         colours.get("right"),
         tuple(channels.gains.tolist()) if colours else (),
-        {
-            eye: _rectified(np.rint(share * 255.0).astype(np.uint8), lenses[eye])
-            for eye, share in blocked.items()
-            if share is not None
-        },
+        {eye: share for eye in EYES if (share := optics[eye].blocked_8_bit()) is not None},
     )
+
+
+@dataclass(frozen=True)
+class _Optics:
+    """An eye's way to its sensor, and back from the numbers to the rectified image."""
+
+    camera: StereoCamera
+    sensor: SensorSettings
+    lens: Lens | None
+    blocked: Array | None  # (H, W), see ``blocked_share``
+
+    @classmethod
+    def of(cls, pair: Pair, settings: Settings, eye: str) -> _Optics:
+        sensor, rig, camera = settings.sensor, settings.rig, pair.camera
+        shape = camera.height_px, camera.width_px
+        blocked = blocked_share(sensor, rig, shape, int(pair.settings.dataset.seed), eye)
+        return cls(camera, sensor, lens_of(camera, rig, eye), blocked)
+
+    def on_sensor(self, plane: Array) -> Array:
+        """The light (H, W) of a channel on the sensor, from that which falls into the eye."""
+        there = self.camera.cropped(plane) if self.lens is None else self.lens.distort(plane)
+        return apply_lens(apply_deposits(there, self.blocked, self.sensor), self.sensor)
+
+    def rectified(self, numbers: Array) -> Array:
+        return numbers if self.lens is None else self.lens.rectify(numbers)
+
+    def blocked_8_bit(self) -> Array | None:
+        return None if self.blocked is None else self.rectified(np.rint(self.blocked * 255.0).astype(np.uint8))
+
+
+def _merged(
+    exposed: Mapping[str, list[Array]], times: list[float], channels: Channels, sensor: SensorSettings
+) -> tuple[int, dict[str, Array], float]:
+    """The bits and the digital numbers of each eye, of all exposures; the electrons per second at their top."""
+    if len(times) == 1:
+        return int(sensor.bits), {eye: exposed[eye][0] for eye in EYES}, capacity_e(sensor) / times[0]
+    merged = {eye: brackets.merge_exposures(exposed[eye], times, sensor) for eye in EYES}
+    full_s = brackets.full_rate(channels.balanced(merged["left"]), times[-1], sensor)
+    return brackets.MERGED_BITS, {eye: brackets.quantise(merged[eye], full_s) for eye in EYES}, full_s
+
+
+def _rectified(
+    detected: Mapping[str, Array], bits: int, black: float, channels: Channels, optics: Mapping[str, _Optics]
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """The grey images on the truth, and of a colour sensor its colours there, both by eye."""
+    if optics["left"].sensor.colour != "BAYER":
+        return {eye: optics[eye].rectified(detected[eye]) for eye in EYES}, {}
+    colours = {eye: optics[eye].rectified(channels.colours(detected[eye], bits, black)) for eye in EYES}
+    grey_images = {eye: np.rint(grey_of(colours[eye], optics[eye].sensor)).astype(np.uint16) for eye in EYES}
+    return grey_images, colours
 
 
 class Channels:
@@ -264,14 +284,6 @@ class Channels:
             np.clip(gain * plane / top, 0.0, 1.0) for gain, plane in zip(self.gains, self.planes(radiance), strict=True)
         ]
         return seen[0] if len(seen) == 1 else grey_of(np.stack(seen, axis=-1), self._sensor)
-
-
-def _rectified(numbers: Array, lens: Lens | None) -> Array:
-    return numbers if lens is None else lens.rectify(numbers)
-
-
-def _on_sensor(light: Array, camera: StereoCamera, lens: Lens | None) -> Array:
-    return camera.cropped(light) if lens is None else lens.distort(light)
 
 
 def _exposures(
