@@ -5,7 +5,7 @@ All functions take complete ``settings``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ..settings.topics.rendering import QualitySettings
@@ -141,33 +141,34 @@ def planet_gives_light(settings: Settings, sky: Sky) -> bool:
     return sky.planet_over_sun > 0 and sky.planet_over_sun >= settings.light.planet_least
 
 
+def _left_out_of(topic: str, settings: Settings) -> Iterator[str]:
+    """The sentences of ``find_left_out`` on the surface of ground or rocks."""
+    length = walk_px(settings, topic)
+    if length > 0 and not follows_walk(settings, topic):
+        yield (
+            f"{topic}: no subsurface scattering, because its mean free path of "
+            f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest "
+            "pixel, which is below quality.walk_px."
+        )
+    if follows_walk(settings, topic) and settings[topic]["subsurface_method"] == "BURLEY":
+        yield (f"{topic}: no light under the surface through edges, because {topic}.subsurface_method is BURLEY.")
+    if (
+        topic == "surface"
+        and settings.source.kind != "PROCEDURAL"
+        and settings.surface.relief == "REAL"
+        and (settings.surface.grain_amplitude_m > 0)
+    ):
+        yield "surface: fine relief is bump, because ground from a file keeps its own vertices."
+    if relief_of_camera_alone(settings, topic):
+        yield f"{topic}: fine relief for camera rays only, because quality.fine_relief is CAMERA."
+
+
 def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
     """Sentences, for the user and ``pair.json``, on each part of the settings that is not rendered, with its reason.
 
     ``lights`` are the ``sky.sky_facts`` of the built scene.
     """
-    sentences = []
-    for topic in surface_topics(settings):
-        length = walk_px(settings, topic)
-        if length > 0 and not follows_walk(settings, topic):
-            sentences.append(
-                f"{topic}: no subsurface scattering, because its mean free path of "
-                f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest "
-                "pixel, which is below quality.walk_px."
-            )
-        if follows_walk(settings, topic) and settings[topic]["subsurface_method"] == "BURLEY":
-            sentences.append(
-                f"{topic}: no light under the surface through edges, because {topic}.subsurface_method is BURLEY."
-            )
-        if (
-            topic == "surface"
-            and settings.source.kind != "PROCEDURAL"
-            and settings.surface.relief == "REAL"
-            and (settings.surface.grain_amplitude_m > 0)
-        ):
-            sentences.append("surface: fine relief is bump, because ground from a file keeps its own vertices.")
-        if relief_of_camera_alone(settings, topic):
-            sentences.append(f"{topic}: fine relief for camera rays only, because quality.fine_relief is CAMERA.")
+    sentences = [each for topic in surface_topics(settings) for each in _left_out_of(topic, settings)]
     if lets_light_through(settings.surface):
         sentences.append(
             "surface: light that enters the ground is lost, although surface.transmitted is THROUGH, "

@@ -24,7 +24,7 @@ from ...support.foreign_bytes import reason_of
 from .kinematics import Arm, Capsule, Joint, pose
 from .link_mesh import read_link_mesh
 from .solids import Solid, ball, box, join, lathe, moved
-from .urdf import FIXED, SLIDES, Shape, Urdf, read_urdf
+from .urdf import FIXED, SLIDES, Shape, Urdf, UrdfJoint, read_urdf
 
 #: Links of this size in metres are likely in another unit; most triangles of the whole arm.
 _WIDEST_M, MOST_TRIANGLES = 20.0, 1_000_000
@@ -124,23 +124,13 @@ def _build(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, in
     urdf = _read(path, state)
     names = _link_names(urdf)
     order = [urdf.root, *(joint.child for joint in urdf.joints)]
+
+    def joint(each: UrdfJoint) -> Joint:
+        parent, slides = order.index(each.parent), each.kind in SLIDES
+        return Joint(each.name, names[each.child], parent, each.origin, each.axis, each.low, each.high, slides)
+
     still = Joint("", names[urdf.root], -1, pose(), np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
-    joints = (
-        still,
-        *(
-            Joint(
-                each.name,
-                names[each.child],
-                order.index(each.parent),
-                each.origin,
-                each.axis,
-                each.low,
-                each.high,
-                each.kind in SLIDES,
-            )
-            for each in urdf.joints
-        ),
-    )
+    joints = (still, *map(joint, urdf.joints))
     free = [each.name for each in urdf.joints if each.kind not in FIXED and each.mimic is None]
     follows = [
         (None, 1.0, 0.0),

@@ -241,6 +241,18 @@ def _count_vertices(grading: Grading) -> float:
     return 1.0 + float(np.sum((density[1:] + density[:-1]) / 2 * np.diff(r)))
 
 
+def _probes_of(ground: Terrain, at: View, ground_m: float, nearest_m: Array) -> list[_Probe]:
+    """A probe for each of the distances, half way on to the next ones; the first is under the eyes too."""
+    probes = []
+    for k, distance in enumerate(nearest_m):
+        low, high = (
+            at.baseline_m + math.sqrt(max(d * d - at.height_m**2, 0.0))
+            for d in (distance / math.sqrt(2.0), min(distance * math.sqrt(2.0), float(nearest_m[-1])))
+        )
+        probes.append(_Probe(ground, at, ground_m, 0.0 if k == 0 else low, high))
+    return probes
+
+
 def grade(ground: Terrain, settings: Settings) -> Grading:
     """The grading that complete ``settings`` ask for on a ground (not yet curved).
 
@@ -252,15 +264,8 @@ def grade(ground: Terrain, settings: Settings) -> Grading:
     farthest = max(min(_farthest_m(ground, at, ground_m, body), float(mesh.farthest_m)), 2.0 * at.height_m)
     last = float(at.nearest_m(farthest))
     nearest = np.geomspace(at.height_m, last, 1 + max(2, math.ceil(math.log2(last / at.height_m))))
-    longest = mesh.edge_px / EDGE_OVER_SPACING
-    probes = []
-    for k, distance in enumerate(nearest):
-        low, high = (
-            at.baseline_m + math.sqrt(max(d * d - at.height_m**2, 0.0))
-            for d in (distance / math.sqrt(2.0), min(distance * math.sqrt(2.0), last))
-        )
-        probes.append(_Probe(ground, at, ground_m, 0.0 if k == 0 else low, high))
-    curves = [_measure_curve(probe, longest, mesh.error_px) for probe in probes]
+    probes = _probes_of(ground, at, ground_m, nearest)
+    curves = [_measure_curve(probe, mesh.edge_px / EDGE_OVER_SPACING, mesh.error_px) for probe in probes]
 
     def made(error_px: float, wider: float = 1.0) -> Grading:
         # Six digits, as powers differ between machines in the last ones.

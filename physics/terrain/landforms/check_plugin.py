@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,19 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
         if np.ptp(heights) > 0
         else f"{plugin.title} is level where {size.key} is {most:g}; make its heights depend on it.",
     )
+    yield from _check_places(plugin, run, x, y, heights)
+    yield check_call("another seed is no error", run, seed=_SEED + 1)
+    yield check_call("points far away are no error", run, x * 1000.0, y * 1000.0)
+    yield check_of("it states its smallest length", lambda: _finest(landform, settings))
+    for number in landform.settings:
+        for value in (number.minimum, number.maximum):
+            whole = not isinstance(number.default, float)
+            changes = {number.key: int(value) if whole else float(value)}
+            yield check_call(f"{number.key}={value:g} is no error", run, **changes)
+
+
+def _check_places(plugin: Plugin, run: Callable[..., Array], x: Array, y: Array, heights: Array) -> Iterator[Check]:
+    """Whether a place always has the height that it has among all others."""
     yield check_of(
         "the same points have the same heights again",
         lambda: _differs(
@@ -68,14 +81,6 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
         or _differs(plugin, run(x[:, :7], y[5:9]), heights[5:9, :7], wrong)
         or _differs(plugin, run(x[:, :1], y[:1]), heights[:1, :1], wrong),
     )
-    yield check_call("another seed is no error", run, seed=_SEED + 1)
-    yield check_call("points far away are no error", run, x * 1000.0, y * 1000.0)
-    yield check_of("it states its smallest length", lambda: _finest(landform, settings))
-    for number in landform.settings:
-        for value in (number.minimum, number.maximum):
-            whole = not isinstance(number.default, float)
-            changes = {number.key: int(value) if whole else float(value)}
-            yield check_call(f"{number.key}={value:g} is no error", run, **changes)
 
 
 def _differs(plugin: Plugin, heights: Array, expected: Array, what: str) -> str:

@@ -67,7 +67,7 @@ def make(settings: CratersSettings, random: np.random.Generator, size_m: float) 
     if settings.coverage == 0.0:
         return None
     x, y, size, fresh = draw_craters(settings, random, size_m)
-    depths, rims = (settings[k] * size * fresh for k in ("depth_ratio", "rim_ratio"))
+    bowls = np.stack([size, *(settings[k] * size * fresh for k in ("depth_ratio", "rim_ratio"))], axis=1)
     reach = _REACH * size / 2
     # Beyond the patch its craters come again; the border is so wide that none reaches round onto the patch.
     period = size_m + _REACH * float(settings.largest_m)
@@ -77,23 +77,12 @@ def make(settings: CratersSettings, random: np.random.Generator, size_m: float) 
         if max(np.abs(x_m).max(), np.abs(y_m).max()) > size_m / 2:
             return beyond(x_m.ravel(), y_m.ravel(), shortest_m.ravel()).reshape(x_m.shape)
         total = np.zeros(x_m.shape)
-        near = (
-            (x + reach > x_m.min())
-            & (x - reach < x_m.max())
-            & (y + reach > y_m.min())
-            & (y - reach < y_m.max())
-            & (_CARRIED * size > shortest_m.min())
-        )
+        near = _reached(x, reach, x_m) & _reached(y, reach, y_m) & (_CARRIED * size > shortest_m.min())
         for k in np.flatnonzero(near):
             window = _window(x_m, y_m, x[k], y[k], reach[k])
             dx, dy = x_m[window] - x[k], y_m[window] - y[k]
-            total[window] += change(k, dx, dy, total[window], shortest_m[window])
+            total[window] += _change(bowls[k], dx, dy, total[window], shortest_m[window])
         return total
-
-    def change(k: int, dx: Array, dy: Array, before: Array, shortest_m: Array) -> Array:
-        r = np.sqrt(dx * dx + dy * dy) * (2.0 / size[k])
-        made = profile(r, depths[k], rims[k]) - before * (1.0 - smooth_step((r - _WIPED) / (1.5 - _WIPED)))
-        return made * carried_share(_CARRIED * size[k], shortest_m)
 
     def beyond(x_m: Array, y_m: Array, shortest_m: Array) -> Array:
         u, v = (np.where(np.abs(a) > size_m / 2, (a + period / 2) % period - period / 2, a) for a in (x_m, y_m))
@@ -107,12 +96,24 @@ def make(settings: CratersSettings, random: np.random.Generator, size_m: float) 
                     dy = v[first:last] - y[k]
                     dy = np.where(np.abs(dy) > period / 2, dy - np.copysign(period, dy), dy)
                     near = np.flatnonzero(np.abs(dy) < reach[k]) + first
-                    total[near] += change(k, u[near] - (x[k] + shift), dy[near - first], total[near], shortest[near])
-        result = np.empty(len(u))
-        result[order] = total
-        return result
+                    dx = u[near] - (x[k] + shift)
+                    total[near] += _change(bowls[k], dx, dy[near - first], total[near], shortest[near])
+        return total[np.argsort(order)]
 
     return Landform(math.inf, heights)
+
+
+def _change(bowl: Array, dx: Array, dy: Array, before: Array, shortest_m: Array) -> Array:
+    """How a crater changes the heights ``before``, by its diameter, its depth and the height of its rim."""
+    size, depth, rim = bowl
+    r = np.sqrt(dx * dx + dy * dy) * (2.0 / size)
+    made = profile(r, depth, rim) - before * (1.0 - smooth_step((r - _WIPED) / (1.5 - _WIPED)))
+    return made * carried_share(_CARRIED * size, shortest_m)
+
+
+def _reached(centre: Array, reach: Array, points: Array) -> Array:
+    """Which craters reach, along one axis, into the range of the points."""
+    return (centre + reach > points.min()) & (centre - reach < points.max())
 
 
 def _window(x_m: Array, y_m: Array, x: float, y: float, reach: float) -> Any:

@@ -10,6 +10,7 @@ hypothesis. A height field cannot overhang: the lean is held to what leaves the 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,47 @@ _TEETH, _TOOTH = 0.4, 0.25
 _SHARP = 0.2
 
 
+def _chance(place: Array, row: Array, key: int) -> Array:
+    """Random numbers in [0, 1] along each row, linear between whole places: ice breaks to points."""
+    first = np.floor(place)
+    index = first.astype(np.int64)
+    low, high = (to_uniform(hash_lattice(index + k, row, key)) for k in (0, 1))
+    return low + (place - first) * (high - low)
+
+
+def _crest(along: Array, row: Array, variation: float, keys: Sequence[int]) -> Array:
+    """Height of the crest line, 0 to 1: blades of random height, toothed, with a notch where one ends.
+
+    ``along`` is in lengths of blades.
+    """
+    place = along + 17.0 * to_uniform(hash_lattice(row, np.int64(0) * row, keys[0]))
+    tall = 1.0 - _LOWER * variation * _chance(place, row, keys[1])
+    toothed = 1.0 - _TEETH * variation * _chance(place / _TOOTH, row, keys[2])
+    # Blades end at whole places, in notches of random depth, and are highest half way between.
+    end = np.floor(place + 0.5)
+    notch = 1.0 - _SHALLOWER * to_uniform(hash_lattice(end.astype(np.int64), row, keys[3]))
+    return tall * toothed * (1.0 - variation * notch * (1.0 - 2.0 * np.abs(place - end)))
+
+
+def _group(x: Array, y: Array, disorder: float, key: int) -> Any:
+    """How tall the group of blades is, as a share of the tallest; ``x`` and ``y`` are in widths of groups."""
+    if not disorder:
+        return 1.0
+    u, v = np.broadcast_arrays(x, y)
+    field = wander(u, v, key) + 0.5 * wander(2.7 * u, 2.7 * v, key ^ 1)  # rarely beyond 0.6
+    return 1.0 - disorder * _GROUPS * smooth_step(0.5 + 0.8 * field)
+
+
+def _blade(distance: Array, edge: Array, sharpness: float) -> Array:
+    """Height of a blade between its crest, at a distance of 0, and its trough, at 1.
+
+    A mesh cannot carry an edge: it is as round, over ``edge``, as the mesh is coarse, or it would show as a saw.
+    """
+    distance = (np.hypot(distance, edge) - edge) / (np.hypot(1.0, edge) - edge)
+    rounded = 1.0 - smooth_step(distance)
+    return rounded + sharpness * ((1.0 - distance) ** 2 - rounded)
+
+
 def make(settings: PenitentesSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Penitentes of the stated height, crest to trough, above the ground."""
     keys = [draw_key(random) for _ in range(7)]
@@ -45,26 +87,8 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         return None
     more = [draw_key(random) for _ in range(3)]
     disorder, length = settings.disorder, spacing * settings.elongation
-    sharpness, variation = settings.sharpness, settings.variation
     lean = math.tan(math.radians(settings.lean_deg)) * height / spacing
     lean = min(lean, _MOST_LEAN - _ASTRAY)
-
-    def chance(place: Array, row: Array, key: int) -> Array:
-        """Random numbers in [0, 1] along each row, linear between whole places: ice breaks to points."""
-        first = np.floor(place)
-        index = first.astype(np.int64)
-        low, high = (to_uniform(hash_lattice(index + k, row, key)) for k in (0, 1))
-        return low + (place - first) * (high - low)
-
-    def crest(along: Array, row: Array) -> Array:
-        """Height of the crest line, 0 to 1: blades of random height, toothed, with a notch where one ends."""
-        place = along / length + 17.0 * to_uniform(hash_lattice(row, np.int64(0) * row, keys[0]))
-        tall = 1.0 - _LOWER * variation * chance(place, row, keys[1])
-        toothed = 1.0 - _TEETH * variation * chance(place / _TOOTH, row, keys[2])
-        # Blades end at whole places, in notches of random depth, and are highest half way between.
-        end = np.floor(place + 0.5)
-        notch = 1.0 - _SHALLOWER * to_uniform(hash_lattice(end.astype(np.int64), row, keys[3]))
-        return tall * toothed * (1.0 - variation * notch * (1.0 - 2.0 * np.abs(place - end)))
 
     def offset(x_m: Array, y_m: Array) -> tuple[Array, Array, Array, Array]:
         """How far a place is beside its row's crest, in spacings; the crest's own place, the row, and the way along."""
@@ -82,27 +106,16 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
             middle = np.clip(middle + leans, -_MOST_LEAN, _MOST_LEAN)
         return place - row - middle, middle, index, along
 
-    def of_group(x_m: Array, y_m: Array) -> Any:
-        """How tall the group of blades is, as a share of the tallest."""
-        if not disorder:
-            return 1.0
-        u, v = np.broadcast_arrays(x_m / (_GROUP * spacing), y_m / (_GROUP * spacing))
-        field = wander(u, v, more[2]) + 0.5 * wander(2.7 * u, 2.7 * v, more[2] ^ 1)  # rarely beyond 0.6
-        return 1.0 - disorder * _GROUPS * smooth_step(0.5 + 0.8 * field)
-
     def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
         beside, middle, index, along = offset(x_m, y_m)
         distance = np.where(beside > 0.0, beside / (0.5 - middle), -beside / (0.5 + middle))  # 0 crest, 1 trough
-        # A mesh cannot carry an edge: it is as round as the mesh is coarse, or it would show as a saw.
-        edge = np.asarray(shortest_m) / spacing
-        distance = (np.hypot(distance, edge) - edge) / (np.hypot(1.0, edge) - edge)
-        rounded = 1.0 - smooth_step(distance)
-        blade = rounded + sharpness * ((1.0 - distance) ** 2 - rounded)
-        return height * of_group(x_m, y_m) * blade * crest(along, index)
+        blade = _blade(distance, np.asarray(shortest_m) / spacing, settings.sharpness)
+        tallest = _group(x_m / (_GROUP * spacing), y_m / (_GROUP * spacing), disorder, more[2])
+        return height * tallest * blade * _crest(along / length, index, settings.variation, keys)
 
     def sharp_heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
         """Rounded only where the mesh is too coarse for an edge along the crest."""
         return heights(x_m, y_m, np.clip(2.0 * (shortest_m - _SHARP * spacing), 0.0, shortest_m))
 
     crests = Crests([lambda x_m, y_m: spacing * offset(x_m, y_m)[0]], sharp_heights, spacing)
-    return Landform(spacing / 2, heights, crests if sharpness > 0.0 else None)
+    return Landform(spacing / 2, heights, crests if settings.sharpness > 0.0 else None)

@@ -14,6 +14,8 @@ height, with the coarsest debris at the toe.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -41,6 +43,42 @@ _REPOSE, _UNEVEN, _APRONS = math.tan(math.radians(35.0)), 0.7, (2.4, 0.8)
 _DEBRIS, _DEBRIS_HEIGHT, _DEBRIS_SIDE, _DEBRIS_BURIED, _BEYOND = (0.22, 0.09), 0.5, 2.2, (0.6, 0.3), 1.0
 
 
+def _inside_round(u: Array, v: Array, square_m: float, radius_m: float, keys: Sequence[int]) -> Array:
+    """Distance in metres to the rim of round pits, one in each square, positive in a pit; places are in squares."""
+    column, row = (np.floor(a).astype(np.int64) for a in (u, v))
+    deepest = np.full(u.shape, -np.inf)
+    reach = math.ceil(_LARGEST * radius_m / square_m)
+    for i in range(-reach, reach + 1):
+        for j in range(-reach, reach + 1):
+            # Several random numbers from one hash: pits need few digits.
+            h = hash_lattice(column + i, row + j, keys[2])
+            east, north = (h & np.uint32(0xFFFF)) / 65536.0, (h >> np.uint32(16)) / 65536.0
+            wide = _SMALLEST + (_LARGEST - _SMALLEST) * to_uniform(hash_lattice(column + i, row + j, keys[3]))
+            away = square_m * np.hypot(column + i + east - u, row + j + north - v)
+            np.maximum(deepest, radius_m * wide - away, out=deepest)
+    return deepest
+
+
+def _talus_height(
+    amount: float, depth: float, keys: Sequence[int], x: Array, y: Array, from_wall: Array, bare: Array
+) -> Array:
+    """How much higher a place is by the talus on it; ``from_wall`` is its distance from the foot of the wall."""
+    uneven = sum(wander(x / (length * depth), y / (length * depth), keys[5] ^ k) for k, length in enumerate(_APRONS))
+    # Height of an apron over the floor at the foot of the wall.
+    high = amount * depth * np.maximum(1.0 + _UNEVEN * uneven, 0.0)
+    over = high - _REPOSE * from_wall
+    apron = np.maximum(np.minimum(over - depth, 0.0), bare)
+    # Debris on the apron, the less buried the nearer to the toe, and a little beyond it; none high on the wall.
+    buried = np.interp(over / np.maximum(high, 1e-9), (0.0, 1.0), _DEBRIS_BURIED[::-1])
+    fades = np.clip(1.0 + over / np.maximum(_BEYOND * high, 1e-9), 0.0, 1.0)
+    fades *= np.clip(-2.0 * bare / depth - 0.4, 0.0, 1.0)
+    debris = np.zeros(x.shape)
+    for k, size in enumerate(width * depth for width in _DEBRIS):
+        tops = facets(x / size, y / size, _DEBRIS_SIDE, keys[6] ^ k)
+        debris += _DEBRIS_HEIGHT * size * np.maximum(tops - buried, 0.0)
+    return apron + fades * debris - bare
+
+
 def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Pits ``depth_m`` deep on a share ``coverage`` of the ground, from rim to rim."""
     keys = [draw_key(random) for _ in range(7)]
@@ -52,25 +90,15 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
     square = math.sqrt(math.pi * _MEAN_SQUARE / total) * radius
     wall = depth / math.tan(math.radians(settings.wall_deg))
 
+    add_talus = partial(_talus_height, settings.talus, depth, keys)
+
     def inside_m(x_m: Array, y_m: Array) -> Array:
         """Distance to the rim, positive in a pit; exact near the rims of round pits."""
         x, y = np.broadcast_arrays(x_m, y_m)
         for k, length in enumerate(_BEND_LENGTHS):
             amount, u, v = _BEND * radius * length / _BEND_LENGTHS[0], x / (length * radius), y / (length * radius)
             x, y = x + amount * wander(u, v, keys[0] ^ k), y + amount * wander(u, v, keys[1] ^ k)
-        u, v = x / square, y / square
-        column, row = (np.floor(a).astype(np.int64) for a in (u, v))
-        deepest = np.full(u.shape, -np.inf)
-        reach = math.ceil(_LARGEST * radius / square)
-        for i in range(-reach, reach + 1):
-            for j in range(-reach, reach + 1):
-                # Several random numbers from one hash: pits need few digits.
-                h = hash_lattice(column + i, row + j, keys[2])
-                east, north = (h & np.uint32(0xFFFF)) / 65536.0, (h >> np.uint32(16)) / 65536.0
-                wide = _SMALLEST + (_LARGEST - _SMALLEST) * to_uniform(hash_lattice(column + i, row + j, keys[3]))
-                away = square * np.hypot(column + i + east - u, row + j + north - v)
-                np.maximum(deepest, radius * wide - away, out=deepest)
-        return deepest
+        return _inside_round(x / square, y / square, square, radius, keys)
 
     def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
         inside = inside_m(x_m, y_m)
@@ -82,25 +110,6 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
         if settings.talus == 0.0:
             return bare
         reach = wall + (1.0 + _BEYOND) * (1.0 + 2.0 * _UNEVEN) * settings.talus * depth / _REPOSE
-        return bare + only_where((inside > 0.0) & (inside < reach), add_talus, x, y, inside, bare)
-
-    def add_talus(x: Array, y: Array, inside: Array, bare: Array) -> Array:
-        """How much higher a place is by the talus on it."""
-        uneven = sum(
-            wander(x / (length * depth), y / (length * depth), keys[5] ^ k) for k, length in enumerate(_APRONS)
-        )
-        # Height of an apron over the floor at the foot of the wall.
-        high = settings.talus * depth * np.maximum(1.0 + _UNEVEN * uneven, 0.0)
-        over = high - _REPOSE * (inside - wall)
-        apron = np.maximum(np.minimum(over - depth, 0.0), bare)
-        # Debris on the apron, the less buried the nearer to the toe, and a little beyond it; none high on the wall.
-        buried = np.interp(over / np.maximum(high, 1e-9), (0.0, 1.0), _DEBRIS_BURIED[::-1])
-        fades = np.clip(1.0 + over / np.maximum(_BEYOND * high, 1e-9), 0.0, 1.0)
-        fades *= np.clip(-2.0 * bare / depth - 0.4, 0.0, 1.0)
-        debris = np.zeros(x.shape)
-        for k, size in enumerate(width * depth for width in _DEBRIS):
-            tops = facets(x / size, y / size, _DEBRIS_SIDE, keys[6] ^ k)
-            debris += _DEBRIS_HEIGHT * size * np.maximum(tops - buried, 0.0)
-        return apron + fades * debris - bare
+        return bare + only_where((inside > 0.0) & (inside < reach), add_talus, x, y, inside - wall, bare)
 
     return Landform(wall, heights, Crests([inside_m], heights, settings.diameter_m), Walls(depth, keys[4]))

@@ -153,13 +153,6 @@ def voronoi(x: Array, y: Array, key: int) -> Voronoi:
         offer(i, j, _point_x(h), _point_y(h), unsure)
     f1, f2 = np.sqrt(nearest)
     column, row = cells.squares(slice(None))
-    return Voronoi(
-        x1.reshape(shape),
-        y1.reshape(shape),
-        f1.reshape(shape),
-        f2.reshape(shape),
-        (column + (owner % 5 - 2)).reshape(shape),
-        (row + (owner // 5 - 2)).reshape(shape),
-        cells,
-        points,
-    )
+    column, row = column + (owner % 5 - 2), row + (owner // 5 - 2)
+    x1, y1, f1, f2, column, row = (each.reshape(shape) for each in (x1, y1, f1, f2, column, row))
+    return Voronoi(x1, y1, f1, f2, column, row, cells, points)

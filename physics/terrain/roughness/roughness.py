@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -287,11 +287,9 @@ def _fit_to_patch(
     first, last = LAW_FROM * wavelength[-1], min(LAW_TO * wavelength[0], size_m / 4)
     squares: Array = surface.amplitude_m**2
     if long and last > max(first, spacing):
-        shortest_measured = max(1, math.ceil(first / spacing))
-        whole = np.unique(np.geomspace(shortest_measured, last / spacing, 16).astype(int))
-        lag = np.concatenate(
-            [np.geomspace(first, spacing, 24, endpoint=False) if first < spacing else [], whole * spacing]
-        )
+        whole = np.unique(np.geomspace(max(1, math.ceil(first / spacing)), last / spacing, 16).astype(int))
+        finer = np.geomspace(first, spacing, 24, endpoint=False) if first < spacing else np.zeros(0)
+        lag = np.concatenate([finer, whole * spacing])
         measured = np.array([_products(fields, int(k)) for k in whole])
         # Below the coarse grid's spacing the long octaves are planes: their squares go as distance².
         planes = np.minimum(lag / lag[-len(whole)], 1.0)[:, None, None] ** 2
@@ -311,16 +309,8 @@ def _fit_to_patch(
             made = model @ squares + np.einsum("kij,i,j->k", cross, amplitude, amplitude)
             squares = squares * math.exp(np.interp(math.log(baseline), np.log(lag), np.log(target / made)))
     amplitude = _round_digits(np.sqrt(squares))
-    mean = float(amplitude[:long] @ means)
-    return RoughSurface(
-        wavelength,
-        amplitude,
-        surface.keys,
-        surface.offsets,
-        surface.multifractality,
-        _round_digits(level),
-        float(f"{mean:.9e}"),
-    )
+    mean = float(f"{amplitude[:long] @ means:.9e}")
+    return replace(surface, amplitude_m=amplitude, level=_round_digits(level), mean_m=mean)
 
 
 def _products(fields: Array, lag: int) -> Array:
