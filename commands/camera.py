@@ -129,15 +129,12 @@ def _read_ros_eyes(left: Path, right: Path) -> tuple[_Eye, _Eye, list[str]]:
             if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
                 raise IcyMoonError(f"{path}: {name} has no focal length; calibrate both eyes as a stereo pair.")
     reason = _why_rectified(*(camera for _, camera in cameras))
-    notes = (
-        []
-        if reason is None
-        else [
+    notes = []
+    if reason is not None:
+        notes.append(
             "This is the rig of the rectified images, with the focal length and the principal point of "
-            "projection_matrix "
-            f"and no distortion: {reason}."
-        ]
-    )
+            f"projection_matrix and no distortion: {reason}."
+        )
     of_left, of_right = (camera for _, camera in cameras)
     if (of_left.window, of_left.binning) != (of_right.window, of_right.binning):
         raise IcyMoonError(

@@ -75,33 +75,22 @@ def examine_blender(executable: str) -> list[Finding]:
             )
         ]
     version = tuple(int(part) for part in facts["blender"].split()[0].split(".")[:2])
-    supported = version >= (4, 2)
     devices = ", ".join(facts["devices"])
+
+    def has(ability: str, there: bool, fact: str, fix: str, lacking: str = "limited") -> Finding:
+        return Finding(ability, "ok" if there else lacking, fact, "" if there else fix)
+
+    def built_in(ability: str, there: bool, fix: str) -> Finding:
+        return has(ability, there, "built in" if there else "absent", fix)
+
+    own = f"{facts['blender']}, Python {facts['python']}"
     return [
-        Finding(
-            "Blender",
-            "ok" if supported else "missing",
-            f"{facts['blender']}, Python {facts['python']}",
-            "" if supported else "Use Blender 4.2 LTS or later.",
+        has("Blender", version >= (4, 2), own, "Use Blender 4.2 LTS or later.", "missing"),
+        built_in(
+            "Open Shading Language", facts["osl"], "Not needed by the Principled surface; official builds have it."
         ),
-        Finding(
-            "Open Shading Language",
-            "ok" if facts["osl"] else "limited",
-            "built in" if facts["osl"] else "absent",
-            "" if facts["osl"] else "Not needed by the Principled surface; official builds have it.",
-        ),
-        Finding(
-            "OpenImageDenoise",
-            "ok" if facts["denoiser"] else "limited",
-            "built in" if facts["denoiser"] else "absent",
-            "" if facts["denoiser"] else "Set quality.denoiser to NONE, or use an official build.",
-        ),
-        Finding(
-            "Graphics card",
-            "ok" if devices else "limited",
-            devices or "none that Cycles can use",
-            "" if devices else "Set quality.device to CPU.",
-        ),
+        built_in("OpenImageDenoise", facts["denoiser"], "Set quality.denoiser to NONE, or use an official build."),
+        has("Graphics card", bool(devices), devices or "none that Cycles can use", "Set quality.device to CPU."),
     ]
 
 

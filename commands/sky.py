@@ -12,6 +12,7 @@ from ..physics.light.scene_sun import described_by
 from ..physics.light.sky import check_body, sky, sky_facts
 from ..settings.description import check, merged
 from ..settings.preset_files import preset_names
+from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.number_text import show_place
 from ..support.printer import emit_json, print_table, say
@@ -57,7 +58,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_run_sky)
 
 
-def _run_sky(options: argparse.Namespace) -> int:
+def _settings_of(options: argparse.Namespace) -> Settings:
+    """The settings with the place and the time that the options state."""
     by_date = bool(options.date or options.kernels)
     stated = {
         "body": options.body,
@@ -80,6 +82,11 @@ def _run_sky(options: argparse.Namespace) -> int:
             f"give --body {name} for the sky of {name.title()}, with its preset, or set light.body to "
             "what the ground is of.",
         )
+    return settings
+
+
+def _run_sky(options: argparse.Namespace) -> int:
+    settings = _settings_of(options)
     rows = []
     for date in _dates(settings.light.date_utc, settings.light.directions_from, options.hours, options.every):
         light = merged(settings, {"light": {"date_utc": date}}).light

@@ -321,6 +321,27 @@ class _Placed:
     warnings: list[str]
 
 
+def _describe_place(map_of: _Map, place: MapPlace) -> tuple[list[str], list[str]]:
+    """Sentences for the report, and warnings, on the scale of a map at a place and on its north."""
+    report: list[str] = []
+    warnings: list[str] = []
+    if map_of.system is not None and place.scale != (1.0, 1.0):
+        assert place.latitude_deg is not None
+        assert place.longitude_deg is not None
+        where = show_place(place.latitude_deg, place.longitude_deg, ".4f")
+        report.append(
+            f"Map ({map_of.system.name}) at {where}: a metre of it is {place.scale[0]:.6g} m of ground along "
+            f"x, {place.scale[1]:.6g} m along y"
+        )
+    if abs(place.north_deg) > _TURNED_DEG:
+        turned = (
+            f"orth is {place.north_deg:.1f}° clockwise of the map's up, from which azimuths and headings are counted"
+        )
+        report.append(f"N{turned}")
+        warnings += [f"n{turned}"] if abs(place.north_deg) > _FAR_TURNED_DEG else []
+    return report, warnings
+
+
 def _place(
     shape: tuple[int, int],
     step: tuple[float, float],
@@ -343,22 +364,7 @@ def _place(
         scale = _locate(map_of, middle).scale
         origin = middle[0] + site.origin_m[0] / scale[0], middle[1] + site.origin_m[1] / scale[1]
     place = _locate(map_of, origin)
-    report: list[str] = []
-    warnings: list[str] = []
-    if map_of.system is not None and place.scale != (1.0, 1.0):
-        assert place.latitude_deg is not None
-        assert place.longitude_deg is not None
-        where = show_place(place.latitude_deg, place.longitude_deg, ".4f")
-        report.append(
-            f"Map ({map_of.system.name}) at {where}: a metre of it is {place.scale[0]:.6g} m of ground along "
-            f"x, {place.scale[1]:.6g} m along y"
-        )
-    if abs(place.north_deg) > _TURNED_DEG:
-        turned = (
-            f"orth is {place.north_deg:.1f}° clockwise of the map's up, from which azimuths and headings are counted"
-        )
-        report.append(f"N{turned}")
-        warnings += [f"n{turned}"] if abs(place.north_deg) > _FAR_TURNED_DEG else []
+    report, warnings = _describe_place(map_of, place)
     pixel = size[0] * place.scale[0], size[1] * place.scale[1]
     window, west, south = None, 0, 0
     if shape[0] * shape[1] > _MOST_WHOLE:

@@ -273,18 +273,15 @@ def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
         return KNOWN[code]
     if isinstance(code, int) and (zone := _utm_zone(code)):
         number, south = zone
-        return MapSystem(
-            "Transverse Mercator",
-            f"EPSG:{code}",
-            _EARTH_M,
-            6.0 * number - 183.0,
-            scale=0.9996,
-            east_m=5e5,
-            north_m=1e7 if south else 0.0,
-        )
+        middle, north_m = 6.0 * number - 183.0, 1e7 if south else 0.0
+        name = f"EPSG:{code}"
+        return MapSystem("Transverse Mercator", name, _EARTH_M, middle, scale=0.9996, east_m=5e5, north_m=north_m)
     kind = _METHODS.get(keys.get(_METHOD_KEY, 0))
-    if kind is None:
-        return None
+    return None if kind is None else _stated_system(kind, keys, unit_m)
+
+
+def _stated_system(kind: str, keys: Mapping[int, Any], unit_m: float) -> MapSystem:
+    """The projection of a kind whose parameters GeoKeys state."""
     angle = angle_unit(keys)
 
     def stated(*numbers: int, otherwise: float = 0.0) -> float:

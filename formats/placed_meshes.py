@@ -247,23 +247,34 @@ def _gltf(meshes: Sequence[PlacedMesh], arrays: Sequence[Array], comment: str) -
         }
         for start, array in zip(starts, arrays, strict=False)
     ]
-    accessors: list[dict[str, Any]] = []
-    for number, array in enumerate(arrays):
-        whole = array.dtype.kind == "u"
-        accessors.append(
-            {
-                "bufferView": number,
-                "componentType": _UNSIGNED if whole else _FLOAT,
-                "count": array.size if whole else len(array),
-                "type": "SCALAR" if whole else "VEC3",
-            }
-        )
-        if number % 3 == 0:  # the format asks for the ends of positions
-            accessors[-1] |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
+    names = _names(meshes)
     shapes = [
         {"name": name, "primitives": [{"attributes": {"POSITION": 3 * k, "NORMAL": 3 * k + 1}, "indices": 3 * k + 2}]}
-        for k, name in enumerate(_names(meshes))
+        for k, name in enumerate(names)
     ]
+    return {
+        "asset": {"version": "2.0", "generator": "Icy Moon", "extras": {"frame": comment}},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": _nodes(meshes, names),
+        "meshes": shapes,
+        "accessors": [_accessor(number, array) for number, array in enumerate(arrays)],
+        "bufferViews": views,
+        "buffers": [{"byteLength": starts[-1]}],
+    }
+
+
+def _accessor(number: int, array: Array) -> dict[str, Any]:
+    """How the array of a number is read: vertices, normals and triangles of each mesh by turns."""
+    if array.dtype.kind == "u":
+        return {"bufferView": number, "componentType": _UNSIGNED, "count": array.size, "type": "SCALAR"}
+    # The format asks for the ends of positions.
+    ends = {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()} if number % 3 == 0 else {}
+    return {"bufferView": number, "componentType": _FLOAT, "count": len(array), "type": "VEC3", **ends}
+
+
+def _nodes(meshes: Sequence[PlacedMesh], names: Sequence[str]) -> list[dict[str, Any]]:
+    """The tree of a scene: the ground, a node for each kind below it, and in that one for each place of a mesh."""
     nodes: list[dict[str, Any]] = [{"name": "ground", "matrix": _Y_UP, "children": []}]
     numbers = {id(mesh): k for k, mesh in enumerate(meshes)}
     for kind, own in by_kind(meshes).items():
@@ -273,17 +284,8 @@ def _gltf(meshes: Sequence[PlacedMesh], arrays: Sequence[Array], comment: str) -
         for mesh in own:
             k = numbers[id(mesh)]
             for place, matrix in enumerate(mesh.places):
-                named = {"name": f"{shapes[k]['name']}_{place}", "mesh": k}
+                named = {"name": f"{names[k]}_{place}", "mesh": k}
                 nodes.append(
                     named if np.array_equal(matrix, np.eye(4)) else named | {"matrix": matrix.T.ravel().tolist()}
                 )
-    return {
-        "asset": {"version": "2.0", "generator": "Icy Moon", "extras": {"frame": comment}},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": nodes,
-        "meshes": shapes,
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": starts[-1]}],
-    }
+    return nodes

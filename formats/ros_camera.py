@@ -24,6 +24,7 @@ _MOST_BYTES = 2**16
 _KEY = re.compile(r"( *)([A-Za-z_]\w*):(.*)")
 #: What files of other programs, with the same ending and much of the same content, are known by.
 _OTHER_FILES = (
+    (re.compile(r"\A%YAML:1\.0"), "a calibration in the YAML of OpenCV"),
     (re.compile(r"^cam0:\s*$", re.MULTILINE), "a camchain of Kalibr, of all cameras together"),
     (re.compile(r"^[kpKP]:\s*$|^header:\s*$", re.MULTILINE), "a message CameraInfo, as ros2 topic echo prints it"),
 )
@@ -64,8 +65,6 @@ def read_ros_camera(path: Path) -> RosCamera:
 
 def _parse(foreign: ForeignBytes) -> RosCamera:
     text = foreign.text()
-    if text.startswith("%YAML:1.0"):
-        raise RefusedError(f"is a calibration in the YAML of OpenCV, which is not read; {_FIX}.")
     for keys, what in _OTHER_FILES:
         if keys.search(text):
             raise RefusedError(f"is {what}, which is not read; {_FIX}.")

@@ -210,25 +210,15 @@ def read_pixels(
     number, unpack = _number_type(image), _choose_unpacker(image)
     rows, columns = image.shape
     tiled = 322 in image.tags
-    width = image.number(322, 0) if tiled else columns
-    height = image.number(323, 0) if tiled else min(image.number(278, rows), rows)
-    if min(width, height, columns, rows) < 1:
-        raise ValueError("no pixels")
-    down, right = window or (range(rows), range(columns))
-    if not (0 <= down.start < down.stop <= rows and 0 <= right.start < right.stop <= columns):
-        raise ValueError(f"no window of rows {down.start} to {down.stop} and columns {right.start} to {right.stop}")
-    if len(down) * len(right) > MOST_PIXELS:
-        raise UnreadError(
-            f"has {columns} x {rows} pixels, Icy Moon reads {MOST_PIXELS} at most; "
-            f"{_make_smaller(image, len(down) * len(right))}"
-        )
+    width, height = _tile_size(image)
+    down, right = _checked_window(image, window)
     offsets, sizes = (image.tags[k] for k in ((324, 325) if tiled else (273, 279)))
     across = -(-columns // width)
     if not len(offsets) == len(sizes) == across * -(-rows // height):
         raise ValueError(f"{len(offsets)} tiles or strips")
     row_bytes = -(-width // 8) if number.kind == "b" else width * number.itemsize
-    # A tile is there packed, unpacked and with its prediction undone.
     try:
+        # A tile is there packed, unpacked and with its prediction undone.
         foreign.budget.charge(_PIXEL_MEMORY * len(down) * len(right) + 3 * height * row_bytes, "pixels")
     except OverBudgetError:
         raise UnreadError(
@@ -238,10 +228,8 @@ def read_pixels(
         ) from None
     grid = np.full((len(down), len(right)), np.nan)
     predictor, packed = image.number(317, 1), image.number(259, 1) != 1
-    columns_of = [
-        (left // width, *_overlap(left, width, right))
-        for left in range(right.start // width * width, right.stop, width)
-    ]
+    lefts = range(right.start // width * width, right.stop, width)
+    columns_of = [(left // width, *_overlap(left, width, right)) for left in lefts]
     for top in range(down.start // height * height, down.stop, height):
         tall = height if tiled else min(height, rows - top)
         length = tall * row_bytes
@@ -270,6 +258,33 @@ def _make_smaller(image: Directory, wanted: int) -> str:
     return "make it coarser in its folder with: " + gdal_lines.tile(
         image.name, f"-r average -outsize {min(width, columns)} 0"
     )
+
+
+def _tile_size(image: Directory) -> tuple[int, int]:
+    """Width and height of the tiles or strips; the last strip may be lower. Raises ValueError without no pixels."""
+    rows, columns = image.shape
+    if 322 in image.tags:
+        width, height = image.number(322, 0), image.number(323, 0)
+    else:
+        width, height = columns, min(image.number(278, rows), rows)
+    if min(width, height, columns, rows) < 1:
+        raise ValueError("no pixels")
+    return width, height
+
+
+def _checked_window(image: Directory, window: tuple[range, range] | None) -> tuple[range, range]:
+    """The rows and columns to be read, all without a ``window``. Raises ValueError if the image has no such ones, and
+    UnreadError if they are too many."""
+    rows, columns = image.shape
+    down, right = window or (range(rows), range(columns))
+    if not (0 <= down.start < down.stop <= rows and 0 <= right.start < right.stop <= columns):
+        raise ValueError(f"no window of rows {down.start} to {down.stop} and columns {right.start} to {right.stop}")
+    if len(down) * len(right) > MOST_PIXELS:
+        raise UnreadError(
+            f"has {columns} x {rows} pixels, Icy Moon reads {MOST_PIXELS} at most; "
+            f"{_make_smaller(image, len(down) * len(right))}"
+        )
+    return down, right
 
 
 def _overlap(start: int, size: int, wanted: range) -> tuple[slice, slice]:

@@ -253,18 +253,11 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
     seeds = settings.dataset.seed, before.dataset.seed
     if changes.look(settings) == changes.look(before) and seeds[0] == seeds[1]:
         return []
+    rocks = (item for item in built.collection.all_objects if item.get(TAG) == "rock")
+    shapes = [shape for item in rocks for shape in instanced_objects(item)]
     builders = {
         "terrain": ("ground", build_ground_material, [built.terrain]),
-        "rock": (
-            "rocks",
-            build_rock_material,
-            [
-                shape
-                for item in built.collection.all_objects
-                if item.get(TAG) == "rock"
-                for shape in instanced_objects(item)
-            ],
-        ),
+        "rock": ("rocks", build_rock_material, shapes),
     }
     # The mark of an object has its name only while a material of it is random by object, see ``marks.of_object``.
     by_hand = built.edited_parts(*(f"{role} {part}" for role in builders for part in ("materials", "object")))

@@ -161,16 +161,10 @@ def join(ground: MeshedGround, grid: Grid, heights_m: Array) -> MeshedGround:
     between the rims of the hole and the patch. It adds no vertex, so there is no crack. Raises IcyMoonError if there is
     no ground all round the patch.
     """
-    faces = (
-        ground.faces
-        if ground.faces.shape[1] == 3
-        else np.concatenate([ground.faces[:, [0, 1, 2]], ground.faces[:, [0, 2, 3]]])
-    )
-    fine = (
-        None
-        if ground.fine is None
-        else (ground.fine if ground.faces.shape[1] == 3 else np.concatenate([ground.fine, ground.fine]))
-    )
+    faces, fine = ground.faces, ground.fine
+    if faces.shape[1] == 4:
+        faces = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
+        fine = None if fine is None else np.concatenate([fine, fine])
     holes = (cut_hole(ground.positions, faces, grid.bounds_m, free * grid.cell_m) for free in _FREE)
     hole = next((found for found in holes if found is not None), None)
     if hole is None:

@@ -206,27 +206,12 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     source = settings.source
     kind = mesh_file.detect_kind(path)
     positions, faces, uv = read_mesh(path)
-    if not np.isfinite(positions).all(axis=1).any():
-        raise IcyMoonError(
-            f"{path}: none of its {len(positions)} vertices has finite coordinates; export the mesh again."
-        )
-    warnings = _coarse_coordinates(path, positions)
-    if kind == "USD" and not compat.applies_usd_unit():
-        warnings.append(
-            f"This Blender ignores the unit that {path.name} states and uses metres; set source.scale if "
-            "it is another unit."
-        )
+    warnings = [*_coarse_coordinates(path, positions), *_ignored_unit(path, kind)]
     positions, axis = turned_up(positions * source.scale, kind, source.up_axis)
     before = check.examine(positions, faces)
     fine = _is_fine(subdivide.edge_length_m(positions, faces), float(settings.rig.height_m))
     unlikely = _check_size(path, np.array(before.extents_m), _SET_SCALE, "fix the vertices that stand out.", fine)
-    if before.area_m2 <= 0.0 or before.degenerate_faces == before.triangles:
-        raise IcyMoonError(f"{path}: none of its {before.triangles} faces has an area; export the mesh again.")
-    if before.non_finite_vertices and not source.repair:
-        raise IcyMoonError(
-            f"{path}: has {count_of(before.non_finite_vertices, 'vertex', 'vertices')} without finite "
-            "coordinates; set source.repair or fix the mesh."
-        )
+    _refuse_unusable(path, before, source.repair)
     report = [f"{kind}, {axis} up, {source.scale:g} m per unit", *before.lines()]
     if source.repair:
         positions, faces, uv = check.repair(positions, faces, uv)
@@ -291,8 +276,16 @@ def _with_roughness(
 
 
 def _coarse_coordinates(path: Path, positions: Array) -> list[str]:
-    """A warning if single precision rounds large coordinates by more than a thousandth of the vertex spacing."""
-    positions = positions[np.isfinite(positions).all(axis=1)]
+    """A warning if single precision rounds large coordinates by more than a thousandth of the vertex spacing.
+
+    Raises IcyMoonError if no vertex is finite.
+    """
+    finite = np.isfinite(positions).all(axis=1)
+    if not finite.any():
+        raise IcyMoonError(
+            f"{path}: none of its {len(positions)} vertices has finite coordinates; export the mesh again."
+        )
+    positions = positions[finite]
     if not np.array_equal(positions, positions.astype(np.float32)):
         return []  # double precision
     step = float(np.spacing(np.float32(np.abs(positions).max())))
@@ -303,6 +296,27 @@ def _coarse_coordinates(path: Path, positions: Array) -> list[str]:
         f"The coordinates of {path.name} are so large that they are rounded to {step:.2g} units, but vertices are "
         f"{spacing:.2g} apart; subtract an offset before the export, or write a PLY in double precision."
     ]
+
+
+def _ignored_unit(path: Path, kind: str) -> list[str]:
+    """A warning if this Blender takes a file of this kind for one in metres, whatever it states."""
+    if kind != "USD" or compat.applies_usd_unit():
+        return []
+    return [
+        f"This Blender ignores the unit that {path.name} states and uses metres; set source.scale if "
+        "it is another unit."
+    ]
+
+
+def _refuse_unusable(path: Path, found: check.MeshReport, repair: bool) -> None:
+    """Raise IcyMoonError for a mesh without an area, and for vertices that are nowhere unless ``repair`` is set."""
+    if found.area_m2 <= 0.0 or found.degenerate_faces == found.triangles:
+        raise IcyMoonError(f"{path}: none of its {found.triangles} faces has an area; export the mesh again.")
+    if found.non_finite_vertices and not repair:
+        raise IcyMoonError(
+            f"{path}: has {count_of(found.non_finite_vertices, 'vertex', 'vertices')} without finite "
+            "coordinates; set source.repair or fix the mesh."
+        )
 
 
 def _shift(positions: Array, source: SourceSettings) -> Array:
@@ -320,13 +334,44 @@ def _place_in_file(moved_m: Any, unit_m: float = 1.0) -> dict[str, Any]:
     return MapPlace("", unit_m, (east, north), (1.0, 1.0)).to_json() | {"height_zero_m": up}
 
 
+def _origin_m(source: SourceSettings) -> tuple[float, float]:
+    return float(source.origin_x_m), float(source.origin_y_m)
+
+
+def _place_heights(
+    heights: Array, pixel: tuple[float, float], read: import_heights.Heights, source: SourceSettings, size_m: float
+) -> tuple[HeightMap, tuple[float, float, float], dict[str, Any]]:
+    """A map about the origin of the site, by how much it was moved, and its place: by its own system unless the
+    settings state the size of its pixels."""
+    if read.place is not None and read.corner_m is not None and not source.metres_per_pixel > 0:
+        zero_m = float(np.median(heights)) if source.centre else 0.0
+        moved = (-read.place.origin[0], -read.place.origin[1], -zero_m)
+        surface = HeightMap(heights - zero_m, pixel, *read.corner_m, size_m)
+        return surface, moved, read.place.to_json() | {"height_zero_m": zero_m}
+    surface, moved = height_map.place_map(
+        heights,
+        pixel,
+        read.corner_m or (0.0, 0.0),
+        centre=bool(source.centre),
+        origin_m=_origin_m(source),
+        size_m=size_m,
+    )
+    return surface, moved, _place_in_file(moved)
+
+
+def _grid_mesh(surface: HeightMap, spacing_m: float) -> tuple[Array, Array]:
+    """Vertices and faces of a map, on a grid of about this spacing."""
+    west, east, south, north = surface.bounds_m
+    x, y = (np.linspace(a, b, max(2, round((b - a) / spacing_m) + 1)) for a, b in ((west, east), (south, north)))
+    return height_map.grid_mesh(surface.heights(x[None, :], y[:, None], 2 * spacing_m), x, y)
+
+
 def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[Settings], Surface]) -> UserGround:
     source, terrain = settings.source, settings.terrain
-    size_m, origin_m = float(terrain.size_m), (float(source.origin_x_m), float(source.origin_y_m))
+    size_m, radius_m = float(terrain.size_m), float(terrain.body_radius_m)
     by_hand = source.metres_per_pixel > 0  # the file's own size and place then do not count
     missing = None if source.missing in ("", NO_MARK) else float(source.missing)
-    radius_m = float(terrain.body_radius_m)
-    site = None if by_hand else Site(bool(source.centre), origin_m, size_m, radius_m)
+    site = None if by_hand else Site(bool(source.centre), _origin_m(source), size_m, radius_m)
     read = import_heights.read_heights(path, site, missing, radius_m)
     values, sentences = (read.values, []) if source.missing else height_map.clear_unmarked(read.values)
     known = np.isfinite(values)
@@ -338,16 +383,7 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
         warnings.append(f"{1 - known.mean():.2%} of {path.name} has no height and was interpolated smoothly.")
     heights = height_map.fill_holes(values) * source.height_scale_m
     rows, columns = read.file_shape or heights.shape
-    if read.place is not None and read.corner_m is not None and not by_hand:
-        zero_m = float(np.median(heights)) if source.centre else 0.0
-        surface = HeightMap(heights - zero_m, pixel, *read.corner_m, size_m)
-        moved = (-read.place.origin[0], -read.place.origin[1], -zero_m)
-        place = read.place.to_json() | {"height_zero_m": zero_m}
-    else:
-        surface, moved = height_map.place_map(
-            heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source.centre), origin_m=origin_m, size_m=size_m
-        )
-        place = _place_in_file(moved)
+    surface, moved, place = _place_heights(heights, pixel, read, source, size_m)
     west, east, south, north = surface.bounds_m
     extents = np.array([max(east - west, 0.0), max(north - south, 0.0), float(np.ptp(heights))])
     if east <= west or north <= south:
@@ -355,17 +391,11 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
             f"{path}: has no height within terrain.size_m = {terrain.size_m:g} m of the origin; set "
             "source.centre, source.origin_x_m or source.origin_y_m."
         )
-    warnings += _check_size(
-        path,
-        extents,
-        "set source.metres_per_pixel.",
-        "set source.height_scale_m, or mark the heights that are missing.",
-    )
+    steep = "set source.height_scale_m, or mark the heights that are missing."
+    warnings += _check_size(path, extents, "set source.metres_per_pixel.", steep)
     if source.detail:
         surface = height_map.add_roughness(surface, make_procedural(settings))
-    spacing = shortest_wavelength_m(terrain) / 2
-    x, y = (np.linspace(a, b, max(2, round((b - a) / spacing) + 1)) for a, b in ((west, east), (south, north)))
-    positions, faces = height_map.grid_mesh(surface.heights(x[None, :], y[:, None], 2 * spacing), x, y)
+    positions, faces = _grid_mesh(surface, shortest_wavelength_m(terrain) / 2)
     whole = (columns - 1) * pixel[0], (rows - 1) * pixel[1]
     part = f", of which {heights.shape[1]} x {heights.shape[0]} were read" * (heights.shape != (rows, columns))
     report = (
