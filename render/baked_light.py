@@ -31,6 +31,7 @@ from ..physics.random_numbers.seeds import generator, stream
 from ..physics.rig.seen_points import find_seen_facets, sides_passed
 from ..physics.scene_requirements import why_not_baked
 from ..settings import changes
+from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.blender import compat
@@ -231,6 +232,31 @@ def key_of(built: Built, settings: Settings, group: str = "Sun", seen: Array | N
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:12]
 
 
+def _bake_halves(
+    run: Callable[[str, int, int], Array],
+    seeds: Array,
+    quality: QualitySettings,
+    positions: Array,
+    triangles: Array,
+    eye: Array,
+) -> tuple[Array, list[Array], int]:
+    """Direct light, two halves of the indirect light with different seeds, and the samples of each, as ``run`` bakes
+    them: few at first, then as many more as the noise requires."""
+    direct = run("DIRECT", _DIRECT, int(seeds[4]))
+    count = min(_FIRST, quality.bake_samples // 2)
+    halves = [run("INDIRECT", count, int(seed)) for seed in seeds[:2]]
+    share = largest_share(direct, (halves[0] + halves[1]) / 2, positions, triangles, eye)
+    noise, asked = noise_of(halves, triangles), quality.bake_noise / _MARGIN
+    more = samples_needed(noise, share, count, asked, quality.bake_samples // 2) - count
+    if more > 0:
+        halves = [
+            (count * half + more * run("INDIRECT", more, int(seed))) / (count + more)
+            for half, seed in zip(halves, seeds[2:4], strict=True)
+        ]
+        count += more
+    return direct, halves, count
+
+
 def bake(
     terrain: bpy.types.Object,
     scene: bpy.types.Scene,
@@ -268,40 +294,18 @@ def bake(
                 return baked_texels.gather(found, texels, len(mesh.vertices))[lit]
             return baked_texels.gather_open(found, texels, covered, len(mesh.vertices))[lit]
 
-        direct = run("DIRECT", _DIRECT, int(seeds[4]))
-        count = min(_FIRST, quality.bake_samples // 2)
-        halves = [run("INDIRECT", count, int(seed)) for seed in seeds[:2]]
-        share = largest_share(direct, (halves[0] + halves[1]) / 2, positions[lit], triangles, eye)
-        more = (
-            samples_needed(
-                noise_of(halves, triangles), share, count, quality.bake_noise / _MARGIN, quality.bake_samples // 2
-            )
-            - count
-        )
-        if more > 0:
-            halves = [
-                (count * half + more * run("INDIRECT", more, int(seed))) / (count + more)
-                for half, seed in zip(halves, seeds[2:4], strict=True)
-            ]
-            count += more
+        direct, halves, count = _bake_halves(run, seeds, quality, positions[lit], triangles, eye)
     if rocks is not None and len(rocks.data.vertices):
         with _hidden(dark):
             numbers = _bake_rocks(rocks, terrain, scene, settings, group, min(2 * count, _MOST_OF_ROCKS))
     scene.render.use_persistent_data, scene.render.use_multiview = kept
-    values = np.zeros((len(lit), 3), np.float32)
+    values, error = np.zeros((len(lit), 3), np.float32), np.zeros(len(lit), np.float32)
     values[lit] = np.maximum((halves[0] + halves[1]) / 2, 0.0)
-    error = np.zeros(len(lit), np.float32)
     error[lit] = (halves[0] - halves[1]).mean(axis=1) / 2
-    mean = float(values[lit].mean(dtype=np.float64)) if lit.any() else 0.0
-    total = mean + (float(direct.mean(dtype=np.float64)) if lit.any() else 0.0)
+    mean, straight = (float(each.mean(dtype=np.float64)) if lit.any() else 0.0 for each in (values[lit], direct))
+    share = mean / (mean + straight) if mean + straight > 0 else 0.0
     return BakedLight(
-        values,
-        error,
-        numbers,
-        noise_of(halves, triangles),
-        mean / total if total > 0 else 0.0,
-        2 * count,
-        time.process_time() - start,
+        values, error, numbers, noise_of(halves, triangles), share, 2 * count, time.process_time() - start
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 
 from ..settings.topics.rendering import QualitySettings
@@ -14,7 +16,41 @@ from .graphics_cards import select_cards
 _GLOSSY_BOUNCES = 2
 #: Refractions of one path in clear ice: into a rock, out of it, and through two more.
 _CLEAR_BOUNCES = 6
-_TRANSPARENT_BOUNCES = 8
+#: Of Cycles, for all qualities.
+_CYCLES: dict[str, Any] = {
+    "use_animated_seed": False,
+    "adaptive_min_samples": 0,  # as Cycles chooses: 16 threshold^-0.3, so 64 samples at 0.01
+    "time_limit": 0.0,
+    "sample_clamp_direct": 0.0,
+    "sample_clamp_indirect": 0.0,
+    "light_sampling_threshold": 0.0,
+    # By power the tree asks the planet once for fifty times the Sun; in turn they are stratified: 15x less noise.
+    "use_light_tree": False,
+    "glossy_bounces": _GLOSSY_BOUNCES,
+    "volume_bounces": 0,
+    "transparent_max_bounces": 8,
+    "caustics_reflective": False,
+    "caustics_refractive": False,
+    "blur_glossy": 0.0,
+    "film_exposure": 1.0,
+    "pixel_filter_type": "BLACKMAN_HARRIS",
+    "filter_width": 1.5,
+    "use_fast_gi": False,
+    "shading_system": False,
+}
+#: Of the render, for all qualities; most would change radiance on its way to the file.
+_RENDER: dict[str, Any] = {
+    "threads_mode": "AUTO",
+    "film_transparent": False,
+    "use_motion_blur": False,
+    "use_simplify": False,
+    "use_compositing": False,
+    "use_sequencer": False,
+    "use_border": False,
+    "use_freestyle": False,
+    "dither_intensity": 0.0,
+    "use_stamp": False,
+}
 
 
 def detect_abilities(quality: QualitySettings) -> Abilities:
@@ -46,52 +82,35 @@ def apply(
     """
     if scene.render.engine != "CYCLES":  # setting it frees all that Cycles has kept
         scene.render.engine = "CYCLES"
-    cycles = scene.cycles
-    cycles.device = quality.device
-    cycles.samples = quality.samples
-    cycles.seed = seed
-    cycles.use_animated_seed = False
-    # Blue noise leaves a denoiser less to remove; of both eyes it is a little alike, so what stays noisy has none.
-    cycles.sampling_pattern = "TABULATED_SOBOL" if quality.denoiser == "NONE" else "BLUE_NOISE"
-    cycles.use_adaptive_sampling = quality.noise_threshold > 0
-    cycles.adaptive_threshold = quality.noise_threshold
-    cycles.adaptive_min_samples = 0  # as Cycles chooses: 16 threshold^-0.3, so 64 samples at 0.01
-    cycles.time_limit = 0.0
-    cycles.use_denoising = quality.denoiser != "NONE"
-    if cycles.use_denoising:
-        cycles.denoiser = "OPENIMAGEDENOISE"
-        cycles.denoising_input_passes = "RGB_ALBEDO_NORMAL" if quality.denoiser == "OIDN" else "RGB"
+    for of, values in (
+        (scene.cycles, _cycles(quality, seed, blurred, through)),
+        (scene.render, _RENDER | ({"threads_mode": "FIXED", "threads": quality.threads} if quality.threads else {})),
+        (scene.view_settings, {"exposure": 0.0, "gamma": 1.0}),
+    ):
+        for name, value in values.items():
+            setattr(of, name, value)
+
+
+def _cycles(quality: QualitySettings, seed: int, blurred: bool, through: bool) -> dict[str, Any]:
+    clear_bounces = _CLEAR_BOUNCES if through else 0
+    denoised = {
+        "denoiser": "OPENIMAGEDENOISE",
+        "denoising_input_passes": "RGB_ALBEDO_NORMAL" if quality.denoiser == "OIDN" else "RGB",
         # Guides are without noise unless the image is blurred; cleaning them costs matchers detail (guiss_cost.py).
-        cycles.denoising_prefilter = "FAST" if blurred else "NONE"
-    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
-    cycles.light_sampling_threshold = 0.0
-    # By power the tree asks the planet once for fifty times the Sun; in turn they are stratified: 15x less noise.
-    cycles.use_light_tree = False
-    cycles.diffuse_bounces = quality.diffuse_bounces
-    cycles.glossy_bounces = _GLOSSY_BOUNCES
-    cycles.transmission_bounces = _CLEAR_BOUNCES if through else 0
-    cycles.volume_bounces = 0
-    cycles.max_bounces = max(quality.diffuse_bounces, _GLOSSY_BOUNCES, cycles.transmission_bounces)
-    cycles.transparent_max_bounces = _TRANSPARENT_BOUNCES
-    cycles.caustics_reflective = cycles.caustics_refractive = False
-    cycles.blur_glossy = 0.0
-    cycles.film_exposure = 1.0
-    cycles.pixel_filter_type = "BLACKMAN_HARRIS"
-    cycles.filter_width = 1.5
-    cycles.use_fast_gi = False
-    cycles.shading_system = False
-    render = scene.render
-    render.threads_mode = "FIXED" if quality.threads else "AUTO"
-    if quality.threads:
-        render.threads = quality.threads
-    render.film_transparent = False
-    render.use_motion_blur = False
-    render.use_simplify = False
-    render.use_compositing = False
-    render.use_sequencer = False
-    render.use_border = False
-    render.use_freestyle = False
-    render.dither_intensity = 0.0
-    render.use_stamp = False
-    scene.view_settings.exposure = 0.0
-    scene.view_settings.gamma = 1.0
+        "denoising_prefilter": "FAST" if blurred else "NONE",
+    }
+    clean = quality.denoiser == "NONE"
+    return _CYCLES | {
+        "device": quality.device,
+        "samples": quality.samples,
+        "seed": seed,
+        # Blue noise leaves a denoiser less to remove; of both eyes it is a little alike, so what stays noisy has none.
+        "sampling_pattern": "TABULATED_SOBOL" if clean else "BLUE_NOISE",
+        "use_adaptive_sampling": quality.noise_threshold > 0,
+        "adaptive_threshold": quality.noise_threshold,
+        "use_denoising": not clean,
+        **({} if clean else denoised),
+        "diffuse_bounces": quality.diffuse_bounces,
+        "transmission_bounces": clear_bounces,
+        "max_bounces": max(quality.diffuse_bounces, _GLOSSY_BOUNCES, clear_bounces),
+    }

@@ -261,6 +261,12 @@ def _render_into(
     }
 
 
+def _count_truths(takes: list[_CameraSetup], planned: PlannedPair) -> int:
+    """How often Cycles renders truth of a pair."""
+    images = sum(layer == TRUTH for take in takes for layer, _ in take.images)
+    return images + (len(cycles_occlusion.STEPS_PX) if _is_full(planned) else 0)
+
+
 def _render_takes(
     part: Path,
     built: Built,
@@ -282,15 +288,7 @@ def _render_takes(
         lights = _prepare_cycles(scene, built, planned, quality, blur is not None, baked)
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         stage, engine = _choose_engine(rays, settings, takes)
-        clip_m = built.camera.data.clip_start, built.camera.data.clip_end
-        truths = (
-            0
-            if stage
-            else (
-                sum(layer == TRUTH for take in takes for layer, _ in take.images)
-                + (len(cycles_occlusion.STEPS_PX) if _is_full(planned) else 0)
-            )
-        )
+        truths = 0 if stage else _count_truths(takes, planned)
         with (
             watch_samples(len(lights) * int(quality.samples), truths, report) as sampling,
             trace_beside(
@@ -298,7 +296,7 @@ def _render_takes(
                 {k: (part / f"{TRUTH}{k}", take.toed) for k, take in enumerate(takes) if TRUTH in dict(take.images)},
                 camera,
                 poses,
-                clip_m,
+                (built.camera.data.clip_start, built.camera.data.clip_end),
                 settings.quality.truth,
                 rounded,
             ) as traced,

@@ -128,7 +128,7 @@ def _render_one(
     if rendered:
         report(0.0)
         check(planned.settings, f"Pair {planned.id}")  # an earlier version may have accepted more
-        built, scene, seconds_build = source.prepare(planned)
+        built, scene, build_s = source.prepare(planned)
         assert source.rays is not None
         with (
             tell_while_compiling(sampled, partial(tell, 0.0, f"{label}: {_COMPILING}"))
@@ -136,28 +136,11 @@ def _render_one(
             else nullcontext()
         ):
             indirect = baked_light.provide(built, scene, planned, shared)
-            render_pair(
-                built,
-                scene,
-                planned,
-                dataset,
-                seconds_build,
-                report,
-                partial(shared.claims.is_lost, planned.id),
-                source.rays,
-                again,
-                indirect,
-            )
+            is_lost = partial(shared.claims.is_lost, planned.id)
+            render_pair(built, scene, planned, dataset, build_s, report, is_lost, source.rays, again, indirect)
         shared.note_pair(folder)
-    send(
-        "pair",
-        id=planned.id,
-        folder=str(folder),
-        rendered=rendered,
-        done=k + 1,
-        total=total,
-        seconds=round(time.perf_counter() - start, 2),
-    )
+    seconds = round(time.perf_counter() - start, 2)
+    send("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total, seconds=seconds)
 
 
 def pairs_of_job(job: dict[str, Any]) -> list[PlannedPair]:

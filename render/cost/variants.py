@@ -7,7 +7,7 @@ scattering if no light enters the surface, and none of the mesh error if the gro
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +32,8 @@ from .abilities import Abilities, lack_for
 from .estimate import work_of
 
 _ALL = Abilities()
+#: Parts of settings by the name of the variant that has them.
+_Parts = dict[str, dict[str, dict[str, Any]]]
 #: Groups of variants, with their meanings.
 GROUPS = {
     "samples": "samples per pixel, with and without a denoiser",
@@ -50,7 +52,6 @@ GROUPS = {
 #: Groups that vary the shape of the ground. Their reference has a finer shape.
 SHAPES = ("mesh", "relief")
 SAMPLES = (1, 2, 4, 8, 16, 32, 64, 128, 256)
-#: With more samples, a denoiser costs more than it can remove.
 _MOST_DENOISED = 64
 _BOUNCES = (0, 1, 2, 3, 4, 8, 16)
 _THRESHOLDS = (0.2, 0.1, 0.05, 0.02, 0.01)
@@ -139,75 +140,14 @@ def variants(settings: Settings, groups: Sequence[str] = (), able: Abilities = _
         raise IcyMoonError(f"There is no group {unknown[0]!r} to vary; there are {', '.join(GROUPS)}.")
     found = [Variant("scene", "as described", settings)]
     for group in groups or GROUPS:
-        own = [variant for variant in _variants_of(group, settings) if not lack_for(variant.settings, able)]
+        parts = _PARTS[group](settings).items()
+        varied = (Variant(group, name, merged(settings, part)) for name, part in parts)
+        own = [variant for variant in varied if not lack_for(variant.settings, able)]
         if not own and group in groups:
             raise IcyMoonError(f"This scene has nothing to vary in {group} ({GROUPS[group]}); leave it out.")
         alike = [variant.settings for variant in found if (variant.group in SHAPES) == (group in SHAPES)]
         found += [variant for variant in own if variant.settings not in alike]
     return found
-
-
-def _variants_of(group: str, settings: Settings) -> list[Variant]:
-    samples = int(settings.quality.samples)
-
-    def variant(name: str, part: Mapping[str, Mapping[str, Any]]) -> Variant:
-        return Variant(group, name, merged(settings, part))
-
-    if group == "samples":
-        return [
-            variant(f"{count_of(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser, **_TRACED}})
-            for denoiser, text in _DENOISERS.items()
-            for n in SAMPLES
-            if denoiser == "NONE" or n <= _MOST_DENOISED
-        ]
-    if group == "bounces":
-        return [variant(count_of(n, "bounce"), {"quality": {"diffuse_bounces": n, **_TRACED}}) for n in _BOUNCES]
-    if group == "threshold":
-        most = _THRESHOLD_ROOM * samples
-        return [
-            variant(f"until {limit:g}", {"quality": {"noise_threshold": limit, "samples": most, **_TRACED}})
-            for limit in _THRESHOLDS
-        ]
-    if group == "indirect":
-        baked = [Variant(group, name, each) for name, each in baked_settings(settings).items()]
-        return [variant("traced", {"quality": _TRACED}), *baked] if baked else []
-    if group == "mesh":
-        return (
-            [variant(f"{error:g} px", {"mesh": {"error_px": error}}) for error in _MESH_ERRORS_PX]
-            if _has_graded_mesh(settings)
-            else []
-        )
-    if group == "shortcuts":
-        quality = settings.quality
-        labels = [variant("depth and semantic labels", {"quality": {"truth": "SEMANTIC"}})]
-        return [
-            *(
-                variant(
-                    *(
-                        (part.whole, {"quality": {part.key: part.full}})
-                        if quality[part.key] == part.lean
-                        else (part.without, {"quality": {part.key: part.lean}})
-                    )
-                )
-                for part in _shortcuts(settings)
-            ),
-            *(labels if quality.truth == "FULL" else []),
-        ]
-    if group == "files":
-        # Of the same render, since ``files`` does not count in ids: what differs is what files lose.
-        return [
-            variant("compact", {"quality": {"files": "COMPACT"}}),
-            variant("all in 32 bits", {"quality": {"files": "FULL", "half_floats": "NONE"}}),
-        ]
-    if group == "relief":
-        surface = settings.surface
-        reliefs = {"painted": "BUMP", "real": "REAL"}
-        return (
-            [variant(name, {"surface": {"relief": relief}}) for name, relief in reliefs.items()]
-            if settings.source.kind == "PROCEDURAL" and surface.grain_amplitude_m > 0
-            else []
-        )
-    return _surface_models(group, settings)
 
 
 @dataclass(frozen=True)
@@ -224,23 +164,19 @@ class _Shortcut:
 
 def baked_settings(settings: Settings, area: str = "GROUND") -> dict[str, Settings]:
     """The ways to bake the light of a scene to a ``quality.bake_area``, by name; none if it cannot be baked."""
+    return {name: merged(settings, part) for name, part in _baked_parts(settings, area).items()}
+
+
+def _baked_parts(settings: Settings, area: str = "GROUND") -> _Parts:
     where = "baked where seen" if area == "VIEW" else "baked"
+    fixed = {"indirect": "BAKED", "bake_area": area, "bake_noise": 0.0}
     return (
         {}
         if why_not_baked(settings)
         else {
-            f"{where} by {count_of(most, 'sample')}, {count_of(n, 'direct sample')}": merged(
-                settings,
-                {
-                    "quality": {
-                        "indirect": "BAKED",
-                        "bake_area": area,
-                        "bake_samples": most,
-                        "bake_noise": 0.0,
-                        "direct_samples": n,
-                    }
-                },
-            )
+            f"{where} by {count_of(most, 'sample')}, {count_of(n, 'direct sample')}": {
+                "quality": {**fixed, "bake_samples": most, "direct_samples": n}
+            }
             for most in _BAKE_SAMPLES
             for n in _DIRECT_SAMPLES
         }
@@ -270,36 +206,6 @@ def leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
         for part in _shortcuts(settings)
         if part.key != "truth" and settings.quality[part.key] != part.lean
     }
-
-
-def _surface_models(group: str, settings: Settings) -> list[Variant]:
-    surface = settings.surface
-    parts: dict[str, dict[str, dict[str, Any]]] = {}
-    if group == "subsurface" and surface.model == "PRINCIPLED" and surface.subsurface_weight > 0:
-        other = {"RANDOM_WALK": "BURLEY", "BURLEY": "RANDOM_WALK"}[surface.subsurface_method]
-        followed: dict[str, dict[str, dict[str, Any]]] = {
-            "none": {"surface": {"subsurface_weight": 0.0}},
-            other.replace("_", " ").capitalize(): {"surface": {"subsurface_method": other}},
-        }
-        parts = {
-            **(followed if follows_walk(settings, "surface") else {}),
-            "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _isotropic_hapke(settings)},
-            "Lambert": {"surface": {"model": "LAMBERT"}},
-        }
-    if group == "glints" and surface.model == "PRINCIPLED" and surface.glint_share > 0:
-        parts = {"none": {"surface": {"glint_share": 0.0}}}
-    if group == "hapke" and surface.model == "HAPKE":
-        parts = {
-            "fast": {"hapke": {"accuracy": "FAST"}},
-            "accurate": {"hapke": {"accuracy": "ACCURATE"}},
-            "reference": {"hapke": {"accuracy": "REFERENCE"}},
-            "as nodes": {"hapke": {"backend": "NODES"}},
-            "smooth": {"hapke": {"theta_bar_deg": 0.0}},
-            "without opposition": {"hapke": {"b_s0": 0.0, "b_c0": 0.0}},
-            "Lommel-Seeliger": {"surface": {"model": "LOMMEL_SEELIGER"}},
-            "Lambert": {"surface": {"model": "LAMBERT"}},
-        }
-    return [Variant(group, name, merged(settings, part)) for name, part in parts.items()]
 
 
 def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
@@ -338,17 +244,8 @@ def candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> l
     ``images`` is the number of images of a ground under one Sun, which share the cost of baking its light; for one
     image alone, light is baked only in its view.
     """
-    found = [
-        Variant(
-            "auto",
-            f"{count_of(n, 'sample')}{text}",
-            merged(settings, {"quality": {"samples": n, "denoiser": denoiser, "noise_threshold": 0.0, **_TRACED}}),
-        )
-        for denoiser, text in _DENOISERS.items()
-        if denoiser != "OIDN_COLOUR"
-        for n in SAMPLES
-        if denoiser == "NONE" or n <= _MOST_DENOISED
-    ]
+    parts = _sampled(("NONE", "OIDN"), noise_threshold=0.0)
+    found = [Variant("auto", name, merged(settings, part)) for name, part in parts.items()]
     area = "GROUND" if images > 1 else "VIEW"
     found += [Variant("auto", name, each) for name, each in baked_settings(settings, area).items()]
     return sorted(
@@ -365,3 +262,98 @@ def _seconds(settings: Settings, images: int) -> float:
 
 def _has_graded_mesh(settings: Settings) -> bool:
     return settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
+
+
+def _sampled(denoisers: Iterable[str], **quality: float) -> _Parts:
+    """Numbers of samples, each with these denoisers; with more samples a denoiser costs more than it can remove."""
+    return {
+        f"{count_of(n, 'sample')}{_DENOISERS[denoiser]}": {
+            "quality": {"samples": n, "denoiser": denoiser, **quality, **_TRACED}
+        }
+        for denoiser in denoisers
+        for n in SAMPLES
+        if denoiser == "NONE" or n <= _MOST_DENOISED
+    }
+
+
+def _thresholds(settings: Settings) -> _Parts:
+    most = _THRESHOLD_ROOM * int(settings.quality.samples)
+    return {
+        f"until {limit:g}": {"quality": {"noise_threshold": limit, "samples": most, **_TRACED}} for limit in _THRESHOLDS
+    }
+
+
+def _baked(settings: Settings) -> _Parts:
+    found = _baked_parts(settings)
+    return {"traced": {"quality": _TRACED}, **found} if found else {}
+
+
+def _left_out(settings: Settings) -> _Parts:
+    quality = settings.quality
+    found = {}
+    for part in _shortcuts(settings):
+        has = quality[part.key] != part.lean
+        found[part.without if has else part.whole] = {"quality": {part.key: part.lean if has else part.full}}
+    labels = {"depth and semantic labels": {"quality": {"truth": "SEMANTIC"}}}
+    return {**found, **(labels if quality.truth == "FULL" else {})}
+
+
+def _subsurface(settings: Settings) -> _Parts:
+    surface = settings.surface
+    if surface.model != "PRINCIPLED" or not surface.subsurface_weight > 0:
+        return {}
+    other = {"RANDOM_WALK": "BURLEY", "BURLEY": "RANDOM_WALK"}[surface.subsurface_method]
+    followed: _Parts = {
+        "none": {"surface": {"subsurface_weight": 0.0}},
+        other.replace("_", " ").capitalize(): {"surface": {"subsurface_method": other}},
+    }
+    return {
+        **(followed if follows_walk(settings, "surface") else {}),
+        "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _isotropic_hapke(settings)},
+        "Lambert": {"surface": {"model": "LAMBERT"}},
+    }
+
+
+def _glints(settings: Settings) -> _Parts:
+    surface = settings.surface
+    has = surface.model == "PRINCIPLED" and surface.glint_share > 0
+    return {"none": {"surface": {"glint_share": 0.0}}} if has else {}
+
+
+def _meshes(settings: Settings) -> _Parts:
+    return {f"{error:g} px": {"mesh": {"error_px": error}} for error in _MESH_ERRORS_PX * _has_graded_mesh(settings)}
+
+
+def _reliefs(settings: Settings) -> _Parts:
+    has = settings.source.kind == "PROCEDURAL" and settings.surface.grain_amplitude_m > 0
+    return {"painted": {"surface": {"relief": "BUMP"}}, "real": {"surface": {"relief": "REAL"}}} if has else {}
+
+
+_HAPKE: _Parts = {
+    "fast": {"hapke": {"accuracy": "FAST"}},
+    "accurate": {"hapke": {"accuracy": "ACCURATE"}},
+    "reference": {"hapke": {"accuracy": "REFERENCE"}},
+    "as nodes": {"hapke": {"backend": "NODES"}},
+    "smooth": {"hapke": {"theta_bar_deg": 0.0}},
+    "without opposition": {"hapke": {"b_s0": 0.0, "b_c0": 0.0}},
+    "Lommel-Seeliger": {"surface": {"model": "LOMMEL_SEELIGER"}},
+    "Lambert": {"surface": {"model": "LAMBERT"}},
+}
+#: By group of ``GROUPS``, the parts of settings that vary, by the name of the variant; none if a scene lacks them.
+_PARTS: dict[str, Callable[[Settings], _Parts]] = {
+    "samples": lambda _: _sampled(_DENOISERS),
+    "bounces": lambda _: {count_of(n, "bounce"): {"quality": {"diffuse_bounces": n, **_TRACED}} for n in _BOUNCES},
+    "threshold": _thresholds,
+    "indirect": _baked,
+    "shortcuts": _left_out,
+    # Of the same render, since ``files`` does not count in ids: what differs is what files lose.
+    "files": lambda _: {
+        "compact": {"quality": {"files": "COMPACT"}},
+        "all in 32 bits": {"quality": {"files": "FULL", "half_floats": "NONE"}},
+    },
+    "subsurface": _subsurface,
+    "glints": _glints,
+    "mesh": _meshes,
+    "relief": _reliefs,
+    "hapke": lambda settings: _HAPKE if settings.surface.model == "HAPKE" else {},
+}

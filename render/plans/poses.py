@@ -6,6 +6,7 @@ rock is refused before anything is built.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -16,6 +17,7 @@ from ...physics.light.directions import toward
 from ...physics.scene_checks import LOWEST_M
 from ...physics.terrain.sites import RockyGround
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import NUMBER
 from ...support.files import quote
@@ -91,34 +93,26 @@ def _make_view_sphere(sweep: Sweep, base: Settings, ground: Ground) -> list[Vari
         _read_numbers(sweep, key) for key in ("distances_m", "elevations_deg", "azimuths_deg")
     )
     check_pair_count(len(distances) * len(elevations) * len(azimuths), sweep.place)
-    made = []
-    for distance in distances:
-        for elevation in elevations:
-            for azimuth in azimuths:
-                x, y, z = target + distance * toward(azimuth, elevation)
-                x, y = (float(f"{v:.6g}") for v in (x, y))
-                height = z - float(standing.heights(x, y))
-                at = f"The camera at elevation {elevation:g}°, azimuth {azimuth:g}°, {distance:g} m from the target"
-                if not math.isfinite(height):
-                    raise IcyMoonError(
-                        f"{sweep.place}: {at}, is beyond the ground; come nearer or raise terrain.size_m."
-                    )
-                if height < LOWEST_M:
-                    raise IcyMoonError(
-                        f"{sweep.place}: {at}, is {-height:.3g} m under the ground; raise "
-                        "target_height_m, the distance or the elevation, or take other azimuths."
-                    )
-                made.append(
-                    _rig_variation(
-                        sweep,
-                        x_m=x,
-                        y_m=y,
-                        height_m=height,
-                        pitch_deg=elevation,
-                        heading_deg=(azimuth + 360.0) % 360.0 - 180.0,
-                    )
-                )
-    return made
+    return [_look_at(target, *view, sweep, standing) for view in itertools.product(distances, elevations, azimuths)]
+
+
+def _look_at(
+    target: Array, distance: float, elevation: float, azimuth: float, sweep: Sweep, standing: RockyGround
+) -> Variation:
+    """A camera that looks at a target. Raises IcyMoonError if there is no ground under it, or it is in the ground."""
+    x, y, z = target + distance * toward(azimuth, elevation)
+    x, y = (float(f"{v:.6g}") for v in (x, y))
+    height = z - float(standing.heights(x, y))
+    at = f"The camera at elevation {elevation:g}°, azimuth {azimuth:g}°, {distance:g} m from the target"
+    if not math.isfinite(height):
+        raise IcyMoonError(f"{sweep.place}: {at}, is beyond the ground; come nearer or raise terrain.size_m.")
+    if height < LOWEST_M:
+        raise IcyMoonError(
+            f"{sweep.place}: {at}, is {-height:.3g} m under the ground; raise "
+            "target_height_m, the distance or the elevation, or take other azimuths."
+        )
+    heading = (azimuth + 360.0) % 360.0 - 180.0
+    return _rig_variation(sweep, x_m=x, y_m=y, height_m=height, pitch_deg=elevation, heading_deg=heading)
 
 
 def _make_sites(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:

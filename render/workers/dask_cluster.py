@@ -70,16 +70,9 @@ def render_on_cluster(
         missing = [pair for pair in pairs if pair.id not in there]
         slots = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
         jobs = [[pair.id for pair in shard] for shard in cut_into_jobs(missing, slots, workers.most_scenes)]
+        own = WorkerOptions(1, workers.threads, workers.blender, workers.most_scenes)
         futures = [
-            client.submit(
-                render_task,
-                str(dataset),
-                names,
-                WorkerOptions(1, workers.threads, workers.blender, workers.most_scenes),
-                retries=MOST_CRASHES - 1,
-                pure=False,
-            )
-            for names in jobs
+            client.submit(render_task, str(dataset), names, own, retries=MOST_CRASHES - 1, pure=False) for names in jobs
         ]
         try:
             while True:

@@ -120,17 +120,8 @@ def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, pytho
         return None
     folder = dataset / SLURM_FOLDER
     file = folder / "job.sh"
-    quoted = [
-        shlex.quote(word)
-        for word in python_command(python, "work", str(dataset), "--blender", blender, "--json", "--workers", "1")
-    ]
-    command = [
-        *quoted,
-        "--threads-per-worker",
-        '"${SLURM_CPUS_PER_TASK:-1}"',
-        "--shard",
-        f'"${{SLURM_ARRAY_TASK_ID}}/{request.shards}"',
-    ]
+    words = python_command(python, "work", str(dataset), "--blender", blender, "--json", "--workers", "1")
+    given = f'--threads-per-worker "${{SLURM_CPUS_PER_TASK:-1}}" --shard "${{SLURM_ARRAY_TASK_ID}}/{request.shards}"'
     limit = f"%{request.at_once}" if request.at_once else ""
     write_text(
         file,
@@ -146,7 +137,7 @@ def write_script(dataset: Path, frozen: FrozenPlan, request: SlurmRequest, pytho
             log=f"{_quoted(folder)}/%A_%a.log",
             options="".join(f"#SBATCH {option}\n" for option in request.options),
             restarts=MOST_RESTARTS,
-            command=" ".join(command),
+            command=f"{shlex.join(words)} {given}",
         ),
     )
     return file

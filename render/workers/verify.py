@@ -14,6 +14,7 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.description import Restorer, digest
 from ...settings.pair_ids import counts, make_counter, value_in_id
 from ...settings.table import all_settings
+from ...settings.topics.camera import RigSettings
 from ...support.errors import IcyMoonError, describe_error
 from ...support.file_shapes import FILE_NAME, SHA256, Each, find_fault
 from ...support.files import list_put_there, quote, read_text, sha256
@@ -313,7 +314,11 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
         yield f"{path}: was rendered with the seed {seeds.get('render')}, not {wanted.render_seed}"
     if "dataset" in seeds and seeds["dataset"] != wanted.settings.dataset.seed:
         yield f"{path}: seeds.dataset is {seeds['dataset']}, and its settings give {wanted.settings.dataset.seed}"
-    wide, high = StereoCamera.from_settings(wanted.settings.rig).rendered_px
+    yield from _wrong_sizes(pair, wanted.settings.rig)
+
+
+def _wrong_sizes(pair: Pair, rig: RigSettings) -> Iterator[str]:
+    wide, high = StereoCamera.from_settings(rig).rendered_px
     for file in (pair.folder / name for name in pair.data["files"] if name.endswith(".exr")):
         sizes = read_sizes(file)
         if not sizes:
@@ -388,6 +393,11 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
                 f"{folder / file.name} has another content now, and {who} rendered with "
                 f"it; to bake it again, move {which} away and {again}.",
             )
+    yield from _other_light(stated, again)
+
+
+def _other_light(stated: dict[LightFile, list[str]], again: str) -> Iterator[Problem]:
+    """Pairs with the same ground and light that state different baked light."""
     for key in sorted({file.key for file in stated}):
         first, *more = sorted((pairs[0], file.checksum) for file, pairs in stated.items() if file.key == key)
         yield from (

@@ -237,6 +237,43 @@ def write_varied(group: Any, varied: VariedSetting) -> None:
     stated.active = place
 
 
+def _make_beside_settings() -> dict[str, Any]:
+    """The properties of a scene beside its settings."""
+    return {
+        "results": bpy.props.StringProperty(
+            name="Results", options={"HIDDEN"}, description="The last evaluation and its settings"
+        ),
+        "pairs": bpy.props.StringProperty(
+            name="Rendered Pairs", options={"HIDDEN"}, description="Ids of the pairs that were rendered last"
+        ),
+        "preset": bpy.props.StringProperty(name="Preset", description="The scene preset that was loaded last"),
+        "live": bpy.props.BoolProperty(
+            name="Live Preview",
+            default=True,
+            update=make_update(EFFECTS[0]),
+            description="Show changed settings at once in the built scene. The ground is coarse until Build Scene",
+        ),
+        "follow": bpy.props.BoolProperty(
+            name="Keep Image Up to Date",
+            default=True,
+            description="Develop the shown camera image again when the camera response changes",
+        ),
+        "error_range_m": bpy.props.FloatProperty(
+            name="Full Colour at",
+            default=1.0,
+            min=0.02,
+            max=1000.0,
+            soft_max=10.0,
+            subtype="DISTANCE",
+            unit="LENGTH",
+            precision=2,
+            update=make_update(COLOURS),
+            description="Depth error with the full colour. Below 1 cm is white, and the scale between is logarithmic",
+        ),
+        "variations": _make_variations(),
+    }
+
+
 def register() -> None:
     """Make the property groups from ``TOPICS`` and add them as ``Scene.icymoon``.
 
@@ -255,37 +292,7 @@ def register() -> None:
         }
         group = _register_group(f"ICYMOON_PG_{topic.key}", topic.description, members)
         pointers[topic.key] = bpy.props.PointerProperty(type=group, name=topic.label, description=topic.description)
-    pointers["results"] = bpy.props.StringProperty(
-        name="Results", options={"HIDDEN"}, description="The last evaluation and its settings"
-    )
-    pointers["pairs"] = bpy.props.StringProperty(
-        name="Rendered Pairs", options={"HIDDEN"}, description="Ids of the pairs that were rendered last"
-    )
-    pointers["preset"] = bpy.props.StringProperty(name="Preset", description="The scene preset that was loaded last")
-    pointers["live"] = bpy.props.BoolProperty(
-        name="Live Preview",
-        default=True,
-        update=make_update(EFFECTS[0]),
-        description="Show changed settings at once in the built scene. The ground is coarse until Build Scene",
-    )
-    pointers["follow"] = bpy.props.BoolProperty(
-        name="Keep Image Up to Date",
-        default=True,
-        description="Develop the shown camera image again when the camera response changes",
-    )
-    pointers["error_range_m"] = bpy.props.FloatProperty(
-        name="Full Colour at",
-        default=1.0,
-        min=0.02,
-        max=1000.0,
-        soft_max=10.0,
-        subtype="DISTANCE",
-        unit="LENGTH",
-        precision=2,
-        update=make_update(COLOURS),
-        description="Depth error with the full colour. Below 1 cm is white, and the scale between is logarithmic",
-    )
-    pointers["variations"] = _make_variations()
+    pointers |= _make_beside_settings()
     root = _register_group("ICYMOON_PG_description", "All settings of an Icy Moon scene", pointers)
     bpy.types.Scene.icymoon = bpy.props.PointerProperty(
         type=root, name="Icy Moon", description="All settings of an Icy Moon scene"
