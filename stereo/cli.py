@@ -31,6 +31,7 @@ from .export import IMAGES, exports_with_blender, find_plugins, packages_of
 
 if TYPE_CHECKING:
     from .export.plug_in import PluginExport
+    from .matchers.methods import Method
     from .report.schema import Report
     from .report.table_columns import Column
 
@@ -306,18 +307,24 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
     )
 
 
-def run_evaluate(parsed: argparse.Namespace) -> int:
-    """Run ``evaluate`` with its parsed arguments; return the exit code."""
-    packages.require(*packages.PACKAGES)
-    from .evaluate import evaluate
-    from .evaluate_while_rendering import follow_until_input_ends
+def _chosen_methods(parsed: argparse.Namespace) -> list[Method]:
+    """The methods of ``evaluate``, none if there are predictions alone."""
     from .matchers.methods import parse_methods
 
     chosen = ("" if parsed.predictions else "bm,sgbm") if parsed.methods is None else parsed.methods
     if chosen.strip() == "none":
         chosen = ""
     some = chosen or parsed.method or not parsed.predictions
-    methods = parse_methods(chosen, parsed.option, parsed.own, parsed.method) if some else []
+    return parse_methods(chosen, parsed.option, parsed.own, parsed.method) if some else []
+
+
+def run_evaluate(parsed: argparse.Namespace) -> int:
+    """Run ``evaluate`` with its parsed arguments; return the exit code."""
+    packages.require(*packages.PACKAGES)
+    from .evaluate import evaluate
+    from .evaluate_while_rendering import follow_until_input_ends
+
+    methods = _chosen_methods(parsed)
     response = _read_response([], parsed.set)
     check_least(parsed, 0, "seed")
     check_least(parsed, 1, "jobs")

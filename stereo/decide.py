@@ -89,6 +89,11 @@ class _Run:
     pose: PoseError
     seed: int
 
+    def digest(self, source: Source) -> str:
+        """All that the rows of a pair depend on, but for their methods."""
+        stated = (self.response, self.rules.to_json(), self.cell_m, self.pose.mm, self.pose.deg, self.seed)
+        return digest_of([*source.content(), *stated, DECISIONS, version()])
+
 
 def decide_pairs(
     paths: Sequence[Path],
@@ -118,26 +123,7 @@ def decide_pairs(
     run = _Run(methods, out, dict(response or {}), rules, cell_m, pose, seed)
     log = RowLog(out / _LOG, _ROW)
     labels = [TRUE_DEPTH, *(method.label for method in methods)]
-    failed: list[dict[str, Any]] = []
-    done, total = 0, len(sources) * len(labels)
-    try:
-        for source in sort_by_ground(sources):
-            for row in _rows_of(source, run, log):
-                done += 1
-                if row["error"]:
-                    failed.append({"pair": row["pair"], "method": row["method"], "message": row["error"]})
-                    on_event({"type": "error", "message": row["error"]})
-                on_event(
-                    {
-                        "type": "progress",
-                        "fraction": done / total,
-                        "done": done,
-                        "total": total,
-                        "message": f"{row['pair']} {row['method']}",
-                    }
-                )
-    finally:
-        stop_residents()
+    failed = _make_rows(sources, run, log, len(labels), on_event)
     log.compact((name, label) for name in names for label in labels)
     place = {name: k for k, name in enumerate(names)}
     failed.sort(key=lambda entry: place[entry["pair"]])
@@ -161,21 +147,35 @@ def decide_pairs(
     )
 
 
+def _make_rows(
+    sources: Sequence[Source], run: _Run, log: RowLog, methods: int, on_event: Callable[[dict[str, Any]], None]
+) -> list[dict[str, Any]]:
+    """Make all rows that are missing; return those that failed, with the reason."""
+    failed: list[dict[str, Any]] = []
+    done, total = 0, len(sources) * methods
+    try:
+        for row in (row for source in sort_by_ground(sources) for row in _rows_of(source, run, log)):
+            done += 1
+            if row["error"]:
+                failed.append({"pair": row["pair"], "method": row["method"], "message": row["error"]})
+                on_event({"type": "error", "message": row["error"]})
+            on_event(
+                {
+                    "type": "progress",
+                    "fraction": done / total,
+                    "done": done,
+                    "total": total,
+                    "message": f"{row['pair']} {row['method']}",
+                }
+            )
+    finally:
+        stop_residents()
+    return failed
+
+
 def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
     """The rows of a pair; those that are missing are made, and written to the log."""
-    content = digest_of(
-        [
-            *source.content(),
-            run.response,
-            run.rules.to_json(),
-            run.cell_m,
-            run.pose.mm,
-            run.pose.deg,
-            run.seed,
-            DECISIONS,
-            version(),
-        ]
-    )
+    content = run.digest(source)
     keys = {TRUE_DEPTH: content} | {m.label: digest_of([content, method_inputs(m)]) for m in run.methods}
     there = {
         label: row
@@ -206,14 +206,8 @@ def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
             continue
         method = next((each for each in run.methods if each.label == label), None)
         try:
-            row = {
-                "pair": source.name,
-                "method": label,
-                "key": key,
-                "status": _status(workspace.prepared),
-                "error": "",
-                **_decide(workspace, method, pose, run.out, scoop, random),
-            }
+            row = _row(source.name, label, key, _status(workspace.prepared))
+            row |= _decide(workspace, method, pose, run.out, scoop, random)
         except DiskError:
             raise
         except Exception as error:
@@ -231,16 +225,12 @@ def _logged(log: RowLog, row: Row) -> Row:
     return row
 
 
+def _row(pair: str, label: str, key: str, status: str, error: str = "") -> Row:
+    return {"pair": pair, "method": label, "key": key, "status": status, "error": error}
+
+
 def _failed(pair: str, label: str, key: str, message: str) -> Row:
-    return {
-        "pair": pair,
-        "method": label,
-        "key": key,
-        "status": "failed",
-        "error": message,
-        "numbers": None,
-        "images": {},
-    }
+    return _row(pair, label, key, "failed", message) | {"numbers": None, "images": {}}
 
 
 def _excavation(workspace: Workspace) -> dict[str, Any] | None:
@@ -332,8 +322,7 @@ def _npy(values: Array) -> bytes:
 def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
     """Write the facts of a pair, its left image and the truth's maps."""
     prepared, truth = workspace.prepared, workspace.truth
-    name = workspace.pair.name
-    folder = out / "pairs" / name
+    folder = out / "pairs" / workspace.pair.name
     write_png(folder / "left.png", prepared.left)
     write_png(folder / "truth_sites.png", pictures.code_picture(truth, workspace.reached))
     write_bytes(folder / "truth_dem.tif", truth.dem.geotiff(workspace.pair.data.get("ground")))
@@ -352,7 +341,7 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
     write_json(
         folder / "decisions.json",
         {
-            "pair": name,
+            "pair": workspace.pair.name,
             "scene": series_of(prepared.facts["settings"]),
             "site": site_of(prepared.facts["settings"]),
             "key": key,

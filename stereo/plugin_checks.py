@@ -66,14 +66,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
     if found is None:
         return
     yield Check("it measures the plane of the trial, in px and with the right sign", _fault(plugin, found, truth))
-    outside = int(((found < _LEAST_PX - 1) | (found > _LEAST_PX + _COUNT)).sum())
-    yield Check(
-        "it keeps to the disparities that are searched",
-        ""
-        if not outside
-        else f"{plugin.title} returned {outside} disparities outside {_LEAST_PX} to {_LEAST_PX + _COUNT - 1} px; "
-        "search context.least_px to context.most_px, or return NaN.",
-    )
+    yield Check("it keeps to the disparities that are searched", _outside(plugin, found))
     yield check_of(
         "the same images give the same result",
         lambda: None
@@ -119,6 +112,16 @@ def _fault(plugin: Plugin, found: Array, truth: Array) -> str:
     )
 
 
+def _outside(plugin: Plugin, found: Array) -> str:
+    count = int(((found < _LEAST_PX - 1) | (found > _LEAST_PX + _COUNT)).sum())
+    return (
+        f"{plugin.title} returned {count} disparities outside {_LEAST_PX} to {_LEAST_PX + _COUNT - 1} px; "
+        "search context.least_px to context.most_px, or return NaN."
+        if count
+        else ""
+    )
+
+
 def check_metric(plugin: Plugin) -> Iterator[Check]:
     """Try a metric on a disparity map with gaps, one without an error, and one without a measurement."""
     first, metric = check_making("it has measure(found), and its unit is declared", lambda: PluginMetric(plugin))
@@ -131,18 +134,9 @@ def check_metric(plugin: Plugin) -> Iterator[Check]:
 
     def run(disparity: Array, true: Array = truth) -> float | None:
         depth, true_depth = (_FOCAL_BASELINE_PX_M / values for values in (disparity, true))
-        return metric.measure(
-            MeasuredMap(
-                disparity.copy(),
-                depth,
-                true.copy(),
-                true_depth,
-                np.isfinite(true),
-                left,
-                _FOCAL_PX,
-                _FOCAL_BASELINE_PX_M / _FOCAL_PX,
-            )
-        )
+        baseline_m = _FOCAL_BASELINE_PX_M / _FOCAL_PX
+        images = disparity.copy(), depth, true.copy(), true_depth, np.isfinite(true), left
+        return metric.measure(MeasuredMap(*images, _FOCAL_PX, baseline_m))
 
     ran, found = check_making("it returns a number", lambda: run(rough))
     yield ran

@@ -111,7 +111,7 @@ def plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
 
 
 def _truth_kind(path: Path, patterns: dict[str, str]) -> str:
-    """Whether the truth is ``disparity`` or ``depth``. Raises IcyMoonError if both are named, or neither."""
+    """Whether the truth is ``disparity`` or ``depth``. Raises IcyMoonError unless one alone is named."""
     kinds = [kind for kind in ("disparity", "depth") if kind in patterns]
     if len(kinds) != 1:
         raise IcyMoonError(

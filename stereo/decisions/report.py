@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,8 @@ from .rules import SHIPPED, Rules
 from .scores import ROC_AT
 from .stored_maps import TRUE_DEPTH
 
+#: Rows, facts of pairs or entries of the summary, as ``decisions.json`` has them.
+_Entries = Sequence[Mapping[str, Any]]
 FORMAT = "icymoon-decisions"
 VERSION = 1
 #: The files beside ``pairs/``, and how each begins.
@@ -117,13 +119,13 @@ def value_of(row: Mapping[str, Any], column: Column) -> float:
 
 def write_decisions(
     out: Path,
-    rows: Sequence[Mapping[str, Any]],
-    facts: Sequence[Mapping[str, Any]],
+    rows: _Entries,
+    facts: _Entries,
     labels: Sequence[str],
     rules: Rules,
-    progress: Sequence[Mapping[str, Any]],
-    faults: Sequence[Mapping[str, Any]],
-    failed: Sequence[Mapping[str, Any]],
+    progress: _Entries,
+    faults: _Entries,
+    failed: _Entries,
     provenance: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Write ``decisions.csv``, ``.json`` and ``.html``; return what is in the JSON.
@@ -163,7 +165,7 @@ def write_decisions(
     return report
 
 
-def _matrix(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], label: str) -> tuple[Array, Array]:
+def _matrix(rows: _Entries, facts: _Entries, label: str) -> tuple[Array, Array]:
     """Numbers (pairs, columns) of a method on the pairs that count, and the scene of each."""
     scene_of = {fact["pair"]: fact["scene"] for fact in facts}
     own = [row for row in rows if row["method"] == label and row["status"] == "ok" and row["pair"] in scene_of]
@@ -172,9 +174,7 @@ def _matrix(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]
     return values, np.array([names.index(scene_of[row["pair"]]) for row in own], np.intp)
 
 
-def summarise(
-    rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], labels: Sequence[str]
-) -> list[dict[str, Any]]:
+def summarise(rows: _Entries, facts: _Entries, labels: Sequence[str]) -> list[dict[str, Any]]:
     """A table per method: means over pairs by column, their 95 % ``intervals`` over scenes, ``pairs``, ``scenes``,
     the mean ``base_rate`` and the mean ``roc`` curve."""
     result = []
@@ -216,9 +216,7 @@ def _none(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def compare_methods(
-    rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], labels: Sequence[str], seed: int
-) -> list[dict[str, Any]]:
+def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed: int) -> list[dict[str, Any]]:
     """Which matchers differ by a decision in the typical scene: paired over scenes, as one family for each number, see
     ``inference.typical_scene``. Only what was found, the better one first, with the typical difference."""
     matchers = list(labels[1:])
@@ -254,7 +252,7 @@ def compare_methods(
     return found
 
 
-def head_sentences(summary: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]]) -> list[str]:
+def head_sentences(summary: _Entries, facts: _Entries) -> list[str]:
     """What an engineer asks first, a sentence per method, and only what the numbers carry."""
     heights = sorted({round(float(fact["sun_elevation_deg"])) for fact in facts})
     sun = (
@@ -297,7 +295,7 @@ def _between(entry: Mapping[str, Any], key: str) -> str:
     return f" ({100 * low:.0f} to {100 * high:.0f})"
 
 
-def _volume_sentences(progress: Sequence[Mapping[str, Any]]) -> list[str]:
+def _volume_sentences(progress: _Entries) -> list[str]:
     """The smallest volume that each method notices, where null pairs tell it."""
     said = []
     for entry in progress:
@@ -311,7 +309,7 @@ def _volume_sentences(progress: Sequence[Mapping[str, Any]]) -> list[str]:
     return said
 
 
-def _fault_sentences(faults: Sequence[Mapping[str, Any]]) -> list[str]:
+def _fault_sentences(faults: _Entries) -> list[str]:
     """The fault of each joint from which on a method noticed every one, a sentence per method."""
     found = []
     for method in dict.fromkeys(entry["method"] for entry in faults):
@@ -337,71 +335,91 @@ def _of_100(share: float) -> str:
     return f"{100 * share:.0f}" if share == 0 or share >= 0.005 else "fewer than 1"
 
 
-def find_notes(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]]) -> list[str]:
+def find_notes(rows: _Entries, facts: _Entries) -> list[str]:
     """Sentences on what limits the numbers."""
-    notes, all_pairs = [], count_of(len(facts), "pair")
+    advice = dict.fromkeys(said for fact in facts for said in (fact.get("excavation") or {}).get("advice", []))
+    return [
+        *_notes_on_heights(rows, facts),
+        *_notes_on_noise(facts),
+        *_notes_on_pairs(rows, facts),
+        *advice,
+        *_notes_on_scenes(rows, facts),
+    ]
+
+
+def _notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
+    all_pairs = count_of(len(facts), "pair")
     unseen = sum(not fact["exact"] for fact in facts)
     if unseen:
-        notes.append(
+        yield (
             f"In {unseen} of {all_pairs} there are no true heights (workspace.cell_m is 0), so the truth is "
             "the true depth of both eyes: ground that neither eye sees is not known, and counts nowhere."
         )
     shown = [row["numbers"]["dem"]["completeness"] for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]]
     hidden = shown.count(None)
     if hidden:
-        notes.append(
+        yield (
             f"The left image of {hidden} of {all_pairs} shows no cell in reach, so no site is found in "
             "them, whatever the matcher; aim the camera at the workspace to judge sites."
         )
     known = [share for share in shown if share is not None]
     if known and np.mean(known) < _FEW_KNOWN:
-        notes.append(
+        yield (
             f"Cells have too few pixels of these images: even the true depth knows only "
             f"{100 * np.mean(known):.0f} % of those that the left image shows; raise workspace.cell_m, or "
             "--cell-m for pairs without true heights."
         )
+
+
+def _notes_on_noise(facts: _Entries) -> Iterator[str]:
+    all_pairs = count_of(len(facts), "pair")
     noises = [fact.get("noise") or {} for fact in facts]
     by_bake = sum(noise.get("verdict") == DECIDES and noise.get("larger") == BAKE for noise in noises)
     if by_noise := sum(noise.get("verdict") == DECIDES for noise in noises) - by_bake:
-        notes.append(
+        yield (
             f"Noise of the render decides the result in {by_noise} of {all_pairs}: heights are rougher "
             "than those of a camera's own noise, and sites look less safe; raise quality.samples."
         )
     if by_bake:
-        notes.append(
+        yield (
             f"Noise of baked light decides the result in {by_bake} of {all_pairs}: matchers take it for "
             "texture, so heights look better than they are; raise quality.bake_samples."
         )
     if unknown := sum(noise.get("verdict") == UNKNOWN for noise in noises):
-        notes.append(
+        yield (
             f"The noise of baked light is unknown in {unknown} of {all_pairs}, which an older version of Icy "
             "Moon rendered: heights may look better than they are; render them again into another data set."
         )
+
+
+def _notes_on_pairs(rows: _Entries, facts: _Entries) -> Iterator[str]:
+    all_pairs = count_of(len(facts), "pair")
     suspect = sorted({row["pair"] for row in rows if row["status"] == "suspect"})
     if suspect:
-        notes.append(
+        yield (
             f"No mean contains {count_of(len(suspect), 'pair')} whose eyes contradict each other or the "
             f"truth: {', '.join(suspect[:5])}."
         )
     if not all(fact.get("arm") for fact in facts):
-        notes.append("No arm is stated, so all ground is taken for ground in reach.")
+        yield "No arm is stated, so all ground is taken for ground in reach."
     empty = {row["pair"] for row in rows if row["numbers"] and not row["numbers"]["sites"]["cells"][0]}
     if empty:
-        notes.append(
+        yield (
             f"In {len(empty)} of {all_pairs} no cell of the workspace is in reach and known, so "
             "there is nothing to decide; move the workspace, the arm or the camera."
         )
-    notes += dict.fromkeys(said for fact in facts for said in (fact.get("excavation") or {}).get("advice", []))
+
+
+def _notes_on_scenes(rows: _Entries, facts: _Entries) -> Iterator[str]:
     scenes = len({fact["scene"] for fact in facts})
     matchers = len({row["method"] for row in rows} - {TRUE_DEPTH})
     if scenes < (needed := typical_scene.scenes_for_methods(matchers)):
         counted = "One scene tells no interval, and" if scenes == 1 else f"With {scenes} scenes"
         between = f"{matchers} matchers" if matchers > 1 else "matchers"
-        notes.append(f"{counted} no difference between {between} can be shown; it takes {needed}.")
-    return notes
+        yield f"{counted} no difference between {between} can be shown; it takes {needed}."
 
 
-def _csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
+def _csv_text(rows: _Entries) -> str:
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(["pair", "method", "status", "base_rate", *(column.key for column in COLUMNS)])
@@ -422,8 +440,8 @@ def _csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _page(
     report: Mapping[str, Any],
-    rows: Sequence[Mapping[str, Any]],
-    facts: Sequence[Mapping[str, Any]],
+    rows: _Entries,
+    facts: _Entries,
     labels: Sequence[str],
     rules: Rules,
     out: Path,
@@ -466,7 +484,7 @@ def _page(
     )
 
 
-def _has_scoop(rows: Sequence[Mapping[str, Any]]) -> bool:
+def _has_scoop(rows: _Entries) -> bool:
     return any(row["numbers"] and "scoop" in row["numbers"] for row in rows)
 
 
@@ -494,7 +512,7 @@ def _apart(found: Mapping[str, Any]) -> str:
     return f"by {format_number({column.key: factor * found['typical']}, column)}{unit}, {low} to {high}"
 
 
-def _pair_section(fact: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], out: Path) -> dict[str, Any]:
+def _pair_section(fact: Mapping[str, Any], rows: _Entries, out: Path) -> dict[str, Any]:
     own = [row for row in rows if row["pair"] == fact["pair"] and row["images"]]
     return {
         "fact": fact,
@@ -511,7 +529,7 @@ def _pair_section(fact: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], ou
     }
 
 
-def _draw_roc(summary: Sequence[Mapping[str, Any]]) -> str:
+def _draw_roc(summary: _Entries) -> str:
     """The mean ROC curves of the methods as SVG."""
     with matplotlib.rc_context(STYLE):
         figure, axes = make_figure(1, width=5.2, height=4.2)

@@ -13,7 +13,7 @@ from ...support.number_text import count_of
 from ..report.charts import method_keys
 from ..report.pages import read_template
 from . import PAGE
-from .figures import SHEETS, draw_albedo, write_figure_sheet, write_qualitative
+from .figures import SHEETS, SweepCharts, draw_albedo, write_figure_sheet, write_qualitative
 from .parts import Part
 from .printed import METHODS
 from .results import Measured, rendering_seconds
@@ -30,6 +30,25 @@ from .tables import (
 
 #: The set that varies the albedo at automatic exposure.
 _GENERATIVE = "generative"
+
+
+def _draw_albedos(
+    parts: Mapping[str, Part], measured: Mapping[str, Measured], out: Path
+) -> list[tuple[str, SweepCharts]]:
+    """The charts of error by albedo, with their titles."""
+    data = measured["data"]
+    names = {pair.id for pair in parts["data"].sets[_GENERATIVE]}
+    chosen = [k for k, pair in enumerate(data.facts) if pair["pair"] in names]
+    generative = Measured(
+        data.table.where(np.isin(np.arange(len(data.facts)), chosen)), [data.facts[k] for k in chosen], data.out
+    )
+    albedo = {
+        "albedo_one_exposure": ("One exposure for all albedos, as in the paper", measured["albedo"]),
+        "albedo_automatic": ("Automatic exposure, the pairs of made-up texture", generative),
+    }
+    return [
+        (title, drawn) for name, (title, each) in albedo.items() if (drawn := draw_albedo(each, name, out)) is not None
+    ]
 
 
 def write_paper(
@@ -56,18 +75,6 @@ def write_paper(
     caption = f"Results printed in the GUISS paper and measured here. {size}"
     write_text(out / "results.tex", results_latex(results, " ".join([caption, *lacking])))
     write_text(out / "runtimes.tex", runtimes_latex(runtimes, f"Run times printed in the paper and measured. {size}"))
-    names = {pair.id for pair in parts["data"].sets[_GENERATIVE]}
-    chosen = [k for k, pair in enumerate(data.facts) if pair["pair"] in names]
-    generative = Measured(
-        data.table.where(np.isin(np.arange(len(data.facts)), chosen)), [data.facts[k] for k in chosen], data.out
-    )
-    albedo = {
-        "albedo_one_exposure": ("One exposure for all albedos, as in the paper", measured["albedo"]),
-        "albedo_automatic": ("Automatic exposure, the pairs of made-up texture", generative),
-    }
-    charts = [
-        (title, drawn) for name, (title, each) in albedo.items() if (drawn := draw_albedo(each, name, out)) is not None
-    ]
     shown = write_qualitative(data, parts["data"].sets, out / "qualitative.jpg")
     sheets = []
     for name, pairs in parts["figures"].sets.items() if "figures" in parts else ():
@@ -83,7 +90,7 @@ def write_paper(
         runtime_columns=RUNTIME_COLUMNS,
         runtimes=runtimes,
         keys=method_keys(data.table.methods),
-        charts=charts,
+        charts=_draw_albedos(parts, measured, out),
         qualitative=_embed(out / "qualitative.jpg") if shown else "",
         sheets=sheets,
         folders=[part.folder for part in parts.values()],

@@ -420,6 +420,10 @@ def _has_enough(sums: Mapping[str, Any]) -> Array:
     return np.array(sums["true"]) >= _FEWEST
 
 
+def _measured_percent(sums: Mapping[str, Any]) -> Array:
+    return np.asarray(100 * (np.array(sums["n"]) / np.maximum(sums["true"], 1)))
+
+
 def _wrong_percent(sums: Mapping[str, Any]) -> Array:
     """% of the true pixels of each class that are missing or wrong by more than 1 px."""
     true = np.maximum(np.array(sums["true"]), 1)
@@ -451,28 +455,21 @@ def _draw_range(summary: Summary) -> list[str]:
             fine = sum(sums["fine"])
             if fine:
                 sigma = sum(sums["fine_epe_px"]) / fine
-                axis.plot(
-                    middle[known],
-                    (sigma * np.array(sums["m_per_px"]) / n)[known],
-                    color=look["color"],
-                    linestyle="--",
-                    linewidth=1.1,
-                )
+                law = sigma * np.array(sums["m_per_px"]) / n
+                axis.plot(middle[known], law[known], color=look["color"], linestyle="--", linewidth=1.1)
         finish(axis)
         set_logarithmic(axis, "y")
         axis.set_ylabel("mean depth error (m)")
-    with panel(found, "range", "Coverage") as axis:
-        for look, sums in entries:
-            known = _has_enough(sums)
-            axis.plot(middle[known], 100 * (np.array(sums["n"]) / np.maximum(sums["true"], 1))[known], **look)
-        finish(axis)
-        _set_percent_axis(axis, "% measured")
-    with panel(found, "range", "Wrong or missing") as axis:
-        for look, sums in entries:
-            known = _has_enough(sums)
-            axis.plot(middle[known], _wrong_percent(sums)[known], **look)
-        finish(axis)
-        _set_percent_axis(axis, "% missing or off by > 1 px")
+    for title, label, percent in (
+        ("Coverage", "% measured", _measured_percent),
+        ("Wrong or missing", "% missing or off by > 1 px", _wrong_percent),
+    ):
+        with panel(found, "range", title) as axis:
+            for look, sums in entries:
+                known = _has_enough(sums)
+                axis.plot(middle[known], percent(sums)[known], **look)
+            finish(axis)
+            _set_percent_axis(axis, label)
     return found
 
 

@@ -60,22 +60,9 @@ def write_results(
     )
     usable = [name for name in names if find_facts(out, name) is not None and not _all_failed(log, name, labels)]
     facts = LazyRows(len(usable), lambda k: read_facts(out, usable[k]))
-    table = Table(labels, names)
+    table, notes = Table(labels, names), Notes(methods, faults)
     places = {name: k for k, name in enumerate(names)}
-    scenes: dict[str, int] = {}
-    notes = Notes(methods, faults)
-    metrics = [metric.to_json() for metric in metrics_of_plugins()[0]]
-    for pair in facts:
-        table.by_noise[places[pair["pair"]]] = notes.add_pair(pair)
-        table.scenes[places[pair["pair"]]] = scenes.setdefault(pair.get("scene") or scene_of(pair), len(scenes))
-    ran_on: dict[str, list[Any]] = {label: [] for label in labels}
-    for k, name in enumerate(names):
-        for label in labels:
-            row = log.read(name, label)
-            notes.add(row)
-            table.add(k, row)
-            if row["facts"] and row["facts"] not in ran_on[label]:
-                ran_on[label].append(row["facts"])
+    ran_on = _fill(table, notes, log, facts, places)
     comparisons, ranks = compare_methods(table, seed, with_means=True)
     summary = [summarise_method(table, k) | {"ranks": own} for k, own in enumerate(ranks)]
     sweeps = join_by_scene(swept_settings(facts, places), facts, places)
@@ -96,27 +83,51 @@ def write_results(
         "notes": [note.sentence for note in notes.found()],
         "briefs": [note.brief for note in notes.found()],
         "doubts": [note.sentence for note in notes.found() if note.doubtful],
-        "plug_ins": metrics,
+        "plug_ins": [metric.to_json() for metric in metrics_of_plugins()[0]],
         "provenance": _provenance(methods, ran_on, source, seed),
     }
-    write_atomically(out / "results.csv", lambda part: _write_csv(part, rows, [m["name"] for m in metrics]))
-    write_atomically(out / "comparisons.csv", lambda part: _write_comparisons(part, comparisons))
-    write_atomically(out / "report.json", lambda part: _write_report_json(part, report, facts))
     chosen = choose_pairs(table, usable)
-    shown = [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))]
-    write_json(
-        out / "summary.json", {key: value for key, value in report.items() if key not in _MANY} | {"shown": shown}
-    )
+    _write_files(out, report, [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))])
     levels = name_levels(sweeps, facts, places)
-    titles = (
-        titles_of(sweeps, levels, len(names))
-        if sweeps
-        else [preset_title(facts[0]["settings"]) if facts else ""] * len(names)
-    )
+    titles = titles_of(sweeps, levels, len(names)) if sweeps else [_preset_title(facts)] * len(names)
     conditions = conditions_of(sweeps, levels)
     ranking = rank_methods(table, summary, verdicts, conditions, seed)
     write_report(report, ranking, chosen, titles, conditions, table, sweeps, methods, out, guiss)
     return report
+
+
+def _fill(
+    table: Table, notes: Notes, log: RowLog, facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
+) -> dict[str, list[Any]]:
+    """Add the facts of all pairs and all rows to a table and to notes; return on what each method ran."""
+    scenes: dict[str, int] = {}
+    for pair in facts:
+        place = places[pair["pair"]]
+        table.by_noise[place] = notes.add_pair(pair)
+        table.scenes[place] = scenes.setdefault(pair.get("scene") or scene_of(pair), len(scenes))
+    ran_on: dict[str, list[Any]] = {label: [] for label in table.methods}
+    for place, name in enumerate(table.pairs):
+        for label in table.methods:
+            row = log.read(name, label)
+            notes.add(row)
+            table.add(place, row)
+            if row["facts"] and row["facts"] not in ran_on[label]:
+                ran_on[label].append(row["facts"])
+    return ran_on
+
+
+def _write_files(out: Path, report: Report, shown: list[Row]) -> None:
+    """Write all files but the page; ``shown`` are the rows of the pairs that the page shows."""
+    metrics = [metric["name"] for metric in report["plug_ins"]]
+    write_atomically(out / "results.csv", lambda part: _write_csv(part, report["rows"], metrics))
+    write_atomically(out / "comparisons.csv", lambda part: _write_comparisons(part, report["comparisons"]))
+    write_atomically(out / "report.json", lambda part: _write_report_json(part, report, report["pairs"]))
+    few = {key: value for key, value in report.items() if key not in _MANY}
+    write_json(out / "summary.json", few | {"shown": shown})
+
+
+def _preset_title(facts: Sequence[Mapping[str, Any]]) -> str:
+    return preset_title(facts[0]["settings"]) if facts else ""
 
 
 def find_facts(out: Path, pair: str) -> dict[str, Any] | None:

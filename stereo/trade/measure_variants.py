@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...render.cost.abilities import Abilities, ask_abilities, lack_for
 from ...render.cost.variants import GROUPS, SHAPES, Variant, reference, variants
@@ -22,6 +22,9 @@ from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
 from ...support.version import version
 from ..environment import packages
+
+if TYPE_CHECKING:
+    from .losses import Reference
 
 #: Folders of the renders, by ``quality.files``: full and compact files of the same render have the same id.
 _DATA = {"COMPACT": "data", "FULL": "data_full"}
@@ -52,6 +55,19 @@ def scaled_view(settings: Settings, factor: float) -> Settings:
     rig = settings.rig
     sides = {key: max(4, round(rig[key] * factor)) for key in ("width_px", "height_px")}
     return merged(settings, {"rig": sides | {key: rig[key] * factor for key in ("principal_x_px", "principal_y_px")}})
+
+
+def _reference_entry(best: Variant, truth: Reference, settings: Settings) -> dict[str, Any]:
+    return {
+        "name": best.name,
+        "noise": truth.noise,
+        "stereo": truth.stereo,
+        "own": truth.own,
+        "cpu_s": truth.cpu_s,
+        "own_decisions": truth.own_decisions,
+        "undecided": truth.deciding if isinstance(truth.deciding, str) else "",
+        "changed": _changed(best.settings, settings),
+    }
 
 
 def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
@@ -91,19 +107,7 @@ def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
                 **found,
             }
         )
-    references = [
-        {
-            "name": bests[fine].name,
-            "noise": truth.noise,
-            "stereo": truth.stereo,
-            "own": truth.own,
-            "cpu_s": truth.cpu_s,
-            "own_decisions": truth.own_decisions,
-            "undecided": truth.deciding if isinstance(truth.deciding, str) else "",
-            "changed": _changed(bests[fine].settings, bench.settings),
-        }
-        for fine, truth in truths.items()
-    ]
+    references = [_reference_entry(bests[fine], truth, bench.settings) for fine, truth in truths.items()]
     return write_trade(rows, [method.label for method in methods], references, GROUPS, _provenance(bench), bench.out)
 
 

@@ -55,6 +55,13 @@ STEREO_COLUMNS = {
 _DECIDED = ("otherwise", "otherwise_doubt", "unsafe", "unsafe_doubt", "shift_m", "regret", "same")
 
 
+def _tables(rows: Sequence[Mapping[str, Any]], groups: Mapping[str, str]) -> list[tuple[str, str, list[Any]]]:
+    """The groups that have variants, with their description and rows, after the scene that they are compared with."""
+    found = {group: [row for row in rows if row["group"] == group] for group in ("scene", *groups)}
+    scene = found.pop("scene")
+    return [(group, groups[group], ([] if group in SHAPES else scene) + own) for group, own in found.items() if own]
+
+
 def write_trade(
     rows: Sequence[Mapping[str, Any]],
     methods: Sequence[str],
@@ -84,8 +91,6 @@ def write_trade(
     }
     write_json(out / "trade.json", report)
     write_text(out / "trade.csv", _csv_text(rows, methods))
-    used = [group for group in groups if any(row["group"] == group for row in rows)]
-    scene = [row for row in rows if row["group"] == "scene"]
     html = read_template("trade.html.j2", Path(__file__).parent).render(
         report=report,
         columns=COLUMNS,
@@ -98,14 +103,7 @@ def write_trade(
         lost=_loss_text,
         fronts={label: distinct_steps(found, label) for label, found in best.items()},
         best={row["key"] for found in best.values() for row in found},
-        tables=[
-            (
-                group,
-                groups[group],
-                (scene if group not in SHAPES else []) + [row for row in rows if row["group"] == group],
-            )
-            for group in used
-        ],
+        tables=_tables(rows, groups),
         settings=json.dumps(provenance, indent=1),
     )
     write_text(out / "trade.html", html)
