@@ -480,3 +480,66 @@ def test_nothing_random_but_from_the_seed(path):
         if isinstance(node, ast.Call):
             assert text not in ("np.random.default_rng()", "default_rng()", "SeedSequence()"), f"line {node.lineno}"
             assert not text.startswith(("time.time(", "time.time_ns(", "datetime.", "hash(")), f"line {node.lineno}"
+
+
+#: Lines of code of a function, without its docstring. Complexity is ruff's to keep, see ``C901`` in pyproject.toml.
+MOST_LINES = 40
+#: The functions that may be longer, with the reason. A function that follows a formula or tells a story has parts with
+#: names; these are tables, which would read worse in parts.
+LONGER = {
+    "render/pair_record.py:pair_json": "the content of a file, key by key",
+    "settings/blender/scene_properties.py:_make_variations": "a table of declared properties",
+    "stereo/adapters/mitsuba_hapke.py:register_law": "a class of Mitsuba, which is imported only where it is used",
+    "stereo/cli.py:add_evaluate_options": "a table of declared options",
+    "stereo/report/html.py:write_report": "the names that a template gets",
+}
+
+
+def lengths_of(tree, within=""):
+    """Lines of code of each function by its name in its file; the functions in a function count for both."""
+    found = {}
+    for node in ast.iter_child_nodes(tree):
+        is_function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        name = f"{within}{node.name}" if is_function or isinstance(node, ast.ClassDef) else ""
+        if is_function:
+            code = node.body[ast.get_docstring(node) is not None :]
+            found[name] = code[-1].end_lineno - code[0].lineno + 1 if code else 0
+        found |= lengths_of(node, f"{name}." if name else within)
+    return found
+
+
+def test_no_function_is_longer_than_it_has_a_reason_for():
+    long = {
+        f"{source}:{name}"
+        for source, path in zip(IDS, SOURCES, strict=True)
+        for name, lines in lengths_of(tree_of(path)).items()
+        if lines > MOST_LINES
+    }
+    assert long - LONGER.keys() == set(), "give its steps names, or state in LONGER why it reads better in one piece"
+    assert LONGER.keys() - long == set(), "these are short by now: take them out of LONGER"
+
+
+@pytest.mark.parametrize(("lines", "is_long"), [(MOST_LINES, False), (MOST_LINES + 1, True)])
+@pytest.mark.parametrize(
+    "head",
+    [
+        "def f():\n",
+        "async def f():\n",
+        'def f():\n    """A docstring.\n\n    Of lines that do not count.\n    """\n',
+        "class A:\n  def f():\n",
+        "if True:\n  def f():\n",
+        "def of():\n  def f():\n",
+    ],
+)
+def test_long_functions_are_found(head, lines, is_long):
+    found = lengths_of(ast.parse(head + "    x = 1\n\n" + "    # a comment\n" * (lines - 3) + "    x = 2\n"))
+    (length,) = (count for name, count in found.items() if name.split(".")[-1] == "f")
+    assert length == lines
+    assert (length > MOST_LINES) == is_long
+
+
+def test_complexity_is_kept_without_exceptions_in_the_code():
+    lint = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["ruff"]["lint"]
+    assert "C901" in lint["select"]
+    assert lint["mccabe"]["max-complexity"] == 15
+    assert not [path for path in SOURCES if re.search(r"noqa:.*C901", path.read_text(encoding="utf-8"))]
