@@ -11,7 +11,7 @@ import bpy
 
 from ...physics.random_numbers.seeds import generator
 from ...physics.rig.focal_length import focal_px
-from ...physics.scene_requirements import only_camera_meets_relief
+from ...physics.scene_requirements import emits, only_camera_meets_relief
 from ...physics.surfaces import principled
 from ...physics.surfaces.fractures import has_fractures
 from ...physics.surfaces.hapke import from_settings
@@ -20,7 +20,7 @@ from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from ...support.blender import compat
 from ...support.labels import NORMAL_AOV, ROCK, SALT_AOV, TERRAIN
-from ..tree.builder import Node, Socket, Tree, Triple, Value
+from ..tree.builder import WHITE, Node, Socket, Tree, Triple, Value
 from ..tree.formula import Number
 from . import dug_layers, ice_layers, reflectance_laws
 from .baked_passes import add_baked_passes
@@ -406,9 +406,18 @@ class _Material:
     def add_surface(self) -> None:
         """Add the reflectance law and connect it to the outputs of the renderers."""
         shaders = {"ALL": self._add_layers()} if self._is_principled else self._add_law()
+        if emits(self._surface):
+            shaders = {target: self._add_emission(shader) for target, shader in shaders.items()}
         for target, shader in shaders.items():
             label = "Surface in EEVEE" if target == "EEVEE" else "Surface"
             self.tree.surface(shader, label, target, Displacement=self._displacement, Volume=self._volume)
+
+    def _add_emission(self, shader: Socket) -> Socket:
+        """Shader socket of a surface that gives light too. Rays find it, and no lamp is looked for on the ground."""
+        self.material.cycles.emission_sampling = "NONE"
+        light = self.tree.emission("Emitted Light", WHITE, self._surface.emitted_w_m2_sr)
+        both = {"Shader": shader, "Shader_001": light}
+        return self.tree.node("ShaderNodeAddShader", "Reflected and Emitted", both).outputs[0]
 
     def _add_layers(self) -> Any:
         settings = self._settings

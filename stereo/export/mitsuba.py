@@ -50,7 +50,7 @@ _FILTER_PX = 0.4155
 _ALWAYS = 1000
 
 #: Settings of a surface that the export lacks where they are not 0, the second of Principled ice alone.
-_VARIATIONS = ("albedo_variation", "salt_share", "trough_dirt", "slope_dirt")
+_VARIATIONS = ("albedo_variation", "salt_share", "trough_dirt", "slope_dirt", "emitted_w_m2_sr")
 _LAYERS = ("glint_share", "crust_share", "frost_share", "fracture_share")
 
 #: By reflectance law, the files with its BSDF.
