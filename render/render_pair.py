@@ -20,6 +20,7 @@ from ..formats.exr_pixels import compress, drop_passes, round_passes
 from ..nodes.datablocks.fingerprint import built_objects
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
+from ..nodes.light.veil import veil_in
 from ..nodes.rig import eye_poses, lens_values, turn_about_eye
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
@@ -400,7 +401,8 @@ def _render_radiance(
         made = passes.choose_layer(
             scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), planned.settings.quality.truth
         )
-        with separate_lights.use_light(built, light):
+        veiled = veil_in(scene, planned.settings.veil, int(planned.settings.quality.diffuse_bounces))
+        with separate_lights.use_light(built, light), veiled:
             _run_cycles(scene, made, planned)
         for eye, file in made.items():
             if eye in files:

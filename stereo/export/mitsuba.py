@@ -144,6 +144,8 @@ def find_left_out(settings: Settings, shown: Sky) -> list[str]:
         found += [f"{topic}.{key} is left out." for key in (*_VARIATIONS, *layers) if surface.get(key)]
         if layers and surface["bubble_share"]:
             found.append(f"{topic}.bubble_share is left out: the albedo is {topic}.albedo, not that of the bubbles.")
+    if settings.veil.optical_depth > 0:
+        found.append("The veil (veil.optical_depth) is left out.")
     if settings.textures.set != "NONE":
         found.append("Images (textures.set) are left out.")
     if shown.planet is not None and shown.planet.rings:
