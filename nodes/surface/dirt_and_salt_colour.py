@@ -64,7 +64,7 @@ def add_ground_colour(
     """
     if is_grey(surface):
         return ice
-    albedo = clean_albedo(surface, settings and settings.hapke) if ice is None else 1.0
+    albedo = clean_albedo(surface, settings.hapke if settings is not None else None) if ice is None else 1.0
     tint: Any = ice_tint(surface, albedo) if ice is None else ice
     colour: Any = None if tint == _WHITE else tint
     if surface.salt_share > 0.0:
