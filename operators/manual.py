@@ -40,6 +40,7 @@ _PAGES = {
     "lander": "howto/lander",
     "arm": "howto/lander",
     "workspace": "theory/decisions",
+    "veil": "theory/light",
     "sensor": "theory/sensor",
     "quality": "howto/speed",
     "dataset": "datasets",

@@ -85,6 +85,7 @@ def reasons_of_settings(settings: Settings) -> list[Reason]:
         *_rock_reasons(settings),
         *_sky_reasons(settings),
         *_lamp_reasons(settings),
+        *_veil_reasons(settings),
         *lander_reasons(settings),
         *(Reason(text, "excavation.path") for text in excavation.find_reasons(settings)),
     ]
@@ -199,12 +200,35 @@ def _lamp_reasons(settings: Settings) -> Iterator[Reason]:
             "light.directions_from",
             "light.planet",
         )
-    models = {settings[topic]["model"] for topic in surface_topics(settings)}
-    backend = settings.hapke.backend
-    if ("HAPKE" in models and backend != "NODES") or ("SNOW" in models and backend == "OSL"):
+    if _has_law_in_osl(settings):
         yield Reason(
             f"{key} ({light.sun_distance_m:g} m): a law in OSL knows only a Sun that is far away; set "
             "hapke.backend to NODES.",
+            key,
+            "hapke.backend",
+        )
+
+
+def _has_law_in_osl(settings: Settings) -> bool:
+    models, backend = {settings[topic]["model"] for topic in surface_topics(settings)}, settings.hapke.backend
+    return ("HAPKE" in models and backend != "NODES") or ("SNOW" in models and backend == "OSL")
+
+
+def _veil_reasons(settings: Settings) -> Iterator[Reason]:
+    """A veil needs light and truth that Cycles traces apart."""
+    depth, key = settings.veil.optical_depth, "veil.optical_depth"
+    if depth <= 0:
+        return
+    if settings.quality.truth != "FULL":
+        yield Reason(
+            f"{key} ({depth:g}): without full truth, depth comes with the light, and of a path that a grain scatters "
+            "there is none; set quality.truth to FULL.",
+            key,
+            "quality.truth",
+        )
+    if _has_law_in_osl(settings):
+        yield Reason(
+            f"{key} ({depth:g}): a law in OSL traces its light past the grains; set hapke.backend to NODES.",
             key,
             "hapke.backend",
         )

@@ -74,6 +74,11 @@ def relief_of_camera_alone(settings: Settings, topic: str) -> bool:
     return shaded and only_camera_meets_relief(surface, settings.quality)
 
 
+def emits(surface: SurfaceSettings) -> bool:
+    """Whether a surface gives light by itself."""
+    return surface.model in ("PRINCIPLED", "LAMBERT") and surface.emitted_w_m2_sr > 0.0
+
+
 def why_not_baked(settings: Settings) -> str:
     """Why indirect light cannot be baked to the ground, as a clause; empty if it can.
 
@@ -84,6 +89,11 @@ def why_not_baked(settings: Settings) -> str:
         return "the ground is not Lambert's (surface.model)"
     if settings.rocks.coverage > 0 and settings.rocks.own_surface and settings.rock_surface.model != "LAMBERT":
         return "the rocks are not Lambert's (rock_surface.model)"
+    for topic in surface_topics(settings):
+        if emits(settings[topic]):
+            return f"light that the ground gives by itself is not baked ({topic}.emitted_w_m2_sr)"
+    if settings.veil.optical_depth > 0:
+        return "what a veil scatters and takes is not baked (veil.optical_depth)"
     if settings.lander.kind != "NONE":
         return "there is a lander, which is no part of the ground (lander.kind)"
     return ""
@@ -190,6 +200,11 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
         what = "radiance" if settings.quality.half_floats == "RADIANCE" else "radiance and normals"
         sentences.append(
             f"files: {what} rounded to 11 bits, because quality.half_floats is {settings.quality.half_floats}."
+        )
+    if settings.veil.optical_depth > 0:
+        sentences.append(
+            "truth: no veil in depth, normals and hidden pixels, because they are those of the ground behind it "
+            "(veil.optical_depth)."
         )
     if settings.quality.truth != "FULL":
         what = "labels" if settings.quality.truth == "DEPTH" else "labels of single rocks and objects"

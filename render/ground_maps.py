@@ -6,7 +6,7 @@ vertices and the shapes of rocks are in the heights, and nothing is blended at e
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,7 +29,7 @@ from ..support import system
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import OverBudgetError
-from ..support.labels import ALBEDO_AOV, ROCK, SKY_DEPTH_M, TERRAIN, TRUTH
+from ..support.labels import ALBEDO_AOV, ROCK, SALT_AOV, SKY_DEPTH_M, TERRAIN, TRUTH
 from . import cycles_settings, passes, separate_lights
 from .cycles_errors import first_line
 from .pairs.workspace_cells import MOST_CELLS, PLACES, Extent
@@ -41,6 +41,8 @@ CELLS = 1024
 #: From the highest point to the camera, in metres.
 _ABOVE_M = 1.0
 _DOWN = np.array([0.0, 0.0, -1.0])
+#: Tags of the objects that are ground or rocks.
+_GROUND_AND_ROCKS = ("terrain", "rock", "rock shape")
 
 
 @dataclass(frozen=True)
@@ -142,22 +144,53 @@ def make_ground_map(built: Built, scene: bpy.types.Scene, folder: Path, cell_m: 
     Raises IcyMoonError for cells that are too small, and where Cycles fails.
     """
     extent = extent_of(built, cell_m)
-    cycles_settings.apply(scene, built.settings.quality, 0)
-    layer = scene.view_layers[0]
-    pass_ = layer.aovs.add()
-    pass_.name, pass_.type = ALBEDO_AOV, "COLOR"
-    top_m = _highest_m(scene) + _ABOVE_M
     lander = [item for item in built.collection.all_objects if item.get(TAG) in LANDER_ROLES.values()]
-    with _albedo_materials(built), _look_down(scene, extent, top_m), _without_osl(scene, built), _hidden(lander):
+    with _from_above(built, scene, extent, {ALBEDO_AOV: "COLOR"}) as top_m, _hidden(lander):
         whole = _render(scene, folder / "ground_map")
         surface = _heights(whole, top_m)
         rocks = [item for item in built.collection.all_objects if item.get(TAG) == "rock" and not item.hide_render]
         with _hidden(rocks):
             ground = _heights(_render(scene, folder / "ground_map"), top_m) if rocks else surface
-    layer.aovs.remove(pass_)
-    ours = np.isin(np.rint(_pass(whole, "Material Index", "IndexMA")[0]), (TERRAIN, ROCK)) & np.isfinite(surface)
     albedo = np.stack(_pass(whole, ALBEDO_AOV), axis=-1)
-    return GroundMap(extent, ground, surface, np.where(ours[..., None], albedo, np.nan).astype(np.float32))
+    return GroundMap(extent, ground, surface, _of_ground(whole, albedo, top_m))
+
+
+def make_materials(built: Built, scene: bpy.types.Scene, folder: Path, extent: Extent) -> Array:
+    """What lies on top in the cells, float32 (4, rows, columns): the albedo in even light in the bands R, G, B, and the
+    share of salt, of ground and rocks at the centres of cells; NaN where there is neither. Other objects are left out.
+
+    An image is written to ``folder`` meanwhile. Raises IcyMoonError where Cycles fails.
+    """
+    others = [item for item in built.collection.all_objects if item.get(TAG) not in _GROUND_AND_ROCKS]
+    with (
+        _from_above(built, scene, extent, {ALBEDO_AOV: "COLOR", SALT_AOV: "VALUE"}) as top_m,
+        _hidden([item for item in others if item.type != "CAMERA"]),
+    ):
+        found = _render(scene, folder / "materials")
+    values = np.stack([*_pass(found, ALBEDO_AOV), *_pass(found, SALT_AOV)], axis=-1)
+    return np.moveaxis(_of_ground(found, values, top_m), -1, 0)
+
+
+@contextmanager
+def _from_above(built: Built, scene: bpy.types.Scene, extent: Extent, aovs: Mapping[str, str]) -> Iterator[float]:
+    """``scene`` renders a map with these value passes, by their types; the height of its camera in metres."""
+    cycles_settings.apply(scene, built.settings.quality, 0)
+    layer = scene.view_layers[0]
+    for name, kind in aovs.items():
+        made = layer.aovs.add()
+        made.name, made.type = name, kind
+    top_m = _highest_m(scene) + _ABOVE_M
+    with _albedo_materials(built), _look_down(scene, extent, top_m), _without_osl(scene, built):
+        yield top_m
+    for name in aovs:
+        layer.aovs.remove(layer.aovs[name])
+
+
+def _of_ground(channels: dict[str, Array], values: Array, top_m: float) -> Array:
+    """float32 ``values`` (rows, columns, n) of a map where it shows ground or rocks, elsewhere NaN."""
+    label = np.rint(_pass(channels, "Material Index", "IndexMA")[0])
+    ours = np.isin(label, (TERRAIN, ROCK)) & np.isfinite(_heights(channels, top_m))
+    return np.where(ours[..., None], values, np.nan).astype(np.float32)
 
 
 @contextmanager

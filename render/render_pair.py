@@ -20,6 +20,7 @@ from ..formats.exr_pixels import compress, drop_passes, round_passes
 from ..nodes.datablocks.fingerprint import built_objects
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
+from ..nodes.light.veil import veil_in
 from ..nodes.rig import eye_poses, lens_values, turn_about_eye
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
@@ -28,7 +29,6 @@ from ..physics.camera.blur import Blur, blur_of
 from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
 from ..rays.stereo_truth import Stage
-from ..settings.topics.lander import WorkspaceSettings
 from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support import system
@@ -42,7 +42,7 @@ from . import cycles_occlusion, cycles_settings, passes, separate_lights, unlit
 from .baked_light import Indirect
 from .cost.estimate import count_bytes_left, pixels_of
 from .cycles_errors import first_line
-from .ground_maps import make_heights
+from .ground_maps import make_heights, make_materials
 from .lander_record import lander_json
 from .object_labels import lend_labels
 from .pair_record import light_json, pair_json
@@ -50,7 +50,7 @@ from .pairs.baked_file import LIGHT
 from .pairs.our_files import check_no_link, folder_of_pairs
 from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE
 from .pairs.publish import check_place, discard, publish
-from .pairs.workspace_cells import WORKSPACE_FILE, workspace_extent
+from .pairs.workspace_cells import MATERIALS_FILE, WORKSPACE_FILE, workspace_extent, workspace_files
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
 from .ray_stage import CannotTrace, RaysOfScene
@@ -242,8 +242,7 @@ def _render_into(
     made = _render_takes(part, built, scene, planned, report, bool(indirect.lights), rays, quality, rounded)
     start = time.perf_counter()
     written, shares, noise_of_image = _write_files(part, made.files, planned, bool(indirect.lights), rounded)
-    if settings.workspace.cell_m > 0:
-        written[WORKSPACE_FILE] = _fact_of(part / WORKSPACE_FILE)
+    written |= {name: _fact_of(part / name) for name in workspace_files(settings.workspace)}
     seconds = {**made.seconds, "write": round(time.perf_counter() - start, 3)}
     return {
         **pair_json(
@@ -316,7 +315,7 @@ def _render_takes(
                             files.setdefault(name.format(eye), {})[layer] = file
         light = light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
-            _write_workspace(part / WORKSPACE_FILE, rays, settings.workspace)
+            _write_workspace(part, rays, built, scene.frame_current)
     seconds = {"render": round(time.perf_counter() - start, 3), "sampling": round(sampling.seconds, 3)}
     return _Rendered(files, poses, light, engine, seconds)
 
@@ -379,11 +378,16 @@ def _choose_engine(
     return stage, {"by": stage.ground_tracer.name}
 
 
-def _write_workspace(path: Path, rays: RaysOfScene, workspace: WorkspaceSettings) -> None:
-    """Write the true heights of the workspace, see ``WORKSPACE_FILE``."""
-    heights = make_heights(rays, workspace_extent(workspace))
-    with explain_disk_errors("write", path), path.open("wb") as stream:
-        np.save(stream, heights, allow_pickle=False)
+def _write_workspace(part: Path, rays: RaysOfScene, built: Built, frame: int) -> None:
+    """Write the true maps of the workspace, see ``workspace_files``, into the folder ``part``."""
+    extent = workspace_extent(built.settings.workspace)
+    maps = {WORKSPACE_FILE: make_heights(rays, extent)}
+    if built.settings.workspace.materials:
+        with open_render_scene(built, frame) as scene:  # apart, so that nothing of the pair's scene changes
+            maps[MATERIALS_FILE] = make_materials(built, scene, part, extent)
+    for name, values in maps.items():
+        with explain_disk_errors("write", part / name), (part / name).open("wb") as stream:
+            np.save(stream, values, allow_pickle=False)
 
 
 def _render_radiance(
@@ -395,7 +399,8 @@ def _render_radiance(
         made = passes.choose_layer(
             scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), planned.settings.quality.truth
         )
-        with separate_lights.use_light(built, light):
+        veiled = veil_in(scene, planned.settings.veil, int(planned.settings.quality.diffuse_bounces))
+        with separate_lights.use_light(built, light), veiled:
             _run_cycles(scene, made, planned)
         for eye, file in made.items():
             if eye in files:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...physics.light.bands import material_bands, snow_bands
-from ...physics.surfaces.albedos import albedos
+from ...physics.light.bands import material_bands
+from ...physics.light.ground_colours import clean_albedo, ice_tint, salt_colour
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
 from ..tree.builder import Node, Socket, Tree, Value
+from ..tree.formula import Number
 from .patches_and_grain import add_clean_share, add_stained_share
 
 _WHITE = (1.0, 1.0, 1.0)
@@ -21,39 +22,29 @@ _WHITE = (1.0, 1.0, 1.0)
 _BESIDE_SALT = 2000.0
 
 
-def clean_albedo(surface: SurfaceSettings, settings: Settings | None) -> float:
-    """The albedo of clean ice in even light, on which colours are factors; at least 0.001."""
-    found = albedos(surface, settings.hapke) if surface.model == "HAPKE" and settings is not None else None
-    return max(surface.albedo if found is None else found.bond, 1e-3)
-
-
-def ice_tint(surface: SurfaceSettings, albedo: float) -> tuple[float, float, float]:
-    """The colour of clean ice: its mean is 1, so that ``albedo`` stays the mean of the bands, and no band reflects more
-    than all light."""
-    if surface.ice_colour == "GREY":
-        return _WHITE
-    bands = (
-        snow_bands(float(surface.snow_grain_m)) if surface.ice_colour == "SNOW" else material_bands(surface.ice_colour)
-    )
-    red, green, blue = (min(3 * band / sum(bands), max(1.0, 1 / albedo)) for band in bands)
-    return red, green, blue
-
-
-def salt_colour(surface: SurfaceSettings, albedo: float) -> tuple[float, float, float]:
-    """The colour of ground that is covered by salt."""
-    if surface.salt == "OWN":
-        red, green, blue = (
-            tint * float(surface[f"salt_{band}"])
-            for tint, band in zip(ice_tint(surface, albedo), ("red", "green", "blue"), strict=True)
-        )
-        return red, green, blue
-    return _over(material_bands(surface.salt), albedo)
-
-
 def is_grey(surface: SurfaceSettings) -> bool:
     """Whether the ground has no colour, wherever dirt may lie."""
     dirty = surface.dirt != "BLACK" and (surface.trough_dirt != 0.0 or surface.slope_dirt != 0.0)
     return bool(surface.ice_colour == "GREY" and surface.salt_share == 0.0 and not dirty)
+
+
+def add_salt_share(
+    tree: Tree, surface: SurfaceSettings, geometry: Node, salt_at: float, elevated: bool, frosted: Socket | None
+) -> Value:
+    """The share of what is seen of a place that is salt: an output socket, or 0.0 without salts.
+
+    Dirt lies on salt, and frost on both; ``frosted`` is an output socket of the share of frost, or None. For the others
+    see ``add_ground_colour``.
+    """
+    if surface.salt_share == 0.0:
+        return 0.0
+    share = Number(tree, add_stained_share(tree, surface, geometry, salt_at))
+    clean: Any = 1.0
+    if surface.dirt != "BLACK":
+        clean = add_clean_share(tree, surface, geometry, salt_at + _BESIDE_SALT, elevated)
+    if clean != 1.0:
+        share = share * Number(tree, clean)
+    return (share if frosted is None else share * (1.0 - Number(tree, frosted))).value
 
 
 def add_ground_colour(
@@ -73,7 +64,7 @@ def add_ground_colour(
     """
     if is_grey(surface):
         return ice
-    albedo = clean_albedo(surface, settings) if ice is None else 1.0
+    albedo = clean_albedo(surface, settings.hapke if settings is not None else None) if ice is None else 1.0
     tint: Any = ice_tint(surface, albedo) if ice is None else ice
     colour: Any = None if tint == _WHITE else tint
     if surface.salt_share > 0.0:

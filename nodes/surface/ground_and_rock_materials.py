@@ -11,6 +11,7 @@ from ...formats import mesh_images
 from ...formats.mesh_images import MeshImage
 from ...paper_stand_ins.cached_files import find_texture_files
 from ...paper_stand_ins.items import describe, items_of
+from ...physics.light.ground_colours import clean_albedo
 from ...physics.scene_requirements import rendered_surface, surface_topics
 from ...physics.surfaces import principled
 from ...physics.surfaces.textures import uses_uv
@@ -25,7 +26,6 @@ from ..ground.dug_ground import DEPTH
 from ..ground.rocks import label_instances
 from ..ground.terrain_mesh import SPACING
 from ..ground.user_ground import file_of, is_mesh
-from .dirt_and_salt_colour import clean_albedo
 from .ice_material import build_material
 from .images import load_maps, measure_brightness, measure_means
 from .textures import Textured
@@ -131,7 +131,7 @@ def image_advice(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
         return []
     of = textured.maps["albedo"]
     values, mean = measure_brightness(of), max(sum(of.mean) / 3, 1e-6)
-    reflected = values / mean * clean_albedo(rendered_surface(settings, "surface"), settings)
+    reflected = values / mean * clean_albedo(rendered_surface(settings, "surface"), settings.hapke)
     share = 1.0 - float(np.interp(1.0, reflected, np.linspace(0.0, 1.0, len(values)), right=1.0))
     if share < _TOO_BRIGHT:
         return []

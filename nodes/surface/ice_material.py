@@ -11,7 +11,7 @@ import bpy
 
 from ...physics.random_numbers.seeds import generator
 from ...physics.rig.focal_length import focal_px
-from ...physics.scene_requirements import only_camera_meets_relief
+from ...physics.scene_requirements import emits, only_camera_meets_relief
 from ...physics.surfaces import principled
 from ...physics.surfaces.fractures import has_fractures
 from ...physics.surfaces.hapke import from_settings
@@ -19,12 +19,12 @@ from ...settings.table import TOPICS
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from ...support.blender import compat
-from ...support.labels import NORMAL_AOV, ROCK, TERRAIN
-from ..tree.builder import Node, Socket, Tree, Triple, Value
+from ...support.labels import NORMAL_AOV, ROCK, SALT_AOV, TERRAIN
+from ..tree.builder import WHITE, Node, Socket, Tree, Triple, Value
 from ..tree.formula import Number
 from . import dug_layers, ice_layers, reflectance_laws
 from .baked_passes import add_baked_passes
-from .dirt_and_salt_colour import add_ground_colour
+from .dirt_and_salt_colour import add_ground_colour, add_salt_share
 from .fractures import VEIL_ALBEDO, add_fracture_share
 from .glints import add_glints
 from .patches_and_grain import (
@@ -406,9 +406,18 @@ class _Material:
     def add_surface(self) -> None:
         """Add the reflectance law and connect it to the outputs of the renderers."""
         shaders = {"ALL": self._add_layers()} if self._is_principled else self._add_law()
+        if emits(self._surface):
+            shaders = {target: self._add_emission(shader) for target, shader in shaders.items()}
         for target, shader in shaders.items():
             label = "Surface in EEVEE" if target == "EEVEE" else "Surface"
             self.tree.surface(shader, label, target, Displacement=self._displacement, Volume=self._volume)
+
+    def _add_emission(self, shader: Socket) -> Socket:
+        """Shader socket of a surface that gives light too. Rays find it, and no lamp is looked for on the ground."""
+        self.material.cycles.emission_sampling = "NONE"
+        light = self.tree.emission("Emitted Light", WHITE, self._surface.emitted_w_m2_sr)
+        both = {"Shader": shader, "Shader_001": light}
+        return self.tree.node("ShaderNodeAddShader", "Reflected and Emitted", both).outputs[0]
 
     def _add_layers(self) -> Any:
         settings = self._settings
@@ -443,7 +452,7 @@ class _Material:
         return self._settings is not None and only_camera_meets_relief(self._surface, self._settings.quality)
 
     def add_passes(self, albedo_pass: bool) -> None:
-        """Add the outputs of the passes: the geometric normal, and if asked the albedo, and baked light."""
+        """Add the outputs of the passes: the geometric normal, if asked the albedo and the salt, and baked light."""
         tree, surface, settings = self.tree, self._surface, self._settings
         tree.value_pass("Geometric Normal", NORMAL_AOV, self._geometry.outputs["True Normal"])
         if albedo_pass:
@@ -460,6 +469,8 @@ class _Material:
                 else None
             )
             add_albedo_pass(tree, surface, settings, self._grey, reflectance, self._least, frosted)
+            salt = add_salt_share(tree, surface, self._geometry, self._at.salt, self._of_terrain, frosted)
+            tree.value_pass("Salt", SALT_AOV, value=salt)
         if settings is not None and settings.quality.indirect != "TRACED" and surface.model == "LAMBERT":
             add_baked_passes(tree, _add_reflectance(tree, surface, self._grey, self._colour), self._of_rocks)
 
@@ -481,7 +492,8 @@ def build_material(
     material-index pass. Fine relief is bump, so that the true depth is the depth of the mesh, or it displaces the
     vertices. REAL is both if ``by_fineness``, when the mesh has the attribute ``SPACING``, and otherwise bump.
     The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump. With
-    ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``. ``dug`` is whether the mesh has the attributes of an excavation.
+    ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``, and the share of salt to ``SALT_AOV``. ``dug`` is whether the
+    mesh has the attributes of an excavation.
     """
     made = _Material(name, surface, seed, semantic, textured, settings)
     made.vary_inputs()

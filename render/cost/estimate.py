@@ -103,6 +103,7 @@ _MODELS = {
 _HAPKE_NODES, _HAPKE_REFERENCE = 1.15, 3.45
 _RELIEF, _RELIEF_CAMERA = 0.25, 0.21  # added by shaded relief, and where the camera alone meets it
 _TRANSMISSION, _ROCKS = 0.3, 0.6  # added by clear ice and rocks
+_VEIL = 1.7  # added by a veil: of optical depth 0.5 on rough ice, in one run
 #: Added by images on the ground, and with Lambert's law, which reads only their colour and normals. A mesh's own image
 #: adds the last number as a share of that.
 _IMAGES, _IMAGES_LAMBERT, _OWN_IMAGE = 2.9, 0.6, 0.3
@@ -240,6 +241,8 @@ def _sample_cost(settings: Settings, topic: str) -> float:
         relative += (_BURLEY if burley else _WALK) * under / (under + _HALF) + _TRANSMISSION * surface.transmission
     if surface.relief != "DISPLACEMENT" and surface.grain_amplitude_m > 0:
         relative += _RELIEF_CAMERA if only_camera_meets_relief(surface, settings.quality) else _RELIEF
+    if settings.veil.optical_depth > 0:
+        relative += _VEIL
     if settings.textures.set == "NONE":
         return relative
     images = _IMAGES_LAMBERT if surface.model == "LAMBERT" else _IMAGES

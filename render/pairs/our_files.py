@@ -32,7 +32,9 @@ _OUR_NAMES = {
     "pairs/*": re.compile(rf"pair\.json{_UNFINISHED}"),
 }
 #: Files of a pair.
-_PAIR_FILES = re.compile(rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth)?\.exr|workspace\.npy")
+_PAIR_FILES = re.compile(
+    rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth)?\.exr|workspace(_materials)?\.npy"
+)
 
 
 def folder_of_pairs(dataset: Path) -> Path:

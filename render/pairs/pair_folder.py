@@ -44,7 +44,7 @@ from ...support.files import PART, json_text, quote, read_text, replace_if_uncha
 from ...support.foreign_bytes import parse_json, reason_of
 from .our_files import check_no_link, checked_id, folder_of_pairs, is_regular
 from .statements import find_contradictions
-from .workspace_cells import WORKSPACE_FILE
+from .workspace_cells import workspace_files
 
 FORMAT = "icymoon-pair"
 VERSION = 1
@@ -128,7 +128,15 @@ _SHAPE = {
     "denoiser": Maybe(TEXT),
     "platform": Maybe(TEXT),
     "osl": Maybe(FLAG),
-    "workspace": Maybe({"file": FILE_NAME, "cell_m": POSITIVE, "origin_m": Each(NUMBER), "shape": Each(COUNT)}),
+    "workspace": Maybe(
+        {
+            "file": FILE_NAME,
+            "cell_m": POSITIVE,
+            "origin_m": Each(NUMBER),
+            "shape": Each(COUNT),
+            "materials": Maybe(FILE_NAME),
+        }
+    ),
     "light": Maybe(TABLE),
     "blur": Maybe(TABLE, null=True),
     "seconds": _NUMBERS,
@@ -209,9 +217,7 @@ def _name_files(settings: Settings, camera: StereoCamera) -> set[str]:
         *([TRUTH_FILE] if camera.toe_in_deg or is_blurred(settings.rig) else []),
         *([TOED_TRUTH_FILE] if camera.toe_in_deg else []),
     ]
-    return {kind.format(eye) for kind in kinds for eye in EYES} | (
-        {WORKSPACE_FILE} if settings.workspace.cell_m > 0 else set()
-    )
+    return {kind.format(eye) for kind in kinds for eye in EYES} | {*workspace_files(settings.workspace)}
 
 
 def is_complete(folder: Path) -> bool:

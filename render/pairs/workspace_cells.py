@@ -13,6 +13,8 @@ from ...support.errors import IcyMoonError
 #: True heights of the workspace, float32 (2, rows, columns), north first, in metres of the site's frame: of what lies
 #: on top, and of the ground without its rocks; NaN where there is neither.
 WORKSPACE_FILE = "workspace.npy"
+#: What lies on top in these cells, float32 (4, rows, columns): its albedo in the bands R, G, B, and its share of salt.
+MATERIALS_FILE = "workspace_materials.npy"
 #: The most cells along the longer side of a map.
 MOST_CELLS = 8192
 #: Places along a side of a cell of a workspace where its height is looked up.
@@ -44,8 +46,15 @@ def workspace_extent(workspace: WorkspaceSettings) -> Extent:
     )
 
 
+def workspace_files(workspace: WorkspaceSettings) -> tuple[str, ...]:
+    """The names of the maps of a workspace in the folder of a pair."""
+    if workspace.cell_m <= 0:
+        return ()
+    return (WORKSPACE_FILE, MATERIALS_FILE) if workspace.materials else (WORKSPACE_FILE,)
+
+
 def describe_workspace(workspace: WorkspaceSettings) -> dict[str, Any] | None:
-    """The table "workspace" of ``pair.json``: the file of the true heights and its cells; None without a workspace."""
+    """The table "workspace" of ``pair.json``: the files of its maps and their cells; None without a workspace."""
     if workspace.cell_m <= 0:
         return None
     extent = workspace_extent(workspace)
@@ -54,4 +63,5 @@ def describe_workspace(workspace: WorkspaceSettings) -> dict[str, Any] | None:
         "cell_m": extent.cell_m,
         "origin_m": [extent.west_m, extent.north_m],
         "shape": [extent.rows, extent.columns],
+        **({"materials": MATERIALS_FILE} if workspace.materials else {}),
     }

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from .declaration import Section, Table, choice, degrees, fraction, metres, text
-from .relevance import chosen
+from .declaration import Section, Table, choice, degrees, fraction, metres, text, tick
+from .relevance import chosen, positive
 
 THERE = ~chosen("lander.kind", "NONE")
 OURS = THERE & ~chosen("lander.kind", "OWN")
@@ -158,3 +158,6 @@ class WorkspaceSettings(Table, label="Workspace", inside="lander", turned_on_by=
         "Centre North", 1.6, -5.0e4, 5.0e4, (-5.0, 5.0), "North coordinate of the centre of the workspace", "sampling")
     size_m: float = metres(
         "Size", 2.0, 0.01, 100.0, (0.2, 5.0), "Side of the workspace, which is a square", "sampling")
+    materials: bool = tick(
+        "Albedo and Salts", False, "Write the true albedo and share of salt of each cell too, for rules of sites. A "
+        "pair takes some seconds more", "sampling", active=positive("cell_m"))

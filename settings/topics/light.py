@@ -123,3 +123,26 @@ class LightSettings(Table, label="Light"):
         "Faintest Star (mag)", 2.5, -2.0, 8.0, (0.0, 6.5), "Faintest V magnitude of the stars. Stars down to 2.5 are "
         "real; fainter ones are random, in their true number", "light", "mag", precision=1, section=STARS,
         active=ticked("stars"))
+
+
+class VeilSettings(Table, label="Veil", inside="light", turned_on_by="optical_depth", since="0.3"):
+    """Falling grains or vapour before the ground, as beneath a plume. Rendered pairs have it, the window does not."""
+
+    __slots__ = ()
+    optical_depth: float = number(
+        "Optical Depth", 0.0, 0.0, 20.0, (0.0, 2.0), "Of the way straight down from the top of the veil to the level "
+        "of the site: exp(-this) of the light is neither scattered nor absorbed. 0 for none", "sampling", precision=4,
+        zero="off")
+    top_m: float = metres(
+        "Top", 20.0, 0.1, 1.0e4, (1.0, 100.0), "Height of the top of the veil above the level of the site. It is "
+        "equally dense below", "sampling")
+    width_m: float = metres(
+        "Width", 200.0, 1.0, 1.0e5, (10.0, 1000.0), "Side of the square around the origin of the site that it fills",
+        "sampling")
+    grain_albedo: float = fraction(
+        "Grain Albedo", 1.0, "Share of the light on a grain that the grain scatters. Ice grains of a plume absorb less "
+        "than a millionth", "sampling")
+    asymmetry: float = number(
+        "Asymmetry", 0.85, -0.99, 0.99, (0.0, 0.95), "Mean cosine of the angle of scattering, of Henyey and "
+        "Greenstein's phase function. 0.85 for ice spheres of 3.1 µm (Mie), the median of Enceladus' plume (Ingersoll "
+        "and Ewald 2011); 0 is close to vapour", "sampling")

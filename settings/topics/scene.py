@@ -25,7 +25,7 @@ from .landforms import (
     PitsSettings,
     RidgesSettings,
 )
-from .light import LightSettings
+from .light import LightSettings, VeilSettings
 from .rendering import QualitySettings
 from .rocks import RocksSettings
 from .surfaces import HapkeSettings, RockSurfaceSettings, SurfaceSettings, TexturesSettings
@@ -54,6 +54,7 @@ class Settings(Attributes):
     rocks: RocksSettings
     rock_surface: RockSurfaceSettings
     light: LightSettings
+    veil: VeilSettings
     rig: RigSettings
     lander: LanderSettings
     arm: ArmSettings

@@ -151,6 +151,11 @@ class SurfaceSettings(Table, label="Ice"):
     refractive_index: float = number(
         "Refractive Index", 1.31, 1.0, 3.0, (1.0, 2.0), "Refractive index of the ice; 1.31 for water ice in visible "
         "light", "material", section=ADVANCED, shown=PRINCIPLED)
+    emitted_w_m2_sr: float = number(
+        "Emitted Light (W/m² sr)", 0.0, 0.0, 1.0e5, (0.0, 1.0), "Radiance that the ice gives by itself, the same in "
+        "all directions and bands. 0, since heat of ice gives no visible light, and the glow of Europa's irradiated "
+        "ice was seen in the laboratory only (Gudipati et al. 2021)", "material", "W/m² sr", section=ADVANCED,
+        shown=PRINCIPLED | chosen("model", "LAMBERT"), since="0.3")
     bubble_share: float = fraction(
         "Bubbles", 0.0, "Share of the ice's volume that is air bubbles, which make it white: 0.05 is whitish, 0.001 "
         "deep blue. Its albedo in red, green and blue then follows from the bubbles; 0 for the albedo above",

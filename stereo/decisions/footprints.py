@@ -26,6 +26,8 @@ class Planes:
     slope_deg: Array
     roughness_m: Array  # root mean square distance of the heights from the plane, along z
     middle_m: Array  # height of the plane in the middle of the footprint
+    east_slope: Array  # rise of the plane per metre eastward
+    north_slope: Array  # and northward
 
 
 def disc(diameter_m: float, cell_m: float) -> Array:
@@ -64,7 +66,7 @@ def fit_planes(height_m: Array, cell_m: float, diameter_m: float) -> Planes:
     return Planes(
         *(
             np.where(fits, each, np.nan)
-            for each in (np.degrees(np.arctan(np.hypot(a, b))), np.sqrt(residual / count), at_centre)
+            for each in (np.degrees(np.arctan(np.hypot(a, b))), np.sqrt(residual / count), at_centre, a, -b)
         )
     )
 

@@ -26,6 +26,9 @@ CODES = (
     ("a rock too near", (120, 70, 40)),
     ("out of reach", (205, 211, 218)),
     ("in shadow", (42, 90, 160)),
+    ("too dark", (86, 58, 110)),
+    ("too bright", (240, 228, 66)),
+    ("too little salt", (150, 190, 120)),
 )
 #: Height error, metres, with the full colour: from blue (too low) over white to red (too high).
 FULL_M = 0.05

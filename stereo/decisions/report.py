@@ -98,7 +98,13 @@ SCOOP_COLUMNS = (
         "of the cells in reach that the left image shows, those that only the pixels left out know",
     ),
 )
-COLUMNS = (*DEM, *SITES, *OTHERS, *SCOOP_COLUMNS)
+MATERIALS = (
+    Column("materials.albedo_bias", "Albedo: bias", "", 3, "mean error of the albedo of the footprints in reach"),
+    Column("materials.albedo_rmse", "Albedo: RMSE", "", 3, "root mean square error of it"),
+    Column("materials.salt_bias", "Salt: bias", "%", 1, "mean error of the share of salt"),
+    Column("materials.salt_rmse", "Salt: RMSE", "%", 1, "root mean square error of it"),
+)
+COLUMNS = (*DEM, *SITES, *OTHERS, *SCOOP_COLUMNS, *MATERIALS)
 #: Numbers from 0 to 1 beside those in %.
 _SHARES = ("sites.average_precision", "sites.roc_area", "sites.regret")
 _INTERVALS = (
@@ -449,7 +455,7 @@ def _page(
     sources = parse_toml(read_text(SHIPPED))["sources"]
     shipped = {part: parse_toml(read_text(SHIPPED))[part] for part in rules.to_json()}
     stated = [
-        (f"{part}.{key}", value, sources[f"{part}.{key}"] if shipped[part][key] == value else "Stated by --rules")
+        (f"{part}.{key}", value, sources[f"{part}.{key}"] if shipped[part].get(key) == value else "Stated by --rules")
         for part, table in rules.to_json().items()
         for key, value in table.items()
     ]
@@ -460,7 +466,8 @@ def _page(
             ("Sites", SITES),
             ("Elevation model", DEM),
             ("Landing pads and cost", OTHERS),
-            *((("The arm", SCOOP_COLUMNS),) if _has_scoop(rows) else ()),
+            *((("The arm", SCOOP_COLUMNS),) if _has(rows, "scoop") else ()),
+            *((("Albedo and salts", MATERIALS),) if _has(rows, "materials") else ()),
         ),
         cell=format_cell,
         bounds=_bounds,
@@ -484,8 +491,8 @@ def _page(
     )
 
 
-def _has_scoop(rows: _Entries) -> bool:
-    return any(row["numbers"] and "scoop" in row["numbers"] for row in rows)
+def _has(rows: _Entries, table: str) -> bool:
+    return any(row["numbers"] and table in row["numbers"] for row in rows)
 
 
 def _scaled(entry: Mapping[str, Any], column: Column) -> dict[str, Any]:

@@ -29,6 +29,15 @@ class SiteRules:
     lit_share: float  # at least, of the disc
     lit_level: float  # share of the median level from which on a pixel is lit
     known_share: float  # at least, of the cells of the disc
+    # Rules that are not asked unless a file states them.
+    least_albedo: float | None = None  # mean of the disc in even light, as the mean of the bands R, G, B
+    most_albedo: float | None = None
+    salt_share: float | None = None  # at least, of the disc
+
+    @property
+    def ask_materials(self) -> bool:
+        """Whether albedo or salts decide."""
+        return (self.least_albedo, self.most_albedo, self.salt_share) != (None, None, None)
 
 
 @dataclass(frozen=True)
@@ -49,12 +58,15 @@ class Rules:
     pad: PadRules
 
     def to_json(self) -> dict[str, dict[str, float]]:
-        """The rules as tables."""
-        return asdict(self)
+        """The rules that are asked, as tables."""
+        tables: dict[str, dict[str, float | None]] = asdict(self)
+        return {
+            part: {key: value for key, value in table.items() if value is not None} for part, table in tables.items()
+        }
 
 
 _PARTS = {"site": SiteRules, "pad": PadRules}
-_SHARES = ("lit_share", "known_share", "lit_level")
+_SHARES = ("lit_share", "known_share", "lit_level", "least_albedo", "most_albedo", "salt_share")
 
 
 def read_rules(path: Path | None = None) -> Rules:

@@ -6,7 +6,7 @@ Unknown ground is unsafe.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from ...support.arrays import Array
 from .dem import Dem
 from .footprints import disc, distance_to, fit_planes, share_under, sums
+from .materials import Materials
 from .rules import SiteRules
 
 #: The code of a cell that no rule fails; the others have 1 + the place in ``judge`` of the first rule that fails them.
@@ -34,6 +35,8 @@ class Layers:
     rock_distance_m: Array
     joint_margin_deg: Array
     lit_share: Array
+    albedo: Array | None = None  # of these two None where no rule asks
+    salt_share: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -66,13 +69,18 @@ def find_rocks(height_m: Array, cell_m: float, rules: SiteRules) -> Array:
 
 
 def measure_layers(
-    dem: Dem, joint_margin_deg: Array, lit: Array, rules: SiteRules, rocks: Array | None = None
+    dem: Dem,
+    joint_margin_deg: Array,
+    lit: Array,
+    rules: SiteRules,
+    rocks: Array | None = None,
+    materials: Materials | None = None,
 ) -> Layers:
     """The layers of an elevation model.
 
     ``lit`` (rows, columns) is the share of each cell that is in light, NaN where unknown. ``joint_margin_deg`` is the
     joint margin of the arm with its scoop at the cell, NaN out of reach. ``rocks`` is true in cells with a rock; if it
-    is None, rocks are found in the heights.
+    is None, rocks are found in the heights. ``materials`` are needed if the rules ask for them.
     """
     cell = dem.grid.cell_m
     planes = fit_planes(dem.height_m, cell, rules.disc_m)
@@ -84,6 +92,10 @@ def measure_layers(
         distance_to(rocks, cell),
         joint_margin_deg,
         share_under(lit, cell, rules.disc_m, np.isfinite(lit)),
+        *(
+            share_under(values, cell, rules.disc_m, np.isfinite(values))
+            for values in ((materials.albedo, materials.salt) if materials is not None else ())
+        ),
     )
 
 
@@ -96,7 +108,11 @@ def judge(layers: Layers, rules: SiteRules) -> Sites:
         _at_least(layers.rock_distance_m, rules.rock_distance_m),
         _at_least(layers.joint_margin_deg, rules.joint_margin_deg),
         _at_least(layers.lit_share, rules.lit_share),
+        _if_asked(_at_least, layers.albedo, rules.least_albedo),
+        _if_asked(_at_most, layers.albedo, rules.most_albedo),
+        _if_asked(_at_least, layers.salt_share, rules.salt_share),
     ]
+    margins = list(np.broadcast_arrays(*margins))
     stack = np.stack([np.where(np.isnan(each), -np.inf, each) for each in margins])
     fails = stack < 0
     return Sites(
@@ -104,6 +120,13 @@ def judge(layers: Layers, rules: SiteRules) -> Sites:
         np.where(fails.any(axis=0), 1 + fails.argmax(axis=0), SAFE).astype(np.uint8),
         layers,
     )
+
+
+def _if_asked(margin: Callable[[Array, float], Array], value: Array | None, limit: float | None) -> Array:
+    """The margin by a rule, unlimited if none is stated, and not known without a value."""
+    if limit is None:
+        return np.array(np.inf)
+    return np.array(np.nan) if value is None else margin(value, limit)
 
 
 def _at_most(value: Array, limit: float) -> Array:

@@ -19,11 +19,12 @@ from ..images.exr import read_depth
 from ..measure.by_pixel_class import MATERIAL
 from ..measure.prepare import Prepared
 from .dem import Dem, Grid, grid_of, grid_points, height_errors, mean_by_cell, points_of, read_cells
-from .footprints import share_under
+from .footprints import fit_planes, share_under
+from .materials import Materials, from_truth, measure, sun_irradiance, white_radiance
 from .reach import find_margins
 from .rules import Rules
 from .scores import score_sites
-from .sites import Sites, cast_light, find_rocks, judge, judge_pads, measure_layers
+from .sites import Layers, Sites, cast_light, find_rocks, judge, judge_pads, measure_layers
 
 #: Side of a cell where a pair states none, metres: three pixels of the paper's camera or more at its workspace.
 CELL_M = 0.02
@@ -90,7 +91,8 @@ def open_workspace(prepared: Prepared, rules: Rules, cell_m: float | None = None
         dem = grid_points(np.concatenate([seen_points, _points_of_right_eye(pair)]), grid, 1)
         rocks = find_rocks(dem.height_m, grid.cell_m, rules.site)
     margin = _margins(pair, pose, dem)
-    layers = measure_layers(dem, margin, cast_light(dem.height_m, grid.cell_m, toward_sun(pair)), rules.site, rocks)
+    lit = cast_light(dem.height_m, grid.cell_m, toward_sun(pair))
+    layers = measure_layers(dem, margin, lit, rules.site, rocks, _true_materials(pair, rules))
     maps = Maps(dem, judge(layers, rules.site), _pads(dem, rules))
     inside = share_under(np.ones(dem.height_m.shape, bool), grid.cell_m, rules.site.disc_m) > _WHOLE
     return Workspace(
@@ -125,13 +127,17 @@ def decide(workspace: Workspace, depth_m: Array, pose: Array | None = None) -> M
     position, index = points_of(ground, workspace.pair.camera.rectified, pose)
     dem = grid_points(position, workspace.grid)
     margin = _margins(workspace.pair, pose, dem)
-    lit = mean_by_cell(position, _lit_pixels(workspace).ravel()[index], dem.grid)
+    bright = _lit_pixels(workspace)
+    lit = mean_by_cell(position, bright.ravel()[index], dem.grid)
     rules = workspace.rules
-    return Maps(dem, judge(measure_layers(dem, margin, lit, rules.site), rules.site), _pads(dem, rules))
+    found = _found_materials(workspace, dem, bright, position, index) if rules.site.ask_materials else None
+    layers = measure_layers(dem, margin, lit, rules.site, materials=found)
+    return Maps(dem, judge(layers, rules.site), _pads(dem, rules))
 
 
 def compare(workspace: Workspace, found: Maps) -> dict[str, Any]:
-    """The numbers of decisions beside the truth's: ``dem``, ``sites`` and ``pads``; None where one is undefined.
+    """The numbers of decisions beside the truth's: ``dem``, ``sites``, ``pads``, and if rules ask for them
+    ``materials``; None where one is undefined.
 
     The elevation model is compared over the cells in reach that the left image shows, its ``reached`` completeness over
     all in reach; sites over all in reach whose true height is known; pads over all whose footprint is inside.
@@ -147,10 +153,25 @@ def compare(workspace: Workspace, found: Maps) -> dict[str, Any]:
             float(np.sqrt((off**2).mean())) if off.size else None
         )
     return {
+        **_compare_materials(truth.sites.layers, found.sites.layers, among & workspace.seen),
         "dem": errors,
         "sites": score_sites(found.sites, truth.sites, among),
         "pads": _score_pads(found.pads, truth.pads, truth.dem.known & workspace.inside),
     }
+
+
+def _compare_materials(truth: Layers, found: Layers, among: Array) -> dict[str, Any]:
+    """The table ``materials``, if the rules ask for them: errors of albedo and share of salt of the footprints."""
+    if truth.albedo is None or truth.salt_share is None or found.albedo is None or found.salt_share is None:
+        return {}
+    numbers: dict[str, float | None] = {}
+    for name, off in (("albedo", found.albedo - truth.albedo), ("salt", found.salt_share - truth.salt_share)):
+        known = off[among & np.isfinite(off)]
+        numbers |= {
+            f"{name}_bias": float(known.mean()) if known.size else None,
+            f"{name}_rmse": float(np.sqrt((known**2).mean())) if known.size else None,
+        }
+    return {"materials": numbers}
 
 
 def compare_beside_lander(workspace: Workspace, found: Maps, depth_m: Array, pose: Array) -> dict[str, float | None]:
@@ -228,6 +249,40 @@ def _lit_pixels(workspace: Workspace) -> Array:
     level = grey**2 if workspace.prepared.facts["settings"].sensor.encoding == "SQUARE_ROOT" else grey
     ground = workspace.prepared.known & _is_ground(workspace.prepared)
     return (level > workspace.rules.site.lit_level * np.median(level[ground])).astype(np.float64)
+
+
+def _true_materials(pair: Pair, rules: Rules) -> Materials | None:
+    """Of the file of a pair; None if the rules do not ask. Raises IcyMoonError if the pair has none."""
+    if not rules.site.ask_materials:
+        return None
+    stated = pair.data.get("workspace") or {}
+    if "materials" not in stated:
+        raise IcyMoonError(
+            f"{pair.folder} contains no true albedo and salts, and the rules ask for them; render the pair again with "
+            "workspace.materials true and workspace.cell_m above 0, or leave these rules out."
+        )
+    return from_truth(read_cells(pair.folder / stated["materials"], (4, *stated["shape"]), "render the pair again"))
+
+
+def _found_materials(workspace: Workspace, dem: Dem, bright: Array, position_m: Array, index: Array) -> Materials:
+    """As the lander finds them, see ``materials``, where ``bright`` (H, W) is 1.
+
+    Raises IcyMoonError for light that has no one irradiance.
+    """
+    pair, prepared = workspace.pair, workspace.prepared
+    settings, sun = prepared.facts["settings"], pair.sun
+    assert prepared.images is not None
+    assert sun is not None
+    irradiance = sun_irradiance(sun.irradiance_wm2, settings)
+    if sun.distance_m or not irradiance > 0:
+        raise IcyMoonError(
+            f"{pair.folder}: an albedo follows from light of one irradiance, and this is a lamp nearby or no light; "
+            "render with the Sun, or leave the rules of albedo and salts out."
+        )
+    white = white_radiance(prepared.images, settings)
+    white = np.where(bright.reshape(bright.shape + (1,) * (white.ndim - 2)) > 0, white, np.nan)
+    planes = fit_planes(dem.height_m, dem.grid.cell_m, workspace.rules.site.disc_m)
+    return measure(white, position_m, index, dem.grid, planes, sun.direction, irradiance, settings)
 
 
 def _read_heights(pair: Pair, stated: Mapping[str, Any]) -> Array:

@@ -50,7 +50,7 @@ _FILTER_PX = 0.4155
 _ALWAYS = 1000
 
 #: Settings of a surface that the export lacks where they are not 0, the second of Principled ice alone.
-_VARIATIONS = ("albedo_variation", "salt_share", "trough_dirt", "slope_dirt")
+_VARIATIONS = ("albedo_variation", "salt_share", "trough_dirt", "slope_dirt", "emitted_w_m2_sr")
 _LAYERS = ("glint_share", "crust_share", "frost_share", "fracture_share")
 
 #: By reflectance law, the files with its BSDF.
@@ -144,6 +144,8 @@ def find_left_out(settings: Settings, shown: Sky) -> list[str]:
         found += [f"{topic}.{key} is left out." for key in (*_VARIATIONS, *layers) if surface.get(key)]
         if layers and surface["bubble_share"]:
             found.append(f"{topic}.bubble_share is left out: the albedo is {topic}.albedo, not that of the bubbles.")
+    if settings.veil.optical_depth > 0:
+        found.append("The veil (veil.optical_depth) is left out.")
     if settings.textures.set != "NONE":
         found.append("Images (textures.set) are left out.")
     if shown.planet is not None and shown.planet.rings:

@@ -29,6 +29,7 @@ from ...physics.camera.sensor import (
 )
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.photons import electron_rate, pixel_pitch_m
+from ...physics.scene_requirements import emits, surface_topics
 from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.topics.camera import SensorSettings
 from ...settings.topics.light import LightSettings
@@ -113,10 +114,15 @@ def scaled_radiance(view: Light, pair: Pair, light: LightSettings) -> Array:
     """Radiance (H, W, 3) with the Sun and the planet scaled by ``sun_scale`` and ``planet_scale``.
 
     Light is linear, so a new render would give the same. A pair without light groups has one light, the Sun. Raises
-    IcyMoonError if the image is not the sum of its groups.
+    IcyMoonError if the image is not the sum of its groups, or has light of the ground itself and no groups.
     """
     scales = {group: float(light[key]) for group, key in LIGHT_GROUPS.items()}
     if not view.groups:
+        if scales["Sun"] != 1 and any(emits(pair.settings[topic]) for topic in surface_topics(pair.settings)):
+            raise IcyMoonError(
+                f"{pair.folder} has light that its ground gives by itself, which light.sun_scale would scale too; "
+                "change light.sun_irradiance_wm2 and render it again."
+            )
         return view.radiance * np.float32(scales["Sun"]) if scales["Sun"] != 1 else view.radiance
     changed = {group: scale for group, scale in scales.items() if scale != 1 and group in view.groups}
     if changed and pair.settings.quality.denoiser != "NONE":

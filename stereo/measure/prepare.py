@@ -84,6 +84,7 @@ class Prepared:
     scale: colours.Scale  # for pictures of depth
     facts: dict[str, Any]  # about the pair, for the report
     occlusion_known: bool = True  # otherwise ``visible`` only leaves out points outside the right image
+    images: Images | None = None  # as developed; None for a pair that was not rendered here
 
     @cached_property
     def known(self) -> Array:
@@ -171,7 +172,9 @@ def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared
         "occlusion": ESTIMATED if view.hidden is None else RAYS,
         "baked": _baked_facts(loaded.pair),
     }
-    return Prepared(loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts)
+    return Prepared(
+        loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts, images=loaded.images
+    )
 
 
 def _baked_facts(pair: Pair) -> dict[str, float] | None:

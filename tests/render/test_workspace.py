@@ -7,12 +7,15 @@ from contextlib import closing
 import bpy
 import numpy as np
 import pytest
+from icymoon.formats.exr_pixels import decode_parts
 from icymoon.nodes.scene import build
 from icymoon.render.ground_maps import make_heights
 from icymoon.render.pairs.pair_folder import find_changed_files
 from icymoon.render.pairs.workspace_cells import workspace_extent
+from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.ray_stage import CannotTrace, RaysOfScene
 from icymoon.render.render_pair import open_render_scene
+from icymoon.render.worker import render_pairs
 from icymoon.settings.description import digest
 from rendering import complete, empty_scene, render
 
@@ -110,7 +113,50 @@ def test_heights_are_of_ground_and_rocks_alone_and_rays_meet_the_rest_again_afte
     assert np.array_equal(again, [top, ground])
 
 
+SALTY = {
+    "surface": {"albedo": 0.6, "salt": "OWN", "salt_share": 0.5, "salt_patch_m": 1.0},
+    "workspace": {"materials": True},
+}
+
+
+@pytest.mark.heavy
+def test_the_true_albedo_is_the_mixture_of_ice_and_salt_by_area(plane, tmp_path):
+    """Salt of the reflectances (1, .85, .6) relative to ice of albedo .6, and nothing else, on the plane."""
+    pair, _ = render(tmp_path / "set", plane, ON, SALTY)
+    stated = pair.data["workspace"]
+    found = np.load(pair.folder / stated["materials"])
+    albedo, salt = found[:3], found[3]
+    assert found.shape == (4, 20, 20)
+    assert 0.1 < salt.mean() < 0.9
+    assert ((salt > 0.05) & (salt < 0.95)).mean() < 0.3
+    mixed = 0.6 * (1 - salt * (1 - np.array([1.0, 0.85, 0.6]))[:, None, None])
+    assert np.abs(albedo - mixed).max() < 1e-5  # some roundings of single precision, of numbers below 1
+    assert stated["materials"] in pair.data["files"]
+    assert not find_changed_files(pair)
+
+
+@pytest.mark.heavy
+def test_maps_of_albedo_and_salts_change_nothing_of_the_pairs_after_them(plane, tmp_path):
+    rocky = {"rocks": {"coverage": 0.3, "smallest_m": 0.3, "largest_m": 0.6}, "dataset": {"headings": 2}}
+    settings = complete(plane, rocky, ON, SALTY)
+    planned = expand_headings(settings)
+    made = {}
+    for name, wanted in (("both", planned), ("second", planned[1:])):
+        built = build(empty_scene(), settings)
+        made[name] = render_pairs(built, wanted, tmp_path / name, 1, 0.0, lambda *a, **k: None)[-1]
+    assert made["both"].name == made["second"].name
+    for file in ("left.exr", "right.exr"):
+        one, other = (
+            {name: each for _, found in decode_parts((folder / file).read_bytes()) for name, each in found.items()}
+            for folder in made.values()
+        )
+        assert one.keys() == other.keys()
+        for name, values in one.items():
+            np.testing.assert_array_equal(values, other[name], err_msg=name)
+
+
 def test_without_a_workspace_ids_are_as_before():
     base = complete()
     assert digest(base) != digest(complete(ON))
     assert digest(complete({"workspace": {"cell_m": 0.0}})) == digest(base)
+    assert digest(complete({"workspace": {"materials": False}}, ON)) == digest(complete(ON))

@@ -292,3 +292,49 @@ def test_pairs_without_their_true_heights_fail_in_a_sentence_and_stop_no_other(d
     assert {entry["pair"] for entry in report["failed"]} == {"a"}
     assert "render the pair again" in report["failed"][0]["message"]
     assert report["summary"][1]["pairs"] == 1
+
+
+WORTH = "[site]\nleast_albedo = 0.3\nmost_albedo = 0.9\n"
+
+
+def with_materials(folder, albedo):
+    """A pair of level ground of this albedo, without rock and salt, in its maps and in the light of its image."""
+    workspaces.write(folder, pairs.Scene(slope_x=0.0, slope_y=0.0, rock=False))
+    data = json.loads((folder / "pair.json").read_text())
+    albedos = np.full((4, 30, 30), albedo, np.float32)
+    albedos[3] = 0.0
+    for name, maps in (("workspace.npy", np.zeros((2, 30, 30), np.float32)), ("workspace_materials.npy", albedos)):
+        np.save(folder / name, maps)
+        data["files"][name] = {"bytes": (folder / name).stat().st_size, "sha256": sha256(folder / name)}
+    data["workspace"]["materials"] = "workspace_materials.npy"
+    data["settings"]["workspace"]["materials"] = True
+    # Ground of the radiance 3 W/(m² sr), which faces the Sun: L = albedo E / π.
+    irradiance = round(3.0 * np.pi / albedo, 4)
+    data["settings"]["light"]["sun_irradiance_wm2"] = data["light"]["sun"]["irradiance_wm2"] = irradiance
+    (folder / "pair.json").write_text(json.dumps(data))
+
+
+def test_rules_of_albedo_judge_what_the_image_shows_of_it(tmp_path):
+    (tmp_path / "mine.toml").write_text(WORTH)
+    for name, albedo in (("fits", 0.6), ("dark", 0.2)):
+        with_materials(tmp_path / "set" / "pairs" / name, albedo)
+    report = decide_pairs([tmp_path / "set"], [], tmp_path / "out", read_rules(tmp_path / "mine.toml"))
+    fits, dark = (next(row for row in report["rows"] if row["pair"] == name)["numbers"] for name in ("fits", "dark"))
+    # A footprint has some 400 pixels of a texture of 0.8, and the few that are as dark as a shadow do not count.
+    assert abs(fits["materials"]["albedo_bias"]) < 0.03 * 0.6
+    assert abs(dark["materials"]["albedo_bias"]) < 0.03 * 0.2
+    assert fits["materials"]["salt_rmse"] is None  # of a monochrome camera
+    assert fits["sites"]["base_rate"] > 0.1
+    assert fits["sites"]["taken"] > 0.1
+    assert dark["sites"]["base_rate"] == dark["sites"]["taken"] == 0.0
+    page = (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")
+    assert "Albedo: RMSE" in page
+    assert "site.least_albedo" in page
+
+
+def test_pairs_without_maps_of_what_the_rules_ask_for_fail_in_a_sentence(dataset, tmp_path):
+    (tmp_path / "mine.toml").write_text(WORTH)
+    report = decide_pairs([dataset], [], tmp_path / "out", read_rules(tmp_path / "mine.toml"))
+    assert len(report["failed"]) == 2
+    assert "workspace.materials" in report["failed"][0]["message"]
+    assert "Albedo: RMSE" not in (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")

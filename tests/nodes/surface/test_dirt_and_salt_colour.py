@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.benchmarks.light.furnace import albedo as furnace
-from icymoon.nodes.surface.dirt_and_salt_colour import clean_albedo, ice_tint
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.light.bands import bubbly_ice_bands, material_bands, snow_bands
+from icymoon.physics.light.ground_colours import clean_albedo, ice_tint
 from icymoon.physics.surfaces.spectra import MATERIALS
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.topics.surfaces import SurfaceSettings
@@ -100,7 +100,7 @@ def test_colours_of_hapke_s_law_are_over_what_it_reflects_of_even_light():
     hapke = surface(model="HAPKE")
     settings = merged(defaults(), {"surface": {"model": "HAPKE"}, "hapke": {"w": 0.6}})
     bright = merged(settings, {"hapke": {"w": 0.95}})
-    assert clean_albedo(hapke, settings) < 0.4 < clean_albedo(hapke, bright) < 0.95
+    assert clean_albedo(hapke, settings.hapke) < 0.4 < clean_albedo(hapke, bright.hapke) < 0.95
     assert clean_albedo(hapke, None) == pytest.approx(0.8)
 
 

@@ -1,0 +1,96 @@
+"""Falling grains or vapour before the ground: a box of an even medium that scatters and absorbs.
+
+It is in the scene only while radiance is rendered, so the truth, maps and meshes are those of the ground behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+from ...settings.topics.light import VeilSettings
+from ...support.blender import compat
+from ..datablocks.fingerprint import NAME, TAG
+from ..tree.builder import Tree
+from .scene_lights import ROLES
+
+#: Metres of the medium below the lowest mesh, whose vertices a material may lower.
+_BELOW_M = 1.0
+#: Corners of each side of a box, from outside, by the bits of a corner's number: east, north, up.
+_SIDES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
+
+
+def extinction_1_m(veil: VeilSettings) -> float:
+    """Share of the light that a metre takes from a beam, over short ways: the optical depth of a metre."""
+    return float(veil.optical_depth) / float(veil.top_m)
+
+
+@contextmanager
+def veil_in(scene: bpy.types.Scene, veil: VeilSettings, bounces: int) -> Iterator[None]:
+    """``scene`` has the veil, from below its ground on, and light scatters up to 1 + ``bounces`` times in it.
+
+    Nothing is added without an optical depth.
+    """
+    if veil.optical_depth <= 0.0:
+        yield
+        return
+    material = _build_medium(veil)
+    item = _build_box(float(veil.width_m) / 2, _lowest_m(scene) - _BELOW_M, float(veil.top_m))
+    item.data.materials.append(material)
+    scene.collection.objects.link(item)
+    cycles = scene.cycles
+    cycles.volume_bounces, cycles.max_bounces = bounces, max(cycles.max_bounces, bounces)
+    try:
+        yield
+    finally:
+        mesh = item.data
+        bpy.data.objects.remove(item)
+        bpy.data.meshes.remove(mesh)
+        bpy.data.materials.remove(material)
+
+
+def _lowest_m(scene: bpy.types.Scene) -> float:
+    """Height of the lowest corner of a box around a mesh of the site, at most 0."""
+    scene.view_layers[0].update()
+    lows = [0.0]
+    for item in scene.objects:
+        if item.type == "MESH" and item.get(TAG) not in ROLES:
+            matrix = np.array(item.matrix_world)
+            lows.append(float((np.array(item.bound_box) @ matrix[2, :3]).min() + matrix[2, 3]))
+    return min(lows)
+
+
+def _build_box(half_m: float, bottom_m: float, top_m: float) -> bpy.types.Object:
+    mesh = bpy.data.meshes.new(f"{NAME} Veil")
+    corners = [(half_m * (2 * (k & 1) - 1), half_m * ((k & 2) - 1), top_m if k & 4 else bottom_m) for k in range(8)]
+    mesh.from_pydata(np.array(corners).tolist(), [], _SIDES)
+    return bpy.data.objects.new(f"{NAME} Veil", mesh)
+
+
+def _build_medium(veil: VeilSettings) -> bpy.types.Material:
+    """A material without a surface. A share of the extinction is scattering, the rest absorption."""
+    material = bpy.data.materials.new(f"{NAME} Veil")
+    tree = Tree(compat.ensure_nodes(material))
+    density, share = extinction_1_m(veil), (*[float(veil.grain_albedo)] * 3, 1.0)
+    scattered = tree.node(
+        "ShaderNodeVolumeScatter",
+        "Scattering",
+        {"Color": share, "Density": density, "Anisotropy": float(veil.asymmetry)},
+        if_present={"Weight": 0.0, "IOR": 1.33, "Backscatter": 0.1, "Alpha": 0.5, "Diameter": 20.0},
+    )
+    absorbed = tree.node(
+        "ShaderNodeVolumeAbsorption", "Absorption", {"Color": share, "Density": density}, if_present={"Weight": 0.0}
+    )
+    both = {"Shader": scattered.outputs[0], "Shader_001": absorbed.outputs[0]}
+    medium = tree.node("ShaderNodeAddShader", "Medium", both)
+    tree.node(
+        "ShaderNodeOutputMaterial",
+        "Veil",
+        {"Surface": None, "Displacement": None, "Volume": medium.outputs[0], "Thickness": None},
+        target="ALL",
+    )
+    tree.arrange()
+    return material

@@ -1,0 +1,54 @@
+"""Reflectances of clean ice and of salts in the bands of ``bands``, from settings."""
+
+from __future__ import annotations
+
+from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
+from ..surfaces.albedos import albedos
+from .bands import bubbly_ice_bands, material_bands, snow_bands
+
+Bands = tuple[float, float, float]
+_WHITE = (1.0, 1.0, 1.0)
+
+
+def clean_albedo(surface: SurfaceSettings, hapke: HapkeSettings | None) -> float:
+    """The albedo of clean ice in even light, on which colours are factors; at least 0.001."""
+    found = albedos(surface, hapke) if surface.model == "HAPKE" and hapke is not None else None
+    return max(surface.albedo if found is None else found.bond, 1e-3)
+
+
+def ice_tint(surface: SurfaceSettings, albedo: float) -> Bands:
+    """The colour of clean ice: its mean is 1, so that ``albedo`` stays the mean of the bands, and no band reflects more
+    than all light."""
+    if surface.ice_colour == "GREY":
+        return _WHITE
+    bands = (
+        snow_bands(float(surface.snow_grain_m)) if surface.ice_colour == "SNOW" else material_bands(surface.ice_colour)
+    )
+    red, green, blue = (min(3 * band / sum(bands), max(1.0, 1 / albedo)) for band in bands)
+    return red, green, blue
+
+
+def salt_colour(surface: SurfaceSettings, albedo: float) -> Bands:
+    """The colour of ground that is covered by salt, a factor on the albedo of clean ice."""
+    if surface.salt == "OWN":
+        return _times(ice_tint(surface, albedo), _own_salt(surface))
+    return _times(material_bands(surface.salt), (1 / albedo,) * 3)
+
+
+def ice_and_salt_bands(surface: SurfaceSettings, hapke: HapkeSettings) -> tuple[Bands, Bands]:
+    """Reflectances of clean ice and of ground that is covered by salt. Of bubbly ice it is its mean."""
+    if surface.model == "PRINCIPLED" and surface.bubble_share > 0.0:
+        ice = bubbly_ice_bands(surface.bubble_radius_m, surface.bubble_share)
+        return ice, _times(ice, _own_salt(surface)) if surface.salt == "OWN" else material_bands(surface.salt)
+    albedo = clean_albedo(surface, hapke)
+    return _times(ice_tint(surface, albedo), (albedo,) * 3), _times(salt_colour(surface, albedo), (albedo,) * 3)
+
+
+def _own_salt(surface: SurfaceSettings) -> Bands:
+    """The user's own salt, relative to clean ice."""
+    return float(surface.salt_red), float(surface.salt_green), float(surface.salt_blue)
+
+
+def _times(one: Bands, other: Bands) -> Bands:
+    red, green, blue = (a * b for a, b in zip(one, other, strict=True))
+    return red, green, blue

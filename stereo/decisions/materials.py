@@ -1,0 +1,109 @@
+"""Albedo and share of salt of the cells of a workspace: from the truth, and as a lander finds them in its left image.
+
+A lander knows the light of the Sun, its camera's response and the slopes of its own elevation model. The albedo that it
+finds is that of Lambert ground: A = π L / (E cos i). Shares of salt come from colours: the light of a mixture by area
+is a sum of the light of its parts, so R, G and B give the amounts of ice and of salt by least squares. The colours of
+both are known.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...physics.camera.sensor import black_dn
+from ...physics.light.ground_colours import Bands, ice_and_salt_bands
+from ...physics.light.photons import pixel_pitch_m
+from ...physics.light.sunlight import sun_colour
+from ...settings.topics.scene import Settings
+from ...support.arrays import Array
+from ...support.labels import LIGHT_GROUPS
+from ..images.develop import Channels, Images
+from .dem import Grid, mean_by_cell
+from .footprints import Planes
+
+#: The least angle between the colours of ice and salt that tells them apart, radians: noise of 1 % turns a share of it
+#: by a half.
+_LEAST_ANGLE = 0.02
+#: Below this cosine of incidence the slope decides what the albedo is.
+_GRAZING = 0.1
+
+
+@dataclass(frozen=True)
+class Materials:
+    """``albedo``, the mean of the bands, and ``salt``, the share of the area, of cells (rows, columns); NaN where they
+    are not known."""
+
+    albedo: Array
+    salt: Array
+
+
+def from_truth(maps: Array) -> Materials:
+    """Of the file ``workspace_cells.MATERIALS_FILE``, (4, rows, columns)."""
+    return Materials(maps[:3].mean(axis=0), maps[3])
+
+
+def white_radiance(images: Images, settings: Settings) -> Array:
+    """W/(m² sr) of white ground that gives what the left image has, (H, W), or (H, W, 3) of a colour sensor; NaN at the
+    top of the image, where there may be more."""
+    seen = images.seen("left").astype(np.float64)
+    black = black_dn(settings.sensor) if len(images.frames) == 1 else 0.0
+    top = 2.0**images.bits - 1
+    return np.where(seen < top, (seen - black) / (top - black) * images.saturation_radiance, np.nan)
+
+
+def measure(
+    white: Array,
+    position_m: Array,
+    index: Array,
+    grid: Grid,
+    planes: Planes,
+    toward_sun: Array,
+    irradiance: float,
+    settings: Settings,
+) -> Materials:
+    """What a lander finds from ``white_radiance`` in sunlit pixels, NaN in the others.
+
+    ``index`` (n,) are the flat indices of the pixels whose points are ``position_m`` (n, 3). ``planes`` lie under each
+    cell, and ``irradiance`` is the Sun's on ground that faces it, W/m².
+    """
+    channels = [_mean(one.ravel()[index], position_m, grid) for one in np.atleast_3d(white).transpose(2, 0, 1)]
+    east, north, up = (float(each) for each in toward_sun)
+    facing = up - planes.east_slope * east - planes.north_slope * north
+    cosine = facing / np.hypot(1.0, np.hypot(planes.east_slope, planes.north_slope))
+    lit = np.where(cosine > _GRAZING, cosine, np.nan)
+    of_white = _seen((1.0, 1.0, 1.0), settings)[:, None, None]
+    albedo = math.pi * np.mean(channels / of_white, axis=0) / (irradiance * lit)
+    return Materials(albedo, _salt_share(np.array(channels), settings))
+
+
+def _mean(values: Array, position_m: Array, grid: Grid) -> Array:
+    known = np.isfinite(values)
+    return mean_by_cell(position_m[known], values[known], grid)
+
+
+def _salt_share(channels: Array, settings: Settings) -> Array:
+    """The share of salt (rows, columns) from the signals (channels, rows, columns); NaN where they do not tell it."""
+    ice, salt = (_seen(bands, settings) for bands in ice_and_salt_bands(settings.surface, settings.hapke))
+    angle = math.atan2(float(np.linalg.norm(np.cross(ice, salt))), float(ice @ salt)) if len(ice) == 3 else 0.0
+    if len(channels) != 3 or angle < _LEAST_ANGLE:
+        return np.full(channels.shape[1:], np.nan)
+    parts = np.tensordot(np.linalg.pinv(np.stack([ice, salt], axis=1)), channels, axes=1)
+    of_ice, of_salt = np.maximum(parts, 0.0)
+    total = of_ice + of_salt
+    return np.asarray(np.divide(of_salt, total, out=np.full(total.shape, np.nan), where=total > 0))
+
+
+def _seen(bands: Bands, settings: Settings) -> Array:
+    """What the channels of a camera show of sunlit ground of these reflectances, relative to white ground."""
+    channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
+    light: Any = np.array(bands) * sun_colour(settings.light.sun_temperature_k)
+    return np.array([plane[0, 0] for plane in channels.planes(light[None, None])]) * channels.gains
+
+
+def sun_irradiance(irradiance_wm2: float, settings: Settings) -> float:
+    """The Sun's irradiance on ground that faces it, scaled by ``light.sun_scale``, W/m²."""
+    return irradiance_wm2 * float(settings.light[LIGHT_GROUPS["Sun"]])
