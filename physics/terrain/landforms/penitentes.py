@@ -10,12 +10,11 @@ hypothesis. A height field cannot overhang: the lean is held to what leaves the 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from ....settings.topics.landforms import PenitentesSettings
-from ....support.arrays import Array
+from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Crests, Landform, draw_key, smooth_step, turn, wander
 
@@ -82,7 +81,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
             middle = np.clip(middle + leans, -_MOST_LEAN, _MOST_LEAN)
         return place - row - middle, middle, index, along
 
-    def of_group(x_m: Array, y_m: Array) -> Any:
+    def of_group(x_m: Array, y_m: Array) -> Numbers:
         """How tall the group of blades is, as a share of the tallest."""
         if not disorder:
             return 1.0
@@ -90,7 +89,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         field = wander(u, v, more[2]) + 0.5 * wander(2.7 * u, 2.7 * v, more[2] ^ 1)  # rarely beyond 0.6
         return 1.0 - disorder * _GROUPS * smooth_step(0.5 + 0.8 * field)
 
-    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
+    def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         beside, middle, index, along = offset(x_m, y_m)
         distance = np.where(beside > 0.0, beside / (0.5 - middle), -beside / (0.5 + middle))  # 0 crest, 1 trough
         # A mesh cannot carry an edge: it is as round as the mesh is coarse, or it would show as a saw.
@@ -100,7 +99,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         blade = rounded + sharpness * ((1.0 - distance) ** 2 - rounded)
         return height * of_group(x_m, y_m) * blade * crest(along, index)
 
-    def sharp_heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
+    def sharp_heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         """Rounded only where the mesh is too coarse for an edge along the crest."""
         return heights(x_m, y_m, np.clip(2.0 * (shortest_m - _SHARP * spacing), 0.0, shortest_m))
 
