@@ -60,7 +60,7 @@ def batch_changes() -> Iterator[None]:
 def make_update(effect: str) -> Callable[[Any, Any], None]:
     """An update function for a property of a scene, which announces its changes."""
 
-    def update(group: Any, context: Any) -> None:
+    def update(group: Any, context: object) -> None:
         announce(group.id_data, effect)
 
     return update
