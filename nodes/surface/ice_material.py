@@ -410,7 +410,7 @@ class _Material:
             label = "Surface in EEVEE" if target == "EEVEE" else "Surface"
             self.tree.surface(shader, label, target, Displacement=self._displacement, Volume=self._volume)
 
-    def _add_layers(self) -> Any:
+    def _add_layers(self) -> Socket:
         settings = self._settings
         # The colour of bubbly ice is its reflectance itself.
         plain = self._surface if self._bubbly is None else self._surface | {"albedo": 1.0}
