@@ -7,7 +7,7 @@ camera's optics (x right, y down, z forward), as stereo_image_proc expects.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,9 @@ from ..images.develop import to_8_bit
 from ..measure.prepare import Loaded
 from .cameras import pose_of, quaternion, rays_of
 from .losses import Each
+
+#: Makers of messages by their names.
+Kinds = Mapping[str, Callable[..., object]]
 
 FRAMES = {"left": "stereo_left_optical", "right": "stereo_right_optical"}
 WORLD = "map"
@@ -79,10 +82,10 @@ def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, An
     camera, depth = pair.pair.camera, pair.depth["left"]
     stamp = kinds["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
 
-    def header(frame: str) -> Any:
+    def header(frame: str) -> object:
         return kinds["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
-    def image(pixels: Array, encoding: str, frame: str) -> Any:
+    def image(pixels: Array, encoding: str, frame: str) -> object:
         rows, columns = pixels.shape[:2]
         data = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
         return kinds["sensor_msgs/msg/Image"](
@@ -160,7 +163,7 @@ def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, An
     yield "/tf", _transforms(pair, kinds, header)
 
 
-def _cloud(pair: Loaded, kinds: Any, header: Any) -> Any:
+def _cloud(pair: Loaded, kinds: Kinds, header: object) -> object:
     """The true points of the left pixels, in the left camera's axes, NaN for none, as an organised cloud."""
     camera, depth = pair.pair.camera, pair.depth["left"]
     points = (rays_of(camera) * depth[..., None]).astype("<f4")
@@ -181,7 +184,7 @@ def _cloud(pair: Loaded, kinds: Any, header: Any) -> Any:
     )
 
 
-def _transforms(pair: Loaded, kinds: Any, header: Callable[[str], Any]) -> Any:
+def _transforms(pair: Loaded, kinds: Kinds, header: Callable[[str], object]) -> object:
     """The poses of both cameras on the map: east, north, up, in metres."""
     found = []
     for eye in EYES:
