@@ -31,7 +31,7 @@ def count_changes() -> int:
     return _state.count
 
 
-def announce(scene: Any, effect: str) -> None:
+def announce(scene: object, effect: str) -> None:
     """Tell the listeners that a setting with this effect has changed."""
     _state.count += 1
     if _state.held is not None:
