@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 from ..render.cost.abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
@@ -129,7 +128,7 @@ def _open_output(as_json: bool) -> Iterator[Say]:
         yield lambda kind, **facts: show({"type": kind, **facts})
 
 
-def _stop(number: int, frame: Any) -> None:
+def _stop(number: int, frame: object) -> None:
     raise KeyboardInterrupt
 
 

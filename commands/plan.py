@@ -7,7 +7,6 @@ import importlib.util
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from ..physics.camera.depth_accuracy import centre_advice
 from ..physics.scene_requirements import bake_advice
@@ -61,7 +60,7 @@ def describe_pair(pair: PlannedPair, names: Sequence[tuple[str, str]]) -> str:
     return "  ".join((pair.id, *values))
 
 
-def _shorten_value(value: Any) -> str:
+def _shorten_value(value: object) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, list):

@@ -22,6 +22,8 @@ from ..support.terminal import as_path, check_least, show_progress
 from .batch import add_worker_options, parse_workers, render
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from ..stereo.matchers.methods import Method
     from ..stereo.paper.parts import Part
 
@@ -126,7 +128,7 @@ def _write(
     methods: list[Method],
     missing: dict[str, str],
     steps: _Steps,
-) -> Any:
+) -> Path:
     """Match the pairs, and write tables and figures; the path of the page."""
     from ..stereo.evaluate import evaluate
     from ..stereo.paper.page import write_paper

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..settings.topics.declaration import Parts
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.number_text import count_of
@@ -142,7 +143,7 @@ def _sort(
     return list(texts.values()), {}, functions
 
 
-def _predict(name: str, function: Matcher, folders: Sequence[Path], response: Any, scratch: Path) -> Path:
+def _predict(name: str, function: Matcher, folders: Sequence[Path], response: Parts, scratch: Path) -> Path:
     """Run a function on all pairs; the folder with a disparity map for each. Raises IcyMoonError."""
     from ..stereo.images.image_files import write_npy
     from ..stereo.matchers.search_range import MOST_PX, rig_range

@@ -202,7 +202,7 @@ def read_settings(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
     return description.merged(*parts, description.check(_plain(changes), "settings"))
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     """Numbers of numpy as Python's, within tables and lists."""
     if isinstance(value, dict):
         return {key: _plain(each) for key, each in value.items()}

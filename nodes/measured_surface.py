@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
@@ -107,7 +106,7 @@ def _counts(error_m: Array, missing: list[int | None]) -> dict[str, int]:
 def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     """The meaning of the colours of the shown surface and the share of points of each: (text, icon) of each line."""
     item = find_points(scene)
-    stored: Any = item.get(_COUNTS) if item else None
+    stored: object = item.get(_COUNTS) if item else None
     counts = (
         {key: number for key, number in stored.items() if isinstance(number, int)} if hasattr(stored, "items") else {}
     )

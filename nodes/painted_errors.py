@@ -12,6 +12,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..physics.camera.blur import blur_identity
 from ..physics.mesh.subdivide import halve_edges
@@ -171,7 +172,7 @@ def find(scene: bpy.types.Scene) -> bpy.types.Collection | None:
 def clear(scene: bpy.types.Scene) -> bool:
     """Remove everything that was painted in a scene, decisions too; whether there was anything."""
     collections = [c for c in scene.collection.children if c.get(TAG) == ROLE]
-    before: Any = collections[0].get(_BEFORE) if collections else None
+    before: Sequence[str] | None = collections[0].get(_BEFORE) if collections else None
     for mesh in _painted_meshes(scene):
         for name in (ERROR_M, KIND, COLOUR):
             if name in mesh.attributes:
@@ -219,7 +220,7 @@ def _edges(mesh: bpy.types.Mesh) -> Array:
     return read_property(mesh.edges, "vertices", np.int32, 2).reshape(-1, 2)
 
 
-def to_world(matrix: Any, position: Array) -> Array:
+def to_world(matrix: ArrayLike, position: Array) -> Array:
     whole = np.array(matrix, np.float64)
     return np.asarray(position @ whole[:3, :3].T + whole[:3, 3])
 

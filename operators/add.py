@@ -25,7 +25,7 @@ class _AddOperator(OperatorMixin):
 
     #: (topic, key) of each setting that the operator replaces, by the name of its property.
     own_settings: dict[str, tuple[str, str]]
-    seed: Any
+    seed: int
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -58,7 +58,7 @@ _LANDFORMS = tuple(key for key, topic in TOPICS.items() if topic.parent == LANDF
 _OPTIONS: dict[str, dict[str, Any]] = {"resolution": {"default": 257}}
 
 
-def _list_terrains(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
+def _list_terrains(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
     terrains = [item for item in preset_items() if item[0].startswith("terrains/")]
     return [_AS_IN_SIDEBAR, *terrains]
 

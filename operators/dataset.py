@@ -40,7 +40,7 @@ _plans: list[tuple[str, str, str]] = []
 readout: dict[str, Any] = {"plan": "", "lines": [], "set_aside": [], "last": None}
 
 
-def plan_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
+def plan_items(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
     """(name, title, description) of the shipped plans, read once. Blender requires that Python keeps the strings."""
     if not _plans:
         _plans.extend((name, *read_plan_header(find_plan(name))) for name in plan_names())

@@ -48,7 +48,7 @@ def follow(
 
 def _persistent(function: Function) -> Callable[..., None]:
     @bpy.app.handlers.persistent
-    def handle(*_: Any) -> None:
+    def handle(*_: object) -> None:
         function()
 
     return handle

@@ -32,7 +32,7 @@ class FirstPicture:
         self._scene = ""
         self._left: int | None = None  # how often it will be drawn; None until the ground is there
         self._texture: Any = None
-        self._handler: Any = None
+        self._handler: object = None
 
     def show(self, scene: bpy.types.Scene, path: Path) -> None:
         """Draw a picture over the view of a built scene, if there are a window and the file."""

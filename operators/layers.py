@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from ..nodes import scene as scenes
@@ -84,13 +82,13 @@ class ICYMOON_OT_show_roughness(bpy.types.Operator):
         return roughness_table(scenes.measured_patch(built), built.settings.terrain) if built else []
 
     def draw(self, context: bpy.types.Context) -> None:
-        grid: Any = self.layout.grid_flow(row_major=True, columns=5, even_columns=True, align=True)
+        grid: bpy.types.UILayout = self.layout.grid_flow(row_major=True, columns=5, even_columns=True, align=True)
         for row in self.table:
             for cell in row:
                 grid.label(text=cell)
 
 
-def layer_title(entry: Any) -> str:
+def layer_title(entry: bpy.types.PropertyGroup) -> str:
     """A line that describes a layer: basis, fractal and amplitude."""
     names = {s.key: {c[0]: c[1] for c in s.choices} for s in TOPICS["terrain"]["layers"].entries}
     return f"{names['basis'][entry.basis]}, {names['fractal'][entry.fractal]}, {entry.amplitude_m:.3g} m"

@@ -202,7 +202,7 @@ def own_matcher_arguments(methods: str) -> list[str]:
     return arguments
 
 
-def _matcher_texts(item: Any) -> list[str]:
+def _matcher_texts(item: bpy.types.PropertyGroup) -> list[str]:
     """``NAME:METHOD:KEY=VALUE`` for each option of one of the user's matchers."""
     options = [f"{dict(set_ups())[item.method][1]}={item.program}"] if item.program else []
     options += [option for option in item.options.split(":") if option.strip()]
@@ -327,7 +327,7 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         _draw_matchers(layout, self.matchers)
 
 
-def _draw_matchers(layout: bpy.types.UILayout, matchers: Any) -> None:
+def _draw_matchers(layout: bpy.types.UILayout, matchers: bpy.types.bpy_prop_collection) -> None:
     row = layout.row()
     row.label(text="Own Matchers")
     row.operator("icymoon.add_matcher", icon="ADD")
@@ -340,7 +340,7 @@ def _draw_matchers(layout: bpy.types.UILayout, matchers: Any) -> None:
             box.prop(item, key)
 
 
-def matchers() -> Any:
+def matchers() -> bpy.types.bpy_prop_collection:
     """The list of the user's own matchers. Raises IcyMoonError if the add-on has no preferences."""
     preferences = _preferences()
     if preferences is None:

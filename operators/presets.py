@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import bpy
 
@@ -94,7 +93,7 @@ def _save_picture(context: bpy.types.Context, settings: Settings, target: Path) 
     return True
 
 
-def preset_items(_self: Any = None, _context: Any = None) -> list[tuple[str, str, str]]:
+def preset_items(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
     """(name, title, description) of all presets. The shipped ones are read once."""
     if not _shipped:
         _shipped.extend((name, *preset_files.preset_header(name)) for name in preset_files.preset_names())

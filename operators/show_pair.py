@@ -149,8 +149,8 @@ class ShowsPair(WatchingOperator):
     """Mix-in: an operator that shows a pair in an Image Editor. It reads and develops it in a thread."""
 
     #: One of VIEWS, and whether it is shown without being asked for: then in the view that is shown already.
-    view: Any = VIEWS[0][0]
-    automatic: Any = False
+    view: str = VIEWS[0][0]
+    automatic: bool = False
     _found: ShownPair
 
     def find_folder(self, context: bpy.types.Context) -> Path:

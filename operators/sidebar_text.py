@@ -52,7 +52,7 @@ def remember(function: Callable[..., Found]) -> Callable[..., Found]:
     """A function of settings that keeps its last few answers, since the window asks at every redraw."""
     kept: list[tuple[tuple[Any, ...], Found]] = []
 
-    def answer(*asked: Any) -> Found:
+    def answer(*asked: object) -> Found:
         for known, found in kept:
             if known == asked:
                 return found

@@ -155,7 +155,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
                 setattr(self, name, each)
 
 
-def draw_values(layout: bpy.types.UILayout, fields: Any, name: str) -> None:
+def draw_values(layout: bpy.types.UILayout, fields: bpy.types.bpy_struct, name: str) -> None:
     """Draw the ends, the number and the spacing of a number that varies; a sentence for a tick."""
     setting, unit = _of_name(name), unit_of(name)
     if setting.kind == "bool":

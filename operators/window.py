@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Any
 
 import bpy
 import bpy.utils.previews
@@ -23,7 +22,7 @@ def areas(kind: str) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
                 yield window, area
 
 
-def inside(window: bpy.types.Window, area: bpy.types.Area) -> Any:
+def inside(window: bpy.types.Window, area: bpy.types.Area) -> bpy.types.ContextTempOverride:
     """A context in which operators run in an area."""
     region = next(region for region in area.regions if region.type == "WINDOW")
     return bpy.context.temp_override(window=window, area=area, region=region)
@@ -62,7 +61,7 @@ class ButtonPictures:
     """Pictures for buttons: a collection of Blender's, made at its first use."""
 
     @cached_property
-    def collection(self) -> Any:
+    def collection(self) -> bpy.utils.previews.ImagePreviewCollection:
         """The collection, by the names of its pictures."""
         return bpy.utils.previews.new()
 

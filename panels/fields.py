@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import bpy
 
@@ -73,7 +73,7 @@ def draw_settings(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, top
             draw_sentence(layout, meaning)
 
 
-def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str = "NONE", **properties: Any) -> None:
+def draw_start(layout: bpy.types.UILayout, operator: str, text: str, icon: str = "NONE", **properties: object) -> None:
     """Draw the button of an operator that starts a job, with its properties; while a job runs, a grey button.
 
     Blender keeps the button under the mouse as it was when the mouse came to it, so the same button would stay grey

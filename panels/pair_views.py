@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 import bpy
 
@@ -28,7 +28,9 @@ def draw_pair(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     draw_lines(layout, show_pair.lines(scene), "IMAGE_DATA")
 
 
-def _draw_views(row: bpy.types.UILayout, views: Any, now: ShownPair | None, number: int) -> None:
+def _draw_views(
+    row: bpy.types.UILayout, views: Sequence[tuple[str, str, str]], now: ShownPair | None, number: int
+) -> None:
     for name, label, _ in views:
         button = row.operator("icymoon.show_pair", text=label, depress=now is not None and now.view == name)
         button.view, button.number = name, number
@@ -43,7 +45,7 @@ def _draw_choice(row: bpy.types.UILayout, view: str, number: int, count: int) ->
     after.view, after.number = view, number % count + 1
 
 
-def _draw_header(self: Any, context: bpy.types.Context) -> None:
+def _draw_header(self: bpy.types.Header, context: bpy.types.Context) -> None:
     now = show_pair.current(context.scene)
     if now is None or context.space_data.image is None or context.space_data.image != show_pair.find_image():
         return

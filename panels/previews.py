@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import bpy
 
@@ -21,7 +20,7 @@ _pictures = ButtonPictures()
 _items: dict[tuple[tuple[str, int], ...], list[Item]] = {}  # by picture and time; Blender needs the texts kept alive
 
 
-def load_choices(_self: Any = None, _context: Any = None) -> list[Item]:
+def load_choices(_self: object = None, _context: object = None) -> list[Item]:
     """Choices of scenes that have a picture, each picture read once in each state."""
     whole = [(item, picture_of(item[0])) for item in preset_items() if is_whole(item[0])]
     shown = sorted(
@@ -51,12 +50,12 @@ def _is_shipped(picture: Path) -> bool:
     return picture.is_file()
 
 
-def _get(_self: Any) -> int:
+def _get(_self: object) -> int:
     loaded = bpy.context.scene.icymoon.preset
     return next((number for name, *_, number in load_choices() if name == loaded), 0)
 
 
-def _set(_self: Any, number: int) -> None:
+def _set(_self: object, number: int) -> None:
     name = load_choices()[number][0]
     scene = bpy.context.scene
     if number and (name != scene.icymoon.preset or is_changed(scene)):

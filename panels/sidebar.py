@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from ..nodes import measured_surface, painted_errors
@@ -249,10 +247,10 @@ class ICYMOON_UL_layers(bpy.types.UIList):
         self,
         context: bpy.types.Context,
         layout: bpy.types.UILayout,
-        data: Any,
-        item: Any,
+        data: bpy.types.bpy_struct,
+        item: bpy.types.PropertyGroup,
         icon: int,
-        active_data: Any,
+        active_data: bpy.types.bpy_struct,
         active_property: str,
     ) -> None:
         layout.label(text=layers.layer_title(item), icon="RNDCURVE")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from ..operators import (
@@ -35,10 +33,10 @@ class ICYMOON_UL_variations(bpy.types.UIList):
         self,
         context: bpy.types.Context,
         layout: bpy.types.UILayout,
-        data: Any,
-        item: Any,
+        data: bpy.types.bpy_struct,
+        item: bpy.types.PropertyGroup,
         icon: int,
-        active_data: Any,
+        active_data: bpy.types.bpy_struct,
         active_property: str,
     ) -> None:
         layout.label(text=vary.title_of_varied(scene_properties.read_item(item)), icon="DRIVER_DISTANCE")
@@ -107,7 +105,7 @@ def _draw_pictures(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
             row.operator("icymoon.show_pair", text=text, icon="IMAGE_DATA").number = number
 
 
-def _draw_varied(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, item: Any) -> None:
+def _draw_varied(layout: bpy.types.UILayout, root: bpy.types.PropertyGroup, item: bpy.types.PropertyGroup) -> None:
     """Draw the values of the selected setting, and a warning if it has no effect."""
     if item.setting not in _VARY:
         draw_sentence(layout, "This setting cannot vary; remove it.", "ERROR")
@@ -136,7 +134,7 @@ def _draw_curves(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     column.operator("icymoon.open_report", icon="URL")
 
 
-def _draw_context_menu(self: Any, context: bpy.types.Context) -> None:
+def _draw_context_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     """Vary… in the context menu of a setting."""
     name = vary.setting_of_button(context)
     if not name:

@@ -30,7 +30,7 @@ def check_making(what: str, make: Callable[[], Made]) -> tuple[Check, Made | Non
         return Check(what, str(error)), None
 
 
-def check_call(what: str, act: Callable[..., Any], /, *arguments: Any, **changes: Any) -> Check:
+def check_call(what: str, act: Callable[..., Any], /, *arguments: object, **changes: object) -> Check:
     """A check that a call succeeds, whatever it returns."""
     return check_making(what, partial(act, *arguments, **changes))[0]
 

@@ -170,7 +170,7 @@ def load(plugin: Plugin) -> Any:
     return loaded
 
 
-def function_of(plugin: Plugin, loaded: Any, name: str, arguments: str) -> Callable[..., Any]:
+def function_of(plugin: Plugin, loaded: object, name: str, arguments: str) -> Callable[..., Any]:
     """A function that a plug-in must have. Raises IcyMoonError if it has none."""
     found = getattr(loaded, name, None)
     if not callable(found):
@@ -187,7 +187,7 @@ def fact_of(plugin: Plugin, name: str) -> Any:
 
 
 @lru_cache(maxsize=256)
-def _literal(source: Path, name: str) -> Any:
+def _literal(source: Path, name: str) -> object:
     """The last literal that a file assigns to ``name`` at its top; None if there is none."""
     text, found = source.read_text(encoding="utf-8"), None
     if f"\n{name} = " in text:  # as parsing takes a hundred times as long
@@ -210,7 +210,7 @@ def _source_of(plugin: Plugin) -> Path:
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
-def summary_of(loaded: Any) -> str:
+def summary_of(loaded: object) -> str:
     """The first line of what a plug-in states about itself."""
     stated = getattr(loaded, "__doc__", "")
     return show_controls(next(iter(stated.strip().splitlines()), "")) if isinstance(stated, str) else ""
@@ -264,7 +264,7 @@ def _without_current_folder() -> Iterator[None]:
             sys.path.insert(0, first)
 
 
-def source_files(loaded: Any) -> list[str]:
+def source_files(loaded: object) -> list[str]:
     """The Python files of a plug-in: results depend on them, also where its version stays the same."""
     module = sys.modules.get(getattr(loaded, "__name__", ""), None) or sys.modules.get(
         getattr(loaded, "__module__", ""), None

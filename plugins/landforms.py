@@ -150,7 +150,7 @@ def read_landform(plugin: Plugin) -> PluginLandform:
     )
 
 
-def _read_number(plugin: Plugin, key: Any, facts: Any) -> Number:
+def _read_number(plugin: Plugin, key: object, facts: object) -> Number:
     where = f"{plugin.title}: SETTINGS[{key!r}]"
     if not (isinstance(key, str) and key.isidentifier() and key.islower()) or key in (RELEASE, "seed"):
         raise IcyMoonError(f"{where} has a name that cannot be used; choose small letters, digits and _.")

@@ -43,7 +43,7 @@ def list_selected_cards() -> list[str]:
     return [device.name for device in cycles.devices if device.use and device.type == cycles.compute_device_type]
 
 
-def _list_cards(cycles: Any, backend: str) -> list[Any]:
+def _list_cards(cycles: bpy.types.AddonPreferences, backend: str) -> list[Any]:
     """The cards of a backend, which becomes the selected one; none if this build does not know it."""
     try:
         cycles.compute_device_type = backend

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from typing import Any
 
 import bpy
 
@@ -70,7 +69,7 @@ def lend_labels(scene: bpy.types.Scene) -> Iterator[None]:
         grey = _make_grey_material()
         undo.callback(bpy.data.materials.remove, grey)
 
-        def lend(datablock: Any, name: str, value: Any) -> None:
+        def lend(datablock: bpy.types.bpy_struct, name: str, value: object) -> None:
             undo.callback(setattr, datablock, name, getattr(datablock, name))
             setattr(datablock, name, value)
 

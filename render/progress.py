@@ -6,7 +6,6 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import bpy
 
@@ -51,7 +50,7 @@ def watch_samples(samples: int, truths: int, report: Callable[[float], None]) ->
     """Call ``report`` with the fraction done whenever Cycles has finished samples; see SampleCounter."""
     counter = SampleCounter(samples, truths)
 
-    def listen(*arguments: Any) -> None:
+    def listen(*arguments: object) -> None:
         status = str(arguments[0]) if arguments else ""
         counter.add_time(status, time.perf_counter())
         fraction = counter.read(status)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import bpy
 import numpy as np
@@ -81,7 +80,7 @@ def set_up_camera(
         bpy.data.actions.remove(action)
 
 
-def _copy_lens(source: Any, target: Any) -> None:
+def _copy_lens(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct) -> None:
     """Copy the properties of a lens, or of a part of it, to another."""
     for prop in source.bl_rna.properties:
         name = prop.identifier

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
 
 import bpy
 
@@ -63,7 +62,7 @@ def use_light(built: Built, light: LightPass) -> Iterator[None]:
     sun = sun_inputs.Sun.from_lamp(built.sun, built.sun.matrix_world)
     with ExitStack() as undo:
 
-        def lend(datablock: Any, name: str, value: Any) -> None:
+        def lend(datablock: bpy.types.bpy_struct, name: str, value: object) -> None:
             undo.callback(setattr, datablock, name, getattr(datablock, name))
             setattr(datablock, name, value)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from typing import Any
 
 import bpy
 import numpy as np
@@ -63,7 +62,7 @@ def read_texels(image: bpy.types.Image) -> Array:
     return texels.reshape(-1, 4)
 
 
-def run(scene: bpy.types.Scene, item: bpy.types.Object, **what: Any) -> str:
+def run(scene: bpy.types.Scene, item: bpy.types.Object, **what: object) -> str:
     """Bake ``what`` of an object to its target. Returns why Cycles did not, to begin a sentence; empty if it did."""
     layer = scene.view_layers[0]
     layer.objects.active = item

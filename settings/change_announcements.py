@@ -31,7 +31,7 @@ def count_changes() -> int:
     return _state.count
 
 
-def announce(scene: Any, effect: str) -> None:
+def announce(scene: object, effect: str) -> None:
     """Tell the listeners that a setting with this effect has changed."""
     _state.count += 1
     if _state.held is not None:
@@ -60,7 +60,7 @@ def batch_changes() -> Iterator[None]:
 def make_update(effect: str) -> Callable[[Any, Any], None]:
     """An update function for a property of a scene, which announces its changes."""
 
-    def update(group: Any, context: Any) -> None:
+    def update(group: Any, context: object) -> None:
         announce(group.id_data, effect)
 
     return update

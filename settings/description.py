@@ -40,6 +40,14 @@ _MOST_KNOWN = 2000
 #: Tables by topic, in which the settings of a description are collected.
 Tables = dict[str, dict[str, Any]]
 Made = TypeVar("Made")
+#: How an error names the values of a kind of setting, and their types. Python's bool is also an int.
+_TYPES: dict[str, tuple[str, tuple[type, ...]]] = {
+    "float": ("a number", (int, float)),
+    "int": ("a whole number", (int,)),
+    "bool": ("true or false", (bool,)),
+    "text": ("a text in quotes", (str,)),
+    "choice": ("a text in quotes", (str,)),
+}
 
 
 def defaults() -> Settings:
@@ -55,7 +63,7 @@ def _number(value: float) -> float:
         return math.inf if value > 0 else -math.inf
 
 
-def _single(value: Any) -> float:
+def _single(value: float | str) -> float:
     """A number rounded to single precision and its shortest spelling; infinite if it is too large."""
     number = float(value)
     # A cache would confuse 0 and -0.
@@ -69,15 +77,13 @@ def _rounded(number: float) -> float:
     return math.copysign(math.inf, number) if abs(number) >= _INFINITE else float(str(np.float32(number)))
 
 
-def canonical(setting: Setting, value: Any) -> Value:
-    if setting.kind == "float":
-        return _single(value)
-    if setting.kind == "list":
+def canonical(setting: Setting, value: Value) -> Value:
+    if isinstance(value, list):
         return [{s.key: canonical(s, entry[s.key]) for s in setting.entries} for entry in value]
-    return value
+    return _single(value) if setting.kind == "float" else value
 
 
-def _checked_list(setting: Setting, value: Any, name: str, where: str, stored: bool) -> Value:
+def _checked_list(setting: Setting, value: object, name: str, where: str, stored: bool) -> Value:
     """A checked list of tables, each completed with defaults, or with ``Setting.old_value`` if it was ``stored``."""
     if not isinstance(value, (list, tuple)) or not all(isinstance(entry, Mapping) for entry in value):
         raise IcyMoonError(f"{where}: {name} must be a list of tables, not {quote(value)}.")
@@ -104,20 +110,8 @@ def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) 
         return _checked_list(setting, value, name, where, stored)
     if setting.trust == "mark" and isinstance(value, (int, float)) and not isinstance(value, bool):
         value = repr(value)
-    expected = {
-        "float": "a number",
-        "int": "a whole number",
-        "bool": "true or false",
-        "text": "a text in quotes",
-        "choice": "a text in quotes",
-    }[setting.kind]
-    right_type = {
-        "float": isinstance(value, (int, float)) and not isinstance(value, bool),
-        "int": isinstance(value, int) and not isinstance(value, bool),
-        "bool": isinstance(value, bool),
-        "text": isinstance(value, str),
-        "choice": isinstance(value, str),
-    }[setting.kind]
+    expected, types = _TYPES[setting.kind]
+    right_type = isinstance(value, types) and isinstance(value, bool) == (bool in types)
     if not right_type:
         raise IcyMoonError(f"{where}: {name} must be {expected}, not {quote(value)}.")
     if setting.kind == "choice":
@@ -162,7 +156,7 @@ def _joined(parts: Iterable[Tables]) -> Tables:
     return tables
 
 
-def _check_table(topic: str, values: Any, where: str, stored: bool) -> Tables:
+def _check_table(topic: str, values: object, where: str, stored: bool) -> Tables:
     """The settings of one table of a description, by their present topics, see ``check``."""
     if topic.startswith(PREFIX) and topic not in TOPICS:
         if not isinstance(values, Mapping) or not stored:
@@ -238,7 +232,7 @@ class Restorer:
             whole |= self._complete_once(topic, values)
         return whole
 
-    def _check_once(self, topic: str, values: Any, where: str) -> Tables:
+    def _check_once(self, topic: str, values: object, where: str) -> Tables:
         return _made_once(self._checked, topic, values, lambda: _check_table(topic, values, where, stored=True))
 
     def _complete_once(self, topic: str, values: Mapping[str, Any]) -> Settings:
@@ -248,7 +242,7 @@ class Restorer:
         )
 
 
-def _made_once(known: dict[tuple[str, str], Made], topic: str, values: Any, make: Callable[[], Made]) -> Made:
+def _made_once(known: dict[tuple[str, str], Made], topic: str, values: object, make: Callable[[], Made]) -> Made:
     """What ``make`` makes of a table, or has made of another of the same content."""
     content = repr(values)  # tells 1 from 1.0 and from true, and 0.0 from -0.0
     if (topic, content) not in known:
@@ -312,7 +306,7 @@ def override(text: str) -> Settings:
         raise IcyMoonError(f"--set {shorten(text)}: write it as topic.key=value, as in terrain.size_m=20.")
     topic = TOPICS.get(topic_key)
     known = {s.key: s for s in topic.settings} if topic else {}
-    parsed: Any
+    parsed: object
     if key in known and known[key].kind in ("text", "choice"):
         parsed = value.strip("\"'")
     else:

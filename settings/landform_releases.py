@@ -12,7 +12,7 @@ from typing import Any
 
 from ..plugins.landforms import PREFIX, RELEASE, missing_landform
 from ..support.errors import IcyMoonError
-from ..support.file_shapes import NUMBER
+from ..support.file_shapes import is_number
 from .table import TOPICS
 from .topics.declaration import Table
 from .topics.scene import Settings
@@ -57,7 +57,7 @@ def kept_of_missing(topic: str, values: Mapping[str, Any], where: str) -> dict[s
         not isinstance(release, str)
         or len(release) > _LONGEST
         or not all(
-            isinstance(key, str) and (isinstance(value, bool) or NUMBER.fits(value))
+            isinstance(key, str) and (isinstance(value, bool) or is_number(value))
             for key, value in values.items()
             if key != RELEASE
         )

@@ -12,10 +12,10 @@ from typing import Any
 def make_mirror(name: str) -> dict[str, Callable[..., Any]]:
     """The functions ``get`` and ``set`` of a property that shows the property of this name."""
 
-    def read(group: Any) -> Any:
+    def read(group: object) -> object:
         return getattr(group, name)
 
-    def write(group: Any, value: Any) -> None:
+    def write(group: object, value: object) -> None:
         setattr(group, name, value)
 
     return {"get": read, "set": write}

@@ -17,7 +17,7 @@ from .changes import relief_in_mesh
 from .landform_releases import counted_landforms
 from .table import TOPICS, all_settings
 from .table_texts import MadeOnce
-from .topics.declaration import Setting
+from .topics.declaration import Setting, Value
 from .topics.scene import Settings, typed
 
 #: Present names of settings that were renamed, by their old names (``topic.key``), as ids contain the old ones.
@@ -130,7 +130,7 @@ def _find_newer(
     ]
 
 
-def value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Any:
+def value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Value:
     """The value of a setting (``topic.key``) from which a pair's id is made."""
     topic, _, key = present_name(name).partition(".")
     value = settings[topic][key]
@@ -143,8 +143,8 @@ def _as_typed(settings: Mapping[str, Mapping[str, Any]]) -> Settings:
     return settings if isinstance(settings, Settings) else typed(settings)
 
 
-def _plain(name: str, value: Any) -> Any:
+def _plain(name: str, value: Value) -> Value:
     """A value without newer settings in the tables of a list."""
     topic, _, key = present_name(name).partition(".")
     keys = [setting.key for setting in TOPICS[topic][key].entries if not setting.since]
-    return [{key: table[key] for key in keys} for table in value] if keys else value
+    return [{key: table[key] for key in keys} for table in value] if keys and isinstance(value, list) else value

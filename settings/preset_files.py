@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from ..support.errors import IcyMoonError
 from ..support.files import is_file, quote, shorten
@@ -80,7 +79,7 @@ def _load_included(name: str, path: Path) -> Settings:
         raise IcyMoonError(f"{path}: preset.include: {error}") from None
 
 
-def _checked_header(header: Any, path: Path) -> list[str]:
+def _checked_header(header: object, path: Path) -> list[str]:
     """The names of the presets that the ``[preset]`` table of a file includes."""
     if not isinstance(header, Mapping):
         raise IcyMoonError(f"{path}: [preset] must be a table, not {quote(header)}.")

@@ -25,7 +25,7 @@ def find_shared(descriptions: Iterable[Parts]) -> Tables:
     return {topic: table for topic, table in shared.items() if table}
 
 
-def _is_same(table: Mapping[str, Any], key: str, value: Any) -> bool:
+def _is_same(table: Mapping[str, Any], key: str, value: object) -> bool:
     # 0.0 and -0.0 are equal, and give other ids.
     return key in table and repr(table[key]) == repr(value)
 

@@ -51,6 +51,6 @@ def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
     return "\n".join(lines)
 
 
-def toml_value(value: Any) -> str:
+def toml_value(value: object) -> str:
     # JSON writes numbers, booleans and texts as TOML does, except for one control character.
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

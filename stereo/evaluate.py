@@ -280,7 +280,7 @@ def method_inputs(method: Method) -> list[Any]:
     ]
 
 
-def digest_of(data: Any) -> str:
+def digest_of(data: object) -> str:
     """Sixteen digits that stand for JSON values."""
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 

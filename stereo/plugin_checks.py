@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -57,7 +56,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
     defaults = {option.key: option.default for option in matcher.OPTIONS}
     left, right, truth = textured_pair(colour=matcher.COLOUR)
 
-    def run(left: Array = left, right: Array = right, count: int = _COUNT, **options: Any) -> Array:
+    def run(left: Array = left, right: Array = right, count: int = _COUNT, **options: object) -> Array:
         given = defaults | {"min_disparity": _LEAST_PX, "disparities": count} | options
         return matcher.compute(left, right, given, None).disparity
 

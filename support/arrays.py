@@ -8,3 +8,5 @@ import numpy.typing as npt
 
 #: An array of any shape and any kind of number.
 Array = npt.NDArray[Any]
+#: A number, or an array that broadcasts.
+Numbers = Array | float

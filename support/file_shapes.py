@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from .errors import IcyMoonError
 from .files import quote, read_text
@@ -53,28 +53,29 @@ class Maybe:
 Shape = Kind | Mapping[str, Any] | Each | Maybe
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether a value is a finite number, see ``NUMBER``."""
     return _is_whole(value) or (isinstance(value, float) and math.isfinite(value))
 
 
-def _is_whole(value: Any) -> bool:
+def _is_whole(value: object) -> TypeGuard[int]:
     return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63
 
 
-def _is_matrix(value: Any) -> bool:
+def _is_matrix(value: object) -> bool:
     return (
         isinstance(value, list)
         and len(value) == 4
-        and all(isinstance(row, list) and len(row) == 4 and all(map(_is_number, row)) for row in value)
+        and all(isinstance(row, list) and len(row) == 4 and all(map(is_number, row)) for row in value)
     )
 
 
-def _is_text(value: Any) -> bool:
+def _is_text(value: object) -> TypeGuard[str]:
     """Whether a value is a text that can be written to a file and a terminal: JSON may hold halves of characters."""
     return isinstance(value, str) and value == value.encode("utf-8", "replace").decode("utf-8")
 
 
-def _is_file_name(value: Any) -> bool:
+def _is_file_name(value: object) -> bool:
     """Whether a text names a file in a folder, on every system, and nothing outside of it."""
     return _is_text(value) and value.strip(" .") == value != "" and not name_fault(value)
 
@@ -83,8 +84,8 @@ ANYTHING = Kind("anything", lambda value: True)
 TEXT = Kind("a text", _is_text)
 PATH = Kind("a path", lambda value: _is_text(value) and value.strip() != "" and "\0" not in value)
 FLAG = Kind("true or false", lambda value: isinstance(value, bool))
-NUMBER = Kind("a finite number", _is_number)
-POSITIVE = Kind("a number above 0", lambda value: _is_number(value) and value > 0)
+NUMBER = Kind("a finite number", is_number)
+POSITIVE = Kind("a number above 0", lambda value: is_number(value) and value > 0)
 WHOLE = Kind("a whole number", _is_whole)
 COUNT = Kind("a whole number of 0 or more", lambda value: _is_whole(value) and value >= 0)
 PIXELS = Kind("a whole number from 1 to 100000", lambda value: _is_whole(value) and 1 <= value <= 100_000)
@@ -97,7 +98,7 @@ SHA256 = Kind(
 )
 
 
-def find_fault(data: Any, shape: Shape, name: str = "it") -> str:
+def find_fault(data: object, shape: Shape, name: str = "it") -> str:
     """The first thing that is wrong with ``data``, which is called ``name``; empty if nothing is."""
     if isinstance(shape, Maybe):
         return "" if data is None and shape.null else find_fault(data, shape.shape, name)
@@ -130,7 +131,7 @@ def _key_path(name: str, key: str) -> str:
     return key if name == "it" else f"{name}.{key}"
 
 
-def _mismatch(value: Any, name: str, wanted: str) -> str:
+def _mismatch(value: object, name: str, wanted: str) -> str:
     return f"{name} is {quote(value)}, not {wanted}"
 
 
@@ -138,7 +139,7 @@ def _first_fault(faults: Iterable[str]) -> str:
     return next(filter(None, faults), "")
 
 
-def check_record(data: Any, shape: Shape, where: object, fix: str) -> Any:
+def check_record(data: object, shape: Shape, where: object, fix: str) -> Any:
     """``data`` if it has this shape. Otherwise raises IcyMoonError with the place, the fault and the fix."""
     wrong = find_fault(data, shape)
     if wrong:

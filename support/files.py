@@ -14,7 +14,6 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 from . import system
 from .errors import DiskError, IcyMoonError
@@ -131,7 +130,7 @@ def _write_text(part: Path, text: str) -> None:
     part.write_text(text, encoding="utf-8", newline="\n")
 
 
-def json_text(data: Any) -> str:
+def json_text(data: object) -> str:
     """The content of a JSON file; NaN is refused, since JSON has none."""
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
@@ -142,7 +141,7 @@ def escape_cell(text: str) -> str:
     return show_controls(f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text)
 
 
-def write_json(path: Path, data: Any) -> None:
+def write_json(path: Path, data: object) -> None:
     """Write a JSON file atomically; NaN is refused."""
     write_text(path, json_text(data))
 

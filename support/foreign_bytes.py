@@ -31,6 +31,8 @@ from . import system
 from .errors import IcyMoonError
 
 if TYPE_CHECKING:
+    from numpy.typing import DTypeLike
+
     from .arrays import Array
 
 Parsed = TypeVar("Parsed")
@@ -153,7 +155,7 @@ class Cursor:
         self._at += end - at + len(mark)
         return data[at:end]
 
-    def numbers(self, kind: Any, count: int, what: str = "numbers") -> Array:
+    def numbers(self, kind: DTypeLike, count: int, what: str = "numbers") -> Array:
         """The next ``count`` values of a numpy type, as a read-only array without a copy of the bytes."""
         import numpy as np  # here only: what a bare Python lacks is reported by modules that import this one
 

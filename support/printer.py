@@ -15,7 +15,7 @@ import re
 import sys
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
-from typing import IO, TYPE_CHECKING, Any, cast
+from typing import IO, TYPE_CHECKING, cast
 
 from . import system
 
@@ -93,12 +93,12 @@ def print_usage(text: str, to_error: bool) -> None:
         _write(sys.stderr if to_error else sys.stdout, text)
 
 
-def emit(kind: str, /, **facts: Any) -> None:
+def emit(kind: str, /, **facts: object) -> None:
     """Print one message to whoever started this process: a JSON line with its ``type``. Raises as ``say`` does."""
     emit_json({"type": kind, **facts})
 
 
-def emit_json(data: Any) -> None:
+def emit_json(data: object) -> None:
     """Print data as a line of JSON; a number that is not finite is null. Raises as ``say`` does."""
     try:
         text = json.dumps(data, allow_nan=False)
@@ -107,7 +107,7 @@ def emit_json(data: Any) -> None:
     _write(sys.stdout, text.replace("\x7f", "\\u007f") + "\n")
 
 
-def _without_nan(data: Any) -> Any:
+def _without_nan(data: object) -> object:
     if isinstance(data, dict):
         return {key: _without_nan(value) for key, value in data.items()}
     if isinstance(data, list | tuple):
@@ -175,7 +175,7 @@ def make_console(to_error: bool = False) -> Console:
     return Console(file=stream, markup=False, highlight=False, emoji=False)
 
 
-def _write(stream: Any, text: str, at_once: bool = True) -> None:
+def _write(stream: IO[str] | None, text: str, at_once: bool = True) -> None:
     """Write to a stream, if it is there."""
     if stream is None:
         return
@@ -201,7 +201,7 @@ class _Stream:
         self._name = name
 
     @property
-    def _stream(self) -> Any:
+    def _stream(self) -> IO[str]:
         stream = getattr(sys, self._name)
         return getattr(stream, "rich_proxied_file", stream)  # while a bar is shown, this stream prints by rich
 

@@ -33,7 +33,7 @@ class Parser(argparse.ArgumentParser):
         """Print the usage and the error, and exit with status 2."""
         super().error(printer.show_controls(message))
 
-    def _print_message(self, message: str, file: Any = None) -> None:
+    def _print_message(self, message: str, file: object = None) -> None:
         printer.print_usage(message, file is not sys.stdout)
 
 

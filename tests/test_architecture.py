@@ -495,13 +495,15 @@ LONGER = {
 }
 
 
+DEFINITIONS = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
+
+
 def lengths_of(tree, within=""):
     """Lines of code of each function by its name in its file; the functions in a function count for both."""
     found = {}
     for node in ast.iter_child_nodes(tree):
-        is_function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-        name = f"{within}{node.name}" if is_function or isinstance(node, ast.ClassDef) else ""
-        if is_function:
+        name = f"{within}{node.name}" if isinstance(node, DEFINITIONS) else ""
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             code = node.body[ast.get_docstring(node) is not None :]
             found[name] = code[-1].end_lineno - code[0].lineno + 1 if code else 0
         found |= lengths_of(node, f"{name}." if name else within)

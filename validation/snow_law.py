@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -56,7 +55,7 @@ def _rows(name: str, error: Array, middles: Array, allowed: float, unjudged: str
     ]
 
 
-def _surface(model: str, albedo: float, **changes: Any) -> Settings:
+def _surface(model: str, albedo: float, **changes: object) -> Settings:
     return merged(
         defaults(),
         check(

@@ -18,6 +18,7 @@ from icymoon.settings.topics.scene import Settings, typed
 from icymoon.support.arrays import Array
 
 if TYPE_CHECKING:  # a process that renders pays for no evaluator
+    import bpy
     from icymoon.stereo.matchers.methods import Method
 
 # In a process of its own, with Blender.
@@ -33,7 +34,9 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
     rung = Rung(**job["rung"])
     apply = cycles_settings.apply
 
-    def applied(scene: Any, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False) -> None:
+    def applied(
+        scene: bpy.types.Scene, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False
+    ) -> None:
         apply(scene, quality, seed, blurred, through)
         for name, value in rung.cycles.items():
             setattr(scene.cycles, name, value)
@@ -72,7 +75,9 @@ class _Apart:
     def __init__(self) -> None:
         self.costs: list[float] = []  # processor seconds of each pair
 
-    def radiance(self, scene: Any, built: Any, lights: Any, stem: Path, planned: Any) -> dict[str, Path]:
+    def radiance(
+        self, scene: bpy.types.Scene, built: object, lights: object, stem: Path, planned: object
+    ) -> dict[str, Path]:
         """Stands in for what Icy Moon renders radiance with."""
         import bpy
         from icymoon.render import passes

@@ -21,7 +21,7 @@ from icymoon.benchmarks.common.processor import seconds_of_all
 CALL = "--call"
 
 
-def command(function: Callable[..., Any], result: Path, *arguments: Any) -> list[str]:
+def command(function: Callable[..., Any], result: Path, *arguments: object) -> list[str]:
     """The words of a process that calls a module's function and writes its value to ``result`` as JSON.
 
     The arguments must be JSON.
@@ -30,7 +30,7 @@ def command(function: Callable[..., Any], result: Path, *arguments: Any) -> list
     return [sys.executable, str(FOLDER), CALL, name, json.dumps(arguments), str(result)]
 
 
-def call(function: Callable[..., Any], *arguments: Any) -> Any:
+def call(function: Callable[..., Any], *arguments: object) -> Any:
     """The value of a function, called in a new Python whose standard output is not shown.
 
     RuntimeError if the process failed; its standard error has told why.

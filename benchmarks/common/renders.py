@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import bpy
 import icymoon
@@ -56,7 +55,10 @@ def seconds_of_render(settings: Settings) -> float:
 
 
 def render_planned(
-    pairs: list[PlannedPair], folder: Path, hear: Callable[..., None] | None = None, warn: Any = None
+    pairs: list[PlannedPair],
+    folder: Path,
+    hear: Callable[..., None] | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> None:
     """Build and render planned pairs into a data set's folder, as a worker does.
 
@@ -66,7 +68,7 @@ def render_planned(
         render_from(stage, pairs, folder, hear or _unheard)
 
 
-def _unheard(*arguments: Any, **facts: Any) -> None:
+def _unheard(*arguments: object, **facts: object) -> None:
     pass
 
 

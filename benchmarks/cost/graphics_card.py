@@ -31,7 +31,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from icymoon.benchmarks.common.arguments import add_scale, scratch
@@ -50,6 +50,9 @@ from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import IMAGE_PASS, TRUTH
 from icymoon.support.system import count_processors
+
+if TYPE_CHECKING:
+    import bpy
 
 PROCESSOR = "processor"
 #: Headings of the snow, of the baked scene and of the one with many samples; samples of the latter.
@@ -172,7 +175,7 @@ def render(job: dict[str, Any], told_at: str) -> None:
         apply = cycles_settings.apply
 
         def applied(
-            scene: Any, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False
+            scene: bpy.types.Scene, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False
         ) -> None:
             apply(scene, quality, seed, blurred, through)
             scene.cycles.denoising_use_gpu = True

@@ -134,7 +134,9 @@ def _forced_osl(on: bool) -> Iterator[None]:
     """Cycles uses Open Shading Language for whatever there is."""
     original = cycles_settings.apply
 
-    def apply(scene: Any, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False) -> None:
+    def apply(
+        scene: bpy.types.Scene, quality: QualitySettings, seed: int, blurred: bool = False, through: bool = False
+    ) -> None:
         original(scene, quality, seed, blurred, through)
         scene.cycles.shading_system = on
 

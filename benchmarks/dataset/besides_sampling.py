@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import re
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -40,11 +41,11 @@ def planned(*parts: dict[str, Any]) -> PlannedPair:
     return PlannedPair(description.digest(settings), settings, 0.0)
 
 
-def rendered(pairs: list[PlannedPair], folder: Path, after: Any = lambda: None) -> list[float]:
+def rendered(pairs: list[PlannedPair], folder: Path, after: Callable[[], object] = lambda: None) -> list[float]:
     """Render pairs in this process as a worker does, calling ``after`` after each; processor seconds of each."""
     taken = [time.process_time()]
 
-    def say(kind: str, **facts: Any) -> None:
+    def say(kind: str, **facts: object) -> None:
         if kind == "pair":
             taken.append(time.process_time())
             after()

@@ -25,7 +25,7 @@ from icymoon.benchmarks.common.processor import Stopwatch, peak_mib
 from icymoon.benchmarks.common.renders import open_empty_file, render, settings_of, start_blender
 from icymoon.nodes.next_scene import adapt_scene
 from icymoon.physics.mesh.fine_relief import nearest_m
-from icymoon.render.pairs.pair_folder import read_pair
+from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.settings import description
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.exr import read_truth
@@ -37,7 +37,7 @@ WAYS = {"painted": "BUMP", "displaced": "DISPLACEMENT", "real": "REAL"}
 METHODS = "bm,sgbm,jplv"
 
 
-def _angles_deg(pair: Any) -> tuple[Array, Array]:
+def _angles_deg(pair: Pair) -> tuple[Array, Array]:
     """Angles in degrees between shading normal and facet, and depths in metres, of the left eye's pixels of ground."""
     truth = read_truth(pair.truth("left"), "left")
     shading = read_truth(pair.truth("left"), "left", without=[f"{TRUTH}.{NORMAL_AOV}"]).normal

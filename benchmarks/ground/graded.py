@@ -23,7 +23,8 @@ from icymoon.benchmarks.common.own_process import call
 from icymoon.benchmarks.common.processor import Stopwatch, peak_mib
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
 from icymoon.nodes import scene as scenes
-from icymoon.render.pairs.pair_folder import read_pair
+from icymoon.physics.mesh.height_surface import Surface
+from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.arrays import Array
 
@@ -42,7 +43,7 @@ WAYS: dict[str, tuple[str, dict[str, Any]]] = {
 PIXELS, IMAGE = 4, 4096
 
 
-def _dice(terrain: Any, heights: Array, size_m: float, px: float) -> None:
+def _dice(terrain: bpy.types.Object, heights: Array, size_m: float, px: float) -> None:
     """Make Cycles dice a coarse grid and displace it by an image of heights."""
     n = len(heights)
     image = bpy.data.images.new("Heights", n, n, float_buffer=True, is_data=True)
@@ -69,7 +70,7 @@ def _dice(terrain: Any, heights: Array, size_m: float, px: float) -> None:
     modifier.adaptive_space, modifier.adaptive_pixel_size = "PIXEL", px
 
 
-def _flattened(terrain: Any) -> None:
+def _flattened(terrain: bpy.types.Object) -> None:
     positions = np.empty(3 * len(terrain.data.vertices), np.float32)
     terrain.data.vertices.foreach_get("co", positions)
     positions[2::3] = 0.0
@@ -77,7 +78,7 @@ def _flattened(terrain: Any) -> None:
     terrain.data.update()
 
 
-def _errors(pair: Any, ground: Any) -> dict[str, float]:
+def _errors(pair: Pair, ground: Surface) -> dict[str, float]:
     """Error percentiles in pixels of a pair's left depth, against the height function."""
     depth = read_view(pair.image("left")).depth[PIXELS // 2 :: PIXELS, PIXELS // 2 :: PIXELS]
     camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"]["left"])

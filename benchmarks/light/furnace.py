@@ -129,7 +129,7 @@ def render_pixels(scene: bpy.types.Scene) -> Array:
     return values.reshape(height, width, 4)[..., :3].astype(np.float64)
 
 
-def principled(**inputs: Any) -> bpy.types.Material:
+def principled(**inputs: object) -> bpy.types.Material:
     """A bare Principled surface with inputs of those names."""
     material = bpy.data.materials.new("Principled")
     tree = compat.ensure_nodes(material)
@@ -156,7 +156,7 @@ def bumpy(steepness: float) -> bpy.types.Material:
 def table() -> dict[str, Any]:
     """The reflectances that ``physics/surfaces/principled.py`` interpolates."""
 
-    def measured(base: float, root_f0: float, roughness: float, **inputs: Any) -> float:
+    def measured(base: float, root_f0: float, roughness: float, **inputs: object) -> float:
         index = (1 + root_f0) / (1 - root_f0)
         found = albedo(
             lambda: principled(

@@ -21,10 +21,13 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from icymoon.support.arrays import Array
+
+if TYPE_CHECKING:
+    from icymoon.nodes.scene import Built
 
 SAMPLES, DEPTH = 256, 12
 SETS = {
@@ -75,7 +78,7 @@ def of_mitsuba(folder: Path) -> None:
         np.save(folder / f"{name}.npy", np.array(image)[..., 0])
 
 
-def _flatten(built: Any) -> None:
+def _flatten(built: Built) -> None:
     """Flat triangles, so that both programs have the same facets."""
     import bmesh
 

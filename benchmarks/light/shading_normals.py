@@ -15,7 +15,8 @@ import argparse
 import math
 import re
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from icymoon.stereo.adapters.mitsuba_hapke import register_law
@@ -24,6 +25,9 @@ from icymoon.support.arrays import Array
 from icymoon.validation.comparison import Bench
 from icymoon.validation.second_renderer import SCENES, describe_scene, region_means
 
+if TYPE_CHECKING:
+    import mitsuba
+
 SCENE_NAMES = ("grazing view to the horizon", "deep shadow on the default mesh")
 NEVER_BLACK = '<bsdf type="never_black"><float name="albedo" value="0.8"/></bsdf>'
 SAMPLES, FINER = 128, 8
@@ -31,7 +35,7 @@ SAMPLES, FINER = 128, 8
 LEAST_LEFT = 0.1
 
 
-def find_turned_from_sun(mi: Any, scene: Any, shape: tuple[int, int], sun: Array) -> Array:
+def find_turned_from_sun(mi: ModuleType, scene: mitsuba.Scene, shape: tuple[int, int], sun: Array) -> Array:
     """Mask (H, W) of pixels that see a facet turned from the Sun whose shading normal is not."""
     found = np.zeros(shape, bool)
     offsets = (np.arange(FINER) + 0.5) / FINER

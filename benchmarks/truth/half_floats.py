@@ -16,7 +16,7 @@ import argparse
 import os
 import tempfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -31,7 +31,7 @@ from icymoon.formats.exr_pixels import Pixels, drop_passes, round_passes
 from icymoon.render.pairs.pair_folder import find_pair_folders
 from icymoon.stereo.images import exr
 from icymoon.stereo.matchers import match
-from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.matchers.methods import Method, parse_methods
 from icymoon.stereo.measure.metrics import usable
 from icymoon.stereo.measure.prepare import load
 from icymoon.support.arrays import Array
@@ -129,7 +129,7 @@ def print_compact(folder: Path) -> None:
             print(f"zlib's level {level}: {total / 1e6:.3f} MB, {watch.lap():.2f} CPU-s", flush=True)
 
 
-def disparity_errors(folder: Path, methods: Any) -> dict[str, tuple[float, float]]:
+def disparity_errors(folder: Path, methods: Sequence[Method]) -> dict[str, tuple[float, float]]:
     """By method the mean error in px of what it measures, and the share that is wrong by 1 px or missing."""
     pair = load(folder, {})
     camera = pair.pair.camera
@@ -143,12 +143,12 @@ def disparity_errors(folder: Path, methods: Any) -> dict[str, tuple[float, float
     return found
 
 
-def print_errors(folders: list[Path], methods: Any) -> None:
+def print_errors(folders: list[Path], methods: Sequence[Method]) -> None:
     """Print what rounding changes, pair by pair, and the means with their standard errors."""
     whole = exr._read_whole
     changes: dict[str, list[tuple[float, float]]] = {}
 
-    def rounded(*arguments: Any) -> Any:
+    def rounded(*arguments: Any) -> object:
         return [
             (
                 view,

@@ -19,6 +19,7 @@ from functools import partial
 from itertools import product
 from typing import Any
 
+import bpy
 import numpy as np
 from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.processor import Stopwatch, seconds_of
@@ -29,7 +30,7 @@ from icymoon.physics.camera.occlusion import find_hidden, is_in_frame, matching_
 from icymoon.render import cycles_occlusion, render_pair
 from icymoon.render.pairs.pair_folder import EYES, Pair, find_pairs
 from icymoon.settings import description
-from icymoon.settings.topics.scene import typed
+from icymoon.settings.topics.scene import Settings, typed
 from icymoon.stereo.images.exr import read_depth, read_truth
 from icymoon.support.arrays import Array
 from other_rays import cast_from_other_eye, tree_of_scene
@@ -121,7 +122,7 @@ def _percent(masks: Masks, of: Masks | None) -> float:
     return float(100 * sum((masks[eye] & among[eye]).sum() for eye in EYES) / sum(among[eye].sum() for eye in EYES))
 
 
-def _find_by_rays(built: Built, settings: Any) -> Masks:
+def _find_by_rays(built: Built, settings: Settings) -> Masks:
     """The hidden pixels of a pair whose truth is found by rays."""
     made = description.merged(settings, {"quality": {"truth_by": "RAYS"}})
     with scratch() as folder:
@@ -131,7 +132,7 @@ def _find_by_rays(built: Built, settings: Any) -> Masks:
     return {eye: mask for eye, mask in found.items() if mask is not None}
 
 
-def _render(built: Built, settings: Any) -> tuple[Pair, Masks, dict[str, list[Array]], float]:
+def _render(built: Built, settings: Settings) -> tuple[Pair, Masks, dict[str, list[Array]], float]:
     """A pair, the disparity of its pixels and of the rays between them, and the ratio of the processor time that these
     take to that of all the rest, the least of two."""
     found: dict[str, list[Array]] = {}
@@ -144,7 +145,7 @@ def _render(built: Built, settings: Any) -> tuple[Pair, Masks, dict[str, list[Ar
         spent += seconds_of(partial(add_hidden, truth, between, camera))
 
     @contextmanager
-    def shift(scene: Any, columns: float) -> Iterator[None]:
+    def shift(scene: bpy.types.Scene, columns: float) -> Iterator[None]:
         nonlocal spent
         watch = Stopwatch()
         with shift_frame(scene, columns):

@@ -146,7 +146,7 @@ def _case(ground: str, heading: int, width: int, random: np.random.Generator) ->
     }
 
 
-def _toml(value: Any) -> str:
+def _toml(value: object) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(_toml, value))}]"
     return f'"{value}"' if isinstance(value, str) else f"{value}"

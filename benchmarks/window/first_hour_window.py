@@ -21,6 +21,7 @@ import time
 import traceback
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import bpy
@@ -39,7 +40,7 @@ CLICK_S, KEY_S, DRAG_S = 1.35 + 1.1 + 0.2, 1.35 + 0.28, 1.35 + 2 * (1.1 + 0.1)
 steps: list[dict[str, Any]] = [{}]
 
 
-def module(name: str) -> Any:
+def module(name: str) -> ModuleType:
     """A module of the installed extension."""
     return sys.modules[f"{ADD_ON}.{name}"]
 

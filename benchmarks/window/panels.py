@@ -41,7 +41,7 @@ class Nothing:
         pass
 
 
-def draw(panel: Any) -> None:
+def draw(panel: type[bpy.types.Panel]) -> None:
     """Draw a panel if it would be shown."""
     if getattr(panel, "poll", lambda context: True)(bpy.context):
         parts = {name: getattr(panel, name) for name in ("topic", "section") if hasattr(panel, name)}

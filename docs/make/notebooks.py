@@ -19,6 +19,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 FOLDER = Path(__file__).resolve().parents[1] / "notebooks"
@@ -59,7 +60,7 @@ def run(notebook: dict[str, Any]) -> None:
             os.chdir(before)
 
 
-def _outputs(code: str, count: int, scope: dict[str, Any], pyplot: Any, folder: Path) -> list[dict[str, Any]]:
+def _outputs(code: str, count: int, scope: dict[str, Any], pyplot: ModuleType, folder: Path) -> list[dict[str, Any]]:
     tree = ast.parse(code)
     last = tree.body[-1] if tree.body else None
     if isinstance(last, ast.Expr):

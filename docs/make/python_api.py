@@ -52,7 +52,7 @@ def _entry(name: str, item: Any) -> str:
     return text
 
 
-def _member(name: str, member: Any) -> str:
+def _member(name: str, member: object) -> str:
     """A method or property, if it has a docstring."""
     found = getattr(member, "fget", None) or getattr(member, "func", None) or member
     if not (inspect.isfunction(found) and found.__doc__):
@@ -81,6 +81,6 @@ def _name_arrays(text: str) -> str:
     return re.sub(r"\bArray\b", "np.ndarray", text)
 
 
-def _prose(item: Any) -> str:
+def _prose(item: object) -> str:
     """The docstring as Markdown."""
     return inspect.cleandoc(item.__doc__ or "").replace("``", "`")

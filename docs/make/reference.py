@@ -208,7 +208,7 @@ def _measured(measured: dict[str, Any]) -> str:
     return text + _table(("Matcher", *(f"Sun {sun}°: {what}" for sun in suns for what in ("bad-1", "coverage"))), rows)
 
 
-def _value(value: Any) -> str:
+def _value(value: object) -> str:
     if isinstance(value, list):
         return "; ".join(", ".join(f"{k} {v}" for k, v in entry.items()) for entry in value)
     if isinstance(value, bool):
@@ -421,7 +421,7 @@ def _assigned(body: Sequence[ast.stmt], constants: dict[str, Any] | None = None)
     }
 
 
-def _literal(value: ast.expr, constants: dict[str, Any]) -> Any:
+def _literal(value: ast.expr, constants: dict[str, Any]) -> object:
     """The value of a literal or of a constant's name; None if only a run can tell it."""
     if isinstance(value, ast.Name):
         return constants.get(value.id)

@@ -8,6 +8,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import DTypeLike
 
 from ...support.arrays import Array
 from ...support.labels import BAKED_ATTRIBUTES
@@ -71,14 +72,16 @@ def mark(values: Array, indices: bool = False) -> str:
     return found.hexdigest()
 
 
-def read_property(items: Any, name: str, kind: Any = np.float32, width: int = 1) -> Array:
+def read_property(
+    items: bpy.types.bpy_prop_collection, name: str, kind: DTypeLike = np.float32, width: int = 1
+) -> Array:
     """An array of one property, of ``width`` numbers, of all items of a collection."""
     values = np.empty(len(items) * width, kind)
     items.foreach_get(name, values)
     return values
 
 
-def attributes(geometry: Any) -> list[tuple[str, ...]]:
+def attributes(geometry: bpy.types.ID) -> list[tuple[str, ...]]:
     """Name, domain, type and mark of each attribute of a mesh, curves or points.
 
     Attributes that are false or 0 everywhere are left out, since Blender adds and removes them by itself.

@@ -108,7 +108,7 @@ class Walk:
         self._structs.pop()
         return found
 
-    def _property(self, struct: bpy.types.bpy_struct, name: str, how: str) -> Any:
+    def _property(self, struct: bpy.types.bpy_struct, name: str, how: str) -> object:
         value = getattr(struct, name)
         if how == "value":
             return _plain(value)
@@ -120,7 +120,7 @@ class Walk:
             return [self.value(item) for item in value]
         return self.ordered(value) if isinstance(struct, bpy.types.PropertyGroup) else self.value(value)
 
-    def value(self, value: Any) -> Any:
+    def value(self, value: object) -> object:
         """The mark of what a pointer, a socket or a custom property refers to, or its value."""
         if isinstance(value, bpy.types.ID):
             return self.mark(value)
@@ -137,14 +137,14 @@ class Walk:
             if isinstance(value, bpy.types.ID) or not hasattr(value, "keys")
         ]
 
-    def ordered(self, value: Any) -> Any:
+    def ordered(self, value: object) -> object:
         """As ``value``. For a collection also its items in the order of names, by which geometry nodes pick them."""
         if not isinstance(value, bpy.types.Collection):
             return self.value(value)
         items = sorted([*value.children, *value.objects], key=lambda item: item.name)
         return [self.mark(value), [self.ordered(item) for item in items]]
 
-    def _file(self, struct: bpy.types.bpy_struct, path: str) -> Any:
+    def _file(self, struct: bpy.types.bpy_struct, path: str) -> object:
         """The mark of a file's content, which does not depend on its path."""
         packed = getattr(struct, "packed_file", None)
         if packed or not path or path == "<builtin>" or getattr(struct, "mode", "") == "INTERNAL":
@@ -361,7 +361,7 @@ _STRUCTS: tuple[tuple[Any, Callable[[Walk, Any], list[Any]]], ...] = (
 )
 
 
-def hashed(content: Any) -> str:
+def hashed(content: object) -> str:
     """SHA-256 of the result of ``Walk.content``."""
     return hashlib.sha256(repr(content).encode()).hexdigest()
 
@@ -388,7 +388,7 @@ def _content(file: str, size: int, modified_ns: int) -> str:
     return sha256(Path(file))
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any) -> object:
     """A number, a text, or tuples of them."""
     if isinstance(value, (str, int, float, bytes)) or value is None:
         return value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -146,7 +146,7 @@ def load_ground(settings: Settings, make_procedural: Callable[[Settings], Surfac
         ) from None
 
 
-def _metres(values: Any) -> str:
+def _metres(values: Iterable[float]) -> str:
     return ", ".join(f"{float(v):.6g}" for v in values)
 
 
@@ -328,7 +328,7 @@ def _shift(positions: Array, source: SourceSettings) -> Array:
     return shift
 
 
-def _place_in_file(moved_m: Any, unit_m: float = 1.0) -> dict[str, Any]:
+def _place_in_file(moved_m: Iterable[float], unit_m: float = 1.0) -> dict[str, Any]:
     """Where the origin is in a file without a map, whose coordinates in metres were moved by ``moved_m`` (3,)."""
     east, north, up = (-float(value) for value in moved_m)
     return MapPlace("", unit_m, (east, north), (1.0, 1.0)).to_json() | {"height_zero_m": up}

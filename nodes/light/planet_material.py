@@ -6,7 +6,6 @@ At the vertices of the mesh alone, terminator and shadow of the rings would have
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import bpy
 import numpy as np
@@ -74,7 +73,7 @@ class _Globe:
     def _stretch(self) -> float:
         return 1 / (1 - self.planet.flattening) - 1
 
-    def dot(self, label: str, a: Socket, b: Any) -> Socket:
+    def dot(self, label: str, a: Socket, b: Socket | Array) -> Socket:
         """The dot product of a socket and another or a vector."""
         b = b if isinstance(b, bpy.types.NodeSocket) else tuple(map(float, b))
         return self.tree.vector("DOT_PRODUCT", label, a, b)

@@ -13,7 +13,7 @@ from ...physics.light.bands import material_bands
 from ...physics.light.ground_colours import clean_albedo, ice_tint, salt_colour
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
-from ..tree.builder import Node, Socket, Tree, Value
+from ..tree.builder import Node, Socket, Tree, Triple, Value
 from ..tree.formula import Number
 from .patches_and_grain import add_clean_share, add_stained_share
 
@@ -65,15 +65,15 @@ def add_ground_colour(
     if is_grey(surface):
         return ice
     albedo = clean_albedo(surface, settings.hapke if settings is not None else None) if ice is None else 1.0
-    tint: Any = ice_tint(surface, albedo) if ice is None else ice
-    colour: Any = None if tint == _WHITE else tint
+    tint: Triple = ice_tint(surface, albedo) if ice is None else ice
+    colour: Triple | None = None if tint == _WHITE else tint
     if surface.salt_share > 0.0:
         stained = add_stained_share(tree, surface, geometry, salt_at)
-        salt: Any = salt_colour(surface, albedo)
+        salt: Triple = salt_colour(surface, albedo)
         if ice is not None and surface.salt == "OWN":  # a factor on the ice
             salt = tree.vector("MULTIPLY", "Salt on Ice", ice, salt)
         colour = _add_mix(tree, "Salt Colour", stained, tint, salt)
-    clean: Any = 1.0
+    clean: Value = 1.0
     if surface.dirt != "BLACK":
         clean = add_clean_share(tree, surface, geometry, salt_at + _BESIDE_SALT, elevated)
     if clean != 1.0:
@@ -89,7 +89,7 @@ def _over(bands: tuple[float, float, float], albedo: float) -> tuple[float, floa
     return red, green, blue
 
 
-def _add_mix(tree: Tree, label: str, share: Value, a: Any, b: Any) -> Socket:
+def _add_mix(tree: Tree, label: str, share: Value, a: Triple, b: Triple) -> Socket:
     """Output socket of a colour that is ``b`` in this share of the area, and else ``a``."""
     a, b = ((*colour, 1.0) if isinstance(colour, tuple) else colour for colour in (a, b))
     return tree.mixed(label, share, a, b)

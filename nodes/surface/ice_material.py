@@ -419,7 +419,7 @@ class _Material:
         both = {"Shader": shader, "Shader_001": light}
         return self.tree.node("ShaderNodeAddShader", "Reflected and Emitted", both).outputs[0]
 
-    def _add_layers(self) -> Any:
+    def _add_layers(self) -> Socket:
         settings = self._settings
         # The colour of bubbly ice is its reflectance itself.
         plain = self._surface if self._bubbly is None else self._surface | {"albedo": 1.0}

@@ -296,12 +296,12 @@ def _known(ground: Ground, q: model.HapkeParameters) -> hapke_nodes.Grains:
     return hapke_nodes.Grains(
         w,
         theta_bar.tangent().named("tan θ̄"),
-        q.b,
-        q.c,
-        q.b_s0,
-        q.h_s,
-        q.b_c0,
-        q.h_c,
+        float(q.b),
+        float(q.c),
+        float(q.b_s0),
+        float(q.h_s),
+        float(q.b_c0),
+        float(q.h_c),
         float(model.porosity_factor(q.filling_factor)),
         q.h_function,
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
 from ...support.labels import ALBEDO_AOV
-from ..tree.builder import Socket, Tree, Value
+from ..tree.builder import Socket, Tree, Triple, Value
 
 #: Factors on w at which the albedo of Hapke's law is computed; between them it is linear, within 0.002.
 _STEPS = 17
@@ -34,10 +33,10 @@ def add_albedo_pass(
     ``grey`` the factor on w, at least ``least``. ``frosted`` is an output socket of the share of frost over it, or
     None.
     """
-    found: Any = (*[reflectance] * 3, 1.0) if isinstance(reflectance, (int, float)) else reflectance
+    found: Triple = (*[reflectance] * 3, 1.0) if isinstance(reflectance, (int, float)) else reflectance
     if surface.model == "HAPKE" and settings is not None:
         factors, bond = hapke_curve(settings, 1.0 if isinstance(grey, float) else least)
-        level: Any = float(bond[-1]) if isinstance(grey, float) else tree.curve("Albedo of w", grey, factors, bond)
+        level: Value = float(bond[-1]) if isinstance(grey, float) else tree.curve("Albedo of w", grey, factors, bond)
         vector = found[:3] if isinstance(found, tuple) else found
         found = tree.vector("MULTIPLY", "Albedo by Band", vector, (level,) * 3 if isinstance(level, float) else level)
     if frosted is not None:

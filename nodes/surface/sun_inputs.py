@@ -16,6 +16,7 @@ from mathutils import Matrix
 
 from ...physics.light.directions import toward
 from ...settings.topics.light import LightSettings
+from ...support.arrays import Numbers
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
 from ..datablocks.fingerprint import TAG
@@ -94,7 +95,7 @@ def _find_own_node(material: bpy.types.Material, name: str, kind: str) -> bpy.ty
     return node if node and node.bl_idname == kind else None
 
 
-def _set_input(socket: bpy.types.NodeSocket, value: Any) -> None:
+def _set_input(socket: bpy.types.NodeSocket, value: Numbers) -> None:
     """Set an input if its value differs, since any change of a material makes Cycles build its scene again."""
     if not np.array_equal(np.float32(socket.default_value), np.float32(value)):
         socket.default_value = value

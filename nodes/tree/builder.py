@@ -12,6 +12,8 @@ from typing import Any, TypeAlias
 
 import bpy
 
+from ...support.arrays import Array
+
 #: The output of a node (a number, a vector, a colour or a shader), and a node.
 Socket: TypeAlias = bpy.types.NodeSocket
 Node: TypeAlias = bpy.types.Node
@@ -89,7 +91,7 @@ class Tree:
         inputs: Mapping[str, Any] | None = None,
         *,
         if_present: Mapping[str, Any] | None = None,
-        **properties: Any,
+        **properties: object,
     ) -> bpy.types.Node:
         """Add a node and return it. Raises ValueError if an input is missing or unknown.
 
@@ -223,7 +225,7 @@ class Tree:
         return self.node("ShaderNodeBsdfDiffuse", label, inputs, if_present={"Weight": 0.0}).outputs[0]
 
     def principled(
-        self, label: str, colour: Triple, roughness: Value, subsurface: str = "RANDOM_WALK", **others: Any
+        self, label: str, colour: Triple, roughness: Value, subsurface: str = "RANDOM_WALK", **others: object
     ) -> Socket:
         """Shader socket of a Principled surface. ``others`` are inputs that differ from ``_PRINCIPLED``."""
         return self.node(
@@ -249,7 +251,7 @@ class Tree:
         inputs = {"Fac": share, "Shader": under, "Shader_001": layer}
         return self.node("ShaderNodeMixShader", label, inputs).outputs[0]
 
-    def surface(self, shader: Socket, label: str = "Surface", target: str = "ALL", **others: Any) -> None:
+    def surface(self, shader: Socket, label: str = "Surface", target: str = "ALL", **others: object) -> None:
         """Connect a shader, and others such as ``Volume``, to a material's output."""
         inputs = {"Surface": shader, "Displacement": None, "Volume": None, "Thickness": None} | others
         self.node("ShaderNodeOutputMaterial", label, inputs, target=target)
@@ -258,7 +260,7 @@ class Tree:
         """Write a colour and a value into a pass."""
         self.node("ShaderNodeOutputAOV", label, {"Color": colour, "Value": value}, aov_name=name)
 
-    def curve(self, label: str, colour: Triple, x: Any, y: Any) -> Socket:
+    def curve(self, label: str, colour: Triple, x: Sequence[float] | Array, y: Sequence[float] | Array) -> Socket:
         """Output socket of a colour after linear interpolation of each band between points (x, y)."""
         node = self.node("ShaderNodeRGBCurve", label, {"Fac": 1.0, "Color": colour})
         points = node.mapping.curves[3].points  # the curve of all bands, which has two points at first

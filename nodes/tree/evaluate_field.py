@@ -57,7 +57,7 @@ class _Translation:
             self._copy(node, self._make(node.name, node.bl_idname))
         return next(each for each in self._made[node.name].outputs if each.identifier == socket.identifier)
 
-    def _make(self, name: str, kind: str) -> Any:
+    def _make(self, name: str, kind: str) -> bpy.types.Node:
         if name not in self._made:
             self._made[name] = self.group.nodes.new(kind)
         return self._made[name]

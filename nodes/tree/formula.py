@@ -7,7 +7,7 @@ sum with zero add no nodes, so that terms which are switched off cost nothing.
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
 
 import bpy
 
@@ -34,7 +34,7 @@ class Number:
     def _of(self, other: Number | float) -> Number:
         return other if isinstance(other, Number) else Number(self.tree, other)
 
-    def _node(self, operation: str, *others: Number | float, known: Any = None) -> Number:
+    def _node(self, operation: str, *others: Number | float, known: Callable[..., float] | None = None) -> Number:
         terms = (self, *(self._of(other) for other in others))
         values = [term.known for term in terms]
         if known is not None and None not in values:
@@ -141,7 +141,7 @@ class Vector:
     def __init__(self, tree: Tree, socket: bpy.types.NodeSocket) -> None:
         self.tree, self.socket = tree, socket
 
-    def _node(self, operation: str, *others: Vector) -> Any:
+    def _node(self, operation: str, *others: Vector) -> bpy.types.NodeSocket:
         sockets = (each.socket for each in (self, *others))
         return self.tree.vector(operation, operation.capitalize(), *sockets)
 

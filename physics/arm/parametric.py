@@ -14,7 +14,7 @@ import numpy as np
 
 from ...settings.topics.lander import ArmSettings
 from ...settings.topics.scene import Settings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from .kinematics import Arm, Capsule, Joint, pose
 
 #: Joints of the arm in order, as the settings call them, and the link that each moves.
@@ -109,9 +109,7 @@ def _turned(angle: Array) -> Array:
     return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
-def solve(
-    arm: Arm, x: Array | float, y: Array | float, z: Array | float, pitch: float | Array = DOWN_RAD
-) -> tuple[Array, Array]:
+def solve(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbers = DOWN_RAD) -> tuple[Array, Array]:
     """Both solutions (2, ..., 5) in radians, elbow up first, and their margins (2, ...), for the tip at world points.
 
     The margin is the smallest distance in radians of a joint to its limits, negative beyond them; both are NaN out of
@@ -135,7 +133,7 @@ def solve(
     return joints, margins
 
 
-def inverse(arm: Arm, x: Array | float, y: Array | float, z: Array | float, pitch: float | Array = DOWN_RAD) -> Array:
+def inverse(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbers = DOWN_RAD) -> Array:
     """Angles (..., 5) in radians that put the tip at world points in metres; NaN out of reach or beyond a limit.
 
     Of two solutions the one that is farther from the limits. Raises nothing: points may be NaN.
@@ -146,9 +144,7 @@ def inverse(arm: Arm, x: Array | float, y: Array | float, z: Array | float, pitc
     return np.where((margin >= 0)[..., None], chosen, np.nan)
 
 
-def find_joint_margin(
-    arm: Arm, x: Array | float, y: Array | float, z: Array | float, pitch: float | Array = DOWN_RAD
-) -> Array:
+def find_joint_margin(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbers = DOWN_RAD) -> Array:
     """Smallest distance in radians of a joint to its limits with the tip at world points; NaN out of reach.
 
     Of two solutions the better; negative where a joint would be beyond its limit.

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...settings.topics.camera import SensorSettings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from .sensor import black_dn, capacity_e, gain_dn_per_e, top_dn
 
 MERGED_BITS = 16
@@ -35,7 +35,7 @@ def merge_exposures(numbers: Sequence[Array], seconds: Sequence[float], sensor: 
     charge = [(image - black_dn(sensor)) / gain for image in numbers]
     usable = [(image < full_dn) | (k == len(numbers) - 1) for k, image in enumerate(numbers)]
 
-    def mean(weights: Sequence[Array | float]) -> Array:
+    def mean(weights: Sequence[Numbers]) -> Array:
         total = sum(w * use for w, use in zip(weights, usable, strict=True))
         parts = (w * use * e / t for w, use, e, t in zip(weights, usable, charge, seconds, strict=True))
         return np.asarray(sum(parts) / total)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...settings.topics.camera import SensorSettings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from ..random_numbers.seeds import generator
 
 EYE_STREAMS = {"left": 0, "right": 1}
@@ -111,8 +111,8 @@ def dark_current_e_s(sensor: SensorSettings) -> float:
 class Pattern:
     """Fixed differences between the pixels of one sensor, (H, W) or the neutral number."""
 
-    response: Array | float = 1.0  # factor on photo-electrons (PRNU)
-    offset_e: Array | float = 0.0  # electrons added to the dark signal (DSNU)
+    response: Numbers = 1.0  # factor on photo-electrons (PRNU)
+    offset_e: Numbers = 0.0  # electrons added to the dark signal (DSNU)
 
 
 def draw_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: SensorSettings) -> Pattern:
@@ -130,7 +130,7 @@ def electrons(
     sensor: SensorSettings,
     random: np.random.Generator,
     pattern: Pattern | None = None,
-    hits_e: Array | float = 0.0,
+    hits_e: Numbers = 0.0,
 ) -> Array:
     """Electrons, float64 and of the shape of ``light``, that are read from each pixel.
 

@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from .grid import Grid
 
 #: Places in a cell along each axis.
@@ -37,7 +36,7 @@ class Pull:
     depth_m: Array
     from_deg: float | None = None
 
-    def place(self, x_m: Any, y_m: Any) -> tuple[Any, Any]:
+    def place(self, x_m: Numbers, y_m: Numbers) -> tuple[Array, Array]:
         """Distances along the pull and to its right, in metres."""
         east, north = math.sin(math.radians(self.heading_deg)), math.cos(math.radians(self.heading_deg))
         x, y = np.asarray(x_m) - self.x_m, np.asarray(y_m) - self.y_m

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from .grid import Grid
 
 
@@ -44,7 +44,7 @@ class Heap:
         """Length of the line."""
         return math.dist(self.start_m, self.end_m)
 
-    def thickness(self, grid: Grid, volume_m3: float, lumps_m: Array | float = 0.0, crest_m: float = 0.0) -> Array:
+    def thickness(self, grid: Grid, volume_m3: float, lumps_m: Numbers = 0.0, crest_m: float = 0.0) -> Array:
         """Thickness (rows, columns) in metres of spoil of this volume on level ground; its sum is exact.
 
         ``lumps_m`` is how much farther from the line each place is taken to be, which makes the heap uneven;

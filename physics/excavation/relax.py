@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 
 #: Rows and columns from a cell to its neighbours: 8 of 16 directions, the other 8 are their opposites. ``_TURNED`` are
 #: steps on the transposed grid. With 8 directions slopes would be up to 5 % too steep.
@@ -150,7 +150,7 @@ def _moving_window(
     steep = np.zeros(top.shape, bool)
     for axis in (0, 1):
         drop = np.diff(top, axis=axis)
-        limit: Any = tangent * cell_m
+        limit: Numbers = tangent * cell_m
         if stood_m is not None:
             limit = np.maximum(limit, np.abs(np.diff(stood_m, axis=axis)))
         low, high = _part(axis, slice(None, -1)), _part(axis, slice(1, None))

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...settings.topics.camera import RigSettings, SensorSettings
 from ...settings.topics.light import LightSettings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 
 # CODATA 2018, exact.
@@ -22,7 +22,7 @@ BOLTZMANN_J_K = 1.380649e-23
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
 
-def planck(wavelength_m: Array | float, temperature_k: float) -> Array:
+def planck(wavelength_m: Numbers, temperature_k: float) -> Array:
     """Spectral radiance of a black body, W/(m² sr m), at wavelengths in metres."""
     wavelength = np.asarray(wavelength_m, np.float64)
     x = PLANCK_J_S * LIGHT_M_S / (wavelength * BOLTZMANN_J_K * temperature_k)

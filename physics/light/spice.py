@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib
 import math
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -64,7 +64,7 @@ def positions(
 
 
 def _positions(
-    spice: Any, body: str, parent: str, date_utc: str, latitude_deg: float, longitude_deg: float
+    spice: ModuleType, body: str, parent: str, date_utc: str, latitude_deg: float, longitude_deg: float
 ) -> Positions:
     time = spice.str2et(date_utc)
     frame = f"IAU_{body}"
@@ -95,7 +95,7 @@ def _positions(
     )
 
 
-def _refuse_other_planet(spice: Any, body: str, parent: str) -> None:
+def _refuse_other_planet(spice: ModuleType, body: str, parent: str) -> None:
     """Raise IcyMoonError if the planet is not the moon's planet by NAIF's numbers: 502 is a moon of 599."""
     number = spice.bods2c(body)
     planet = number // 100 * 100 + 99

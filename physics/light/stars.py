@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from ..random_numbers.seeds import generator
 from .sunlight import SOLAR_CONSTANT_WM2, sun_colour
 
@@ -74,7 +74,7 @@ def temperature_k(b_v: float) -> float:
     return 4600 * (1 / (0.92 * b_v + 1.7) + 1 / (0.92 * b_v + 0.62))
 
 
-def count_to(v_mag: float | Array) -> Array:
+def count_to(v_mag: Numbers) -> Array:
     """Number of stars in the whole sky that are as bright as a V magnitude from 2 to 8."""
     return np.exp(np.interp(v_mag, np.arange(2, 2 + len(_COUNTS)), np.log(_COUNTS)))
 

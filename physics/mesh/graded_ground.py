@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from ..rig.seen_points import is_seen
 from ..terrain.landforms import Walls
 from ..terrain.terrain import Terrain
@@ -68,11 +67,11 @@ class Graded:
         """Shortest wavelength in metres that the mesh carries at the site."""
         return CARRIED * self.grading.finest_m
 
-    def heights(self, x_m: Any, y_m: Any, shortest_m: Any = 0.0) -> Array:
+    def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
         """Heights in metres over the tangent plane, as ``Surface`` has them."""
         return self.ground.heights(x_m, y_m, shortest_m) - self.drop_m(x_m, y_m)
 
-    def drop_m(self, x_m: Any, y_m: Any) -> Any:
+    def drop_m(self, x_m: Numbers, y_m: Numbers) -> Array:
         """How far the body's roundness takes the ground under the tangent plane there, in metres."""
         at = self.grading.view
         return drop_m(

@@ -15,13 +15,12 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from ..rig.seen_points import is_seen
 from ..terrain.terrain import Terrain
 from .fine_relief import FineRelief, relief_in_mesh
@@ -62,7 +61,7 @@ class View:
     baseline_m: float
     pixels_per_radian: float
 
-    def nearest_m(self, radius_m: Any) -> Any:
+    def nearest_m(self, radius_m: Numbers) -> Array:
         """Distance of level ground, ``radius_m`` from the site, to the nearest place an eye can be at."""
         return np.hypot(np.maximum(np.asarray(radius_m, np.float64) - self.baseline_m, 0.0), self.height_m)
 
@@ -98,7 +97,7 @@ class Grading:
     wanted_vertices: float
     relief: FineRelief | None = None
 
-    def spacing_at(self, radius_m: Any) -> Any:
+    def spacing_at(self, radius_m: Numbers) -> Array:
         """Vertex spacing in metres at distances from the site in metres."""
         distance = self.view.nearest_m(radius_m)
         spacing = np.exp(np.interp(np.log(distance), np.log(self.nearest_m), np.log(self.spacing_m)))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from .height_surface import Surface, fine_part
 
 #: Magnitude from which a value is no height: the most negative float32 is a usual mark of missing ones.
@@ -53,7 +53,7 @@ class HeightMap:
         """Shortest wavelength that the measured heights carry: two pixels of the finer axis."""
         return 2.0 * min(self.pixel_m)
 
-    def heights(self, x_m: Any, y_m: Any, shortest_m: float = 0.0) -> Array:
+    def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: float = 0.0) -> Array:
         """Heights in metres at east and north coordinates (arrays that broadcast); NaN beyond the ground.
 
         ``shortest_m`` limits the added roughness only: measured heights are taken as they are.

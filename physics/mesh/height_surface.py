@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 
 
 class Surface(Protocol):
@@ -17,7 +17,7 @@ class Surface(Protocol):
         """Side in metres of the square about the origin that contains the ground."""
         ...
 
-    def heights(self, x_m: Any, y_m: Any, shortest_m: float = 0.0) -> Array:
+    def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: float = 0.0) -> Array:
         """Heights in metres at east and north coordinates (arrays that broadcast); NaN where there is no ground.
 
         Roughness that is made up leaves out wavelengths below ``shortest_m``.

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
+
+from ...support.arrays import Array, Numbers
 
 
 def horizon_m(eye_height_m: float, body_radius_m: float) -> float:
@@ -27,7 +28,7 @@ def dip_deg(eye_height_m: float, body_radius_m: float) -> float:
     )
 
 
-def drop_m(distance_m: Any, body_radius_m: float) -> Any:
+def drop_m(distance_m: Numbers, body_radius_m: float) -> Array:
     """How far a sphere's ground lies under its tangent plane at distances along the plane, in metres.
 
     R - sqrt(R² - r²), written without the difference of nearly equal numbers. Beyond R it stays at R.

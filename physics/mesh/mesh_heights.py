@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class MeshGround:
         """Side in metres of the square about the origin that contains the mesh."""
         return 2 * float(np.abs(self.positions[:, :2]).max())
 
-    def heights(self, x_m: Any, y_m: Any, shortest_m: float = 0.0) -> Array:
+    def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: float = 0.0) -> Array:
         """Heights in metres at east and north coordinates (arrays that broadcast); NaN where there is no mesh."""
         x, y = np.broadcast_arrays(np.asarray(x_m, np.float64), np.asarray(y_m, np.float64))
         found = [self._height(a, b) for a, b in zip(x.ravel().tolist(), y.ravel().tolist(), strict=True)]

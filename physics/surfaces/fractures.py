@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from ...settings.topics.surfaces import SurfaceSettings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 
 
-def gap_reflectance(cosine: Array | float, refractive_index: float) -> Array:
+def gap_reflectance(cosine: Numbers, refractive_index: float) -> Array:
     """Share of unpolarised light inside ice that a gap of air reflects, at cosines from the gap's normal.
 
     Both faces of the gap reflect F by Fresnel's formula, again and again: 2 F / (1 + F) for each polarisation.

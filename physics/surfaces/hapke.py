@@ -19,12 +19,11 @@ Nothing here takes the arc cosine of a dot product: near opposition that loses h
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 
 from ...settings.topics.surfaces import HapkeSettings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 
 H_FUNCTIONS = ("1981", "1993", "2002")
@@ -52,15 +51,15 @@ class HapkeParameters:
     Raises IcyMoonError where a parameter is outside of physics.
     """
 
-    w: Any
-    b: Any = 0.0
-    c: Any = 0.0
-    b_s0: Any = 0.0
-    h_s: Any = 0.0
-    b_c0: Any = 0.0
-    h_c: Any = 0.0
-    theta_bar: Any = 0.0
-    filling_factor: Any = 0.0
+    w: Numbers
+    b: Numbers = 0.0
+    c: Numbers = 0.0
+    b_s0: Numbers = 0.0
+    h_s: Numbers = 0.0
+    b_c0: Numbers = 0.0
+    h_c: Numbers = 0.0
+    theta_bar: Numbers = 0.0
+    filling_factor: Numbers = 0.0
     h_function: str = "2002"
 
     def __post_init__(self) -> None:
@@ -117,14 +116,14 @@ def single_lobe(asymmetry: float) -> dict[str, float]:
     return {"b": abs(asymmetry), "c": -1.0 if asymmetry > 0 else 1.0}
 
 
-def phase_function(phase: Array | float, b: Array | float, c: Array | float) -> Array:
+def phase_function(phase: Numbers, b: Numbers, c: Numbers) -> Array:
     """Two-lobed Henyey-Greenstein p at phase angles in radians, mean 1 over the sphere (Hapke 2012, eq. 6.7)."""
     return _phase_function(
         np.sin(np.asarray(phase, np.float64) / 2) ** 2, np.cos(np.asarray(phase, np.float64) / 2) ** 2, b, c
     )
 
 
-def _phase_function(sin2_half: Array, cos2_half: Array, b: Array | float, c: Array | float) -> Array:
+def _phase_function(sin2_half: Array, cos2_half: Array, b: Numbers, c: Numbers) -> Array:
     b, c = np.asarray(b, np.float64), np.asarray(c, np.float64)
     # (1-b)² + 4b sin²(g/2) = 1 - 2b cos g + b², without the cancellation where b and cos g near 1; for b < 0 the
     # same from the other side.
@@ -134,7 +133,7 @@ def _phase_function(sin2_half: Array, cos2_half: Array, b: Array | float, c: Arr
     return lobes
 
 
-def h_function(x: Array | float, w: Array | float, kind: str = "2002") -> Array:
+def h_function(x: Numbers, w: Numbers, kind: str = "2002") -> Array:
     """Approximations of Chandrasekhar's H(x) for isotropic scatterers of albedo w, x the cosine of the angle.
 
     Largest errors at w = 1: "1981" 4 %, "1993" and "2002" 0.8 %.
@@ -154,21 +153,21 @@ def h_function(x: Array | float, w: Array | float, kind: str = "2002") -> Array:
     return result
 
 
-def porosity_factor(filling_factor: Array | float) -> Array:
+def porosity_factor(filling_factor: Numbers) -> Array:
     """K of Hapke 2008: 1 for loose powder, growing as the grains are packed."""
     y = 1.209 * np.cbrt(np.asarray(filling_factor, np.float64)) ** 2
     factor: Array = np.where(y > 0, -np.log1p(-y) / np.maximum(y, _TINY), 1.0)
     return factor
 
 
-def shadow_hiding(tan_half: Array | float, h_s: Array | float) -> Array:
+def shadow_hiding(tan_half: Numbers, h_s: Numbers) -> Array:
     """B_S = 1/(1 + tan(g/2)/h_S); 0 where the half-width is 0."""
     h = np.asarray(h_s, np.float64)
     surge: Array = np.where(h > 0, h / np.maximum(h + tan_half, _TINY), 0.0)
     return surge
 
 
-def coherent_backscatter(tan_half: Array | float, h_c: Array | float) -> Array:
+def coherent_backscatter(tan_half: Numbers, h_c: Numbers) -> Array:
     """B_C = [1 + (1 - e^-x)/x] / 2(1 + x)², x = tan(g/2)/h_C; 0 where the half-width is 0."""
     h = np.asarray(h_c, np.float64)
     x = np.asarray(tan_half, np.float64) / np.maximum(h, _TINY)
@@ -211,7 +210,7 @@ def _rough(incidence: Array, emission: Array, psi: Array, theta_bar: Array) -> t
 
 
 def bidirectional_reflectance(
-    incidence: Array | float, emission: Array | float, azimuth: Array | float, parameters: HapkeParameters
+    incidence: Numbers, emission: Numbers, azimuth: Numbers, parameters: HapkeParameters
 ) -> Array:
     """Bidirectional reflectance r in 1/sr; angles in radians, azimuth 0 on the Sun's side, broadcasting.
 
@@ -250,9 +249,7 @@ def bidirectional_reflectance(
     return result
 
 
-def brdf(
-    incidence: Array | float, emission: Array | float, azimuth: Array | float, parameters: HapkeParameters
-) -> Array:
+def brdf(incidence: Numbers, emission: Numbers, azimuth: Numbers, parameters: HapkeParameters) -> Array:
     """r / cos(incidence) in 1/sr, unchanged when incidence and emission are exchanged; 0 where r is."""
     cosine = np.cos(np.asarray(incidence, np.float64))
     result: Array = bidirectional_reflectance(incidence, emission, azimuth, parameters) / np.maximum(cosine, _TINY)

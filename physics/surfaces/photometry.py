@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 
 Law = Callable[[Array, Array, Array], Array]
 
@@ -22,7 +21,7 @@ LOMMEL_SEELIGER_BOND = 16 / 3 * (1 - math.log(2))
 _NODES = 48
 
 
-def lunar_lambert(albedo: Any, share: Any) -> Law:
+def lunar_lambert(albedo: Numbers, share: Numbers) -> Law:
     """McEwen's law (1991, Icarus 92, 298) without phase dependence, ``share`` of it Lommel-Seeliger, the rest Lambert.
 
     I/F = A [2 s µ0/(µ0 + µ) + (1 - s) µ0], scaled so that ``albedo`` is the Bond albedo. With share 0
@@ -39,12 +38,12 @@ def lunar_lambert(albedo: Any, share: Any) -> Law:
     return law
 
 
-def lunar_lambert_normal_albedo(albedo: Any, share: Any) -> Any:
+def lunar_lambert_normal_albedo(albedo: Numbers, share: Numbers) -> Numbers:
     """Normal albedo of ``lunar_lambert`` with this Bond albedo and Lommel-Seeliger share."""
     return albedo / (1 + share * (LOMMEL_SEELIGER_BOND - 1))
 
 
-def _gauss(low: Any, high: Any, nodes: int = _NODES) -> tuple[Array, Array]:
+def _gauss(low: Numbers, high: Numbers, nodes: int = _NODES) -> tuple[Array, Array]:
     """Nodes and weights on [low, high], in a last axis, crowded at both ends where laws have peaks and edges."""
     x, weight = np.polynomial.legendre.leggauss(nodes)
     t = (x + 1) / 2
@@ -58,7 +57,7 @@ def normal_albedo(law: Law) -> float:
     return float(np.pi * law(np.zeros(()), np.zeros(()), np.zeros(())))
 
 
-def hemispherical_albedo(law: Law, incidence: Any) -> Array:
+def hemispherical_albedo(law: Law, incidence: Numbers) -> Array:
     """Share of a beam's light, at incidence angles in radians below π/2, that the surface returns.
 
     Of a reciprocal law it is also the radiance factor at this emission angle under light from the
@@ -111,7 +110,7 @@ def hemispherical_fit(law_of: Callable[[float, float], Law], gammas: Array, slop
     return coefficients
 
 
-def disc_brightness(law: Law, phase: Any) -> Array:
+def disc_brightness(law: Law, phase: Numbers) -> Array:
     """Brightness of a sphere at phase angles in radians relative to a white, facing Lambert disc of its size."""
     alpha = np.atleast_1d(np.asarray(phase, np.float64))
     longitude, along = _gauss(alpha - np.pi / 2, np.full_like(alpha, np.pi / 2))
@@ -129,7 +128,7 @@ def geometric_albedo(law: Law) -> float:
     return float(disc_brightness(law, 0.0))
 
 
-def phase_curve(law: Law, phase: Any) -> Array:
+def phase_curve(law: Law, phase: Numbers) -> Array:
     """Brightness of a sphere at phase angles in radians over that at phase angle 0."""
     return disc_brightness(law, phase) / geometric_albedo(law)
 

@@ -14,7 +14,6 @@ import functools
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -72,7 +71,7 @@ def diffuse_fresnel_reflectance(refractive_index: float) -> float:
     return float(np.sum(weights / 2 * 2 * x * 2 * mu * (across + along) / 2))
 
 
-def _interpolate(values: Array, root: float, roughness: float) -> Any:
+def _interpolate(values: Array, root: float, roughness: float) -> Array:
     """Bilinear interpolation in the first two axes of a table."""
     table = _table()
 

@@ -6,11 +6,9 @@ layer that absorbs nothing. Snow whose grains absorb follows from that by its sp
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from .photometry import Law
 
 #: Constants of the reflectance without absorption: A, B and C, then the amplitude and the decay per degree of the two
@@ -24,12 +22,12 @@ LEAST_COSINES = 0.2
 LARGEST_INCIDENCE_DEG, LARGEST_EMISSION_DEG = 70.0, 60.0
 
 
-def escape(mu: Any) -> Array:
+def escape(mu: Numbers) -> Array:
     """Escape function K of a cosine, which is 1 in the mean over the hemisphere: (3/7)(1 + 2µ)."""
     return np.asarray(3 / 7 * (1 + 2 * np.asarray(mu, np.float64)))
 
 
-def reflectance_factor(incidence: Any, emission: Any, azimuth: Any, albedo: Any) -> Array:
+def reflectance_factor(incidence: Numbers, emission: Numbers, azimuth: Numbers, albedo: Numbers) -> Array:
     """Radiance relative to a white Lambert surface in the same light; angles in radians, azimuth 0 on the Sun's side.
 
     ``albedo`` is the spherical albedo, the share of light from all sides that is reflected. 0 where the Sun or the
@@ -50,7 +48,7 @@ def reflectance_factor(incidence: Any, emission: Any, azimuth: Any, albedo: Any)
     return np.asarray(np.where(lit, white * absorbed, 0.0))
 
 
-def snow_law(albedo: Any) -> Law:
+def snow_law(albedo: Numbers) -> Law:
     """The law as bidirectional reflectance r in 1/sr, see ``photometry``; ``albedo`` is the spherical albedo."""
 
     def law(incidence: Array, emission: Array, azimuth: Array) -> Array:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 
 ICE_KG_M3 = 917.0
 
@@ -65,7 +65,7 @@ _ABSORPTION_ENHANCEMENT, _ASYMMETRY = 1.6, 0.845
 _BUBBLE_ASYMMETRY = 0.79
 
 
-def ice_absorption_1_m(wavelength_nm: Array | float) -> Array:
+def ice_absorption_1_m(wavelength_nm: Numbers) -> Array:
     """Absorption coefficient 4πk/λ of pure ice in 1/m, interpolated in logarithms; beyond 400 to 700 nm the k of that
     end."""
     wavelength = np.asarray(wavelength_nm, np.float64)
@@ -73,7 +73,7 @@ def ice_absorption_1_m(wavelength_nm: Array | float) -> Array:
     return np.asarray(4 * np.pi * k / (wavelength * 1e-9))
 
 
-def snow_reflectance(wavelength_nm: Array | float, grain_radius_m: float) -> Array:
+def snow_reflectance(wavelength_nm: Numbers, grain_radius_m: float) -> Array:
     """Reflectance of deep, clean snow in even light: exp(-√(16/3 · (1 - ω)/(1 - g))).
 
     ``grain_radius_m`` is the radius r of spheres of the same surface per mass, 3 / (917 kg/m³ · r). The
@@ -87,7 +87,7 @@ def snow_reflectance(wavelength_nm: Array | float, grain_radius_m: float) -> Arr
     return np.asarray(np.exp(-np.sqrt(16 / 3 * coalbedo / (1 - _ASYMMETRY))))
 
 
-def bubbly_ice_reflectance(wavelength_nm: Array | float, bubble_radius_m: float, bubble_share: float) -> Array:
+def bubbly_ice_reflectance(wavelength_nm: Numbers, bubble_radius_m: float, bubble_share: float) -> Array:
     """Reflectance of deep, clean ice with air bubbles in even light, without reflection at its surface.
 
     It is exp(-4 √(α (1 - f) · 4a/3 / (3 f (1 - g)))): the same asymptotic radiative transfer as for snow, with bubbles
@@ -109,7 +109,7 @@ class Material:
     values: tuple[float, ...]  # reflectances
     source: str  # of its numbers: which are published, which are assumed, which are a guess
 
-    def reflectance(self, wavelength_nm: Array | float) -> Array:
+    def reflectance(self, wavelength_nm: Numbers) -> Array:
         """Its reflectance at wavelengths, of their shape."""
         return np.asarray(np.interp(np.asarray(wavelength_nm, np.float64), self.wavelength_nm, self.values))
 

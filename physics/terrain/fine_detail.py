@@ -8,12 +8,11 @@ distance as flat ground does. Landforms and layers are height fields and have no
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from ...settings.topics.scene import Settings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from ..random_numbers.seeds import ground_generator
 from .noise.lattice_noise import gradient_noise_3d
 from .roughness.roughness import RELIEF_SPAN, amplitudes, carried_share, wavelengths_m
@@ -22,7 +21,9 @@ from .roughness.structure_function import structure
 _DIMENSIONS = 3
 
 
-def relief(points_m: Array, settings: Settings, seed: int, longest_m: float = math.inf, shortest_m: Any = 0.0) -> Array:
+def relief(
+    points_m: Array, settings: Settings, seed: int, longest_m: float = math.inf, shortest_m: Numbers = 0.0
+) -> Array:
     """Heights (n,) in metres of the described roughness at points (n, 3) in metres, any order.
 
     ``longest_m`` leaves out waves that the mesh has already (it is about two of the lengths that the mesh resolves),
@@ -70,7 +71,7 @@ def displace(
     settings: Settings,
     seed: int,
     longest_m: float = math.inf,
-    shortest_m: Any = 0.0,
+    shortest_m: Numbers = 0.0,
 ) -> Array:
     """Points (n, 3) moved by ``relief`` along their unit ``normals`` (n, 3)."""
     heights = relief(points_m, settings, seed, longest_m, shortest_m)

@@ -11,12 +11,11 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ...settings.topics.ground import HillsSettings, TerrainLayer
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 from .landforms.common import Landform, only_where, smooth_step
 from .layers import MOST_OCTAVES, Layer, make_layer
@@ -45,7 +44,7 @@ def make_hills(settings: HillsSettings, random: np.random.Generator, size_m: flo
     start = size_m * math.sqrt(0.5)
     level = _mean_around_m(hills, start)
 
-    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
+    def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)
         return only_where(np.hypot(x_m, y_m) > start, beyond, x_m, y_m, shortest_m)
 

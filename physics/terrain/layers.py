@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ...settings.topics.ground import TerrainLayer
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from .noise.bases_and_fractals import BASES, FRACTALS
 from .noise.lattice_noise import gradient_noise
 from .roughness.roughness import carried_share
@@ -44,7 +43,7 @@ class Layer:
     centre: float = 0.0
     factor: float = 1.0
 
-    def heights(self, x_m: Array, y_m: Array, shortest_m: Any = 0.0) -> Array:
+    def heights(self, x_m: Array, y_m: Array, shortest_m: Numbers = 0.0) -> Array:
         """Heights in metres; ``x_m`` and ``y_m`` broadcast, ``shortest_m`` is a number or one per point.
 
         Octaves fade out between 1.5 and 1 times ``shortest_m``.
@@ -53,7 +52,7 @@ class Layer:
         if self.warp_m:
             x_m, y_m = self._warped(x_m, y_m)
 
-        def signal(k: int) -> Any:
+        def signal(k: int) -> Numbers:
             share = carried_share(self.scale_m / self.lacunarity**k, shortest_m)
             if not np.any(share):
                 return self.signal_mean

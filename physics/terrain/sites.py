@@ -10,12 +10,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from ...settings.topics.scene import Settings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from ..rocks.beyond_patch import view_beyond
 from ..rocks.rocks import Rocks, euler_matrices, scatter
 from ..rocks.shapes import Shape, make_rock_shapes
@@ -48,7 +47,7 @@ class RockyGround:
         patch = self.settings.terrain
         return 2 * patch.size_m / (patch.resolution - 1) if math.isfinite(self.half_m) else 0.0
 
-    def heights(self, x_m: Any, y_m: Any) -> Array:
+    def heights(self, x_m: Numbers, y_m: Numbers) -> Array:
         """Heights in metres at east and north coordinates; NaN where there is no ground."""
         inside = np.maximum(np.abs(x_m), np.abs(y_m)) <= self.half_m
         return np.where(inside, self.ground.heights(x_m, y_m, self.shortest_m), np.nan)

@@ -11,13 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from ...settings.topics.ground import TerrainSettings
 from ...settings.topics.scene import Settings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from ..random_numbers.seeds import ground_generator
 from .hills import make_hills
 from .landforms import MAKERS, Landform, make_plugin_landforms
@@ -59,7 +58,7 @@ class Terrain:
     mantle_level_m: float = field(default=0.0, repr=False)
     hills: Landform | None = None
 
-    def heights(self, x_m: Any, y_m: Any, shortest_m: Any = 0.0) -> Array:
+    def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: Numbers = 0.0) -> Array:
         """Heights in metres at east and north coordinates (arrays that broadcast).
 
         Waves shorter than ``shortest_m`` (a number, or one per point) are left out: a mesh with
@@ -86,7 +85,7 @@ class Terrain:
         """The same ground for a mesh that has edges along the crests of its landforms."""
         return replace(self, landforms=tuple(each.with_sharp_crests() for each in self.landforms))
 
-    def _tile(self, x: Array, y: Array, shortest_m: Any) -> Array:
+    def _tile(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
         total = self._ground(x, y, shortest_m)
         for landform in self.landforms:
             # Only a mesh of one spacing leaves out landforms too fine for it; the error of a graded one is bounded.
@@ -107,7 +106,7 @@ class Terrain:
         beyond = np.maximum(np.abs(rise) - end, 0.0)
         return rise if not np.any(beyond) else rise - np.sign(rise) * (beyond + end * np.expm1(-beyond / end))
 
-    def _ground(self, x: Array, y: Array, shortest_m: Any) -> Array:
+    def _ground(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
         """The random surface, the layers on it, and the distant hills that it lies on."""
         total = self.base.heights(x, y, shortest_m)
         for each in self.layers:

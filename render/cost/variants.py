@@ -25,6 +25,7 @@ from ...physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from ...physics.surfaces.photometry import hemispherical_albedo
 from ...settings.description import merged
 from ...settings.topics.scene import Settings
+from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 from ...support.number_text import count_of
 from ..plans.indirect import bake_seconds
@@ -156,8 +157,8 @@ class _Shortcut:
     names of both variants."""
 
     key: str
-    lean: Any
-    full: Any
+    lean: bool | float | str
+    full: bool | float | str
     without: str
     whole: str
 
@@ -213,7 +214,7 @@ def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
     incidence = math.radians(90.0 - min(max(sky(settings.light).sun_elevation_deg, 1.0), 90.0))
 
     def albedo(w: float) -> float:
-        def law(i: Any, e: Any, psi: Any) -> Any:
+        def law(i: Numbers, e: Numbers, psi: Numbers) -> Array:
             return bidirectional_reflectance(i, e, psi, HapkeParameters(w, h_function="2002"))
 
         return float(hemispherical_albedo(law, incidence))

@@ -11,7 +11,6 @@ import re
 import stat
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from ...support import system
 from ...support.errors import IcyMoonError
@@ -47,7 +46,7 @@ def folder_of_pair(dataset: Path, name: str) -> Path:
     return folder_of_pairs(dataset) / name
 
 
-def checked_id(value: Any, where: object) -> str:
+def checked_id(value: object, where: object) -> str:
     """A pair's id as it was read from ``where``. Raises IcyMoonError if the value is no id."""
     if not isinstance(value, str) or not _ID.fullmatch(value):
         raise IcyMoonError(

@@ -170,7 +170,7 @@ def read_pair(folder: Path, restore: Restore = restored) -> Pair:
     return check_pair(folder, _parse(path, _read_pair_json(path)), restore)
 
 
-def check_pair(folder: Path, data: Any, restore: Restore = restored) -> Pair:
+def check_pair(folder: Path, data: object, restore: Restore = restored) -> Pair:
     """The pair whose ``pair.json`` has this content, see ``read_pair``."""
     path = folder / "pair.json"
     if not isinstance(data, dict) or data.get("format") != FORMAT:

@@ -7,7 +7,6 @@ import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from ...settings import pair_ids
 from ...settings.table import TOPICS
@@ -38,7 +37,7 @@ def _is_shape(name: str) -> bool:
     return topic in TOPICS and any(s.key == key and s.effect == "geometry" for s in TOPICS[topic].settings)
 
 
-def check_splits(splits: Any) -> dict[str, float]:
+def check_splits(splits: object) -> dict[str, float]:
     """The shares of splits, whose sum is 1. Raises IcyMoonError for others."""
     if not isinstance(splits, Mapping) or any(
         isinstance(share, bool) or not isinstance(share, int | float) for share in splits.values()

@@ -22,7 +22,7 @@ from ...physics.light.sky import azimuth_deg, elevation_deg, sky, sky_facts
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import NUMBER
+from ...support.file_shapes import is_number
 from ...support.files import quote
 from .workspace_cells import describe_workspace
 
@@ -147,7 +147,7 @@ def _compare_indirect(stated: Any, light: Mapping[str, Any], settings: Settings)
     if not asked or stated.get("method") != "BAKED":  # it may be traced although it was to be baked
         return
     noise, most = stated.get("noise"), settings.quality.bake_noise
-    if not NUMBER.fits(noise) or 0 < most < noise - _NOISE_DIGITS:
+    if not is_number(noise) or 0 < most < noise - _NOISE_DIGITS:
         yield f"indirect.noise is {_show(noise)}, and its settings give at most {_show(most)}"
     sun, lights = from_json(light), stated.get("lights")
     if sun is None or not isinstance(lights, Mapping):
@@ -168,7 +168,7 @@ def _describe_sky(settings: Settings) -> dict[str, Any]:
         return {}
 
 
-def _compare_planet(stated: Any, wanted: Mapping[str, Any] | None) -> Iterator[str]:
+def _compare_planet(stated: object, wanted: Mapping[str, Any] | None) -> Iterator[str]:
     if wanted is None or not isinstance(stated, Mapping):
         yield from _compare("light.planet", stated, wanted)
         return
@@ -195,7 +195,7 @@ def _compare_direction(name: str, stated: Mapping[str, Any], wanted: Array) -> I
     yield from _compare(name, stated, {"direction_to_world": wanted.tolist()}, _SINGLE)
     angles = {"elevation_deg": elevation_deg(wanted), "azimuth_deg": azimuth_deg(wanted)}
     elevation, azimuth = (stated.get(key, angle) for key, angle in angles.items())
-    if not (NUMBER.fits(elevation) and NUMBER.fits(azimuth)):
+    if not (is_number(elevation) and is_number(azimuth)):
         yield from _compare(name, stated, angles)
     elif np.abs(toward(azimuth, elevation) - wanted).max() > _SINGLE:
         is_high = abs(elevation - angles["elevation_deg"]) > math.degrees(_SINGLE)
@@ -203,7 +203,7 @@ def _compare_direction(name: str, stated: Mapping[str, Any], wanted: Array) -> I
         yield _contradict(f"{name}.{key}", stated[key], angles[key])
 
 
-def _compare(name: str, stated: Any, wanted: Any, digits: float = _DIGITS, scale: float = 1.0) -> Iterator[str]:
+def _compare(name: str, stated: object, wanted: object, digits: float = _DIGITS, scale: float = 1.0) -> Iterator[str]:
     """Where a stated value differs from the wanted one. Numbers may differ by ``digits``, relative or of ``scale``."""
     if stated == wanted:
         return
@@ -214,16 +214,14 @@ def _compare(name: str, stated: Any, wanted: Any, digits: float = _DIGITS, scale
         for k, (own, other) in enumerate(zip(stated, wanted, strict=True)):
             yield from _compare(f"{name}[{k}]", own, other, digits, scale)
     elif not (
-        NUMBER.fits(wanted)
-        and NUMBER.fits(stated)
-        and math.isclose(stated, wanted, rel_tol=digits, abs_tol=digits * scale)
+        is_number(wanted) and is_number(stated) and math.isclose(stated, wanted, rel_tol=digits, abs_tol=digits * scale)
     ):
         yield _contradict(name, stated, wanted)
 
 
-def _contradict(name: str, stated: Any, wanted: Any) -> str:
+def _contradict(name: str, stated: object, wanted: object) -> str:
     return f"{name} is {_show(stated)}, and its settings give {_show(wanted)}"
 
 
-def _show(value: Any) -> str:
+def _show(value: object) -> str:
     return "a table" if isinstance(value, Mapping) else "nothing" if value is None else quote(value)

@@ -111,7 +111,7 @@ def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) 
     """Raise IcyMoonError if two variations that differ, such as two presets, differ in nothing under later sweeps."""
     first = earlier.variations[0] if earlier.variations else {}
 
-    def value(part: Mapping[str, Any], key: str) -> Any:
+    def value(part: Mapping[str, Any], key: str) -> object:
         topic, _, name = key.partition(".")
         return part[key] if key in part else base[topic][name]
 

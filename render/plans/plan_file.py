@@ -292,7 +292,7 @@ def _count(header: Mapping[str, Any], key: str, what: str, place: Place) -> int:
     return value
 
 
-def _seeds(value: Any, place: Place) -> tuple[int | list[int], Place]:
+def _seeds(value: object, place: Place) -> tuple[int | list[int], Place]:
     """A number of seeds to draw, or the seeds themselves."""
     whole = [
         v for v in (value if isinstance(value, list) else [value]) if isinstance(v, int) and not isinstance(v, bool)
@@ -301,11 +301,11 @@ def _seeds(value: Any, place: Place) -> tuple[int | list[int], Place]:
         for seed in value:
             check({"dataset": {"seed": seed}}, str(place))
         return value, place
-    if isinstance(value, list) or not whole or not 1 <= value <= _SEEDS_MOST:
+    if isinstance(value, list) or not whole or not 1 <= whole[0] <= _SEEDS_MOST:
         raise IcyMoonError(
             f"{place}: seeds is {quote(value)}, it must be how many there are (1 to {_SEEDS_MOST}) or list them."
         )
-    return value, place
+    return whole[0], place
 
 
 def _with_sweep(designs: Sequence[Design], table: Mapping[str, Any], place: Place) -> list[Design]:

@@ -19,7 +19,7 @@ from ...physics.terrain.sites import RockyGround
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import NUMBER
+from ...support.file_shapes import is_number
 from ...support.files import quote
 from ...support.number_text import count_of
 from .planned_pair import turned_heading_deg
@@ -34,7 +34,7 @@ def _read_numbers(sweep: Sweep, key: str, default: Sequence[float] | None = None
     value = sweep.table.get(key, None if default is None else list(default))
     place = sweep.place.at(key)
     values = value if isinstance(value, list) else [value]
-    if not values or not all(map(NUMBER.fits, values)):
+    if not values or not all(map(is_number, values)):
         problem = "is missing" if value is None else f"is {quote(value)}"
         raise IcyMoonError(f"{place}: {key} {problem}, it must be a number or a list of numbers.")
     return [float(v) for v in values]

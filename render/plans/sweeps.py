@@ -21,7 +21,7 @@ from ...settings.topics.declaration import Parts, Setting
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import NUMBER
+from ...support.file_shapes import is_number
 from ...support.files import parse_path, quote, shorten
 from ...support.suggestions import nearest
 
@@ -83,7 +83,7 @@ def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
     return merged(*parts)
 
 
-def load_included(name: Any, place: Place) -> Settings:
+def load_included(name: object, place: Place) -> Settings:
     """The settings of a shipped preset, or of a settings file whose name ends in .toml, beside the plan."""
     if not isinstance(name, str):
         raise IcyMoonError(f"{place}: a preset is named by a text in quotes, not {quote(name)}.")
@@ -166,7 +166,7 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
     return found
 
 
-def _read_part(name: str, value: Any, place: Place) -> Settings:
+def _read_part(name: str, value: object, place: Place) -> Settings:
     """What a factor's value sets."""
     if name.split(".")[0] in (_PRESET, _PRESETS):
         return load_included(value, place)
@@ -233,7 +233,7 @@ def _make_cases(sweep: Sweep, base: Settings) -> list[Variation]:
     return made
 
 
-def _read_law(name: str, setting: Setting | None, law: Any, place: Place, kind: str) -> Callable[[Array], list[Any]]:
+def _read_law(name: str, setting: Setting | None, law: object, place: Place, kind: str) -> Callable[[Array], list[Any]]:
     """A function from fractions (0 to 1) to values of a factor, by the distribution that the plan states."""
     stated = dict(law) if isinstance(law, Mapping) else {}
     within = stated.pop("within", None)
@@ -295,8 +295,8 @@ def _rounded(setting: Setting, values: Array) -> list[Any]:
     return [float(f"{v:.6g}") for v in values.tolist()]
 
 
-def _read_two_numbers(numbers: Any, what: str, place: Place) -> tuple[float, float]:
-    if not isinstance(numbers, list) or len(numbers) != 2 or not all(map(NUMBER.fits, numbers)):
+def _read_two_numbers(numbers: object, what: str, place: Place) -> tuple[float, float]:
+    if not isinstance(numbers, list) or len(numbers) != 2 or not all(map(is_number, numbers)):
         raise IcyMoonError(f"{place}: {what} must be two numbers, not {quote(numbers)}.")
     return float(numbers[0]), float(numbers[1])
 

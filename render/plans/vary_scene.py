@@ -98,14 +98,14 @@ def names_that_vary() -> list[str]:
     return [name for name in _SETTINGS if not why_fixed(*name.split("."))]
 
 
-def vary_around(name: str, value: Any) -> VariedSetting:
+def vary_around(name: str, value: float | str) -> VariedSetting:
     """A setting that varies about its present value: numbers from half of it to twice it, or if it is 0 a quarter of
     its slider's range, and within that range where the value is; all values of a choice.
 
     Whole numbers have the default number of values, if the range contains that many.
     """
     setting = VariedSetting(name).setting
-    if setting.kind == "choice":
+    if isinstance(value, str):
         return VariedSetting(name, values=tuple(choice[0] for choice in setting.choices))
     if setting.kind == "bool":
         return VariedSetting(name)

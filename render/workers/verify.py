@@ -231,7 +231,7 @@ def _find_link(folder: Path) -> Path | None:
     return next((path for path in (folder.parent, folder, *inside) if path.is_symlink()), None)
 
 
-def _parse(record: Path) -> Any:
+def _parse(record: Path) -> object:
     """The content of a ``pair.json``; None if it is gone or no JSON. Raises OSError where that cannot be told."""
     try:
         return parse_json(read_text(record))

@@ -41,7 +41,7 @@ def _register_group(name: str, doc: str, annotations: dict[str, Any]) -> type:
     return group
 
 
-def make_property(setting: Setting, **other: Any) -> Any:
+def make_property(setting: Setting, **other: object) -> object:
     """A property with the label, tooltip, default and range of a setting that is no list.
 
     ``other`` are keywords of Blender's property that replace or join the setting's own.
@@ -69,7 +69,7 @@ def make_property(setting: Setting, **other: Any) -> Any:
     return bpy.props.FloatProperty(**common | {"precision": setting.precision, "unit": unit} | other)
 
 
-def _make_scene_property(topic: str, setting: Setting) -> Any:
+def _make_scene_property(topic: str, setting: Setting) -> object:
     """The property of a setting of the scene, which announces its changes."""
     if setting.kind != "list":
         return make_property(setting, update=make_update(setting.effect))
@@ -84,7 +84,7 @@ def _make_scene_property(topic: str, setting: Setting) -> Any:
 _classes: list[type] = []
 
 
-def _make_variations() -> Any:
+def _make_variations() -> object:
     """The property of what varies over the pairs of a data set, which is beside the settings and none of them."""
     update = make_update("run")
     tick = _register_group(
@@ -144,7 +144,7 @@ def _make_variations() -> Any:
     )
 
 
-def varied_fields(**common: Any) -> dict[str, Any]:
+def varied_fields(**common: object) -> dict[str, Any]:
     """The properties of the values of a number that varies, the same in the list and in the dialog."""
     ends = (("first", "From", "The first value"), ("last", "To", "The last value"))
     shown = {
@@ -190,18 +190,18 @@ def shown_as(end: str, precision: int) -> str:
     return f"{end}_with_{precision}"
 
 
-def read_variations(group: Any) -> SceneVariations:
+def read_variations(group: bpy.types.PropertyGroup) -> SceneVariations:
     """What varies, of a ``Scene.icymoon`` property group; unchecked."""
     stated = group.variations
     return SceneVariations(tuple(map(read_item, stated.varied)), stated.combine, stated.draws, stated.seeds)
 
 
-def read_item(item: Any) -> VariedSetting:
+def read_item(item: bpy.types.PropertyGroup) -> VariedSetting:
     """Read one entry of the list of varied settings, without a check."""
     return read_varied(item, item.setting, tuple(tick.name for tick in item.ticks if tick.on))
 
 
-def read_varied(fields: Any, name: str, values: tuple[str, ...]) -> VariedSetting:
+def read_varied(fields: bpy.types.PropertyGroup, name: str, values: tuple[str, ...]) -> VariedSetting:
     """The setting of this name with the values that ``varied_fields`` state."""
     topic, _, key = name.partition(".")
     setting = next((s for s in TOPICS[topic].settings if s.key == key), None) if topic in TOPICS else None
@@ -219,7 +219,7 @@ def _single(value: float) -> float:
     return float(str(np.float32(value)))
 
 
-def write_varied(group: Any, varied: VariedSetting) -> None:
+def write_varied(group: bpy.types.PropertyGroup, varied: VariedSetting) -> None:
     """Let a setting vary as stated, in the place that it has in the list, or else as the last; and select it."""
     stated, setting = group.variations, varied.setting
     place = next((k for k, item in enumerate(stated.varied) if item.setting == varied.name), len(stated.varied))
@@ -310,7 +310,7 @@ def unregister() -> None:
         bpy.utils.unregister_class(_classes.pop())
 
 
-def read_settings(group: Any) -> Settings:
+def read_settings(group: bpy.types.PropertyGroup) -> Settings:
     """The complete settings in a ``Scene.icymoon`` property group.
 
     Anyone may have made the scene. Raises IcyMoonError if a settings file with these values would be refused, and if
@@ -324,7 +324,7 @@ def read_settings(group: Any) -> Settings:
     return check(read_unchecked(group), "This scene")
 
 
-def find_left_landforms(group: Any) -> list[str]:
+def find_left_landforms(group: bpy.types.PropertyGroup) -> list[str]:
     """The landforms of plug-ins that are not installed here but have settings in the scene, other than 0."""
     return sorted(
         name
@@ -333,7 +333,7 @@ def find_left_landforms(group: Any) -> list[str]:
     )
 
 
-def read_for_display(group: Any) -> Settings:
+def read_for_display(group: bpy.types.PropertyGroup) -> Settings:
     """The settings as ``read_unchecked`` gives them, read once for all panels of a redraw. Do not change them.
 
     It is the same object as long as they are the same settings, so what follows from them can be kept by identity.
@@ -347,12 +347,12 @@ def read_for_display(group: Any) -> Settings:
 
 
 @bpy.app.handlers.persistent
-def _forget_displayed(*_: Any) -> None:
+def _forget_displayed(*_: object) -> None:
     """Read the displayed settings anew at the next redraw; called after undo and redo."""
     _displayed.clear()
 
 
-def read_unchecked(group: Any) -> Settings:
+def read_unchecked(group: bpy.types.PropertyGroup) -> Settings:
     """The complete settings without a check: to show them, not to pass them to a process."""
     return with_releases(
         typed(
@@ -370,7 +370,7 @@ def _read_property(setting: Setting, value: Any) -> Value:
     return canonical(setting, value)
 
 
-def write_settings(group: Any, settings: Mapping[str, Mapping[str, Value]]) -> None:
+def write_settings(group: bpy.types.PropertyGroup, settings: Mapping[str, Mapping[str, Value]]) -> None:
     """Write checked settings, all or some, into a ``Scene.icymoon`` property group.
 
     Raises IcyMoonError if they have a landform of a plug-in that this Blender does not have.
@@ -386,7 +386,7 @@ def write_settings(group: Any, settings: Mapping[str, Mapping[str, Value]]) -> N
                     setattr(getattr(group, topic), key, value)
 
 
-def _fill(collection: Any, entries: list[dict[str, Any]]) -> None:
+def _fill(collection: bpy.types.bpy_prop_collection, entries: list[dict[str, Any]]) -> None:
     """Replace the entries of a list of property groups."""
     collection.clear()
     for entry in entries:

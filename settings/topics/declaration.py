@@ -20,7 +20,18 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform, get_args, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    Self,
+    TypedDict,
+    TypeVar,
+    Unpack,
+    dataclass_transform,
+    get_args,
+    get_type_hints,
+)
 
 from . import trust_boundary
 from .relevance import ALWAYS, Condition, positive
@@ -162,11 +173,11 @@ class Topic:
         except KeyError:
             raise KeyError(f"{self.key}.{key}") from None
 
-    def is_shown(self, key: str, root: Any) -> bool:
+    def is_shown(self, key: str, root: object) -> bool:
         """Whether the present choices use a setting. ``root`` holds all settings, such as ``Scene.icymoon``."""
         return self.shown(root, self.key) and self._by_key[key].shown(root, self.key)
 
-    def has_effect(self, key: str, root: Any) -> bool:
+    def has_effect(self, key: str, root: object) -> bool:
         """Whether a setting that is shown has an effect, given the present numbers and ticks."""
         on = key == self.turned_on_by or not self.turned_on_by or positive(self.turned_on_by)(root, self.key)
         return on and self._by_key[key].active(root, self.key)
@@ -179,13 +190,13 @@ class Attributes(dict[str, Any]):
 
     if not TYPE_CHECKING:  # else any name would be an attribute to mypy
 
-        def __getattr__(self, key: str) -> Any:
+        def __getattr__(self, key: str) -> object:
             try:
                 return self[key]
             except KeyError:
                 raise AttributeError(f"{type(self).__name__} has no {key}") from None
 
-        def __setattr__(self, key: str, value: Any) -> None:
+        def __setattr__(self, key: str, value: object) -> None:
             self[key] = value
 
     def __or__(self, other: Mapping[str, Any]) -> Self:  # type: ignore[override]
@@ -202,66 +213,92 @@ class Attributes(dict[str, Any]):
         return made
 
 
+Stated = TypeVar("Stated", bound=float | str)
+Entry = TypeVar("Entry", bound="Table")
+
+
+class _More(TypedDict, total=False):
+    """What a declaration may state of any setting, see ``Setting``."""
+
+    zero: str
+    section: Section
+    shown: Condition
+    active: Condition
+    since: str
+    before: Value
+
+
+class _Shown(_More, total=False):
+    subtype: str
+    precision: int
+
+
+def _field(setting: Setting) -> Any:
+    """The setting, for the type checker a value of it: a class has the declaration until it is made, then values."""
+    return setting
+
+
 def metres(label: str, default: float, low: float, high: float, soft: tuple[float, float], description: str,
-           effect: str, **more: Any) -> Any:
+           effect: str, **more: Unpack[_More]) -> float:
     """A length in metres."""
-    return Setting(label=label, default=default, description=description, effect=effect, unit="m", minimum=low,
-                   maximum=high, soft=soft, subtype="DISTANCE", precision=4, **more)
+    return _field(Setting(label=label, default=default, description=description, effect=effect, unit="m", minimum=low,
+                          maximum=high, soft=soft, subtype="DISTANCE", precision=4, **more))
 
 
 def degrees(label: str, default: float, low: float, high: float, description: str, effect: str,
-            soft: tuple[float, float] | None = None, precision: int = 2, **more: Any) -> Any:
+            soft: tuple[float, float] | None = None, precision: int = 2, **more: Unpack[_More]) -> float:
     """An angle in degrees; the label gets the unit."""
-    return Setting(label=f"{label} (°)", default=default, description=description, effect=effect, unit="deg",
-                   minimum=low, maximum=high, soft=soft, precision=precision, **more)
+    return _field(Setting(label=f"{label} (°)", default=default, description=description, effect=effect, unit="deg",
+                   minimum=low, maximum=high, soft=soft, precision=precision, **more))
 
 
 def fraction(label: str, default: float, description: str, effect: str, low: float = 0.0, high: float = 1.0,
-             **more: Any) -> Any:
+             **more: Unpack[_More]) -> float:
     """A share between 0 and 1, with a slider."""
-    return Setting(label=label, default=default, description=description, effect=effect, unit="1", minimum=low,
-                   maximum=high, subtype="FACTOR", **more)
+    return _field(Setting(label=label, default=default, description=description, effect=effect, unit="1", minimum=low,
+                          maximum=high, subtype="FACTOR", **more))
 
 
-def signed(label: str, description: str, effect: str, **more: Any) -> Any:
+def signed(label: str, description: str, effect: str, **more: Unpack[_More]) -> float:
     """A number from -1 to 1."""
     # No FACTOR: Blender fills its slider from the minimum, so that 0 would look like a half.
-    return Setting(label=label, default=0.0, description=description, effect=effect, unit="1", minimum=-1.0,
-                   maximum=1.0, **more)
+    return _field(Setting(label=label, default=0.0, description=description, effect=effect, unit="1", minimum=-1.0,
+                          maximum=1.0, **more))
 
 
-def number(label: str, default: float, low: float, high: float, soft: tuple[float, float] | None, description: str,
-           effect: str, unit: str = "1", **more: Any) -> Any:
+def number(label: str, default: Stated, low: float, high: float, soft: tuple[float, float] | None, description: str,
+           effect: str, unit: str = "1", **more: Unpack[_Shown]) -> Stated:
     """A number, whole if its default is."""
-    return Setting(label=label, default=default, description=description, effect=effect, unit=unit, minimum=low,
-                   maximum=high, soft=soft, **more)
+    return _field(Setting(label=label, default=default, description=description, effect=effect, unit=unit, minimum=low,
+                          maximum=high, soft=soft, **more))
 
 
-def tick(label: str, default: bool, description: str, effect: str, **more: Any) -> Any:
+def tick(label: str, default: bool, description: str, effect: str, **more: Unpack[_More]) -> bool:
     """A switch."""
-    return Setting(label=label, default=default, description=description, effect=effect, **more)
+    return _field(Setting(label=label, default=default, description=description, effect=effect, **more))
 
 
-def choice(label: str, default: str, description: str, effect: str, *choices: tuple[str, str, str],
-           **more: Any) -> Any:
+def choice(label: str, default: Stated, description: str, effect: str, *choices: tuple[str, str, str],
+           **more: Unpack[_More]) -> Stated:
     """One of several names, each (name, label, description)."""
-    return Setting(label=label, default=default, description=description, effect=effect, choices=choices, **more)
+    return _field(Setting(label=label, default=default, description=description, effect=effect, choices=choices,
+                          **more))
 
 
-def text(label: str, default: str, description: str, effect: str, trust: str, **more: Any) -> Any:
+def text(label: str, default: str, description: str, effect: str, trust: str, **more: Unpack[_Shown]) -> str:
     """A text of one of ``trust_boundary.CLASSES``."""
-    return Setting(label=label, default=default, description=description, effect=effect, trust=trust, **more)
+    return _field(Setting(label=label, default=default, description=description, effect=effect, trust=trust, **more))
 
 
-def image_file(label: str, description: str, **more: Any) -> Any:
+def image_file(label: str, description: str, **more: Unpack[_More]) -> str:
     """A file of an image that is part of the material."""
     return text(label, "", f"{description}. // is the folder of the .blend file", "material", "read",
                 subtype="FILE_PATH", **more)
 
 
-def tables(label: str, entry: type[Table], description: str, effect: str, **more: Any) -> Any:
+def tables(label: str, entry: type[Entry], description: str, effect: str, **more: Unpack[_More]) -> list[Entry]:
     """A list of tables of one type."""
-    return Setting(label=label, default=[], description=description, effect=effect, entry=entry, **more)
+    return _field(Setting(label=label, default=[], description=description, effect=effect, entry=entry, **more))
 
 
 @dataclass_transform(kw_only_default=True)

@@ -15,7 +15,7 @@ from typing import Any
 class Asked:
     """The settings of a scene, asked for a setting of ``topic``. ``root`` holds them, by topic."""
 
-    root: Any
+    root: object
     topic: str
 
     def value(self, name: str) -> Any:
@@ -30,7 +30,7 @@ class Condition:
 
     test: Callable[[Asked], bool]
 
-    def __call__(self, root: Any, topic: str) -> bool:
+    def __call__(self, root: object, topic: str) -> bool:
         """Whether the condition holds for a setting of ``topic``; ``root`` holds all settings."""
         return self.test(Asked(root, topic))
 

@@ -23,10 +23,13 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
-from types import SimpleNamespace
-from typing import IO, Any
+from types import ModuleType, SimpleNamespace
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    import torch
 
 PROTOCOL = 1
 #: Share of negative numbers above which a disparity map has the wrong sign.
@@ -72,7 +75,7 @@ def drop_single_axes(values: np.ndarray) -> np.ndarray:
     return values
 
 
-def as_disparity(found: Any, shape: tuple[int, ...]) -> np.ndarray:
+def as_disparity(found: object, shape: tuple[int, ...]) -> np.ndarray:
     """What a program returned, as float32 (H, W). Raises ValueError, with the fix, if it is no disparity map."""
     if hasattr(found, "detach"):  # a tensor of PyTorch, perhaps on a GPU or with a type that NumPy lacks
         found = found.detach().float().cpu().numpy()
@@ -135,14 +138,14 @@ def _answer(disparity: Callable[..., Any], request: dict[str, Any]) -> dict[str,
     return {**took, **_memory()}
 
 
-def _cuda() -> Any:
+def _cuda() -> ModuleType | None:
     """PyTorch's CUDA if the program uses it; None otherwise."""
     torch = sys.modules.get("torch")
     cuda = getattr(torch, "cuda", None)
     return cuda if cuda is not None and cuda.is_available() and cuda.is_initialized() else None
 
 
-def _gpu_event() -> Any:
+def _gpu_event() -> torch.cuda.Event | None:
     cuda = _cuda()
     if cuda is None:
         return None
@@ -151,7 +154,7 @@ def _gpu_event() -> Any:
     return event
 
 
-def _gpu_use(begin: Any) -> dict[str, Any]:
+def _gpu_use(begin: torch.cuda.Event | None) -> dict[str, Any]:
     """Name of the GPU, its most memory so far, and its time since ``begin``."""
     cuda = _cuda()
     if cuda is None:

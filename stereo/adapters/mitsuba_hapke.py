@@ -17,13 +17,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 _NAMES = ("w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_deg", "k")
 _DEFAULTS = {"w": 0.9, "k": 1.0}
 
 
-def brdf(q: dict[str, Any], wi: Any, wo: Any) -> Any:
+def brdf(q: dict[str, Any], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
     """Radiance over irradiance on the surface, in 1/sr, of unit vectors above a surface whose normal is z."""
     import drjit as dr
 
@@ -31,7 +34,7 @@ def brdf(q: dict[str, Any], wi: Any, wo: Any) -> Any:
     near2, far2 = dr.squared_norm(wi - wo), dr.maximum(dr.squared_norm(wi + wo), 1e-30)
     b, c = q["b"], q["c"]
 
-    def lobe(width: float) -> Any:
+    def lobe(width: float) -> mi.Float:
         d = (1 - width) ** 2 + width * near2 if width >= 0 else (1 + width) ** 2 - width * far2
         return 1 / (d * dr.sqrt(d))
 
@@ -53,7 +56,9 @@ def brdf(q: dict[str, Any], wi: Any, wo: Any) -> Any:
     return q["k"] * q["w"] / (4 * math.pi) * (single + multiple) * backscatter * shadowing
 
 
-def _rough(wi: Any, wo: Any, mu_n: Any, mu_f: Any, tan_theta: float) -> tuple[Any, Any, Any]:
+def _rough(
+    wi: mi.Vector3f, wo: mi.Vector3f, mu_n: mi.Float, mu_f: mi.Float, tan_theta: float
+) -> tuple[mi.Float, mi.Float, mi.Float]:
     """Effective cosines of the ray nearer to the normal and of the other one, and the shadowing (Hapke 1984)."""
     import drjit as dr
     import mitsuba as mi
@@ -76,7 +81,7 @@ def _rough(wi: Any, wo: Any, mu_n: Any, mu_f: Any, tan_theta: float) -> tuple[An
     return mu_n, mu_f, shadowing * mu_n * mu_f
 
 
-def _h_function(x: Any, q: dict[str, Any]) -> Any:
+def _h_function(x: mi.Float, q: dict[str, Any]) -> mi.Float:
     import drjit as dr
 
     gamma = math.sqrt(max(1 - q["w"], 0.0))
@@ -94,14 +99,16 @@ def register() -> None:
     register_law("icymoon_hapke", _read_parameters, brdf)
 
 
-def _read_parameters(props: Any) -> dict[str, Any]:
+def _read_parameters(props: mi.Properties) -> dict[str, Any]:
     return {name: float(props.get(name, _DEFAULTS.get(name, 0.0))) for name in _NAMES} | {
         "h_function": int(props.get("h_function", 2002))
     }
 
 
 def register_law(
-    plugin: str, read: Callable[[Any], dict[str, Any]], law: Callable[[dict[str, Any], Any, Any], Any]
+    plugin: str,
+    read: Callable[[mi.Properties], dict[str, Any]],
+    law: Callable[[dict[str, Any], mi.Vector3f, mi.Vector3f], mi.Float],
 ) -> None:
     """Make a BSDF known as ``plugin``: its parameters are read from properties, ``law`` is as ``brdf`` above."""
     import drjit as dr
@@ -110,21 +117,28 @@ def register_law(
     class Law(mi.BSDF):
         """The BSDF; dark from below."""
 
-        def __init__(self, props: Any) -> None:
+        def __init__(self, props: mi.Properties) -> None:
             mi.BSDF.__init__(self, props)
             self.q = read(props)
             flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
             self.m_components, self.m_flags = [flags], flags
 
-        def _is_seen(self, si: Any) -> Any:
+        def _is_seen(self, si: mi.SurfaceInteraction3f) -> mi.Bool:
             # A shading normal may turn away from a ray that meets the facet from above: the law at grazing sight.
             return dr.dot(si.n, si.to_world(si.wi)) > 0
 
-        def _value(self, si: Any, wo: Any, active: Any) -> Any:
+        def _value(self, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
             lit = active & self._is_seen(si) & (wo.z > 0)
             return mi.Color3f(dr.select(lit, law(self.q, si.wi, wo) * wo.z, 0.0))
 
-        def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
+        def sample(
+            self,
+            ctx: mi.BSDFContext,
+            si: mi.SurfaceInteraction3f,
+            sample1: mi.Float,
+            sample2: mi.Point2f,
+            active: mi.Bool = True,
+        ) -> tuple[mi.BSDFSample3f, mi.Color3f]:
             """A direction by the cosine, and its value over its density."""
             wo = mi.warp.square_to_cosine_hemisphere(sample2)
             found = mi.BSDFSample3f()
@@ -133,15 +147,21 @@ def register_law(
             valid = active & (found.pdf > 0)
             return found, dr.select(valid, self._value(si, wo, active) / dr.maximum(found.pdf, 1e-12), 0.0)
 
-        def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        def eval(
+            self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
+        ) -> mi.Color3f:
             """BRDF times cosine."""
             return self._value(si, wo, active)
 
-        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        def pdf(
+            self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
+        ) -> mi.Float:
             """Density of ``sample``."""
             return dr.select(active & self._is_seen(si) & (wo.z > 0), mi.warp.square_to_cosine_hemisphere_pdf(wo), 0.0)
 
-        def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
+        def eval_pdf(
+            self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
+        ) -> tuple[mi.Color3f, mi.Float]:
             """Both."""
             return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)
 

@@ -13,13 +13,16 @@ Kokhanovsky and Zege 2004, Applied Optics 43, 1589.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 #: The constants of physics/surfaces/snow.py.
 _LEVEL, _LINEAR, _PRODUCT, _PHASE, _LEAST_COSINES = 1.247, 1.186, 5.157, ((11.1, 0.087), (1.1, 0.014)), 0.2
 
 
-def brdf(q: dict[str, Any], wi: Any, wo: Any) -> Any:
+def brdf(q: dict[str, Any], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
     """Radiance over irradiance on the surface, in 1/sr, of unit vectors above a surface whose normal is z."""
     import drjit as dr
 

@@ -34,7 +34,7 @@ def main() -> None:
         network.processor.input_size = options.height
     size: list[int] = []
 
-    def disparity(left: np.ndarray, right: np.ndarray, camera: Any) -> np.ndarray:
+    def disparity(left: np.ndarray, right: np.ndarray, camera: object) -> np.ndarray:
         found = network(left, right, colorize=False)
         size[:] = found.metadata.get("input_resolution", ())
         return np.asarray(found.disparity)
@@ -53,7 +53,7 @@ def _refuse_pickles() -> None:
     load = torch.load
 
     @functools.wraps(load)
-    def load_parameters(*arguments: Any, **options: Any) -> Any:
+    def load_parameters(*arguments: object, **options: object) -> object:
         if options.get("weights_only") is False:
             raise RuntimeError(
                 f"{arguments[0] if arguments else 'the checkpoint'} contains more than parameters, "

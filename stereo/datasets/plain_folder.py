@@ -30,7 +30,7 @@ from typing import Any
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record
+from ...support.file_shapes import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record, is_number
 from ...support.files import list_put_there
 from ...support.foreign_bytes import parse_toml, path_hint
 from ...support.suggestions import nearest
@@ -40,7 +40,7 @@ from .visibility import Mask
 
 FILE = "pairs.toml"
 _PLACE = "{pair}"
-_NOT_ZERO = Kind("a number other than 0", lambda value: NUMBER.fits(value) and value != 0)
+_NOT_ZERO = Kind("a number other than 0", lambda value: is_number(value) and value != 0)
 _ALONG = Kind('"axis" or "ray"', lambda value: value in ("axis", "ray"))
 #: Of a focal length (px) or a baseline (m): beyond these no product of two is one of a camera.
 _SIZE = Kind("a number from 1e-9 to 1e9", lambda value: POSITIVE.fits(value) and 1e-9 <= value <= 1e9)

@@ -7,7 +7,7 @@ independent noise, and with the jitter of the camera and the Sun of its state.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,7 @@ def site_of(settings: Mapping[str, Mapping[str, Any]]) -> str:
     return _name_of(settings, lambda topic, key: topic != _DUG)
 
 
-def _name_of(settings: Mapping[str, Mapping[str, Any]], counts: Any) -> str:
+def _name_of(settings: Mapping[str, Mapping[str, Any]], counts: Callable[[str, str], bool]) -> str:
     kept = {
         f"{topic}.{key}": value
         for topic, values in settings.items()

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
 
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import NUMBER
+from ...support.file_shapes import is_number
 from ...support.files import quote, read_text, shorten
 from ...support.foreign_bytes import parse_toml, reason_of
 from ...support.suggestions import nearest
@@ -92,12 +91,12 @@ def _read(path: Path) -> dict[str, dict[str, float]]:
     return found
 
 
-def _checked(path: Path, part: str, key: str, value: Any) -> float:
+def _checked(path: Path, part: str, key: str, value: object) -> float:
     names = [field.name for field in fields(_PARTS[part])]
     if key not in names:
         raise IcyMoonError(f"{path} states {shorten(f'{part}.{key}')}, which is no rule; {nearest(key, names)}")
     most = 1.0 if key in _SHARES else 90.0 if key.endswith("_deg") else math.inf
-    if not NUMBER.fits(value) or not 0 < value <= most:
+    if not is_number(value) or not 0 < value <= most:
         raise IcyMoonError(
             f"{path}: {part}.{key} is {quote(value)}; give a number above 0"
             f"{'' if most == math.inf else f' and at most {most:g}'}."

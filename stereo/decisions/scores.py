@@ -91,5 +91,5 @@ def _choice(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:
     return {"regret": regret, "unsafe_choice": float(unsafe), "no_site": 0.0, "chosen": chosen}
 
 
-def _ratio(part: Any, whole: Any) -> float | None:
+def _ratio(part: float, whole: float) -> float | None:
     return float(part) / float(whole) if whole else None

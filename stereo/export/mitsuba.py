@@ -282,7 +282,7 @@ def _plugin_xml(kind: str, plugin: Plugin, name: str, depth: int) -> list[str]:
     return [*lines, f"{space}</{kind}>"]
 
 
-def _value_xml(key: str, value: Any, depth: int) -> list[str]:
+def _value_xml(key: str, value: object, depth: int) -> list[str]:
     space, name = "  " * depth, f"name={quoteattr(key)}"
     if isinstance(value, dict):
         return _plugin_xml(_KINDS[key], value, key, depth)

@@ -66,6 +66,6 @@ def write_all(each: Each, out: Path) -> None:
     write_atomically(out / INDEX, lambda part: parquet.write_table(table, part))
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """A value as a column takes it; lists of tables as text."""
     return json.dumps(value) if isinstance(value, list | dict) else value

@@ -7,7 +7,7 @@ camera's optics (x right, y down, z forward), as stereo_image_proc expects.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,9 @@ from ..images.develop import to_8_bit
 from ..measure.prepare import Loaded
 from .cameras import centre_matrix, pose_of, quaternion, rays_of
 from .losses import Each
+
+#: Makers of messages by their names.
+Kinds = Mapping[str, Callable[..., object]]
 
 FRAMES = {"left": "stereo_left_optical", "right": "stereo_right_optical"}
 WORLD = "map"
@@ -79,10 +82,10 @@ def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, An
     kinds = types.types
     stamp = kinds["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
 
-    def header(frame: str) -> Any:
+    def header(frame: str) -> object:
         return kinds["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
-    def developed(numbers: Array, colours: str) -> Any:
+    def developed(numbers: Array, colours: str) -> object:
         bits = 8 if pair.images.bits == 8 else 16
         pixels = to_8_bit(numbers, 8, pair.images.encoding) if bits == 8 else numbers.astype(np.uint16)
         return _image(pixels, f"{colours}{bits}", kinds, optical)
@@ -98,7 +101,7 @@ def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, An
     yield "/tf", _transforms(pair, kinds, header)
 
 
-def _image(pixels: Array, encoding: str, kinds: Any, header: Any) -> Any:
+def _image(pixels: Array, encoding: str, kinds: Kinds, header: object) -> object:
     rows, columns = pixels.shape[:2]
     data = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
     return kinds["sensor_msgs/msg/Image"](
@@ -112,7 +115,7 @@ def _image(pixels: Array, encoding: str, kinds: Any, header: Any) -> Any:
     )
 
 
-def _camera_info(camera: StereoCamera, eye: str, kinds: Any, header: Any) -> Any:
+def _camera_info(camera: StereoCamera, eye: str, kinds: Kinds, header: object) -> object:
     # The principal point is counted from the centre of the first pixel there.
     matrix = centre_matrix(camera)
     shift = -camera.focal_baseline_px_m * EYES.index(eye)
@@ -131,13 +134,13 @@ def _camera_info(camera: StereoCamera, eye: str, kinds: Any, header: Any) -> Any
     )
 
 
-def _region(kinds: Any, height: int, width: int) -> Any:
+def _region(kinds: Kinds, height: int, width: int) -> object:
     return kinds["sensor_msgs/msg/RegionOfInterest"](
         x_offset=0, y_offset=0, height=height, width=width, do_rectify=False
     )
 
 
-def _disparity(pair: Loaded, kinds: Any, header: Any) -> Any:
+def _disparity(pair: Loaded, kinds: Kinds, header: object) -> object:
     """The true disparity of the left pixels, NaN for none."""
     camera = pair.pair.camera
     disparity = camera.disparity(pair.depth["left"])
@@ -155,7 +158,7 @@ def _disparity(pair: Loaded, kinds: Any, header: Any) -> Any:
     )
 
 
-def _cloud(pair: Loaded, kinds: Any, header: Any) -> Any:
+def _cloud(pair: Loaded, kinds: Kinds, header: object) -> object:
     """The true points of the left pixels, in the left camera's axes, NaN for none, as an organised cloud."""
     camera, depth = pair.pair.camera, pair.depth["left"]
     points = (rays_of(camera) * depth[..., None]).astype("<f4")
@@ -176,7 +179,7 @@ def _cloud(pair: Loaded, kinds: Any, header: Any) -> Any:
     )
 
 
-def _transforms(pair: Loaded, kinds: Any, header: Callable[[str], Any]) -> Any:
+def _transforms(pair: Loaded, kinds: Kinds, header: Callable[[str], object]) -> object:
     """The poses of both cameras on the map: east, north, up, in metres."""
     found = []
     for eye in EYES:

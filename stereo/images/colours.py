@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from .lettering import put_text, text_width
 
 INVALID_GREY = 150  # no measurement
@@ -57,7 +57,7 @@ class Scale:
         """Round numbers that label the scale."""
         return _ticks(self.low, self.high)
 
-    def position(self, value: Array | float) -> Array:
+    def position(self, value: Numbers) -> Array:
         """Where values lie on the scale, from 0 to 1; values beyond its ends lie at the ends."""
         logarithm = np.log(np.maximum(value, np.finfo(np.float64).tiny))
         return np.clip((logarithm - math.log(self.low)) / math.log(self.high / self.low), 0.0, 1.0)

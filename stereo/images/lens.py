@@ -15,7 +15,7 @@ import numpy as np
 from ...physics.camera.lens_distortion import coefficients, distort, refuse_folds, undistort
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.topics.camera import RigSettings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def _lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
     points = (pixels - principal) / camera.focal_px
     refuse_folds(points, k)
 
-    def columns_and_rows(normalised: Array, beside: Array | float = 0.0) -> Array:
+    def columns_and_rows(normalised: Array, beside: Numbers = 0.0) -> Array:
         return (normalised * camera.focal_px + principal - 0.5 + beside).astype(np.float32)
 
     rectified = _turned(points, camera.eye_rotation(eye), k) if camera.toe_in_deg else points

@@ -90,7 +90,7 @@ def _cropped(images: _Images, pair: Pair) -> _Images:
     return replace(images, **{field.name: crop(getattr(images, field.name)) for field in fields(images)})
 
 
-def _check_size(pair: Pair, path: Any, image: Array) -> None:
+def _check_size(pair: Pair, path: object, image: Array) -> None:
     height, width = image.shape[:2]
     if (width, height) != pair.camera.rendered_px:
         raise IcyMoonError(

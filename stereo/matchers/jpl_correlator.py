@@ -133,7 +133,7 @@ def find_blobs(disparity: Array, smallest: int) -> Array:
     return measured & (centred == NO_DATA)
 
 
-def _filled(shape: tuple[int, int], kind: type[np.integer[Any]]) -> Any:
+def _filled(shape: tuple[int, int], kind: type[np.integer[Any]]) -> Array:
     return np.full(shape, np.iinfo(kind).max, kind)
 
 

@@ -24,6 +24,7 @@ from ...support.files import parse_path, sha256
 from . import title_of
 
 if TYPE_CHECKING:
+    import torch
     from torch import nn
 
 FOLDER_VARIABLE = "ICYMOON_CHECKPOINTS"  # environment variable
@@ -111,7 +112,7 @@ def guard_inference(method: str) -> Iterator[None]:
         raise IcyMoonError(f"{title_of(method)} failed in PyTorch ({_first_line(error)}).") from None
 
 
-def batch(image: Array, device: Any) -> Any:
+def batch(image: Array, device: torch.device) -> torch.Tensor:
     """A float tensor (1, 3, H, W) on ``device`` from (H, W, 3)."""
     import torch
 

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -27,6 +27,9 @@ from ...support.errors import IcyMoonError
 from ...support.files import parse_path, sha256
 from .options import Option
 from .result import Result
+
+if TYPE_CHECKING:
+    import onnxruntime
 
 SET_UP = (2, "model", "ONNX Network", "A network in an ONNX file")
 COLOUR = True
@@ -123,7 +126,7 @@ class _Input:
 class _Network:
     """A network that is ready to run."""
 
-    session: Any
+    session: onnxruntime.InferenceSession
     inputs: tuple[_Input, ...]
     facts: dict[str, Any]
 
@@ -224,7 +227,7 @@ def _find_inputs(path: Path, declared: Sequence[Any]) -> tuple[_Input, ...]:
     return tuple(_read_input(path, each, k, len(declared)) for k, each in enumerate(declared))
 
 
-def _read_input(path: Path, declared: Any, place: int, count: int) -> _Input:
+def _read_input(path: Path, declared: onnxruntime.NodeArg, place: int, count: int) -> _Input:
     shape = [size if isinstance(size, int) and size > 0 else None for size in declared.shape]
     known = len(shape) == 4 and shape[0] in (1, None) and declared.type in _TYPES
     both = 2 if count == 1 else 1
@@ -399,7 +402,7 @@ def _describe(declared: Sequence[Any]) -> str:
     return ", ".join(f"{each.name} {'x'.join(map(str, each.shape))}" for each in declared)
 
 
-def _run_bounded(session: Any, given: dict[str, Array], most_s: float) -> list[Array]:
+def _run_bounded(session: onnxruntime.InferenceSession, given: dict[str, Array], most_s: float) -> list[Array]:
     """The outputs of a network, which is stopped after ``most_s``, since it may have a loop without end.
 
     Raises TimeoutError then.

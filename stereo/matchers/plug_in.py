@@ -100,7 +100,7 @@ class PluginMatcher:
         """Call the plug-in's ``load``, if it has one, before a pair is matched and timed."""
         self._call("load", options)
 
-    def _call(self, name: str, options: dict[str, Any]) -> Any:
+    def _call(self, name: str, options: dict[str, Any]) -> object:
         act = getattr(self.loaded, name, None)
         with explained(self.plugin):
             return act(_own(options)) if callable(act) else None
@@ -115,7 +115,7 @@ def _own(options: Mapping[str, Any]) -> Mapping[str, Any]:
     return MappingProxyType({key: value for key, value in options.items() if key not in _RESERVED})
 
 
-def checked_disparity(plugin: Plugin, found: Any, shape: tuple[int, ...]) -> Array:
+def checked_disparity(plugin: Plugin, found: object, shape: tuple[int, ...]) -> Array:
     """What a plug-in returned, as float32. Raises IcyMoonError if it is no disparity map of this shape."""
     if not isinstance(found, np.ndarray):
         raise IcyMoonError(
@@ -136,7 +136,7 @@ def checked_disparity(plugin: Plugin, found: Any, shape: tuple[int, ...]) -> Arr
         return plain.astype(np.float32)
 
 
-def read_presets(plugin: Plugin, options: Sequence[Option], stated: Any) -> dict[str, dict[str, Any]]:
+def read_presets(plugin: Plugin, options: Sequence[Option], stated: object) -> dict[str, dict[str, Any]]:
     """The named sets of options that a plug-in declares. Raises IcyMoonError for one that cannot be used."""
     if not isinstance(stated, Mapping) or not all(isinstance(chosen, Mapping) for chosen in stated.values()):
         raise IcyMoonError(
@@ -149,7 +149,7 @@ def read_presets(plugin: Plugin, options: Sequence[Option], stated: Any) -> dict
     return presets
 
 
-def read_options(plugin: Plugin, stated: Any) -> list[Option]:
+def read_options(plugin: Plugin, stated: object) -> list[Option]:
     """The options that a plug-in declares. Raises IcyMoonError for one that is not declared as it must be."""
     if not isinstance(stated, Mapping):
         raise IcyMoonError(
@@ -159,7 +159,7 @@ def read_options(plugin: Plugin, stated: Any) -> list[Option]:
     return [_read_option(plugin, key, facts) for key, facts in stated.items()]
 
 
-def _read_option(plugin: Plugin, key: Any, facts: Any) -> Option:
+def _read_option(plugin: Plugin, key: object, facts: object) -> Option:
     where = f"{plugin.title}: OPTIONS[{key!r}]"
     if not (isinstance(key, str) and key.isidentifier()) or key in _RESERVED:
         raise IcyMoonError(f"{where} has a name that cannot be used; choose another word.")

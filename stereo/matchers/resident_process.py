@@ -32,7 +32,7 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support import system
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.file_shapes import NUMBER
+from ...support.file_shapes import is_number
 from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
 from ...support.scratch import make_scratch_folder
@@ -298,11 +298,11 @@ def stop_residents() -> None:
 _COSTS = dict(zip(COSTS, ("cpu_seconds", "seconds", "gpu_seconds", "gpu_mb", "memory_mb"), strict=True))
 
 
-def _is_cost(value: Any) -> bool:
-    return bool(NUMBER.fits(value)) and value >= 0
+def _is_cost(value: object) -> bool:
+    return is_number(value) and value >= 0
 
 
-def _is_number(value: Any, number: int) -> bool:
+def _is_number(value: object, number: int) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and value == number
 
 

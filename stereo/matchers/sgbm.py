@@ -109,7 +109,7 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     return Result(inside_right(evenly_rounded(disparity)))
 
 
-def semi_global(method: str, options: dict[str, Any]) -> Any:
+def semi_global(method: str, options: dict[str, Any]) -> cv2.StereoSGBM:
     """OpenCV's matcher with the options of ``SEARCH``; it rejects no match."""
     area = options["window"] ** 2
     small_step, large_step = options["p1"] or 8 * area, options["p2"] or 32 * area
@@ -131,7 +131,7 @@ def semi_global(method: str, options: dict[str, Any]) -> Any:
 class InStrips:
     """A semi-global matcher that sees a large image in strips of rows, so that its costs fit into memory."""
 
-    matcher: Any
+    matcher: cv2.StereoMatcher
     mode: str
 
     def compute(self, image: Array, other: Array) -> Array:

@@ -80,7 +80,7 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     return Result(np.where(confidence >= options["min_confidence"], disparity, np.nan), {"confidence": confidence})
 
 
-def _match(matcher: Any, mode: str, image: Array, other: Array) -> Array:
+def _match(matcher: cv2.StereoMatcher, mode: str, image: Array, other: Array) -> Array:
     """Disparities in OpenCV's 1/16 px, float32; where matching failed, OpenCV's mark, which its filter needs."""
     fixed = InStrips(matcher, mode).compute(image, other)
     measured = fixed >= matcher.getMinDisparity() * SUBPIXELS

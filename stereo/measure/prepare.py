@@ -17,7 +17,7 @@ from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair, read_unchanged_pair
 from ...settings.description import merged
 from ...settings.topics.scene import Settings
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 from ...support.labels import BAKED_ERROR_PASSES, GROUP_PASSES, LIGHT_GROUPS, NOT_SEEN
 from ..images import colours
@@ -201,7 +201,7 @@ def _unneeded(eye: str, settings: Settings) -> tuple[str, ...]:
     )
 
 
-def baked_error(loaded: Loaded) -> Array | float | None:
+def baked_error(loaded: Loaded) -> Numbers | None:
     """Grey levels of 255 that a possible error of baked light, as large as the actual one, adds to the left image of
     the matchers: 0 if no light is baked, None if the pair does not contain the error."""
     if _baked_facts(loaded.pair) is None:
@@ -213,7 +213,7 @@ def baked_error(loaded: Loaded) -> Array | float | None:
     return noise_free_level(loaded, "left", error) - noise_free_level(loaded, "left")
 
 
-def noise_free_level(loaded: Loaded, eye: str, more: Array | float = 0.0) -> Array:
+def noise_free_level(loaded: Loaded, eye: str, more: Numbers = 0.0) -> Array:
     """An eye's image as the matchers see it, with ``more`` light (H, W) in all bands, in grey levels of 255, without
     noise and rounding of the sensor."""
     settings = loaded.settings

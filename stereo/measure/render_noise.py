@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 from ...physics.camera.occlusion import matching_column
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 
 CLEAN, NOISY, DECIDES = "clean", "noisy", "noise decides"
 #: Verdict on a pair with baked light whose error is unknown, unless the rest of its noise decides.
@@ -86,7 +86,7 @@ def render_noise(
     right: Array,
     disparity: Array,
     visible: Array,
-    baked: Array | float | None = 0.0,
+    baked: Numbers | None = 0.0,
 ) -> RenderNoise:
     """Judge a pair by its images, float (H, W) in grey levels of 255, and its true disparity (H, W).
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import jinja2
 
@@ -32,5 +31,5 @@ def read_template(name: str, folder: Path = _HERE) -> jinja2.Template:
     return environment.get_template(name)
 
 
-def _show(value: Any) -> Any:
+def _show(value: object) -> object:
     return show_lines(value) if type(value) is str else value

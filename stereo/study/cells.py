@@ -94,7 +94,7 @@ def measured_cell(study: Study, view: View, out: Path, methods: Sequence[Method]
         return None
     labels, pairs = [method.label for method in methods], {name: planned[name].id for name in folders}
     file = out / "cells" / f"{view.name}.json"
-    data: Any = None
+    data: dict[str, Any] | None = None
     if file.exists():
         data = read_record(file, _SHAPE, "remove it")
     if data is None or (data["version"], data["pairs"], data["methods"]) != (VERSION, pairs, labels):

@@ -318,7 +318,7 @@ def pareto_front(rows: Sequence[Mapping[str, Any]], cost: str, error: Sequence[s
 
 def number_at(row: Mapping[str, Any], *path: str) -> float | None:
     """The number at a path such as "loss", "sgbm", "epe_px", or None if there is none."""
-    value: Any = row
+    value: object = row
     for key in path:
         value = value.get(key) if isinstance(value, Mapping) else None
     return float(value) if isinstance(value, (int, float)) and np.isfinite(value) else None

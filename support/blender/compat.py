@@ -6,9 +6,12 @@ They are detected by feature where possible, otherwise by version number.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
+
+if TYPE_CHECKING:
+    import gpu
 
 
 def path_options() -> set[str]:
@@ -28,7 +31,7 @@ def blender_series() -> str:
     return f"{bpy.app.version[0]}.{bpy.app.version[1]}"
 
 
-def custom_properties(struct: Any) -> list[str]:
+def custom_properties(struct: bpy.types.bpy_struct) -> list[str]:
     """Names of the custom properties of a structure. From 5.2 on, modifiers have none."""
     try:
         return list(struct.keys())
@@ -36,7 +39,7 @@ def custom_properties(struct: Any) -> list[str]:
         return []
 
 
-def stored_groups(group: Any) -> dict[str, dict[str, Any]]:
+def stored_groups(group: bpy.types.PropertyGroup) -> dict[str, dict[str, Any]]:
     """The values in the sub-groups of a property group, also in sub-groups that are no longer registered.
 
     From 5.0 on, sub-groups are stored apart from custom properties.
@@ -57,32 +60,32 @@ def library_folders() -> tuple[Path, ...]:
     return tuple(installed / name for name in ("lib", "blender.shared"))
 
 
-def ensure_nodes(data_block: Any) -> Any:
+def ensure_nodes(data_block: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:
     """The node tree of a new material or world, made here if this Blender does not make it."""
     if data_block.node_tree is None:
         data_block.use_nodes = True
     return data_block.node_tree
 
 
-def uses_nodes(material: Any) -> bool:
+def uses_nodes(material: bpy.types.Material) -> bool:
     """Whether Cycles uses the nodes of a material. From 5.0 on it always does."""
     return bpy.app.version >= (5, 0, 0) or bool(material.use_nodes)
 
 
-def ensure_light_nodes(light: Any) -> Any:
+def ensure_light_nodes(light: bpy.types.Light) -> bpy.types.NodeTree:
     """The node tree of a lamp, which this function switches on."""
     light.use_nodes = True
     return light.node_tree
 
 
-def use_multilayer_exr(image_settings: Any) -> None:
+def use_multilayer_exr(image_settings: bpy.types.ImageFormatSettings) -> None:
     """Choose multilayer OpenEXR. From 5.0 on, the media type must be set first."""
     if hasattr(image_settings, "media_type"):
         image_settings.media_type = "MULTI_LAYER_IMAGE"
     image_settings.file_format = "OPEN_EXR_MULTILAYER"
 
 
-def disable_light_factors(light: Any) -> None:
+def disable_light_factors(light: bpy.types.Light) -> None:
     """Switch off exposure and temperature, by which later Blenders multiply the energy of a lamp."""
     if hasattr(light, "exposure"):
         light.exposure = 0.0
@@ -90,7 +93,7 @@ def disable_light_factors(light: Any) -> None:
         light.use_temperature = False
 
 
-def draw_linear_texture(texture: Any, x: float, y: float, width: float, height: float) -> None:
+def draw_linear_texture(texture: gpu.types.GPUTexture, x: float, y: float, width: float, height: float) -> None:
     """Draw a texture of linear light over a 3D View, its lower left corner at (x, y) of the region.
 
     Before 5.0 the view encodes drawings over it for the screen. Since 5.0 the drawing itself must be encoded.

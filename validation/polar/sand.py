@@ -13,12 +13,11 @@ to 5.5 m away, so light falls with a slope of at least 0.14, and a Gaussian hill
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ...stereo.images.masks import fill_polygons, fill_triangles, inside_px, overlap
-from ...support.arrays import Array
+from ...support.arrays import Array, Numbers
 from .camera import Calibration, extreme_points
 from .data_set import ROCK, Rock, Terrain, View
 
@@ -119,7 +118,7 @@ def _part_above(rock: Rock, level: Array) -> tuple[Array, Array]:
 def _plane_through(middles: Array, heights: Array) -> Array:
     """The plane (3,) that most of the heights (n,) at middles (n, 2) are on: those within some spreads of it count."""
     basis = np.column_stack([np.ones(len(middles)), middles])
-    weight: Any = np.ones(len(middles))
+    weight: Numbers = np.ones(len(middles))
     for _ in range(50):
         plane = np.linalg.solve((basis.T * weight) @ basis, (basis.T * weight) @ heights)
         weight = 1 / (1 + ((heights - basis @ plane) / _SPREAD_M) ** 2)

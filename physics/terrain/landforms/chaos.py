@@ -12,12 +12,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from ....settings.topics.landforms import ChaosSettings
-from ....support.arrays import Array
+from ....support.arrays import Array, Numbers
 from ..noise.voronoi import voronoi
 from .common import Landform, Walls, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
 
@@ -45,7 +44,7 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
     scarp = max(relief / _SCARP[edges], 0.02 * plate)
     tilt = math.tan(math.radians(settings.tilt_deg))
 
-    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
+    def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         v, u = turn(x_m / plate, y_m / plate, 0.0)
         if edges == "BROKEN":
             cells = voronoi(u, v, keys[2])

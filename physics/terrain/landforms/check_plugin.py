@@ -33,7 +33,7 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
     x = np.linspace(-_SIZE_M / 2, _SIZE_M / 2, _COLUMNS)[None, :]
     y = np.linspace(-_SIZE_M / 2, _SIZE_M / 2, _ROWS)[:, None]
 
-    def run(x: Array = x, y: Array = y, seed: int = _SEED, **changes: Any) -> Array:
+    def run(x: Array = x, y: Array = y, seed: int = _SEED, **changes: float) -> Array:
         return landform.heights(x, y, landform.told(settings | changes, seed))
 
     ran, heights = check_making("it returns a height for every point, in metres", run)

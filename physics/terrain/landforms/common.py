@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from ....support.arrays import Array
+from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import gradient_noise
 from ..noise.voronoi import voronoi
 from ..roughness.roughness import carried_share
@@ -29,7 +28,7 @@ class Crests:
     mesh with edges along them takes ``heights``, sharp where it is fine enough."""
 
     lines: Sequence[Callable[[Array, Array], Array]]
-    heights: Callable[[Array, Array, Any], Array]
+    heights: Callable[[Array, Array, Numbers], Array]
     apart_m: float
 
 
@@ -49,7 +48,7 @@ class Landform:
     """
 
     finest_m: float
-    heights: Callable[[Array, Array, Any], Array]
+    heights: Callable[[Array, Array, Numbers], Array]
     crests: Crests | None = None
     walls: Walls | None = None
 
@@ -57,7 +56,7 @@ class Landform:
         """The landform for a mesh that has edges along its crests."""
         return replace(self, heights=self.crests.heights) if self.crests else self
 
-    def carried_share(self, shortest_m: Any) -> Any:
+    def carried_share(self, shortest_m: Numbers) -> Numbers:
         """Which share of the heights a mesh shows whose shortest wavelength is ``shortest_m``: all where the
         smallest length spans 1.5 vertex spacings, none where it spans one, so that no step shows in a mesh
         that gets coarser."""

@@ -11,12 +11,11 @@ and fallen fragments lie on the floor: a guess from fractures in glacier ice.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from ....settings.topics.landforms import CracksSettings
-from ....support.arrays import Array
+from ....support.arrays import Array, Numbers
 from ..noise.voronoi import voronoi
 from .common import Landform, Walls, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
 
@@ -39,7 +38,7 @@ def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -
     broad = settings.plate_m
     long = broad * settings.elongation
 
-    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
+    def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         along, across = turn(x_m, y_m, settings.azimuth_deg)
         u, v = along / long, across / broad
         bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[1:3])

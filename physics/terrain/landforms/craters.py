@@ -8,12 +8,11 @@ the width (Pike 1977, for the Moon; a hypothesis for metres on ice). Age makes t
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from ....settings.topics.landforms import CratersSettings
-from ....support.arrays import Array
+from ....support.arrays import Array, Numbers
 from ....support.errors import IcyMoonError
 from ...rocks.size_laws import PowerLaw
 from ..roughness.roughness import carried_share
@@ -54,7 +53,7 @@ def draw_craters(settings: CratersSettings, random: np.random.Generator, size_m:
     return np.stack([x, y, size, random.uniform(settings.freshness, 1.0, n)])
 
 
-def profile(r: Array, depth: Any, rim: Any) -> Array:
+def profile(r: Array, depth: float, rim: float) -> Array:
     """Height against the distance from the centre in radii; ``depth`` is from rim to floor."""
     beyond = 1.0 / np.maximum(r, 1.0) ** 3
     end = 1.0 / _REACH**3
@@ -72,7 +71,7 @@ def make(settings: CratersSettings, random: np.random.Generator, size_m: float) 
     # Beyond the patch its craters come again; the border is so wide that none reaches round onto the patch.
     period = size_m + _REACH * float(settings.largest_m)
 
-    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
+    def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)
         if max(np.abs(x_m).max(), np.abs(y_m).max()) > size_m / 2:
             return beyond(x_m.ravel(), y_m.ravel(), shortest_m.ravel()).reshape(x_m.shape)
@@ -116,7 +115,7 @@ def _reached(centre: Array, reach: Array, points: Array) -> Array:
     return (centre + reach > points.min()) & (centre - reach < points.max())
 
 
-def _window(x_m: Array, y_m: Array, x: float, y: float, reach: float) -> Any:
+def _window(x_m: Array, y_m: Array, x: float, y: float, reach: float) -> tuple[slice, slice] | Array:
     """Index of the points within a square about a centre: of slices, where a grid is seen from its strides."""
     if x_m.ndim == 2 and x_m.strides[0] == 0 and y_m.strides[1] == 0:
         return _span(y_m[:, 0], y - reach, y + reach), _span(x_m[0], x - reach, x + reach)

@@ -7,12 +7,10 @@ on an airless moon.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ....settings.topics.landforms import HollowsSettings
-from ....support.arrays import Array
+from ....support.arrays import Array, Numbers
 from ..noise.voronoi import voronoi
 from .common import Landform, draw_key, turn, wander
 
@@ -32,7 +30,7 @@ def make(settings: HollowsSettings, random: np.random.Generator, size_m: float) 
     if depth == 0.0:
         return None
 
-    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
+    def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         along, across = turn(x_m, y_m, settings.azimuth_deg)
         u, v = along / (diameter * settings.elongation), across / diameter
         bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[2:])

@@ -11,12 +11,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from ....settings.topics.landforms import PenitentesSettings
-from ....support.arrays import Array
+from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Crests, Landform, draw_key, smooth_step, turn, wander
 
@@ -60,7 +59,7 @@ def _crest(along: Array, row: Array, variation: float, keys: Sequence[int]) -> A
     return tall * toothed * (1.0 - variation * notch * (1.0 - 2.0 * np.abs(place - end)))
 
 
-def _group(x: Array, y: Array, disorder: float, key: int) -> Any:
+def _group(x: Array, y: Array, disorder: float, key: int) -> Numbers:
     """How tall the group of blades is, as a share of the tallest; ``x`` and ``y`` are in widths of groups."""
     if not disorder:
         return 1.0
@@ -106,14 +105,14 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
             middle = np.clip(middle + leans, -_MOST_LEAN, _MOST_LEAN)
         return place - row - middle, middle, index, along
 
-    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
+    def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         beside, middle, index, along = offset(x_m, y_m)
         distance = np.where(beside > 0.0, beside / (0.5 - middle), -beside / (0.5 + middle))  # 0 crest, 1 trough
         blade = _blade(distance, np.asarray(shortest_m) / spacing, settings.sharpness)
         tallest = _group(x_m / (_GROUP * spacing), y_m / (_GROUP * spacing), disorder, more[2])
         return height * tallest * blade * _crest(along / length, index, settings.variation, keys)
 
-    def sharp_heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
+    def sharp_heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         """Rounded only where the mesh is too coarse for an edge along the crest."""
         return heights(x_m, y_m, np.clip(2.0 * (shortest_m - _SHARP * spacing), 0.0, shortest_m))
 

@@ -16,12 +16,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from ....settings.topics.landforms import PitsSettings
-from ....support.arrays import Array
+from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Crests, Landform, Walls, draw_key, facets, only_where, wander
 
@@ -100,7 +99,7 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
             x, y = x + amount * wander(u, v, keys[0] ^ k), y + amount * wander(u, v, keys[1] ^ k)
         return _inside_round(x / square, y / square, square, radius, keys)
 
-    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
+    def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         inside = inside_m(x_m, y_m)
         down = np.clip(inside / wall, 0.0, 1.0)
         x, y = np.broadcast_arrays(x_m, y_m)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ....plugins.landforms import PREFIX, RELEASE, PluginLandform, landform_plugins, missing_landform, name_key
 from ....settings.topics.scene import Settings
-from ....support.arrays import Array
+from ....support.arrays import Array, Numbers
 from ....support.errors import IcyMoonError
 from .common import Landform
 
@@ -42,7 +42,7 @@ def make_plugin_landforms(settings: Settings, generator: Callable[..., np.random
 
 
 def _make(landform: PluginLandform, told: Any) -> Landform:
-    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
+    def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         x, y, _ = np.broadcast_arrays(x_m, y_m, shortest_m)
         return landform.heights(x, y, told)
 

@@ -8,12 +8,11 @@ Images resolve no narrower ones, so ridges of metres are a hypothesis of scale.
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from ....settings.topics.landforms import RidgesSettings
-from ....support.arrays import Array
+from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Crests, Landform, draw_key, smooth_step, turn, wander
 
@@ -61,7 +60,7 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
         middle = strip + 0.5 + loose * (to_uniform(hash_lattice(index, np.int64(0) * index, keys[2 * k + 1])) - 0.5)
         return (place - middle) * (2.0 * spacing / width)
 
-    def heights(x_m: Array, y_m: Array, shortest_m: Any) -> Array:
+    def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         total = np.zeros(np.broadcast_shapes(np.shape(x_m), np.shape(y_m)))
         for k in range(sets):
             place = one_set(k, x_m, y_m)

@@ -10,16 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from ....support.arrays import Array
+from ....support.arrays import Array, Numbers
 from .lattice_noise import cell_noise, gradient_noise, value_noise
 from .voronoi import distances
 
 Noise = Callable[[Array, Array, int], Array]
-Octaves = Callable[[int], Any]
+Octaves = Callable[[int], Numbers]
 
 
 def _from_distances(function: Callable[[Array, Array], Array]) -> Noise:
@@ -43,7 +42,7 @@ class Fractal:
     """A fractal sum: the signal made of an octave's noise, and the sum ``of(signal, octaves, roughness)``."""
 
     signal: Callable[[Array], Array]
-    of: Callable[[Octaves, int, float], Any]
+    of: Callable[[Octaves, int, float], Numbers]
 
 
 def _plain(noise: Array) -> Array:
@@ -58,7 +57,7 @@ def _crested(noise: Array) -> Array:
     return (1.0 - np.abs(noise)) ** 2
 
 
-def add_octaves(signal: Octaves, octaves: int, roughness: float) -> Any:
+def add_octaves(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     """The plain sum: fractional Brownian motion of noise, turbulence of its magnitude."""
     total = signal(0)
     for k in range(1, octaves):
@@ -66,7 +65,7 @@ def add_octaves(signal: Octaves, octaves: int, roughness: float) -> Any:
     return total
 
 
-def multifractal(signal: Octaves, octaves: int, roughness: float) -> Any:
+def multifractal(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     """The product of (1 + octave): smooth plains between rough heights."""
     total = 1.0 + signal(0)
     for k in range(1, octaves):
@@ -74,7 +73,7 @@ def multifractal(signal: Octaves, octaves: int, roughness: float) -> Any:
     return total
 
 
-def hetero(signal: Octaves, octaves: int, roughness: float) -> Any:
+def hetero(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     """Hetero terrain: each octave scaled by the height so far, so that low ground is smooth."""
     total = signal(0)
     for k in range(1, octaves):
@@ -82,7 +81,7 @@ def hetero(signal: Octaves, octaves: int, roughness: float) -> Any:
     return total
 
 
-def hybrid(signal: Octaves, octaves: int, roughness: float) -> Any:
+def hybrid(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     """Hybrid multifractal: each octave scaled by the one before, so that valleys are smooth at all heights."""
     total = weight = signal(0)
     for k in range(1, octaves):
@@ -93,7 +92,7 @@ def hybrid(signal: Octaves, octaves: int, roughness: float) -> Any:
     return total
 
 
-def ridged(signal: Octaves, octaves: int, roughness: float) -> Any:
+def ridged(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     """Ridged multifractal: sharp crests where the noise passes zero, rough near crests only."""
     total = part = signal(0)
     for k in range(1, octaves):

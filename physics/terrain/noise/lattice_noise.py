@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -105,7 +104,7 @@ class Cells:
         place -= x_min + reach
         return cls(dx, dy, left, below, key, reach, place.astype(np.intp), int(width), hashes)
 
-    def squares(self, who: Any) -> tuple[Array, Array]:
+    def squares(self, who: Array | slice) -> tuple[Array, Array]:
         """Column and row (int64) of the cells of the points ``who`` (a slice or an index array)."""
         return self._x[who].astype(np.int64), self._y[who].astype(np.int64)
 
@@ -133,7 +132,7 @@ def _direction(components: Array) -> Callable[[Array], Array]:
     return lambda h: components.take((h & np.uint32(_DIRECTIONS - 1)).astype(np.intp))
 
 
-def gradient_noise(x: Any, y: Any, key: int) -> Array:
+def gradient_noise(x: Array, y: Array, key: int) -> Array:
     """Noise of zero mean, unit wavelength and about unit range (|value| <= 1).
 
     ``x`` and ``y`` are float64 arrays of one shape in lattice units; the result has that shape.
@@ -160,7 +159,7 @@ def gradient_noise(x: Any, y: Any, key: int) -> Array:
     return blend(blend(corner(0, 0), corner(1, 0), u), blend(corner(0, 1), corner(1, 1), u), v)
 
 
-def cell_noise(x: Any, y: Any, key: int) -> Array:
+def cell_noise(x: Array, y: Array, key: int) -> Array:
     """A value in [-1, 1) for each unit square, constant in it."""
     cells = Cells.of(np.asarray(x), np.asarray(y), key)
     (value,) = cells.lookup(to_uniform)(0, 0)
@@ -169,7 +168,7 @@ def cell_noise(x: Any, y: Any, key: int) -> Array:
     return value
 
 
-def value_noise(x: Any, y: Any, key: int) -> Array:
+def value_noise(x: Array, y: Array, key: int) -> Array:
     """Values in [-1, 1) at lattice points, linear between them.
 
     Summed over octaves of ratio 2 this is mid-point displacement: each octave puts a random

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -94,7 +93,7 @@ def distances(x: Array, y: Array, key: int) -> tuple[Array, Array]:
     nearest = np.full((2, cells.dx.size), np.inf)
     first, second = nearest
 
-    def squared(i: int, j: int, point: list[Array], who: Any) -> Array:
+    def squared(i: int, j: int, point: list[Array], who: Array | slice) -> Array:
         px, py = point
         px += i
         px -= cells.dx[who]
@@ -129,7 +128,7 @@ def voronoi(x: Array, y: Array, key: int) -> Voronoi:
     x1, y1 = np.zeros(n), np.zeros(n)
     owner = np.zeros(n, np.int8)
 
-    def offer(i: int, j: int, px: Array, py: Array, who: Any) -> None:
+    def offer(i: int, j: int, px: Array, py: Array, who: Array | slice) -> None:
         """Let the points of square (i, j) compete at the positions ``who`` (a slice or an index array)."""
         px += i
         px -= cells.dx[who]

@@ -16,12 +16,11 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ....settings.topics.ground import TerrainSettings
-from ....support.arrays import Array
+from ....support.arrays import Array, Numbers
 from ....support.errors import IcyMoonError
 from ..noise.lattice_noise import gradient_noise
 from .statistics import detrend
@@ -176,7 +175,7 @@ class RoughSurface:
         relief += 1.0 - self.multifractality
         return relief
 
-    def heights(self, x_m: Array, y_m: Array, shortest_m: Any = 0.0) -> Array:
+    def heights(self, x_m: Array, y_m: Array, shortest_m: Numbers = 0.0) -> Array:
         """Heights in metres; ``x_m`` and ``y_m`` broadcast, ``shortest_m`` is a number or one per point.
 
         Octaves fade out between 1.5 and 1 times ``shortest_m``.
@@ -208,7 +207,7 @@ class RoughSurface:
         return total
 
 
-def carried_share(wavelength_m: Any, shortest_m: Any) -> Any:
+def carried_share(wavelength_m: Numbers, shortest_m: Numbers) -> Numbers:
     """How much of a wave a mesh carries: 1 down to 1.5 times its shortest wavelength, 0 below that wavelength."""
     shortest_m = np.maximum(shortest_m, 1e-300)
     share = np.clip(2.0 * (wavelength_m / shortest_m) - 2.0, 0.0, 1.0)

@@ -218,7 +218,7 @@ def test_the_height_of_a_mesh_is_that_of_its_highest_triangle():
     assert np.allclose(ground.heights(x, y), 0.3 * x - 0.2 * y, atol=1e-12)
     corners = ground.heights(positions[:, 0], positions[:, 1])  # on vertices and edges too
     assert np.allclose(corners, plane[:, 2], atol=1e-12)
-    assert np.isnan(ground.heights([-0.1, 2.0], [2.0, 5.1])).all()
+    assert np.isnan(ground.heights(np.array([-0.1, 2.0]), np.array([2.0, 5.1]))).all()
     assert ground.size_m == 10.0
     roofed = MeshGround(np.concatenate([plane, CUBE + np.array([2, 2, 7])]), np.concatenate([faces, BOX + len(plane)]))
     assert roofed.heights(2.5, 2.5) == pytest.approx(8.0)

@@ -34,7 +34,7 @@ def test_a_tilted_plane_is_interpolated_exactly_and_nothing_is_beyond_it():
     assert ground.bounds_m == (-2.0, 2.0, -4.0, 4.0)
     x, y = np.random.default_rng(0).uniform((-2, -4), (2, 4), (200, 2)).T
     assert np.allclose(ground.heights(x, y), 0.25 * x + 0.5 * y, atol=1e-12)
-    assert np.isnan(ground.heights([-2.01, 2.01, 0, 0], [0, 0, -4.01, 4.01])).all()
+    assert np.isnan(ground.heights(np.array([-2.01, 2.01, 0, 0]), np.array([0, 0, -4.01, 4.01]))).all()
 
 
 def test_the_patch_ends_where_the_settings_say():

@@ -22,7 +22,7 @@ def test_it_is_reciprocal_and_dark_below_the_horizon():
         assert there == pytest.approx(back, rel=1e-12)
         assert np.isfinite(there).all()
         assert (there >= 0).all()
-    assert not snow.reflectance_factor([1.6, 0.1], [0.1, 1.6], 0.3, 0.9).any()
+    assert not snow.reflectance_factor(np.array([1.6, 0.1]), np.array([0.1, 1.6]), 0.3, 0.9).any()
 
 
 def test_the_escape_function_has_the_mean_of_a_normalized_flux():
