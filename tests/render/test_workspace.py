@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from icymoon.formats.exr_pixels import decode_parts
 from icymoon.nodes.scene import build
-from icymoon.render.ground_maps import make_heights
+from icymoon.render.ground_maps import make_heights, make_materials
 from icymoon.render.pairs.pair_folder import find_changed_files
 from icymoon.render.pairs.workspace_cells import workspace_extent
 from icymoon.render.plans.planned_pair import expand_headings
@@ -133,6 +133,22 @@ def test_the_true_albedo_is_the_mixture_of_ice_and_salt_by_area(plane, tmp_path)
     assert np.abs(albedo - mixed).max() < 1e-5  # some roundings of single precision, of numbers below 1
     assert stated["materials"] in pair.data["files"]
     assert not find_changed_files(pair)
+
+
+@pytest.mark.heavy
+def test_frost_and_dirt_hide_salt(plane, tmp_path):
+    """Frost all over; and dirt on level ground, which leaves a share of (1 - cos) / (1 - cos 45°) free on a slope."""
+    free = (1 - 1 / np.sqrt(1 + 0.1**2 + 0.25**2)) / (1 - np.sqrt(0.5))
+    found = []
+    for part in ({}, {"frost_share": 1.0}, {"dirt": "SULPHUR", "slope_dirt": -1.0}):
+        settings = complete(plane, ON, SALTY, {"surface": {"model": "PRINCIPLED", **part}})
+        built = build(empty_scene(), settings)
+        with open_render_scene(built, 1) as scene:
+            found.append(make_materials(built, scene, tmp_path, workspace_extent(settings.workspace))[3])
+    plain, frosted, dirty = found
+    assert plain.mean() > 0.1
+    assert frosted.max() < 0.01
+    np.testing.assert_allclose(dirty, free * plain, atol=1e-4)
 
 
 @pytest.mark.heavy
