@@ -183,6 +183,8 @@ PRINCIPLED = {
     "frost_share",
     "crust_share",
 }
+#: Shown with Lambert's law too.
+GLOWING = "emitted_w_m2_sr"
 IDLE = {
     "transmitted",
     "bubble_radius_m",
@@ -284,12 +286,12 @@ CASES = [
         {"lommel_seeliger_share", "grain_size_m", "grain_patchiness", "relief", *IDLE},
     ),
     ("surface", {"surface": {"model": "LAMBERT"}}, "but", {"lommel_seeliger_share", *PRINCIPLED, *IDLE}),
-    ("surface", {"surface": {"model": "LUNAR_LAMBERT"}}, "but", {*PRINCIPLED, *IDLE}),
+    ("surface", {"surface": {"model": "LUNAR_LAMBERT"}}, "but", {GLOWING, *PRINCIPLED, *IDLE}),
     (
         "rock_surface",
         {"rock_surface": {"model": "HAPKE"}},
         "but",
-        {"albedo", "lommel_seeliger_share", *PRINCIPLED, *IDLE},
+        {"albedo", "lommel_seeliger_share", GLOWING, *PRINCIPLED, *IDLE},
     ),
     ("hapke", {"hapke": {"backend": "NODES"}, "surface": {"model": "HAPKE"}}, "but", {"accuracy", "h_c"}),
     ("rocks", {}, "only", {"coverage"}),
