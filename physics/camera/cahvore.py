@@ -51,7 +51,7 @@ def is_seen(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> 
 def unbend(d: Array, o: Array, r: Array, e: Array | None, linearity: float) -> Array:
     """The directions (..., 3), of length 1, that the lens bends into ``d`` (..., 3); NaN where it sees nothing."""
     zeta = d @ o
-    away = d - zeta[..., None] * o
+    away: Array = d - zeta[..., None] * o
     length = np.linalg.norm(away, axis=-1)
     side = np.divide(away, length[..., None], out=np.zeros_like(away), where=length[..., None] > 0)
     with np.errstate(all="ignore"):

@@ -43,9 +43,9 @@ class CalibratedCamera:
     name: str = ""
 
     def __post_init__(self) -> None:
-        for value, what in ((self.width_px, "width"), (self.height_px, "height")):
-            if not PIXELS.fits(value):
-                raise ValueError(f"an image has a {what} of {value}, not {PIXELS.name}")
+        for size, what in ((self.width_px, "width"), (self.height_px, "height")):
+            if not PIXELS.fits(size):
+                raise ValueError(f"an image has a {what} of {size}, not {PIXELS.name}")
         for value, what in ((self.fx_px, "fx"), (self.fy_px, "fy")):
             if not 0 < value <= _MOST_PX:
                 raise ValueError(f"{what} is {value:g} px, and a focal length is above 0 and at most {_MOST_PX:g} px")
@@ -64,9 +64,9 @@ class CalibratedCamera:
             )
         if not (np.abs(translation) <= _MOST_M).all():
             raise ValueError(f"the translation is {translation}, not three numbers up to {_MOST_M:g} m")
-        for key, value in (("rotation", nearest_rotation(rotation)), ("translation_m", translation)):
-            value.setflags(write=False)
-            object.__setattr__(self, key, value)
+        for key, array in (("rotation", nearest_rotation(rotation)), ("translation_m", translation)):
+            array.setflags(write=False)
+            object.__setattr__(self, key, array)
 
     @property
     def size_px(self) -> tuple[int, int]:
