@@ -186,7 +186,7 @@ class _Block:
         return found
 
     def _value(self, number: int, text: str, indent: int, depth: int, in_mapping: bool = False) -> Any:
-        """The value that ``text`` begins, in the line of this number, or the block below it."""
+        """The value that ``text`` begins, in the line of this number, or what is nested below it."""
         for tag in _TAGS:
             if text.split(" ", 1)[0] == tag:
                 text = text.removeprefix(tag).strip()

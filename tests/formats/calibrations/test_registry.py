@@ -568,7 +568,8 @@ def test_a_large_file_is_refused_before_it_is_read(tmp_path):
 
 def test_quotes_and_brackets_without_an_end_take_no_time(tmp_path):
     """Each would be looked at again from every place before it, by a pattern that searches."""
-    for hostile in ('"\\' * 500_000, "'[" * 400_000, "a: [" + "1," * 900_000, "{" * 900_000, "# '" * 900_000):
+    count = 100_000
+    for hostile in ('"\\' * count, "'[" * count, "a: [" + "1," * count, "{" * count, "# '" * count):
         (path,) = write(tmp_path, x__yaml="cam0:\n  a: " + hostile)
         with pytest.raises(IcyMoonError):
             read_calibration([path])
