@@ -1,4 +1,4 @@
-"""The verb ``camera``: the rig of two calibrated cameras, as settings."""
+"""The verb ``camera``: calibrations as settings of a rig, shown, or written in another format."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from ..formats.cahvor import FIT_LIMIT_PX, Lens, nearest_lens, read_model
+from ..formats.calibrations.options import UNITS, Reading, Stated
+from ..formats.calibrations.registry import FORMATS, format_of, read_calibration, write_calibration
+from ..formats.calibrations.ros import place_of, ros_pair_of
 from ..formats.ros_camera import RosCamera, read_ros_camera
+from ..physics.camera.calibrated_camera import CalibratedRig
 from ..physics.camera.lens_distortion import COEFFICIENTS
 from ..settings.description import check, defaults
 from ..settings.table import TOPICS
@@ -17,8 +21,13 @@ from ..settings.toml_text import to_toml
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
+from ..support.file_shapes import PIXELS
+from ..support.files import quote
+from ..support.foreign_bytes import explained
 from ..support.printer import say
+from ..support.suggestions import nearest
 from ..support.terminal import as_path
+from .calibration_text import describe_rig
 
 #: How far two eyes may be from parallel, rad, and from side by side, as a share of the baseline.
 _PARALLEL_RAD, _ASIDE = 1e-4, 1e-3
@@ -31,8 +40,6 @@ _NO_DISTORTION = 1e-9
 _SQUARE = 1e-3
 #: Longest baseline of two eyes on one mount, m; NASA's rovers have at most 0.42, cars 1.5.
 _LIKELY_BASELINE_M = 5.0
-#: Files of ROS by their suffix; all others are camera models of JPL.
-_ROS = (".yaml", ".yml")
 
 
 @dataclass(frozen=True)
@@ -49,8 +56,29 @@ class _Eye:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``camera``."""
-    parser.add_argument("left", type=as_path, help="the left camera: a .cahvor file, a PDS3 label, or ROS' YAML")
-    parser.add_argument("right", type=as_path, help="the right camera")
+    parser.add_argument(
+        "files",
+        type=as_path,
+        nargs="+",
+        metavar="FILE",
+        help="a calibration: one file with all cameras, or one for each camera, the left one first",
+    )
+    parser.add_argument("--format", choices=FORMATS, help="the format of the files (told from them)")
+    parser.add_argument("--unit", choices=UNITS, help="the unit of lengths in the files, where they leave it open")
+    parser.add_argument(
+        "--size",
+        type=_as_sizes,
+        default=(),
+        metavar="WxH",
+        help="width and height of the images in px, for two sizes as WxH,WxH",
+    )
+    parser.add_argument("--lens", choices=("brown", "fisheye"), help="the lens of four coefficients in files of OpenCV")
+    parser.add_argument("--cameras", metavar="NAME,NAME", help="two cameras of a file that has more")
+    parser.add_argument("--show", action="store_true", help="print the cameras instead of settings")
+    parser.add_argument("--to", choices=FORMATS, help="write the cameras in this format instead")
+    parser.add_argument(
+        "--out", type=as_path, nargs="+", default=[], metavar="FILE", help="the files to write, or COLMAP's folder"
+    )
     parser.add_argument(
         "--most-px",
         type=float,
@@ -61,43 +89,94 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_run_camera)
 
 
+def _as_sizes(text: str) -> tuple[tuple[int, int], ...]:
+    """Sizes such as 640x480,1280x960, for argparse."""
+    found = []
+    for size in text.split(","):
+        words = size.strip().lower().split("x")
+        if len(words) != 2 or not all(word.isascii() and word.isdecimal() and len(word) < 9 for word in words):
+            raise argparse.ArgumentTypeError(f"{size!r} is no size; write it as 640x480")
+        width, height = map(int, words)
+        if not (PIXELS.fits(width) and PIXELS.fits(height)):
+            raise argparse.ArgumentTypeError(f"{size!r} is no size of an image")
+        found.append((width, height))
+    return tuple(found)
+
+
 def _run_camera(options: argparse.Namespace) -> int:
-    settings, notes = read_rig(options.left, options.right, options.most_px)
+    stated = Stated(options.unit, options.size, options.lens)
+    if options.out and not options.to:
+        raise IcyMoonError("--out names files to write, and no format is stated; add --to with one.")
+    if options.to and not options.out:
+        raise IcyMoonError(f"--to {options.to} needs files to write; add --out with their names.")
+    if options.show or options.to:
+        reading = _choose(read_calibration(options.files, stated, options.format), options.cameras)
+        for line in describe_rig(reading.rig) if options.show else []:
+            say(line)
+        for note in reading.notes:
+            say(f"# {note}")
+        if options.to:
+            write_calibration(reading.rig, options.out, options.to)
+            say(f"# {FORMATS[options.to].title}: {', '.join(map(str, options.out))}")
+        return 0
+    settings, notes = read_rig(*options.files, most_px=options.most_px, stated=stated, kind=options.format,
+                               names=options.cameras)  # fmt: skip
     for note in notes:
         say(f"# {note}")
     say(to_toml(settings).removesuffix("\n"))
     return 0
 
 
-def read_rig(left: Path, right: Path, most_px: float = FIT_LIMIT_PX) -> tuple[Settings, list[str]]:
-    """The ``rig`` settings of two calibrated cameras, and sentences on fitted and averaged values.
+def _choose(reading: Reading, names: str | None) -> Reading:
+    """The cameras of these names alone, or all without names. Raises IcyMoonError for a name that is not there."""
+    if names is None:
+        return reading
+    known = {camera.name: camera for camera in reading.rig.cameras}
+    wanted = [name.strip() for name in names.split(",")]
+    for name in wanted:
+        if name not in known:
+            guess = nearest(name, list(known), otherwise=f"the first ones are {', '.join(list(known)[:6])}.")
+            raise IcyMoonError(f"--cameras: {quote(name)} is not there; {guess}")
+    return Reading(CalibratedRig(tuple(known[name] for name in wanted)), reading.notes)
+
+
+def read_rig(
+    *paths: Path,
+    most_px: float = FIT_LIMIT_PX,
+    stated: Stated = Stated(),  # noqa: B008
+    kind: str | None = None,
+    names: str | None = None,
+) -> tuple[Settings, list[str]]:
+    """The ``rig`` settings of two calibrated cameras, and sentences on fitted, averaged and left-out values.
 
     The sensor has the default width, since a calibration states lengths in pixels only. Both eyes of a rig here have
-    one lens: the mean of both lenses if they differ. Raises IcyMoonError if the eyes are not parallel and side by side,
-    if the lenses differ by more than a twentieth, or if the fitted lens is off by more than ``most_px``.
+    one lens: the mean of both lenses if they differ. Eyes that are not parallel, not alike or have lenses that a rig
+    lacks give the rig of their rectified images. Raises IcyMoonError if camera models of JPL are not parallel and side
+    by side, if the lenses differ by more than a twentieth, or if the fitted lens is off by more than ``most_px``.
     """
-    where = f"{left} and {right}"
-    of_ros = [path.suffix.lower() in _ROS for path in (left, right)]
-    if of_ros[0] != of_ros[1]:
-        raise IcyMoonError(f"{where} are calibrations of two kinds; give two of one kind.")
-    if of_ros[0]:
-        first, second, taken = _read_ros_eyes(left, right)
+    where = " and ".join(map(str, paths))
+    kinds = {kind or format_of(path) for path in paths}
+    stated_in = "the translation is"
+    taken: list[str] = []
+    if kinds == {"cahv"} and len(paths) == 2:
+        first, second = _read_eye(paths[0], most_px), _read_eye(paths[1], most_px)
+        fix, stated_in = _how_to_rectify(first, second), "the vector C is"
+    elif kinds == {"ros"} and len(paths) == 2 and not stated.sizes:
+        cameras = read_ros_camera(paths[0]), read_ros_camera(paths[1])
+        first, second, taken = _ros_eyes((paths[0], paths[1]), cameras, "of projection_matrix")
+        fix = "calibrate both eyes as a stereo pair"
+        stated_in = "the fourth number of projection_matrix is -fx times the baseline"
     else:
-        first, second, taken = _read_eye(left, most_px), _read_eye(right, most_px), []
+        first, second, taken = _read_any_eyes(paths, where, stated, kind, names)
+        fix = "rectify their images first"
     width, height = first.size_px
     if first.size_px != second.size_px:
         sizes = " and ".join(f"{eye.size_px[0]} x {eye.size_px[1]} px" for eye in (first, second))
         raise IcyMoonError(
             f"{where} have images of {sizes}, and both eyes of a rig here have one size; rectify their images first."
         )
-    _check_parallel(
-        first, second, where, "calibrate both eyes as a stereo pair" if of_ros[0] else _how_to_rectify(first, second)
-    )
-    baseline_m, doubt = _baseline(
-        first,
-        second,
-        "the fourth number of projection_matrix is -fx times the baseline" if of_ros[0] else "the vector C is",
-    )
+    _check_parallel(first, second, where, fix)
+    baseline_m, doubt = _baseline(first, second, stated_in)
     lens, averaged = _mean_lens(first.lens, second.lens, width, where)
     width_mm = defaults().rig.sensor_width_mm
     rig = {
@@ -120,10 +199,30 @@ def _read_eye(path: Path, most_px: float) -> _Eye:
     return _Eye(path, nearest_lens(model, most_px), model.pinhole()[1], model.c, (model.width_px, model.height_px))
 
 
-def _read_ros_eyes(left: Path, right: Path) -> tuple[_Eye, _Eye, list[str]]:
+def _read_any_eyes(
+    paths: tuple[Path, ...], where: str, stated: Stated, kind: str | None, names: str | None
+) -> tuple[_Eye, _Eye, list[str]]:
+    """Two cameras of a calibration of any format, as ``_ros_eyes`` gives them."""
+    reading = _choose(read_calibration(paths, stated, kind), names)
+    count = len(reading.rig.cameras)
+    if count != 2:
+        raise IcyMoonError(
+            f"{where}: there are {count} cameras, and a rig here has two; "
+            + ("name two of them by --cameras." if count > 2 else "give the calibration of both.")
+        )
+    with explained(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
+        cameras = ros_pair_of(reading.rig)
+    first, second, notes = _ros_eyes((paths[0], paths[-1]), cameras, "of the mean of both eyes")
+    return first, second, [*reading.notes, *notes]
+
+
+def _ros_eyes(
+    paths: tuple[Path, Path], pair: tuple[RosCamera, RosCamera], rectified_by: str
+) -> tuple[_Eye, _Eye, list[str]]:
     """Two cameras in the axes of the rectified left one, and sentences if they belong to the rectified images, or to a
-    part of the images that were calibrated."""
-    cameras = [(path, read_ros_camera(path)) for path in (left, right)]
+    part of the images that were calibrated. ``rectified_by`` is what states the camera of the rectified images."""
+    left, right = paths
+    cameras = list(zip(paths, pair, strict=True))
     for path, camera in cameras:
         for name, matrix in (("camera_matrix", camera.matrix), ("projection_matrix", camera.projection)):
             if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
@@ -132,8 +231,8 @@ def _read_ros_eyes(left: Path, right: Path) -> tuple[_Eye, _Eye, list[str]]:
     notes = []
     if reason is not None:
         notes.append(
-            "This is the rig of the rectified images, with the focal length and the principal point of "
-            f"projection_matrix and no distortion: {reason}."
+            "This is the rig of the rectified images, with the focal length and the principal point "
+            f"{rectified_by} and no distortion: {reason}."
         )
     of_left, of_right = (camera for _, camera in cameras)
     if (of_left.window, of_left.binning) != (of_right.window, of_right.binning):
@@ -180,18 +279,13 @@ def _why_rectified(left: RosCamera, right: RosCamera) -> str | None:
     turned = _angle(left.rectification, right.rectification)
     if turned > _PARALLEL_RAD:
         return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
-    x, y, z = map(float, left.rectification.T @ (_place(right) - _place(left)))
+    x, y, z = map(float, left.rectification.T @ (place_of(right) - place_of(left)))
     if max(abs(y), abs(z)) > _ASIDE * abs(x):
         return (
             f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it, so "
             "they are not side by side"
         )
     return None
-
-
-def _place(camera: RosCamera) -> Array:
-    """Where a camera is (3,), in the axes of the rectified pair and in metres."""
-    return np.array([*(-camera.projection[row, 3] / camera.projection[row, row] for row in range(2)), 0.0])
 
 
 def _ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
@@ -211,7 +305,7 @@ def _ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
         path,
         lens,
         np.eye(3) if rectified else camera.rectification.T,
-        _place(camera),
+        place_of(camera),
         (camera.width_px, camera.height_px),
     )
 

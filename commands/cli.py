@@ -53,7 +53,7 @@ _VERBS = {
         "add_gallery_options",
     ),
     "camera": (
-        "print the rig of two calibrated cameras as settings (CAHV, CAHVOR, CAHVORE, or YAML of ROS)",
+        "read calibrated cameras (OpenCV, ROS, Kalibr, mrcal, CAHVORE, COLMAP): print settings, show, convert",
         "camera",
         "add_options",
     ),

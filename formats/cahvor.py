@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..physics.camera.cahvore import bend
 from ..physics.camera.lens_distortion import distort
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
@@ -72,27 +73,11 @@ class Cahvor:
         """Column and row (..., 2) of points (..., 3) in world axes, in metres; NaN behind the camera of a CAHV(OR)."""
         d = np.asarray(points_m, np.float64) - self.c
         if self.o is not None and self.r is not None:
-            d = self._distort(d, self.o, self.r)
+            d = bend(d, self.o, self.r, self.e, self.linearity)
         ahead = d @ self.a
         with np.errstate(divide="ignore", invalid="ignore"):
             found = np.stack([d @ self.h / ahead, d @ self.v / ahead], axis=-1)
         return np.where((ahead > 0)[..., None], found, np.nan)
-
-    def _distort(self, d: Array, o: Array, r: Array) -> Array:
-        """Directions (..., 3) as the lens bends them."""
-        if self.e is not None:  # the pupil's shift is in units of the distance
-            d = d / np.linalg.norm(d, axis=-1, keepdims=True)
-        zeta = d @ o
-        away: Array = d - zeta[..., None] * o
-        l2 = (away**2).sum(axis=-1)
-        if self.e is None:
-            t = l2 / zeta**2
-            return d + (r[0] + t * (r[1] + t * r[2]))[..., None] * away
-        length = np.sqrt(l2)
-        chi = _chi(_pupil_angle(zeta, length, self.e), self.linearity)
-        mu = r[0] + chi**2 * (r[1] + chi**2 * r[2])
-        along = np.where(chi > 1e-8, length / np.where(chi > 1e-8, chi, 1.0), zeta)
-        return along[..., None] * o + (1 + mu)[..., None] * away
 
     def pinhole(self) -> tuple[Array, Array]:
         """K (3, 3) and the rotation (3, 3) from world axes to the camera's, x right, y down, z forward.
@@ -110,29 +95,6 @@ class Cahvor:
                 "its images first."
             )
         return np.array([[fx, 0, hc], [0, fy, vc], [0, 0, 1.0]]), np.stack([right / fx, down / fy, self.a])
-
-
-def _pupil_angle(zeta: Array, length: Array, e: Array) -> Array:
-    """Angles off the optical axis at which light enters the moving pupil, by Newton's method."""
-    theta = np.arctan2(length, zeta)
-    for _ in range(_STEPS if e.any() else 0):
-        sine, cosine, t2 = np.sin(theta), np.cos(theta), theta**2
-        shift = e[0] + t2 * (e[1] + t2 * e[2])
-        value = zeta * sine - length * cosine - (theta - sine) * shift
-        slope = (
-            zeta * cosine + length * sine - (1 - cosine) * shift - (theta - sine) * theta * (2 * e[1] + 4 * e[2] * t2)
-        )
-        step = value / slope
-        theta = theta - step
-        if np.abs(step).max(initial=0.0) < 1e-15:
-            break
-    return theta
-
-
-def _chi(theta: Array, linearity: float) -> Array:
-    if linearity < 0:
-        return np.asarray(np.sin(linearity * theta) / linearity)
-    return np.asarray(np.tan(linearity * theta) / linearity) if linearity > 0 else theta
 
 
 def from_pinhole(

@@ -1,15 +1,14 @@
-"""Calibrations of ROS: the YAML files that ``camera_calibration`` writes, one for each eye.
+"""Calibrations of ROS: the YAML files that ``camera_calibration`` writes, one for each eye, or the message CameraInfo
+as ``ros2 topic echo`` prints it.
 
 Each has the matrix K and the distortion of a camera (plumb_bob: k1, k2, p1, p2, k3), and the rotation R and the matrix
 P of the rectified pair; the right eye's P contains -f B (sensor_msgs/CameraInfo). Pixels are counted from the centre of
 the first one. Where ``roi`` and ``binning`` state that the images are a binned part of the calibrated ones, K and P are
-converted to the images, as in ROS' image_geometry. Only this subset of YAML is read: mappings by indentation, with
-numbers, words and lists in brackets.
+converted to the images, as in ROS' image_geometry.
 """
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,16 +17,19 @@ import numpy as np
 
 from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes, RefusedError, read
+from .yaml_text import parse_yaml
 
 #: Largest file: a calibration has 1 kB.
 _MOST_BYTES = 2**16
-_KEY = re.compile(r"( *)([A-Za-z_]\w*):(.*)")
-#: What files of other programs, with the same ending and much of the same content, are known by.
-_OTHER_FILES = (
-    (re.compile(r"\A%YAML:1\.0"), "a calibration in the YAML of OpenCV"),
-    (re.compile(r"^cam0:\s*$", re.MULTILINE), "a camchain of Kalibr, of all cameras together"),
-    (re.compile(r"^[kpKP]:\s*$|^header:\s*$", re.MULTILINE), "a message CameraInfo, as ros2 topic echo prints it"),
-)
+#: What the message CameraInfo calls the keys of the file, in small letters.
+_OF_MESSAGE = {
+    "height": "image_height",
+    "width": "image_width",
+    "k": "camera_matrix",
+    "d": "distortion_coefficients",
+    "r": "rectification_matrix",
+    "p": "projection_matrix",
+}
 _FIX = (
     "give the YAML file that ROS' camera_calibration wrote for this eye, or one like it, with image_width, "
     "image_height, camera_matrix, distortion_coefficients, rectification_matrix and projection_matrix"
@@ -42,20 +44,25 @@ _TURNED = 1e-3
 
 @dataclass(frozen=True)
 class RosCamera:
-    """A camera: its matrix K (3, 3), the name of its lens model, distortion ``k`` (k1, k2, p1, p2, k3; None for other
-    models than plumb_bob), the rotation R (3, 3) into the axes of the rectified pair, the matrix P (3, 4) there, the
-    size of its images, which part of those that were calibrated they are (corner, width and height; None for whole
-    ones), and how many pixels along x and y make one of theirs."""
+    """A camera: its matrix K (3, 3), the name of its lens model and its coefficients, the rotation R (3, 3) into the
+    axes of the rectified pair, the matrix P (3, 4) there, the size of its images, which part of those that were
+    calibrated they are (corner, width and height; None for whole ones), and how many pixels along x and y make one of
+    theirs."""
 
     matrix: Array
     model: str
-    k: tuple[float, ...] | None
+    coefficients: tuple[float, ...]
     rectification: Array
     projection: Array
     width_px: int
     height_px: int
-    window: tuple[int, int, int, int] | None
-    binning: tuple[int, int]
+    window: tuple[int, int, int, int] | None = None
+    binning: tuple[int, int] = (1, 1)
+
+    @property
+    def k(self) -> tuple[float, ...] | None:
+        """k1, k2, p1, p2, k3 of plumb_bob; None for other models."""
+        return (*self.coefficients, 0.0)[:5] if self.model == "plumb_bob" else None
 
 
 def read_ros_camera(path: Path) -> RosCamera:
@@ -65,10 +72,13 @@ def read_ros_camera(path: Path) -> RosCamera:
 
 def _parse(foreign: ForeignBytes) -> RosCamera:
     text = foreign.text()
-    for keys, what in _OTHER_FILES:
-        if keys.search(text):
-            raise RefusedError(f"is {what}, which is not read; {_FIX}.")
-    stated = _parse_mapping(text)
+    if text.startswith("%YAML:1.0"):
+        raise RefusedError(f"is a calibration in the YAML of OpenCV, and none of ROS; {_FIX}.")
+    stated = parse_yaml(text)
+    if "cam0" in stated:
+        raise RefusedError(f"is a camchain of Kalibr, of all cameras together; {_FIX}.")
+    if not any(key in stated for key in _OF_MESSAGE.values()):
+        stated = {_OF_MESSAGE.get(key.lower(), key): value for key, value in stated.items()}
     model = str(stated.get("distortion_model", "plumb_bob"))
     if model not in _COEFFICIENTS:
         raise RefusedError(
@@ -95,7 +105,7 @@ def _parse(foreign: ForeignBytes) -> RosCamera:
     return RosCamera(
         matrices[0],
         model,
-        (*map(float, k), 0.0)[:5] if model == "plumb_bob" else None,
+        tuple(map(float, k)),
         rotation,
         matrices[1],
         width,
@@ -108,9 +118,7 @@ def _parse(foreign: ForeignBytes) -> RosCamera:
 def _window(roi: Any, whole: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
     """The part of the calibrated images that is read out: its corner, its width and its height."""
     if not isinstance(roi, dict):
-        raise RefusedError(
-            "has a roi in one line, which is not read; write each of its keys in a line of its own, indented."
-        )
+        raise ValueError("roi is no mapping")
     x, y, wide, high = (
         _whole(roi, key, least=0) if key in roi else 0 for key in ("x_offset", "y_offset", "width", "height")
     )
@@ -131,37 +139,6 @@ def _binning(stated: dict[str, Any], key: str) -> int:
     if count > _MOST_BINNED:
         raise RefusedError(f"has {key} of {count}, and at most {_MOST_BINNED} pixels are read as one; correct it.")
     return count
-
-
-def _parse_mapping(text: str) -> dict[str, Any]:
-    """The keys of a text with their values; a nested mapping becomes a nested dict."""
-    found: dict[str, Any] = {}
-    inside: dict[str, Any] | None = None
-    lines = iter(text.split("\n"))
-    for line in lines:
-        match = _KEY.fullmatch(line.split(" #")[0].rstrip())
-        if match is None:
-            if line.strip() and not line.lstrip().startswith(("#", "---", "...")):
-                raise ValueError(f"{line.strip()[:40]!r} is no key with a value")
-            continue
-        value = match[3].strip()
-        while value.startswith("[") and not value.endswith("]"):
-            value += " " + next(lines, "]").strip()
-        table = found if not match[1] else inside
-        if table is None or match[2] in table:
-            raise ValueError(f"the key {match[2]} is there twice, or in no mapping")
-        table[match[2]] = _value(value)
-        if not match[1]:
-            inside = {} if not value else None
-            if inside is not None:
-                found[match[2]] = inside
-    return found
-
-
-def _value(text: str) -> Any:
-    if text.startswith("["):
-        return [float(word) for word in text[1:].removesuffix("]").split(",")]
-    return text.strip("'\"")
 
 
 def _numbers(stated: dict[str, Any], key: str, *counts: int) -> Array:

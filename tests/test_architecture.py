@@ -36,6 +36,7 @@ PURE = (
     "physics",
     "rays",
     "formats",
+    "formats/calibrations",
     "paper_stand_ins",
     "settings",
     "render/pairs",

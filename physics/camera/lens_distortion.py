@@ -1,6 +1,7 @@
-"""Lens distortion: Brown and Conrady's model with OpenCV's coefficients k1, k2, p1, p2, k3.
+"""Lens distortion: Brown and Conrady's model with OpenCV's coefficients k1, k2, p1, p2, k3, and those that may follow.
 
-Coordinates are normalised: tangents of the angle to the optical axis, x right, y down.
+k4, k5, k6 divide the radial polynomial by a second one, s1 to s4 are those of a thin prism. Coordinates are normalised:
+tangents of the angle to the optical axis, x right, y down.
 """
 
 from __future__ import annotations
@@ -12,8 +13,11 @@ import numpy as np
 from ...settings.topics.camera import RigSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
+from .growing import first_root, invert, positive_roots
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")  # in OpenCV's order
+#: Steps of Newton's method at most.
+_STEPS = 25
 
 
 def coefficients(rig: RigSettings) -> tuple[float, ...]:
@@ -22,45 +26,82 @@ def coefficients(rig: RigSettings) -> tuple[float, ...]:
 
 
 def distort(points: Array, k: tuple[float, ...]) -> Array:
-    """Where points (..., 2) of a pinhole image appear through the lens."""
-    k1, k2, p1, p2, k3 = k
+    """Where points (..., 2) of a pinhole image appear through the lens with 5, 8 or 12 coefficients ``k``."""
+    p1, p2 = k[2:4]
     x, y = points[..., 0], points[..., 1]
     r2 = x**2 + y**2
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    return np.stack(
+    radial, _ = _radial(r2, k)
+    found = np.stack(
         [x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2), y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y],
         axis=-1,
     )
+    if len(k) > 8:
+        s1, s2, s3, s4 = k[8:]
+        found += np.stack([r2 * (s1 + r2 * s2), r2 * (s3 + r2 * s4)], axis=-1)
+    return found
+
+
+def _radial(r2: Array, k: tuple[float, ...]) -> tuple[Array, Array]:
+    """The radial factor at squared radii, and its growth with them, times 2."""
+    k1, k2, _, _, k3 = k[:5]
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    growth = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))
+    if len(k) > 5:
+        k4, k5, k6 = k[5:8]
+        below = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+        radial = radial / below
+        growth = (growth - radial * 2 * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) / below
+    return radial, growth
 
 
 def _jacobian(points: Array, k: tuple[float, ...]) -> Array:
     """Jacobian (..., 2, 2) of ``distort``."""
-    k1, k2, p1, p2, k3 = k
+    p1, p2 = k[2:4]
     x, y = points[..., 0], points[..., 1]
     r2 = x**2 + y**2
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    growth = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))  # of the radial factor by r², times 2
+    radial, growth = _radial(r2, k)
     mixed = growth * x * y + 2 * p1 * x + 2 * p2 * y
-    return np.stack(
+    found = np.stack(
         [
             np.stack([radial + growth * x**2 + 2 * p1 * y + 6 * p2 * x, mixed], axis=-1),
             np.stack([mixed, radial + growth * y**2 + 6 * p1 * y + 2 * p2 * x], axis=-1),
         ],
         axis=-2,
     )
+    if len(k) > 8:
+        s1, s2, s3, s4 = k[8:]
+        along = np.stack([s1 + 2 * s2 * r2, s3 + 2 * s4 * r2], axis=-1)
+        found += 2 * along[..., :, None] * points[..., None, :]
+    return found
+
+
+def is_seen(points: Array, k: tuple[float, ...]) -> Array:
+    """Whether a lens shows points (..., 2) of a pinhole image: not those beyond a fold or a pole of its polynomials."""
+    with np.errstate(all="ignore"):
+        unfolded = np.linalg.det(np.nan_to_num(_jacobian(points, k))) > 0
+        return np.asarray(unfolded & ((points**2).sum(axis=-1) <= _beyond_fold(k)))
 
 
 def undistort(points: Array, k: tuple[float, ...]) -> Array:
     """Where points (..., 2) that are seen through the lens are in a pinhole image, to 1e-9; NaN where nowhere.
 
-    Newton's method from the point itself. A point beyond the fold of a polynomial that turns back has
-    no answer that a lens could give.
+    Newton's method from the point itself, and then from the answer of the radial polynomial alone. A point beyond the
+    fold of a polynomial that turns back has no answer that a lens could give.
     """
-    found = points.copy()
     if not any(k):
-        return found
+        return points.copy()
+    found = _search(points, points, k)
+    lost = ~np.isfinite(found).all(axis=-1)
+    if lost.any():
+        found[lost] = _search(points[lost], _radial_guess(points[lost], k), k)
+    return found
+
+
+def _search(points: Array, start: Array, k: tuple[float, ...]) -> Array:
+    """Newton's method for ``undistort``; NaN where it does not end at what the lens shows."""
+    found = start.copy()
     with np.errstate(all="ignore"):
-        for _ in range(25):
+        for _ in range(_STEPS):
             slope = _jacobian(found, k)
             step = distort(found, k) - points
             if np.nan_to_num(np.abs(step)).max(initial=0.0) < 1e-13:
@@ -68,23 +109,46 @@ def undistort(points: Array, k: tuple[float, ...]) -> Array:
             determinant = slope[..., 0, 0] * slope[..., 1, 1] - slope[..., 0, 1] * slope[..., 1, 0]
             found[..., 0] -= (slope[..., 1, 1] * step[..., 0] - slope[..., 0, 1] * step[..., 1]) / determinant
             found[..., 1] -= (slope[..., 0, 0] * step[..., 1] - slope[..., 1, 0] * step[..., 0]) / determinant
-        slope = _jacobian(found, k)
-        wrong = (np.abs(distort(found, k) - points).max(axis=-1) > 1e-9) | (np.linalg.det(np.nan_to_num(slope)) <= 0)
+        wrong = (np.abs(distort(found, k) - points).max(axis=-1) > 1e-9) | ~is_seen(found, k)
         # A root beyond a fold is not on the way from the axis: on its far side, or where the polynomial rises again.
         wrong |= (found * points).sum(axis=-1) < 0
-        wrong |= (found**2).sum(axis=-1) > _beyond_fold(k)
     found[wrong | ~np.isfinite(found).all(axis=-1)] = np.nan
     return found
 
 
+def _radial_guess(points: Array, k: tuple[float, ...]) -> Array:
+    """Where points (n, 2) would be in a pinhole image if the lens had its radial coefficients alone."""
+    seen = np.hypot(*points.T)
+    with np.errstate(all="ignore"):
+        angle = invert(lambda a: np.tan(a) * _radial(np.tan(a) ** 2, k)[0], seen, math.atan(math.sqrt(_fold(k))))
+    return points * np.divide(np.tan(angle), seen, out=np.ones_like(seen), where=seen > 0)[:, None]
+
+
+def _folds(k: tuple[float, ...]) -> tuple[Array, float]:
+    """The squared radii, in order, at which the radial polynomial turns, up to its first pole, and that pole."""
+    above = np.poly1d([k[4], k[1], k[0], 1.0])  # by r^2
+    below = np.poly1d([*k[7:4:-1], 1.0])
+    r2 = np.poly1d([1.0, 0.0])
+    slope = above * below + 2 * r2 * (above.deriv() * below - above * below.deriv())
+    pole = first_root(below.coeffs)
+    folds = positive_roots(slope.coeffs)
+    return folds[folds < pole], pole
+
+
+def _fold(k: tuple[float, ...]) -> float:
+    """The squared radius of the first fold or pole of the radial polynomial; infinite without them."""
+    folds, pole = _folds(k)
+    return float(folds[0]) if len(folds) else pole
+
+
 def _beyond_fold(k: tuple[float, ...]) -> float:
-    """A squared radius between the fold of the radial polynomial and the next, where it falls; infinite without them.
+    """A squared radius between the fold of the radial polynomial and the next, where it falls, or its pole; infinite
+    without them.
 
     Where it falls no root counts anyway, so tangential terms may move the folds a little.
     """
-    slope = np.roots([7 * k[4], 5 * k[1], 3 * k[0], 1.0])  # of r (1 + k1 r^2 + k2 r^4 + k3 r^6), by r^2
-    folds = np.sort(slope.real[(np.abs(slope.imag) < 1e-12) & (slope.real > 0)])
-    return float(folds[:2].mean()) if len(folds) > 1 else math.inf
+    folds, pole = _folds(k)
+    return float(folds[:2].mean()) if len(folds) > 1 else pole
 
 
 def overscan_needed(rig: RigSettings) -> float | None:

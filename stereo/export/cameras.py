@@ -11,6 +11,7 @@ import numpy as np
 
 from ...formats.cahvor import cahvor_text, from_pinhole, pds_text
 from ...physics.camera.lens_distortion import coefficients
+from ...physics.camera.rotations import quaternion
 from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
 from ...settings import changes
@@ -188,25 +189,6 @@ def _points(pair: Loaded, rows: Array, columns: Array) -> Array:
     pose = pose_of(pair, "left")
     eye = rays_of(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
     return eye @ pose[:3, :3].T + pose[:3, 3]
-
-
-def quaternion(rotation: Array) -> Array:
-    """w, x, y, z of a rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack 2000, JGCD 23, 1085)."""
-    m = rotation
-    k = (
-        np.array(
-            [
-                [m[0, 0] - m[1, 1] - m[2, 2], 0, 0, 0],
-                [m[0, 1] + m[1, 0], m[1, 1] - m[0, 0] - m[2, 2], 0, 0],
-                [m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], m[2, 2] - m[0, 0] - m[1, 1], 0],
-                [m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], m.trace()],
-            ]
-        )
-        / 3
-    )
-    _, vectors = np.linalg.eigh(k)
-    x, y, z, w = vectors[:, -1]
-    return np.array([w, x, y, z]) * (1 if w >= 0 else -1)
 
 
 CAHVOR = Export(write_pair=_write_cahvor)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -128,17 +129,17 @@ def test_a_calibration_of_ros_is_a_rig(tmp_path):
         ("image_width: 640", f"image_width: {'9' * 5000}", "image_width"),
         ("image_width: 640\n", "", "image_width"),
         ("-0.3, 0.1,", "-0.3, nan,", "distortion_coefficients"),
-        ("data: [-0.3", "data: [[-0.3", "float"),
-        ("camera_name", "camera_matrix", "twice"),
+        ("data: [-0.3", "data: [[-0.3", "a bracket is not closed"),
+        ("camera_name", "camera_matrix", "again"),
         ("image_width: 640", "!!python/object:os.system", "no key"),
-        ("image_width: 640", "%YAML:1.0\n---\nimage_width: 640", "YAML of OpenCV"),
+        ("image_width: 640", "%YAML:1.0\n---\nimage_width: 640", "several kinds, ros, opencv"),
         ("500., 240.25, 0., 0., 0., 1., 0.]", "500., 240.25, 0.", "projection_matrix"),
         ("cols: 4\n  data: [500., 0.", "cols: 4\n  data: [0., 0.", "no focal length"),
         ("0., 500., 240.25", "0., 700., 240.25", "no squares, in projection_matrix too (fx 500, fy 700 px)"),
         ("0., 500., 240.25,\n", "0., -500., 240.25,\n", "camera_matrix has no focal length"),
         ("plumb_bob", "rational_polynomial", "distortion_coefficients has not 8 or 12 or 14 numbers"),
         ("data: [1., 0., 0., 0., 1.", "data: [2., 0., 0., 0., 1.", "rectification_matrix is no rotation"),
-        ("camera_name: narrow_stereo", "roi: {x_offset: 1, width: 9}", "write each of its keys in a line of its own"),
+        ("camera_name: narrow_stereo", "roi: {x_offset: 1, width: 9}", "9 x 0 px at (1, 0)"),
         ("camera_name: narrow_stereo", "roi:\n  x_offset: 600\n  width: 60\n  height: 60", "60 x 60 px at (600, 0)"),
         ("camera_name: narrow_stereo", "roi:\n  x_offset: 8", "0 x 0 px at (8, 0)"),
         ("camera_name: narrow_stereo", "binning_x: -2", "binning_x is '-2'"),
@@ -348,7 +349,7 @@ def test_two_kinds_of_calibration_are_refused(tmp_path, capsys):
     left, _ = ros_pair(tmp_path)
     _, right = written(tmp_path)
     assert main(["camera", str(left), str(right)]) == 1
-    assert "two kinds" in capsys.readouterr().err
+    assert "several kinds, ros, cahv; give those of one kind" in capsys.readouterr().err
 
 
 def test_eyes_that_differ_are_averaged_and_reported(tmp_path):
@@ -442,16 +443,138 @@ def test_toed_in_models_lead_to_the_rectified_ones_beside_them(tmp_path):
 @pytest.mark.parametrize(
     ("text", "what"),
     [
-        ("cam0:\n  cam_overlaps: [1]\n  camera_model: pinhole\n  T_cn_cnm1:\n  - [1, 0]\n", "a camchain of Kalibr"),
-        (
-            "header:\n  stamp:\n    sec: 17\nheight: 720\nd:\n- -0.31\n- 0.12\nk:\n- 905.2\n",
-            "CameraInfo, as ros2 topic echo",
-        ),
-        ("d:\n- -0.31\nK:\n- 905.2\n", "CameraInfo, as ros2 topic echo"),
+        ("cam0:\n  cam_overlaps: [1]\n  camera_model: pinhole\n", "is a camchain of Kalibr"),
+        ("%YAML:1.0\n---\nimage_width: 640\n", "is a calibration in the YAML of OpenCV"),
     ],
 )
 def test_files_that_are_like_a_calibration_of_ros_are_named(tmp_path, text, what):
     path = tmp_path / "left.yaml"
     path.write_text(text)
-    with pytest.raises(IcyMoonError, match=rf"is .*{what}.*, which is not read; give .*projection_matrix\."):
-        read_rig(path, path)
+    with pytest.raises(IcyMoonError, match=rf"{what}.*; give .*projection_matrix\."):
+        read_rig(path, path, kind="ros")
+
+
+@pytest.mark.parametrize("letters", ["dkrp", "DKRP"])
+def test_a_message_camera_info_is_a_calibration(tmp_path, letters):
+    """As ROS 2 and ROS 1 print it: lists with dashes, or in brackets, a header before and an end behind."""
+    wanted = read_rig(*ros_pair(tmp_path))
+    d, k, r, p = letters
+    for name, shift in (("left", 0.0), ("right", -100.0)):
+        (tmp_path / f"{name}.yaml").write_text(
+            "header:\n  stamp:\n    sec: 17\n    nanosec: 5\n  frame_id: 'eye'\nheight: 480\nwidth: 640\n"
+            f'distortion_model: "plumb_bob"\n{d}:\n- -0.3\n- 0.1\n- 0.001\n- -0.002\n- 0.05\n'
+            f"{k}: [500.0, 0.0, 320.5, 0.0, 500.0, 240.25, 0.0, 0.0, 1.0]\n"
+            f"{r}:\n  - 1.0\n  - 0.0\n  - 0.0\n  - 0.0\n  - 1.0\n  - 0.0\n  - 0.0\n  - 0.0\n  - 1.0\n"
+            f"{p}: [500.0, 0.0, 320.5, {shift}, 0.0, 500.0, 240.25, 0.0, 0.0, 0.0, 1.0, 0.0]\n"
+            "binning_x: 0\nbinning_y: 0\nroi:\n  x_offset: 0\n  y_offset: 0\n  height: 0\n  width: 0\n"
+            "  do_rectify: false\n---\n",
+            encoding="utf-8",
+        )
+    assert read_rig(tmp_path / "left.yaml", tmp_path / "right.yaml") == wanted
+
+
+def camchain(folder, turn=0.0, size="[640, 480]", model="radtan"):
+    """Two eyes of Kalibr, 0.2 m apart, the right one turned about y by radians."""
+    c, s = np.cos(turn), np.sin(turn)
+    path = folder / "camchain.yaml"
+    eye = (
+        f"  camera_model: pinhole\n  distortion_coeffs: [-0.3, 0.1, 0.001, -0.002]\n  distortion_model: {model}\n"
+        "  intrinsics: [500.0, 500.0, 320.5, 240.25]\n  resolution: "
+    )
+    pose = [[c, 0, -s, -0.2 * c], [0, 1, 0, 0], [s, 0, c, -0.2 * s], [0, 0, 0, 1]]
+    rows = "".join(f"  - {[float(value) for value in row]}\n" for row in pose)
+    path.write_text(f"cam0:\n{eye}[640, 480]\ncam1:\n  T_cn_cnm1:\n{rows}{eye}{size}\n", encoding="utf-8")
+    return path
+
+
+def test_a_parallel_pair_of_another_format_is_a_rig(tmp_path):
+    found, notes = read_rig(camchain(tmp_path))
+    assert notes == []
+    assert size_and_lens(found.rig) == pytest.approx((640, 480, 500, 320.5, 240.25, 0.2))
+    assert [found.rig[f"distortion_{name}"] for name in ("k1", "k2", "p1", "p2", "k3")] == [-0.3, 0.1, 0.001, -0.002, 0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"turn": 0.02}, "the eyes are turned against each other by 1.15 degrees"),
+        ({"model": "equidistant"}, "the lens model is equidistant"),
+    ],
+)
+def test_what_a_rig_lacks_is_told(tmp_path, changes, words):
+    """The rig of the rectified images is that of the mean focal length, and the baseline stays."""
+    found, (note,) = read_rig(camchain(tmp_path, **changes))
+    assert note == (
+        "This is the rig of the rectified images, with the focal length and the principal point of the mean of both "
+        f"eyes and no distortion: {words}."
+    )
+    assert size_and_lens(found.rig) == pytest.approx((640, 480, 500, 320.5, 240.25, 0.2))
+    assert found.rig["distortion_k1"] == 0.0
+
+
+def test_eyes_of_two_sizes_are_refused(tmp_path):
+    with pytest.raises(IcyMoonError, match="have images of 640 x 480 px and 320 x 240 px"):
+        read_rig(camchain(tmp_path, size="[320, 240]"))
+
+
+def test_a_calibration_is_shown(tmp_path, capsys):
+    assert main(["camera", str(camchain(tmp_path, 0.02)), "--show"]) == 0
+    printed = capsys.readouterr().out
+    for words in (
+        "cam0: 640 x 480 px, Brown-Conrady, 5 coefficients\n",
+        "fx = 500, fy = 500, skew = 0 px\n",
+        "cx = 320.5, cy = 240.25 px from the centre of the first pixel\n",
+        "k1 = -0.3, k2 = 0.1, p1 = 0.001, p2 = -0.002, k3 = 0\n",
+        "0.2 m from cam0, turned by 1.14592 degrees from it\n",
+        "0.2 m to the right, ",
+    ):
+        assert words in printed
+
+
+def test_the_field_of_view_of_a_fisheye_may_be_more_than_a_half_turn(tmp_path, capsys):
+    """f a = 320 px from the middle at both borders: a = 2 rad, so 229.18 degrees."""
+    path = tmp_path / "a.yml"
+    path.write_text("K: [160.0, 0, 319.5, 0, 160.0, 239.5, 0, 0, 1]\nD: [0, 0, 0, 0]\n", encoding="utf-8")
+    words = ["camera", str(path), "--format", "opencv", "--size", "640x480", "--lens", "fisheye", "--show"]
+    assert main(words) == 0
+    assert "field of view 229.2 x 171.9 degrees" in capsys.readouterr().out
+
+
+def test_a_calibration_is_converted_and_is_the_same_rig(tmp_path, capsys):
+    path, out = camchain(tmp_path, 0.02), [str(tmp_path / f"{eye}.cameramodel") for eye in ("l", "r")]
+    assert main(["camera", str(path), "--to", "mrcal", "--out", *out]) == 0
+    assert capsys.readouterr().out == f"# mrcal: {', '.join(out)}\n"
+    first, second = (read_rig(*paths) for paths in ((path,), tuple(map(Path, out))))
+    assert first[0].rig == pytest.approx(second[0].rig, rel=1e-12)
+    assert first[1] == second[1]
+
+
+def test_two_of_many_cameras_are_chosen(tmp_path, capsys):
+    path = camchain(tmp_path)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text + text[text.index("cam1") :].replace("cam1", "cam2"), encoding="utf-8")
+    with pytest.raises(IcyMoonError, match=r"there are 3 cameras, .* name two of them by --cameras"):
+        read_rig(path)
+    assert read_rig(path, names="cam0, cam2")[0].rig.baseline_m == pytest.approx(0.4)
+    with pytest.raises(IcyMoonError, match="--cameras: 'cam7' is not there; did you mean 'cam"):
+        read_rig(path, names="cam0,cam7")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--to", "mrcal"], "--to mrcal needs files to write"),
+        (["--out", "x"], "add --to with one"),
+        (["--to", "cahv", "--out", "x", "y"], "no lens equal to Brown-Conrady"),
+    ],
+)
+def test_a_conversion_that_cannot_be_is_a_sentence(tmp_path, capsys, words, told):
+    assert main(["camera", str(camchain(tmp_path)), *words]) == 1
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("size", ["640", "640x", "0x480", "640x480x3", "640x99999999999", "-1x4"])
+def test_a_size_that_is_none_is_refused(tmp_path, capsys, size):
+    with pytest.raises(SystemExit):
+        main(["camera", str(camchain(tmp_path)), f"--size={size}"])
+    assert "is no size" in capsys.readouterr().err

@@ -14,10 +14,11 @@ import pytest
 from icymoon.formats.cahvor import read_model
 from icymoon.formats.fits import Image, encode_fits
 from icymoon.physics.camera.lens_distortion import distort
+from icymoon.physics.camera.rotations import quaternion
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export import exports_with_blender, find_plugins
-from icymoon.stereo.export.cameras import quaternion, rays_of
+from icymoon.stereo.export.cameras import rays_of
 from icymoon.stereo.export.layouts import export
 from icymoon.stereo.export.radiance_factor import angle_deg
 from icymoon.support.arrays import Array

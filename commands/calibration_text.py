@@ -1,0 +1,68 @@
+"""Calibrated cameras in lines to read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..formats.calibrations.options import BROWN_NAMES
+from ..physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
+from ..physics.camera.lens_models import Brown, Cahvore, LensModel
+from ..physics.camera.rotations import to_vector
+from ..support.arrays import Array
+
+
+def describe_rig(rig: CalibratedRig) -> Iterator[str]:
+    """The lines of all cameras, and how each stands and looks from the first one."""
+    for number, camera in enumerate(rig.cameras):
+        yield from _describe(camera, camera.name or f"camera {number + 1}")
+        if number:
+            rotation, translation = rig.relative_pose(number)
+            turned = math.degrees(float(np.linalg.norm(to_vector(rotation))))
+            right, down, ahead = (-rotation.T @ translation).tolist()
+            first = rig.cameras[0].name or "camera 1"
+            yield f"  {np.linalg.norm(translation):.9g} m from {first}, turned by {turned:.6g} degrees from it"
+            yield f"  {right:.6g} m to the right, {down:.6g} m down, {ahead:.6g} m ahead in its axes"
+            yield f"  R = {_words(rotation)}"
+            yield f"  t = {_words(translation)} m"
+
+
+def _describe(camera: CalibratedCamera, name: str) -> Iterator[str]:
+    yield f"{name}: {camera.width_px} x {camera.height_px} px, {camera.lens.name}"
+    yield f"  fx = {camera.fx_px:.9g}, fy = {camera.fy_px:.9g}, skew = {camera.skew_px:.9g} px"
+    yield f"  cx = {camera.cx_px:.9g}, cy = {camera.cy_px:.9g} px from the centre of the first pixel"
+    numbers = _numbers(camera.lens)
+    if numbers:
+        yield f"  {numbers}"
+    across, down = _fields_deg(camera)
+    yield f"  field of view {across:.4g} x {down:.4g} degrees through the principal point"
+
+
+def _numbers(lens: LensModel) -> str:
+    """The coefficients of a lens with their names."""
+    if isinstance(lens, Cahvore):
+        vectors = {"O": lens.axis, "R": lens.radial, **({} if lens.pupil is None else {"E": lens.pupil})}
+        return ", ".join(f"{letter} = ({_words(vector)})" for letter, vector in vectors.items())
+    is_brown = isinstance(lens, Brown)
+    names = BROWN_NAMES if is_brown else ("k1", "k2", "k3", "k4")
+    values = lens.shortened() if isinstance(lens, Brown) else lens.coefficients
+    return ", ".join(f"{name} = {value:.9g}" for name, value in zip(names, values, strict=False))
+
+
+def _fields_deg(camera: CalibratedCamera) -> tuple[float, float]:
+    """The angles between the rays of the middles of opposite borders; NaN where a border sees nothing."""
+    found = []
+    for axis, size in enumerate(camera.size_px):
+        ends = np.array([[camera.cx_px, camera.cy_px]] * 2)
+        ends[:, axis] = -0.5, size - 0.5
+        # Each angle to the axis by itself, so that a field of more than 180 degrees is no smaller one.
+        rays = camera.unproject(ends)
+        angles = np.degrees(np.arctan2(rays[:, axis], rays[:, 2]))
+        found.append(float(angles[1] - angles[0]))
+    return found[0], found[1]
+
+
+def _words(numbers: Array | tuple[float, ...]) -> str:
+    return ", ".join(f"{value:.9g}" for value in np.ravel(numbers))

@@ -1,0 +1,63 @@
+"""Cameras of JPL: a ``.cahvor`` file or a PDS3 label for each, with CAHV, CAHVOR or CAHVORE; see ``formats.cahvor``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
+from ...physics.camera.lens_models import Brown, Cahvore, LensModel
+from ...support.files import write_text
+from ...support.foreign_bytes import explained
+from ..cahvor import Cahvor, cahvor_text, pds_text, read_model
+from .options import Reading, Stated, as_cahvore, skew_of
+
+#: The coordinate system that labels name.
+_FRAME = "REFERENCE_AXES"
+
+
+def read_cahv(paths: Sequence[Path], stated: Stated) -> Reading:
+    """Read a camera from each file, in their common axes."""
+    found = []
+    for path in paths:
+        model = read_model(path)
+        with explained(path, "a camera model", "correct its vectors"):
+            found.append(_camera(model, path.stem, stated.unit_m()))
+    return Reading(CalibratedRig(tuple(found)))
+
+
+def _camera(model: Cahvor, name: str, unit_m: float) -> CalibratedCamera:
+    matrix, rotation = model.pinhole()
+    lens: LensModel = Brown()
+    if model.o is not None and model.r is not None:
+        axis = rotation @ model.o
+        pupil = None if model.e is None else tuple(model.e.tolist())
+        lens = Cahvore(tuple(axis.tolist()), tuple(model.r.tolist()), pupil, model.linearity)
+    (fx, _, cx), (_, fy, cy) = matrix[:2].tolist()
+    shift = -rotation @ model.c * unit_m
+    return CalibratedCamera(model.width_px, model.height_px, fx, fy, cx, cy, lens, 0.0, rotation, shift, name)
+
+
+def why_not_cahv(camera: CalibratedCamera) -> str:
+    """What CAHVORE lacks for a camera; empty if it has all."""
+    return skew_of(camera) if as_cahvore(camera) else f"no lens equal to {camera.lens.name}"
+
+
+def write_cahv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
+    """Write a file for each camera, a PDS3 label where its suffix is .lbl."""
+    for camera, path in zip(rig.cameras, paths, strict=True):
+        model = _model(as_cahvore(camera) or camera)
+        write_text(path, pds_text(model, _FRAME) if path.suffix.lower() == ".lbl" else cahvor_text(model))
+
+
+def _model(camera: CalibratedCamera) -> Cahvor:
+    right, down, a = camera.rotation
+    h, v = camera.fx_px * right + camera.cx_px * a, camera.fy_px * down + camera.cy_px * a
+    plain = (camera.centre_m, a, h, v, camera.width_px, camera.height_px)
+    lens = camera.lens
+    if not isinstance(lens, Cahvore):
+        return Cahvor(*plain)
+    pupil = None if lens.pupil is None else np.array(lens.pupil)
+    return Cahvor(*plain, np.array(lens.axis) @ camera.rotation, np.array(lens.radial), pupil, lens.linearity)

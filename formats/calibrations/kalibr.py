@@ -1,0 +1,114 @@
+"""Camchains of Kalibr: ``cam0``, ``cam1`` and more in one YAML file, each posed from the one before, in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
+from ...physics.camera.lens_models import Brown, Fisheye, LensModel
+from ...support.files import quote, write_text
+from ...support.foreign_bytes import ForeignBytes, RefusedError, explained, read, reason_of
+from ..yaml_text import parse_yaml
+from .options import (
+    MOST_BYTES,
+    Reading,
+    Stated,
+    matrix_of,
+    numbers_of,
+    opencv_lens,
+    pose_of,
+    why_no_opencv_lens,
+    words_of,
+)
+
+_KIND = "a camchain of Kalibr"
+_FIX = "give the file camchain.yaml that kalibr_calibrate_cameras wrote"
+
+
+def read_kalibr(paths: Sequence[Path], stated: Stated) -> Reading:
+    """Read all cameras of a camchain, in the axes of its first one."""
+    (path,) = paths
+    return read(path, lambda foreign: _parse(foreign, stated), _KIND, _FIX, MOST_BYTES)
+
+
+def _parse(foreign: ForeignBytes, stated: Stated) -> Reading:
+    chain = parse_yaml(foreign.text())
+    names = [f"cam{k}" for k in range(len(chain)) if f"cam{k}" in chain]
+    if not names:
+        raise ValueError("it has no cam0")
+    cameras: list[CalibratedCamera] = []
+    pose = np.eye(4)
+    for number, name in enumerate(names):
+        entry = chain[name]
+        if not isinstance(entry, dict):
+            raise ValueError(f"{name} is {quote(entry)}, not a mapping")
+        try:
+            if number:
+                if "T_cn_cnm1" not in entry:
+                    raise ValueError("T_cn_cnm1 is missing, the pose from the camera before")
+                rotation, shift = pose_of(numbers_of(entry["T_cn_cnm1"], "T_cn_cnm1", 4, 4))
+                # The camera checks the rotation before it is chained with others.
+                step = _camera(entry, name, number, stated).placed(rotation, shift * stated.unit_m())
+                pose = matrix_of(step.rotation, step.translation_m) @ pose
+            cameras.append(_camera(entry, name, number, stated).placed(pose[:3, :3], pose[:3, 3]))
+        except (ValueError, KeyError) as error:
+            raise ValueError(f"{name}: {reason_of(error)}") from None
+    return Reading(CalibratedRig(tuple(cameras)))
+
+
+def _camera(entry: dict[str, Any], name: str, number: int, stated: Stated) -> CalibratedCamera:
+    if entry.get("camera_model") != "pinhole":
+        raise RefusedError(
+            f"{name} has the camera model {quote(entry.get('camera_model'))}, and pinhole alone is read; calibrate it "
+            "as pinhole-radtan or pinhole-equi."
+        )
+    fx, fy, cx, cy = numbers_of(entry["intrinsics"], "intrinsics", 4).tolist()
+    size = stated.size(number) or tuple(map(int, numbers_of(entry["resolution"], "resolution", 2)))
+    lens = _lens(entry, name)
+    return CalibratedCamera(size[0], size[1], fx, fy, cx, cy, lens, name=name)
+
+
+def _lens(entry: dict[str, Any], name: str) -> LensModel:
+    model = entry.get("distortion_model", "none")
+    if model == "none":
+        return Brown()
+    if model not in ("radtan", "equidistant"):
+        raise RefusedError(
+            f"{name} has the distortion model {quote(model)}, and radtan, equidistant and none alone are read; "
+            "calibrate it as pinhole-radtan or pinhole-equi."
+        )
+    numbers = numbers_of(entry["distortion_coeffs"], "distortion_coeffs", 4).tolist()
+    return Brown((*numbers, 0.0)) if model == "radtan" else Fisheye(tuple(numbers))
+
+
+def why_not_kalibr(camera: CalibratedCamera) -> str:
+    """What Kalibr lacks for a camera; empty if it has all."""
+    return why_no_opencv_lens(camera, 4)
+
+
+def write_kalibr(rig: CalibratedRig, paths: Sequence[Path]) -> None:
+    """Write all cameras of a rig."""
+    (path,) = paths
+    lines = []
+    before = np.eye(4)
+    for number, camera in enumerate(rig.from_first().cameras):
+        same, lens = opencv_lens(camera)
+        pose = matrix_of(same.rotation, same.translation_m)
+        lines.append(f"cam{number}:")
+        if number:
+            lines.append("  T_cn_cnm1:")
+            lines += [f"  - [{words_of(row)}]" for row in pose @ np.linalg.inv(before)]
+        before = pose
+        lines += [
+            "  camera_model: pinhole",
+            f"  distortion_coeffs: [{words_of(lens.coefficients[:4])}]",
+            f"  distortion_model: {'radtan' if isinstance(lens, Brown) else 'equidistant'}",
+            f"  intrinsics: [{words_of([same.fx_px, same.fy_px, same.cx_px, same.cy_px])}]",
+            f"  resolution: [{same.width_px}, {same.height_px}]",
+        ]
+    with explained(path, _KIND, "write to another folder"):
+        write_text(path, "\n".join([*lines, ""]))

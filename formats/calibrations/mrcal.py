@@ -1,0 +1,134 @@
+"""Camera models of mrcal: a ``.cameramodel`` for each camera, a literal of Python with comments.
+
+Extrinsics are the vector of rotation and the translation from reference axes to the camera's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
+from ...physics.camera.lens_models import Brown, Cahvore, LensModel
+from ...physics.camera.rotations import from_vector, to_vector
+from ...support.files import quote, write_text
+from ...support.foreign_bytes import ForeignBytes, RefusedError, read
+from ..yaml_text import parse_flow
+from .options import MOST_BYTES, Reading, Stated, as_brown, as_cahvore, brown_of, numbers_of, skew_of, words_of
+
+_KIND = "a camera model of mrcal"
+_FIX = "give the file .cameramodel that mrcal-calibrate-cameras wrote"
+_CAHVORE = "LENSMODEL_CAHVORE_linearity="
+_COUNTS = {
+    "LENSMODEL_PINHOLE": 0,
+    "LENSMODEL_OPENCV4": 4,
+    "LENSMODEL_OPENCV5": 5,
+    "LENSMODEL_OPENCV8": 8,
+    "LENSMODEL_OPENCV12": 12,
+    "LENSMODEL_CAHVOR": 5,
+}
+#: What the pose is called, by the version of mrcal.
+_POSES = ("extrinsics", "rt_cam_ref", "rt_fromref")
+
+
+def read_mrcal(paths: Sequence[Path], stated: Stated) -> Reading:
+    """Read a camera from each file, in their common reference axes."""
+    found = [
+        read(path, partial(_parse, number=number, stated=stated), _KIND, _FIX, MOST_BYTES)
+        for number, path in enumerate(paths)
+    ]
+    return Reading(CalibratedRig(tuple(found)))
+
+
+def _parse(foreign: ForeignBytes, number: int, stated: Stated) -> CalibratedCamera:
+    lines = [line.strip() for line in foreign.text().split("\n")]
+    # The measurements are bytes, in one line.
+    kept = [line for line in lines if not line.startswith(("#", "'optimization_inputs'", '"optimization_inputs"'))]
+    model = parse_flow("\n".join(kept))
+    if not isinstance(model, dict):
+        raise ValueError("it is no table")
+    name = str(model.get("lensmodel", model.get("lens_model")))
+    fx, fy, cx, cy, *more = numbers_of(model["intrinsics"], "intrinsics").tolist()
+    lens = _lens(name, more)
+    pose = next((model[key] for key in _POSES if key in model), None)
+    if pose is None:
+        raise ValueError("extrinsics are missing")
+    vector = numbers_of(pose, "extrinsics", 6)
+    size = stated.size(number) or tuple(map(int, numbers_of(model["imagersize"], "imagersize", 2)))
+    return CalibratedCamera(
+        size[0],
+        size[1],
+        fx,
+        fy,
+        cx,
+        cy,
+        lens,
+        0.0,
+        from_vector(vector[:3]),
+        vector[3:] * stated.unit_m(),
+        Path(foreign.name).stem,
+    )
+
+
+def _lens(name: str, numbers: list[float]) -> LensModel:
+    """The lens of a model of mrcal and its numbers behind fx, fy, cx, cy."""
+    if name.startswith(_CAHVORE):
+        linearity = float(name.removeprefix(_CAHVORE)[:20])
+        if len(numbers) != 8:
+            raise ValueError(f"{name} has {len(numbers) + 4} intrinsics, not 12")
+        return Cahvore(_axis(*numbers[:2]), tuple(numbers[2:5]), tuple(numbers[5:]), linearity)
+    if name not in _COUNTS:
+        raise RefusedError(
+            f"has the lens model {quote(name)}, which is not read; write it as another one by "
+            "mrcal-convert-lensmodel LENSMODEL_OPENCV8."
+        )
+    if len(numbers) != _COUNTS[name]:
+        raise ValueError(f"{name} has {len(numbers) + 4} intrinsics, not {_COUNTS[name] + 4}")
+    if name == "LENSMODEL_CAHVOR":
+        return Cahvore(_axis(*numbers[:2]), tuple(numbers[2:]))
+    return brown_of(numbers) if numbers else Brown()
+
+
+def _axis(alpha: float, beta: float) -> tuple[float, ...]:
+    """The optical axis of two angles, rad."""
+    return math.sin(alpha) * math.cos(beta), math.sin(beta), math.cos(alpha) * math.cos(beta)
+
+
+def why_not_mrcal(camera: CalibratedCamera) -> str:
+    """What mrcal lacks for a camera; empty if it has all."""
+    return skew_of(camera) if as_brown(camera) or as_cahvore(camera) else f"no lens like {camera.lens.name}"
+
+
+def write_mrcal(rig: CalibratedRig, paths: Sequence[Path]) -> None:
+    """Write a file for each camera."""
+    for camera, path in zip(rig.cameras, paths, strict=True):
+        write_text(path, _text(camera))
+
+
+def _text(camera: CalibratedCamera) -> str:
+    camera = as_brown(camera) or as_cahvore(camera) or camera
+    lens = camera.lens
+    if isinstance(lens, Cahvore):
+        x, y, z = lens.axis
+        numbers = [math.atan2(x, z), math.asin(max(-1.0, min(1.0, y))), *lens.radial, *(lens.pupil or ())]
+        name = "LENSMODEL_CAHVOR" if lens.pupil is None else f"{_CAHVORE}{lens.linearity!r}"
+    else:
+        assert isinstance(lens, Brown)
+        numbers = list(lens.shortened())
+        name = f"LENSMODEL_OPENCV{len(numbers)}" if numbers else "LENSMODEL_PINHOLE"
+    intrinsics = words_of([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, *numbers])
+    pose = words_of(np.concatenate([to_vector(camera.rotation), camera.translation_m]))
+    return (
+        "{\n"
+        f"    'lensmodel':  '{name}',\n\n"
+        "    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....\n"
+        f"    'intrinsics': [ {intrinsics},],\n\n"
+        "    # extrinsics are rt_fromref\n"
+        f"    'extrinsics': [ {pose},],\n\n"
+        f"    'imagersize': [ {camera.width_px}, {camera.height_px},]\n"
+        "}\n"
+    )

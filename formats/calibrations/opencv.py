@@ -1,0 +1,273 @@
+"""Calibrations as programs with OpenCV write them: ``cv2.FileStorage`` in YAML, XML or JSON, and npz of numpy.
+
+The names of the matrices are those of OpenCV's sample stereo_calib (M1, D1, M2, D2, R, T, in one file or two), or what
+is common in their place. ``x2 = R x1 + T``. T is in the unit of the board's squares, which no file of OpenCV states.
+Ours do, by the key ``unit``, as they state the size of the images and the lens.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
+from ...physics.camera.lens_models import Brown, Fisheye, LensModel
+from ...support.arrays import Array
+from ...support.files import quote, write_atomically, write_text
+from ...support.foreign_bytes import ForeignBytes, explained, parse_json, parse_npz, parse_xml, read
+from ..yaml_text import parse_yaml
+from .options import MOST_BYTES, UNITS, Reading, Stated, brown_of, numbers_of, opencv_lens, why_no_opencv_lens
+
+_KIND = "a calibration of OpenCV"
+_FIX = "give a file with M1, D1, M2, D2, R and T, as OpenCV's stereo_calib writes them"
+#: What matrices are called, in small letters without underscores; with 1, 2, L, R, left or right before or behind.
+_NAMES = {
+    "K": ("m", "k", "mtx", "cameramatrix", "intrinsics", "intrinsic", "cammatrix"),
+    "D": ("d", "dist", "distcoeffs", "distcoeff", "distortioncoefficients", "distortion", "distortioncoeffs"),
+    "size": ("imagesize", "imgsize", "size", "imageshape"),
+    "width": ("imagewidth", "width"),
+    "height": ("imageheight", "height"),
+    "lens": ("lensmodel", "distortionmodel"),
+}
+_OF_BOTH = {
+    "R": ("r", "rotation", "rotationmatrix", "rot"),
+    "T": ("t", "translation", "translationvector", "trans"),
+    "unit": ("unit", "units"),
+}
+_SIDES = (("1", "l", "left"), ("2", "r", "right"))
+#: What lenses are called by the key ``lens_model``.
+_LENSES = {"brown": Brown, "fisheye": Fisheye}
+
+
+def read_opencv(paths: Sequence[Path], stated: Stated) -> Reading:
+    """Read a calibration of one camera or of two from one file, or from two, of intrinsics and of extrinsics."""
+    found: dict[str, Any] = {}
+    for path in paths:
+        content = read(path, _parse, _KIND, _FIX, MOST_BYTES)
+        with explained(path, _KIND, "give each key in one of the files alone"):
+            if twice := found.keys() & content.keys():
+                raise ValueError(f"it states {quote(min(twice))} as {paths[0].name} does")
+        found |= content
+    where = " and ".join(map(str, paths))
+    with explained(where, _KIND, _FIX):
+        return _rig_of(found, stated)
+
+
+def _parse(foreign: ForeignBytes) -> dict[str, Any]:
+    """The keys of a file, without those that are no calibration."""
+    if foreign.part(0, min(4, foreign.size)) == b"PK\x03\x04":
+        arrays = parse_npz(foreign, kinds="fiubU")
+        return {key: value.tolist() for key, value in arrays.items() if value.size <= 10_000}
+    text = foreign.text()
+    if text.lstrip().startswith("<"):
+        foreign.budget.charge(16 * len(text), "numbers")
+        return {each.tag: _of_element(each) for each in parse_xml(text, foreign.budget)}
+    foreign.budget.charge(32 * len(text), "numbers")
+    return parse_json(text) if text.lstrip().startswith("{") else parse_yaml(text)
+
+
+def _of_element(element: Element) -> Any:
+    """The value of an element of a FileStorage: a mapping of its children, a number, numbers, or a text."""
+    if len(element):
+        return {each.tag: each.text or "" for each in element}
+    words = (element.text or "").split()
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        return (element.text or "").strip().strip('"')
+    return numbers if len(numbers) != 1 else numbers[0]
+
+
+def _array(value: Any, name: str) -> Array:
+    """The array of a matrix of FileStorage, or of lists of numbers, flat."""
+    if not isinstance(value, dict):
+        return numbers_of(value, name)
+    data = value.get("data")
+    if isinstance(data, str):  # of XML
+        data = data.split()
+    found = numbers_of(data, name)
+    count = int(value["rows"]) * int(value["cols"])
+    if not 0 < len(found) == count:
+        raise ValueError(f"{name} has {len(found)} numbers, not {count} as it states")
+    return found
+
+
+def _find(found: Mapping[str, Any], key: str, side: int | None) -> tuple[str, Any]:
+    """The name and the value of a key, for a side, or without one; an empty name if there is none."""
+    for name, value in found.items():
+        plain = name.replace("_", "").replace(".", "").lower()
+        if side is None:
+            fits = plain in (_OF_BOTH.get(key) or _NAMES[key])
+        else:
+            fits = any(plain in (f"{word}{mark}", f"{mark}{word}") for word in _NAMES[key] for mark in _SIDES[side])
+        if fits:
+            return name, value
+    return "", None
+
+
+def _rig_of(found: Mapping[str, Any], stated: Stated) -> Reading:
+    if not _find(found, "K", 0)[0]:
+        if not _find(found, "K", None)[0]:
+            raise ValueError(f"it has no camera matrix M1 among {', '.join(map(quote, list(found)[:12]))}")
+        return Reading(CalibratedRig((_camera(found, None, stated),)))
+    cameras = [_camera(found, side, stated) for side in range(2)]
+    (r_name, r_value), (t_name, t_value) = _find(found, "R", None), _find(found, "T", None)
+    if not (r_name and t_name):
+        raise ValueError(f"{'T' if r_name else 'R'} is missing; give the file of extrinsics too")
+    rotation, translation = _array(r_value, r_name), _array(t_value, t_name)
+    if len(rotation) == 3:
+        raise ValueError(f"{r_name} is a vector of 3; write the matrix that cv2.Rodrigues makes of it")
+    if len(rotation) != 9 or len(translation) != 3:
+        raise ValueError(f"{r_name} has not 9 numbers, or {t_name} not 3")
+    unit = stated.unit or _find(found, "unit", None)[1]
+    if unit not in UNITS:
+        raise ValueError(
+            f"{t_name} is {np.linalg.norm(translation):.6g} long in the unit of the board's squares, which the "
+            f"file does not state; add --unit with one of {', '.join(UNITS)}"
+        )
+    right = cameras[1].placed(rotation.reshape(3, 3), translation * UNITS[unit])
+    return Reading(CalibratedRig((cameras[0], right)), (f"The baseline is in {unit}, as stated.",))
+
+
+def _camera(found: Mapping[str, Any], side: int | None, stated: Stated) -> CalibratedCamera:
+    number = side or 0
+    name, value = _find(found, "K", side)
+    if not name:
+        raise ValueError(f"it has no camera matrix M{number + 1}")
+    matrix = _array(value, name)
+    if len(matrix) != 9:
+        raise ValueError(f"{name} has {len(matrix)} numbers, not 9")
+    (fx, skew, cx), (below, fy, cy), last = matrix.reshape(3, 3).tolist()
+    if below or last != [0, 0, 1]:
+        raise ValueError(f"{name} is no camera matrix: 0 below fx, and 0 0 1 in its last row, are missing")
+    lens = _lens(found, side, stated)
+    if skew and isinstance(lens, Brown):
+        raise ValueError(f"{name} has a skew of {skew:g} px, which OpenCV's functions leave out; set it to 0")
+    width, height = _size(found, side, stated)
+    try:
+        return CalibratedCamera(width, height, fx, fy, cx, cy, lens, skew, name=("left", "right")[number])
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def _lens(found: Mapping[str, Any], side: int | None, stated: Stated) -> LensModel:
+    name, value = _find(found, "D", side)
+    if not name:
+        raise ValueError(f"the distortion D{(side or 0) + 1} is missing; write zeros for a pinhole")
+    numbers = _array(value, name)
+    kind = stated.lens or next((text for at in (side, None) if (text := _find(found, "lens", at)[1])), None)
+    if kind is None and len(numbers) == 4:
+        raise ValueError(
+            f"{name} has 4 coefficients, which may be k1, k2, p1, p2 or those of a fisheye; add --lens brown or fisheye"
+        )
+    if kind not in (None, *_LENSES):
+        raise ValueError(f"its lens model is {quote(kind)}, and {' and '.join(_LENSES)} alone are read")
+    try:
+        return Fisheye(tuple(numbers.tolist())) if kind == "fisheye" else brown_of(numbers.tolist())
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def _size(found: Mapping[str, Any], side: int | None, stated: Stated) -> tuple[int, int]:
+    if size := stated.size(side or 0):
+        return size
+    for at in (side, None):
+        name, value = _find(found, "size", at)
+        width, height = (_find(found, key, at)[1] for key in ("width", "height"))
+        if not name and None not in (width, height):
+            name, value = "image_width, image_height", [width, height]
+        if name:
+            numbers = _array(value, name)
+            if len(numbers) != 2 or not (numbers == np.floor(numbers)).all():
+                raise ValueError(f"{name} is {numbers}, not width and height in pixels")
+            return int(numbers[0]), int(numbers[1])
+    raise ValueError("it does not state the size of its images; add --size WIDTHxHEIGHT")
+
+
+def why_not_opencv(camera: CalibratedCamera) -> str:
+    """What OpenCV lacks for a camera; empty if it has all. Its fisheye has skew."""
+    lacks = why_no_opencv_lens(camera, 12)
+    return "" if isinstance(camera.lens, Fisheye) else lacks
+
+
+def write_opencv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
+    """Write one camera or two, as npz, XML, JSON or YAML by the suffix of the only path."""
+    (path,) = paths
+    stated: dict[str, Any] = {}
+    for number, camera in enumerate(rig.cameras, 1):
+        same, lens = opencv_lens(camera)
+        stated |= {
+            f"M{number}": same.matrix,
+            f"D{number}": np.array([lens.coefficients]),
+            f"lens_model{number}": "fisheye" if isinstance(lens, Fisheye) else "brown",
+            f"image_size{number}": np.array([same.size_px]),
+        }
+    if len(rig.cameras) == 2:
+        rotation, translation = rig.relative_pose()
+        stated |= {"R": rotation, "T": translation[:, None], "unit": "m"}
+    kind = path.suffix.lower()
+    if kind == ".npz":
+        write_atomically(path, lambda part: _write_npz(part, stated))
+        return
+    write_text(path, {".xml": _xml, ".json": _json}.get(kind, _yaml)(stated))
+
+
+def _write_npz(part: Path, stated: Mapping[str, Any]) -> None:
+    with part.open("wb") as stream:
+        np.savez(stream, **{key: np.asarray(value) for key, value in stated.items()})
+
+
+def _words(value: Array) -> list[str]:
+    return [repr(number) for number in np.asarray(value, np.float64).ravel().tolist()]
+
+
+def _yaml(stated: Mapping[str, Any]) -> str:
+    parts = ["%YAML:1.0", "---"]
+    for key, value in stated.items():
+        if isinstance(value, str):
+            parts.append(f'{key}: "{value}"')
+            continue
+        rows, cols = value.shape
+        parts += [f"{key}: !!opencv-matrix", f"   rows: {rows}", f"   cols: {cols}", "   dt: d"]
+        words = _words(value)
+        lines = [", ".join(words[at : at + 3]) for at in range(0, len(words), 3)]
+        parts.append("   data: [ " + ",\n       ".join(lines) + " ]")
+    return "\n".join([*parts, ""])
+
+
+def _xml(stated: Mapping[str, Any]) -> str:
+    parts = ['<?xml version="1.0"?>', "<opencv_storage>"]
+    for key, value in stated.items():
+        if isinstance(value, str):
+            parts.append(f"<{key}>{value}</{key}>")
+            continue
+        rows, cols = value.shape
+        words = " ".join(_words(value))
+        parts.append(
+            f'<{key} type_id="opencv-matrix">\n  <rows>{rows}</rows>\n  <cols>{cols}</cols>\n  <dt>d</dt>\n'
+            f"  <data>\n    {words}</data></{key}>"
+        )
+    return "\n".join([*parts, "</opencv_storage>", ""])
+
+
+def _json(stated: Mapping[str, Any]) -> str:
+    return json.dumps(
+        {
+            key: value
+            if isinstance(value, str)
+            else {
+                "type_id": "opencv-matrix",
+                "rows": value.shape[0],
+                "cols": value.shape[1],
+                "dt": "d",
+                "data": value.astype(float).ravel().tolist(),
+            }
+            for key, value in stated.items()
+        },
+        indent=1,
+    )

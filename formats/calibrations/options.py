@@ -1,0 +1,171 @@
+"""What the readers of calibrations are told, give back, and share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
+from ...physics.camera.lens_distortion import COEFFICIENTS
+from ...physics.camera.lens_models import Brown, Cahvore, Fisheye
+from ...support.arrays import Array
+from ...support.files import quote
+
+#: Metres of the units that a translation may be in.
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+#: Bytes of a calibration at most: one with all of its measurements has a few megabytes.
+MOST_BYTES = 2**22
+#: The coefficients of Brown and Conrady's lens in OpenCV's order.
+BROWN_NAMES = (*COEFFICIENTS, "k4", "k5", "k6", "s1", "s2", "s3", "s4")
+#: Largest cosine or coefficient that rounding leaves where zero is meant.
+_ZERO = 1e-12
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What the user states beside the files: the ``unit`` of lengths, the ``sizes`` of the images of each camera, or
+    one for all, and the ``lens``, brown or fisheye, where a file leaves it open."""
+
+    unit: str | None = None
+    sizes: tuple[tuple[int, int], ...] = ()
+    lens: str | None = None
+
+    def unit_m(self, default: str = "m") -> float:
+        """Metres of the unit of lengths."""
+        return UNITS[self.unit or default]
+
+    def size(self, number: int) -> tuple[int, int] | None:
+        """Columns and rows of the images of a camera, if they are stated."""
+        return self.sizes[min(number, len(self.sizes) - 1)] if self.sizes else None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A rig as it was read, and sentences on what was assumed."""
+
+    rig: CalibratedRig
+    notes: tuple[str, ...] = ()
+
+
+def as_brown(camera: CalibratedCamera) -> CalibratedCamera | None:
+    """The same camera with a lens of Brown and Conrady, if there is an equal one."""
+    lens = camera.lens
+    if isinstance(lens, Brown):
+        return camera
+    if not (isinstance(lens, Cahvore) and lens.pupil is None and _is_along(lens)):
+        return None
+    scale, r1, r2 = 1 + lens.radial[0], *lens.radial[1:]
+    brown = Brown((r1 / scale, r2 / scale, 0.0, 0.0, 0.0))
+    return replace(
+        camera, fx_px=camera.fx_px * scale, fy_px=camera.fy_px * scale, skew_px=camera.skew_px * scale, lens=brown
+    )
+
+
+def as_fisheye(camera: CalibratedCamera) -> CalibratedCamera | None:
+    """The same camera with a fisheye of Kannala and Brandt, if there is an equal one."""
+    lens = camera.lens
+    if isinstance(lens, Fisheye):
+        return camera
+    if not (isinstance(lens, Cahvore) and lens.pupil is not None and lens.linearity == 0 and _is_along(lens)):
+        return None
+    if any(lens.pupil) or lens.radial[0]:
+        return None
+    return replace(camera, lens=Fisheye((*lens.radial[1:], 0.0, 0.0)))
+
+
+def as_cahvore(camera: CalibratedCamera) -> CalibratedCamera | None:
+    """The same camera with a lens of CAHVOR or CAHVORE, or as a pinhole, if there is an equal one."""
+    lens = camera.lens
+    if isinstance(lens, Cahvore):
+        return camera
+    axis = (0.0, 0.0, 1.0)
+    if isinstance(lens, Fisheye):
+        k1, k2, *more = lens.coefficients
+        return None if any(more) else replace(camera, lens=Cahvore(axis, (0.0, k1, k2), (0.0,) * 3, 0.0))
+    k1, k2, *more = lens.coefficients
+    if any(more):
+        return None
+    return replace(camera, lens=Cahvore(axis, (0.0, k1, k2))) if k1 or k2 else camera
+
+
+def _is_along(lens: Cahvore) -> bool:
+    """Whether the optical axis of the distortion is the camera's."""
+    return abs(lens.axis[0]) < _ZERO and abs(lens.axis[1]) < _ZERO
+
+
+def opencv_lens(camera: CalibratedCamera) -> tuple[CalibratedCamera, Brown | Fisheye]:
+    """The same camera with a lens that OpenCV has, and the lens. Raises ValueError if there is no equal one."""
+    same = as_brown(camera) or as_fisheye(camera)
+    if same is None or isinstance(same.lens, Cahvore):
+        raise ValueError(f"no lens like {camera.lens.name}")
+    return same, same.lens
+
+
+def why_no_opencv_lens(camera: CalibratedCamera, most: int) -> str:
+    """Why a format with OpenCV's lenses, of Brown and Conrady's the ``most`` first coefficients, and without skew
+    cannot hold a camera; empty if it can."""
+    try:
+        _, lens = opencv_lens(camera)
+    except ValueError as error:
+        return str(error)
+    if isinstance(lens, Brown) and any(lens.coefficients[most:]):
+        return f"no coefficients beyond {', '.join(BROWN_NAMES[:most])}"
+    return skew_of(camera)
+
+
+def skew_of(camera: CalibratedCamera) -> str:
+    """Why a format without skew cannot hold a camera; empty if it can."""
+    return f"no skew, which is {camera.skew_px:g} px" if camera.skew_px else ""
+
+
+def brown_of(numbers: Sequence[float]) -> Brown:
+    """The lens of 4, 5, 8, 12 or 14 coefficients in OpenCV's order. Raises ValueError for another number, and for a
+    tilted sensor."""
+    if len(numbers) == 4:
+        numbers = [*numbers, 0.0]
+    if len(numbers) == 14:
+        if any(numbers[12:]):
+            raise ValueError(
+                "it has the tilted sensor of OpenCV's 14 coefficients; calibrate without CALIB_TILTED_MODEL"
+            )
+        numbers = numbers[:12]
+    return Brown(tuple(map(float, numbers)))
+
+
+def numbers_of(value: Any, name: str, *shape: int) -> Array:
+    """Finite numbers of a list, or of lists of one length, as an array of this shape, or flat without one.
+
+    Raises ValueError.
+    """
+    try:
+        found = np.array(value, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} is {quote(value)}, not numbers") from None
+    if found.size > 10_000 or not np.isfinite(found).all():
+        raise ValueError(f"{name} has a number that is not finite, or too many of them")
+    if shape and found.size != math.prod(shape):
+        raise ValueError(f"{name} has {found.size} numbers, not {' x '.join(map(str, shape))}")
+    return found.reshape(shape) if shape else found.ravel()
+
+
+def pose_of(matrix: Array) -> tuple[Array, Array]:
+    """Rotation and translation of a matrix (4, 4). Raises ValueError if its last row is not 0 0 0 1."""
+    if not np.array_equal(matrix[3], [0, 0, 0, 1]):
+        raise ValueError("the last row of its matrix is not 0 0 0 1")
+    return matrix[:3, :3], matrix[:3, 3]
+
+
+def matrix_of(rotation: Array, translation: Array) -> Array:
+    """The matrix (4, 4) of a rotation and a translation."""
+    found = np.eye(4)
+    found[:3, :3], found[:3, 3] = rotation, translation
+    return found
+
+
+def words_of(numbers: Any) -> str:
+    """Numbers with all of their digits, and commas between them."""
+    return ", ".join(repr(float(number)) for number in np.ravel(numbers))

@@ -1,0 +1,135 @@
+"""The formats of calibrations: one reader and one writer each, and which format a file has."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
+from ...support.errors import IcyMoonError
+from ...support.foreign_bytes import ForeignBytes, read
+from .cahv import read_cahv, why_not_cahv, write_cahv
+from .colmap import read_colmap, why_not_colmap, write_colmap
+from .kalibr import read_kalibr, why_not_kalibr, write_kalibr
+from .mrcal import read_mrcal, why_not_mrcal, write_mrcal
+from .opencv import read_opencv, why_not_opencv, write_opencv
+from .options import Reading, Stated
+from .ros import read_ros, why_not_ros, write_ros
+from .transforms import read_transforms, why_not_transforms, write_transforms
+
+#: Bytes at the beginning of a file by which its format is told.
+_HEAD = 2**16
+_KALIBR = re.compile(r"^cam0:", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of calibrations.
+
+    ``read`` takes the files and what the user stated, ``write`` a rig and the files: one for each camera where
+    ``each``, else one for all, a folder if ``suffix`` is empty. ``why_not`` is what the format lacks for a camera.
+    """
+
+    title: str
+    each: bool
+    suffix: str
+    read: Callable[[Sequence[Path], Stated], Reading]
+    write: Callable[[CalibratedRig, Sequence[Path]], None]
+    why_not: Callable[[CalibratedCamera], str]
+    most_read: int = 1
+    most_written: int = 1000
+
+
+FORMATS = {
+    "opencv": Format("OpenCV", False, ".yaml", read_opencv, write_opencv, why_not_opencv, 2, 2),
+    "ros": Format("ROS", True, ".yaml", read_ros, write_ros, why_not_ros, 2, 2),
+    "kalibr": Format("Kalibr", False, ".yaml", read_kalibr, write_kalibr, why_not_kalibr),
+    "mrcal": Format("mrcal", True, ".cameramodel", read_mrcal, write_mrcal, why_not_mrcal, 1000),
+    "cahv": Format("CAHVORE", True, ".cahvor", read_cahv, write_cahv, why_not_cahv, 1000),
+    "colmap": Format("COLMAP", False, "", read_colmap, write_colmap, why_not_colmap),
+    "transforms": Format("transforms.json", False, ".json", read_transforms, write_transforms, why_not_transforms),
+}
+
+
+def format_of(path: Path) -> str:
+    """The name of the format that a file or folder seems to have; files of no other format may be of JPL."""
+    suffix = path.suffix.lower()
+    if path.is_dir() or path.name in ("cameras.txt", "images.txt", "cameras.bin", "images.bin"):
+        return "colmap"
+    if suffix in (".npz", ".xml"):
+        return "opencv"
+    if suffix == ".cameramodel":
+        return "mrcal"
+    if suffix not in (".yaml", ".yml", ".json"):
+        return "cahv"
+    head = read(path, _head, "a calibration", "give another file")
+    if suffix == ".json":
+        return "transforms" if '"frames"' in head else "opencv"
+    if head.startswith("%YAML:1.0") or "opencv-matrix" in head:
+        return "opencv"
+    return "kalibr" if _KALIBR.search(head) else "ros"
+
+
+def _head(foreign: ForeignBytes) -> str:
+    return foreign.part(0, min(foreign.size, _HEAD)).decode("utf-8", "replace").lstrip("\ufeff")
+
+
+def read_calibration(paths: Sequence[Path], stated: Stated = Stated(), name: str | None = None) -> Reading:  # noqa: B008
+    """The cameras of a calibration, from one file or several of one format, and what was assumed.
+
+    ``name`` is that of a format; it is told from the files without one. Raises IcyMoonError.
+    """
+    kinds = [name or format_of(path) for path in paths]
+    where = " and ".join(map(str, paths))
+    if len(set(kinds)) > 1:
+        raise IcyMoonError(f"{where} are calibrations of several kinds, {', '.join(kinds)}; give those of one kind.")
+    kind = FORMATS[kinds[0]]
+    if len(paths) > kind.most_read:
+        raise IcyMoonError(f"{where}: {kind.title} has all cameras in {kind.most_read} at most; give no more.")
+    found = kind.read(paths, stated)
+    return replace(found, notes=(*found.notes, *_doubts(found.rig)))
+
+
+def _doubts(rig: CalibratedRig) -> list[str]:
+    """Sentences on what a calibration may have wrong."""
+    found = []
+    for camera in rig.cameras:
+        if not (0 <= camera.cx_px < camera.width_px and 0 <= camera.cy_px < camera.height_px):
+            found.append(
+                f"The principal point of {camera.name}, ({camera.cx_px:g}, {camera.cy_px:g}) px, is outside its images "
+                f"of {camera.width_px} x {camera.height_px} px."
+            )
+        if dark := camera.dark_share():
+            found.append(
+                f"{dark:.1%} of the pixels of {camera.name} see nothing: the polynomial of its lens turns back "
+                "before them."
+            )
+    return found
+
+
+def write_calibration(rig: CalibratedRig, paths: Sequence[Path], name: str) -> None:
+    """Write the cameras of a rig in a format. Raises IcyMoonError if it cannot hold them; nothing is written then."""
+    kind = FORMATS[name]
+    for camera in rig.cameras:
+        if lacks := kind.why_not(camera):
+            raise IcyMoonError(f"{kind.title} has {lacks} (camera {camera.name or 'without a name'}); {_others(rig)}.")
+    if len(rig.cameras) > kind.most_written:
+        raise IcyMoonError(
+            f"{kind.title} holds {kind.most_written} cameras, not {len(rig.cameras)}; choose them by --cameras."
+        )
+    wanted = len(rig.cameras) if kind.each else 1
+    if len(paths) != wanted:
+        raise IcyMoonError(f"{kind.title} needs {wanted} files for these cameras, not {len(paths)}; name as many.")
+    kind.write(rig, paths)
+
+
+def _others(rig: CalibratedRig) -> str:
+    """The fix for a format that lacks something."""
+    able = [
+        name
+        for name, kind in FORMATS.items()
+        if not any(map(kind.why_not, rig.cameras)) and len(rig.cameras) <= kind.most_written
+    ]
+    return f"choose {' or '.join(able)}" if able else "choose another format for each of its cameras"

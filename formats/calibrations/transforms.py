@@ -1,0 +1,99 @@
+"""``transforms.json`` of nerfstudio and instant-ngp: a frame for each camera, in OpenGL's axes.
+
+Pixels are counted from the corner of the first one. A frame's own numbers go before those of the whole file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
+from ...physics.camera.lens_models import Brown, Fisheye
+from ...support.files import quote, write_json
+from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_json, read, reason_of
+from .options import Reading, Stated, matrix_of, numbers_of, opencv_lens, pose_of, why_no_opencv_lens
+
+_KIND = "a transforms.json"
+_FIX = "give a file with frames, fl_x, fl_y, cx, cy, w, h and a transform_matrix of each frame"
+_HALF = 0.5
+_MOST = 2**24
+#: From OpenGL's axes, y up and z backward, to ours.
+_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "OPENCV_FISHEYE")
+_ASSUMED = "A transforms.json states no unit: one unit of its scale is taken for {} m."
+
+
+def read_transforms(paths: Sequence[Path], stated: Stated) -> Reading:
+    """Read a camera for each frame, in world axes."""
+    (path,) = paths
+    return read(path, lambda foreign: _parse(foreign, stated), _KIND, _FIX, _MOST)
+
+
+def _parse(foreign: ForeignBytes, stated: Stated) -> Reading:
+    whole = parse_json(foreign.text())
+    frames = whole["frames"]
+    if not isinstance(frames, list) or not 0 < len(frames) <= 1000:
+        raise ValueError("it has no frames, or more than 1000")
+    cameras = []
+    for number, frame in enumerate(frames):
+        try:
+            cameras.append(_camera({**whole, **frame}, number, stated))
+        except (ValueError, KeyError) as error:
+            raise ValueError(f"frames[{number}]: {reason_of(error)}") from None
+    return Reading(CalibratedRig(tuple(cameras)), (_ASSUMED.format(stated.unit_m()),))
+
+
+def _camera(frame: dict[str, Any], number: int, stated: Stated) -> CalibratedCamera:
+    model = frame.get("camera_model", "OPENCV")
+    if model not in _MODELS:
+        raise RefusedError(
+            f"has the camera model {quote(model)}, and {', '.join(_MODELS)} alone are read; undistort it."
+        )
+    fx, fy, cx, cy, width, height = (
+        float(numbers_of(frame[key], key, 1)[0]) for key in ("fl_x", "fl_y", "cx", "cy", "w", "h")
+    )
+    k1, k2, k3, k4, p1, p2 = (
+        float(numbers_of(frame.get(key, 0.0), key, 1)[0]) for key in ("k1", "k2", "k3", "k4", "p1", "p2")
+    )
+    fisheye = model == "OPENCV_FISHEYE" or frame.get("is_fisheye") is True
+    if not fisheye and k4:
+        raise ValueError("k4 is not 0, which nerfstudio takes for a power that OpenCV's lens has not; set it to 0")
+    lens = Fisheye((k1, k2, k3, k4)) if fisheye else Brown((k1, k2, p1, p2, k3))
+    rotation, centre = pose_of(numbers_of(frame["transform_matrix"], "transform_matrix", 4, 4) @ _FLIP)
+    size = stated.size(number) or (int(width), int(height))
+    name = str(frame.get("file_path", ""))
+    own = CalibratedCamera(size[0], size[1], fx, fy, cx - _HALF, cy - _HALF, lens, name=name, rotation=rotation.T)
+    return own.placed(own.rotation, -own.rotation @ centre * stated.unit_m())
+
+
+def why_not_transforms(camera: CalibratedCamera) -> str:
+    """What a transforms.json lacks for a camera; empty if it has all."""
+    return why_no_opencv_lens(camera, 5)
+
+
+def write_transforms(rig: CalibratedRig, paths: Sequence[Path]) -> None:
+    """Write a frame for each camera."""
+    (path,) = paths
+    write_json(path, {"frames": [_frame(camera, number) for number, camera in enumerate(rig.cameras, 1)]})
+
+
+def _frame(camera: CalibratedCamera, number: int) -> dict[str, Any]:
+    same, lens = opencv_lens(camera)
+    is_fisheye = isinstance(lens, Fisheye)
+    names = ("k1", "k2", "k3", "k4") if is_fisheye else ("k1", "k2", "p1", "p2", "k3")
+    return {
+        "file_path": camera.name or f"camera{number}",
+        "transform_matrix": (matrix_of(camera.rotation.T, camera.centre_m) @ _FLIP).tolist(),
+        "camera_model": "OPENCV_FISHEYE" if is_fisheye else "OPENCV",
+        "w": camera.width_px,
+        "h": camera.height_px,
+        "fl_x": same.fx_px,
+        "fl_y": same.fy_px,
+        "cx": same.cx_px + _HALF,
+        "cy": same.cy_px + _HALF,
+        **dict(zip(names, lens.coefficients, strict=False)),
+    }

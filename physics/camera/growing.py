@@ -1,0 +1,35 @@
+"""Functions that grow from 0 up to a fold, inverted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...support.arrays import Array
+
+#: Halvings of an interval of a few rad, until its ends are neighbours among the floats.
+_HALVINGS = 60
+
+
+def invert(function: Callable[[Array], Array], values: Array, limit: float) -> Array:
+    """Where in [0, limit] a function that grows there takes the values (any shape), to rounding; NaN where nowhere."""
+    low, high = np.zeros_like(values), np.full_like(values, limit)
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        short = function(middle) < values
+        low, high = np.where(short, middle, low), np.where(short, high, middle)
+    with np.errstate(invalid="ignore"):
+        return np.where((values >= 0) & (values <= function(np.full_like(values, limit))), (low + high) / 2, np.nan)
+
+
+def positive_roots(polynomial: Sequence[float] | Array) -> Array:
+    """The positive roots of a polynomial, whose highest power comes first, in order."""
+    roots = np.roots(polynomial)
+    return np.sort(roots.real[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)])
+
+
+def first_root(polynomial: Sequence[float] | Array) -> float:
+    """The smallest positive root of a polynomial, whose highest power comes first; infinite without one."""
+    return float(min(positive_roots(polynomial), default=math.inf))
