@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...stereo.images.masks import fill_polygons, fill_triangles, inside_px, overlap
+from ...stereo.images.masks import distance_inside_hull_px, fill_polygons, fill_triangles, intersection_over_union
 from ...support.arrays import Array, Numbers
-from .camera import Calibration, extreme_points
+from .camera import Calibration, find_extreme_points
 from .data_set import ROCK, Rock, Terrain, View
 
 #: Largest height of the sand off its plane, the length over which it changes, and the prior standard deviation of its
@@ -37,7 +37,7 @@ _MARGIN_PX = 15.0
 NODE_M = 0.25
 
 
-def rim(rock: Rock) -> Array:
+def find_rim(rock: Rock) -> Array:
     """Vertices (n, 3) on the open edges of a scan; all vertices if it is closed."""
     edges = np.sort(np.concatenate([rock.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
@@ -45,9 +45,9 @@ def rim(rock: Rock) -> Array:
     return np.asarray(rock.vertices[open_ends] if len(open_ends) else rock.vertices)
 
 
-def _rim_height(rock: Rock, middle: Array) -> float:
+def _fit_rim_height(rock: Rock, middle: Array) -> float:
     """Height at the middle of a plane that most of the rim is on and little is under."""
-    points = rim(rock)
+    points = find_rim(rock)
     basis = np.column_stack([np.ones(len(points)), points[:, :2] - middle])
     heights = points[:, 2]
     weight = (heights <= np.quantile(heights, 0.6)).astype(np.float64)
@@ -86,28 +86,28 @@ class Sand:
 
     def heights(self, xy: Array) -> Array:
         """Heights (n,) in metres of the surface at points (n, 2), at most ``BOUND_M`` off the plane."""
-        known = _bump(self.middles, self.middles) + (_KNOWN_M / _SPREAD_M) ** 2 * np.eye(len(self.middles))
-        off = _bump(xy, self.middles) @ np.linalg.solve(known, self.offs)
+        known = _gaussian_bumps(self.middles, self.middles) + (_KNOWN_M / _SPREAD_M) ** 2 * np.eye(len(self.middles))
+        off = _gaussian_bumps(xy, self.middles) @ np.linalg.solve(known, self.offs)
         used = np.nonzero(self.raised)[0]
-        off += _bump(xy, self.nodes[used]) @ self.raised[used]
+        off += _gaussian_bumps(xy, self.nodes[used]) @ self.raised[used]
         return np.asarray(self.on_plane(xy) + np.clip(off, -BOUND_M, BOUND_M))
 
     def bump(self, k: int, xy: Array) -> Array:
         """What node ``k`` adds to the surface at points (n, 2) for each metre that it is raised."""
-        return _bump(xy, self.nodes[k][None])[:, 0]
+        return _gaussian_bumps(xy, self.nodes[k][None])[:, 0]
 
     def visible(self, rock: Rock) -> tuple[Array, Array]:
         """Vertices and triangles of the part of a rock above the sand; vertices below are moved up to it."""
-        return _part_above(rock, self.heights(rock.vertices[:, :2]))
+        return _cut_above(rock, self.heights(rock.vertices[:, :2]))
 
 
-def _bump(xy: Array, middles: Array) -> Array:
+def _gaussian_bumps(xy: Array, middles: Array) -> Array:
     """Gaussians (n, k) about middles (k, 2) at points (n, 2)."""
     apart = ((xy[:, None] - middles[None]) ** 2).sum(axis=2)
     return np.asarray(np.exp(-apart / (2 * LENGTH_M**2)))
 
 
-def _part_above(rock: Rock, level: Array) -> tuple[Array, Array]:
+def _cut_above(rock: Rock, level: Array) -> tuple[Array, Array]:
     """Vertices and triangles of the part of a rock above ``level`` (n,) at its vertices, which are moved up to it."""
     up = rock.vertices[:, 2] > level
     raised = rock.vertices.copy()
@@ -115,7 +115,7 @@ def _part_above(rock: Rock, level: Array) -> tuple[Array, Array]:
     return raised, rock.faces[up[rock.faces].any(axis=1)]
 
 
-def _plane_through(middles: Array, heights: Array) -> Array:
+def _fit_plane(middles: Array, heights: Array) -> Array:
     """The plane (3,) that most of the heights (n,) at middles (n, 2) are on: those within some spreads of it count."""
     basis = np.column_stack([np.ones(len(middles)), middles])
     weight: Numbers = np.ones(len(middles))
@@ -128,11 +128,11 @@ def _plane_through(middles: Array, heights: Array) -> Array:
 def fit_sand(terrain: Terrain, camera: Calibration) -> Sand:
     """The sand whose heights at the rocks agree best with the outlines in the photographs of the left eyes."""
     middles = np.array([(rock.vertices.min(axis=0) + rock.vertices.max(axis=0))[:2] / 2 for rock in terrain.rocks])
-    rims = np.array([_rim_height(rock, middle) for rock, middle in zip(terrain.rocks, middles, strict=True)])
+    rims = np.array([_fit_rim_height(rock, middle) for rock, middle in zip(terrain.rocks, middles, strict=True)])
     low, high = middles.min(axis=0) - 0.8, middles.max(axis=0) + 0.8
     axes = [np.arange(a, b + NODE_M, NODE_M) for a, b in zip(low, high, strict=True)]
     nodes = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    sand = Sand(_plane_through(middles, rims), middles, np.zeros(len(middles)), nodes, np.zeros(len(nodes)))
+    sand = Sand(_fit_plane(middles, rims), middles, np.zeros(len(middles)), nodes, np.zeros(len(nodes)))
     views = [view for view in terrain.views if view.eye == "L"]
     own = {
         (view, azimuth): assign_outlines(terrain, camera, sand, view, azimuth)
@@ -142,11 +142,11 @@ def fit_sand(terrain: Terrain, camera: Calibration) -> Sand:
     heights = rims.copy()
     for k, rock in enumerate(terrain.rocks):
         on_plane = sand.on_plane(middles[k][None])[0]
-        targets = _targets(terrain, camera, own, views, k, rock)
+        targets = _collect_targets(terrain, camera, own, views, k, rock)
         start = float(np.clip(rims[k] - on_plane, -BOUND_M, BOUND_M))
-        heights[k] = on_plane + (_fit_off(rock, sand, start, camera, targets) if targets else start)
+        heights[k] = on_plane + (_fit_offset(rock, sand, start, camera, targets) if targets else start)
     # The rims are the lower edges of the scans, and the sand is a little higher than most of them.
-    plane = _plane_through(middles, heights)
+    plane = _fit_plane(middles, heights)
     offs = heights - plane[0] - middles @ plane[1:]
     return replace(sand, plane=plane, offs=np.clip(offs, -BOUND_M, BOUND_M))
 
@@ -154,7 +154,7 @@ def fit_sand(terrain: Terrain, camera: Calibration) -> Sand:
 _Target = tuple[View, Array, Array]
 
 
-def _targets(
+def _collect_targets(
     terrain: Terrain,
     camera: Calibration,
     own: dict[tuple[View, int], list[list[Array]]],
@@ -180,18 +180,18 @@ def _targets(
     return found
 
 
-def _fit_off(rock: Rock, sand: Sand, start: float, camera: Calibration, targets: list[_Target]) -> float:
+def _fit_offset(rock: Rock, sand: Sand, start: float, camera: Calibration, targets: list[_Target]) -> float:
     """How far the sand at a rock is above the plane, from a start."""
 
     def agreement(off: float) -> float:
-        points, faces = _part_above(rock, sand.on_plane(rock.vertices[:, :2]) + off)
+        points, faces = _cut_above(rock, sand.on_plane(rock.vertices[:, :2]) + off)
         masks: dict[View, Array] = {}
         for view, corner, mask in targets:
             if view not in masks:
                 masks[view] = fill_triangles(
                     (mask.shape[0], mask.shape[1]), (camera.eyes[view].project(points) - corner) * _SCALE, faces
                 )
-        found = np.mean([overlap(masks[view], mask) for view, _, mask in targets])
+        found = np.mean([intersection_over_union(masks[view], mask) for view, _, mask in targets])
         return float(found - _OFF_COST * (off / _SPREAD_M) ** 2)
 
     best, score = start, agreement(start)
@@ -208,11 +208,11 @@ def assign_outlines(terrain: Terrain, camera: Calibration, sand: Sand, view: Vie
     for rock in terrain.rocks:
         points, faces = sand.visible(rock)
         used = points[np.unique(faces)] if len(faces) else rock.vertices
-        parts.append(camera.eyes[view].project(extreme_points(used)))
+        parts.append(camera.eyes[view].project(find_extreme_points(used)))
     found: list[list[Array]] = [[] for _ in terrain.rocks]
     for outline in terrain.polygons(view, azimuth, ROCK):
         middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
-        inside = [inside_px(middle, part) for part in parts]
+        inside = [distance_inside_hull_px(middle, part) for part in parts]
         if max(inside) > -10.0:
             found[int(np.argmax(inside))].append(outline)
     return found
