@@ -50,7 +50,7 @@ def checks_of(plugin: Plugin) -> Iterator[Check]:
 
 
 def _run(options: argparse.Namespace) -> int:
-    packages.require("numpy", "cv2", "OpenEXR")
+    packages.require_modules("numpy", "cv2", "OpenEXR")
     found = find_all()
     if options.name is None:
         return _list(found)

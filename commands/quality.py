@@ -27,7 +27,7 @@ from .renderer_options import add_blender_option
 from .scene_options import add_scene_options, read_settings
 
 if TYPE_CHECKING:
-    from ..stereo.trade.measure_variants import Bench
+    from ..stereo.trade.measure_variants import TradeBench
 
 
 def add_quality_options(parser: argparse.ArgumentParser) -> None:
@@ -141,17 +141,17 @@ def _ask_abilities(blender: str) -> Abilities:
 def _run_bench(
     options: argparse.Namespace,
     title: str,
-    work: Callable[[Bench], dict[str, Any]],
+    work: Callable[[TradeBench], dict[str, Any]],
     show: Callable[[dict[str, Any]], None],
     repeats: int = 1,
 ) -> int:
     """Do ``work`` with a bench as the options describe it, showing progress, then ``show`` its result."""
-    from ..stereo.trade.measure_variants import Bench, scaled_view
+    from ..stereo.trade.measure_variants import TradeBench, scaled_view
 
     with report_errors(options.json_lines), tell_events(title, options.json_lines) as on_event:
         view = description.merged(read_settings(options), {"dataset": {"headings": 1}})
         found = work(
-            Bench(
+            TradeBench(
                 scaled_view(view, options.scale),
                 options.out.absolute(),
                 options.blender,

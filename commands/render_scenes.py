@@ -112,7 +112,7 @@ def _run_demo(options: argparse.Namespace) -> int:
 def _run_gallery(options: argparse.Namespace) -> int:
     from ..stereo.environment import packages
 
-    packages.require(*packages.PACKAGES)
+    packages.require_modules(*packages.PACKAGES)
     from ..stereo.images.gallery import write_picture, write_sheet
     from ..stereo.trade.measure_variants import scaled_view
 

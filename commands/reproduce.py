@@ -76,7 +76,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    packages.require(*packages.PACKAGES)
+    packages.require_modules(*packages.PACKAGES)
     from ..stereo.paper.methods import find_methods
     from ..stereo.paper.parts import QUICK, make_parts
     from ..stereo.paper.printed import GROUPS

@@ -16,7 +16,7 @@ from ..support.suggestions import nearest
 from ..support.terminal import named, show_progress
 from ..validation.all_comparisons import load_comparisons
 from ..validation.comparison import DATA, FAILS, Bench, Comparison, Result, Say, load_own_comparison, run_comparison
-from ..validation.tables import cells, markdown_section, replace_sections, sources, summary
+from ..validation.tables import list_sources, make_markdown_section, replace_sections, row_cells, summarise_result
 
 
 def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) -> list[Comparison]:
@@ -33,7 +33,7 @@ def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) ->
 
 def run_validate(options: argparse.Namespace) -> int:
     """Run the verb and return the exit status: 0 if all comparisons pass. Raises IcyMoonError for bad options."""
-    packages.require("numpy", "cv2", "OpenEXR")
+    packages.require_modules("numpy", "cv2", "OpenEXR")
     only = named(options.only)
     chosen = choose_comparisons(only, options.own_files, options.quick)
     without = [each for each in chosen if each.needs and each.name not in only and getattr(options, each.needs) is None]
@@ -51,7 +51,7 @@ def run_validate(options: argparse.Namespace) -> int:
         "comparisons": [result.to_json() for result in results],
     }
     write_text(out / "validation.json", json_text(report))
-    write_text(out / "validation.md", "\n".join(markdown_section(result) for result in results))
+    write_text(out / "validation.md", "\n".join(make_markdown_section(result) for result in results))
     if options.page:
         page = _read_page(options.page)
         write_text(options.page, replace_sections(page, results))
@@ -89,12 +89,12 @@ def _print_result(result: Result) -> None:
     if result.rows:
         rows: list[list[str | tuple[str, str]]] = []
         for row in result.rows:
-            quantity, *numbers, verdict = cells(row)
+            quantity, *numbers, verdict = row_cells(row)
             rows.append([quantity.replace("`", ""), *numbers, (verdict, "red" if row.verdict == FAILS else "")])
         printer.print_table(("", "here", "held against", "allowed", "off by", "verdict"), rows, left=range(6))
-    for source in sources(result.rows):
+    for source in list_sources(result.rows):
         printer.say(f"  Source: {source}")
     for row in result.rows:
         if row.note:
             printer.say(f"  {row.quantity.replace('`', '')}: {row.note}")
-    printer.say(summary(result))
+    printer.say(summarise_result(result))

@@ -38,7 +38,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from ..stereo.environment import packages
 
-    packages.require(*packages.PACKAGES)
+    packages.require_modules(*packages.PACKAGES)
     study, out = read_study(find_study(options.study)), options.out.absolute()
     with report_errors(options.json):
         status = 0 if options.measure else _render(study, out, options)
@@ -73,8 +73,8 @@ def _told_to(show: Callable[[dict[str, Any]], None]) -> Say:
 def _measure(study: Study, out: Path, options: argparse.Namespace) -> Path:
     """Measure the views that have new pairs, and write all tables; the path of the page."""
     from ..stereo.matchers.methods import parse_methods
-    from ..stereo.study.cells import measured_cell
-    from ..stereo.study.conclusions import conclude
+    from ..stereo.study.cells import read_or_measure_cell
+    from ..stereo.study.conclusions import draw_conclusions
     from ..stereo.study.tables import put_between_marks, write_study
 
     methods = parse_methods(options.methods or study.methods)
@@ -82,12 +82,12 @@ def _measure(study: Study, out: Path, options: argparse.Namespace) -> Path:
     with show_count("Measuring") as show:
         for k, view in enumerate(study.views):
             show(k, len(study.views))
-            cell = measured_cell(study, view, out, methods)
+            cell = read_or_measure_cell(study, view, out, methods)
             if cell is not None:
                 cells.append(cell)
     if not cells:
         raise IcyMoonError(f"{out} has no view whose converged render is whole; run the study without --measure.")
-    text = write_study(study, conclude(study, cells, [method.label for method in methods]), out)
+    text = write_study(study, draw_conclusions(study, cells, [method.label for method in methods]), out)
     if options.page:
         write_text(options.page, put_between_marks(options.page, text))
     return out / "study.md"

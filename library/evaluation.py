@@ -85,7 +85,7 @@ def evaluate(
     """
     from ..stereo.environment import packages
 
-    packages.require(*packages.PACKAGES)
+    packages.require_modules(*packages.PACKAGES)
     from ..stereo.evaluate import evaluate as evaluate_folders
     from ..stereo.matchers.methods import parse_methods
     from ..support.scratch import scratch_folder
@@ -146,14 +146,14 @@ def _sort(
 def _predict(name: str, function: Matcher, folders: Sequence[Path], response: Parts, scratch: Path) -> Path:
     """Run a function on all pairs; the folder with a disparity map for each. Raises IcyMoonError."""
     from ..stereo.images.image_files import write_npy
-    from ..stereo.matchers.search_range import MOST_PX, rig_range
-    from ..stereo.measure.prepare import distinct_pairs, prepare
+    from ..stereo.matchers.search_range import MOST_PX, find_rig_range
+    from ..stereo.measure.prepare import distinct_pairs, prepare_pair
 
     asked = [key for key in _ASKED if key in inspect.signature(function).parameters]
     found = scratch / name
     for folder in distinct_pairs(folders):
-        prepared = prepare(folder, response)
-        seen = rig_range(prepared.facts["settings"], not prepared.facts["rendered"].get("edited_by_hand"))
+        prepared = prepare_pair(folder, response)
+        seen = find_rig_range(prepared.facts["settings"], not prepared.facts["rendered"].get("edited_by_hand"))
         given = {"max_disparity_px": seen.most_px if seen else MOST_PX, "camera": prepared.pair.camera}
         images = prepared.left.copy(), prepared.right.copy()
         disparity = np.asarray(function(*images, **{key: given[key] for key in asked}))

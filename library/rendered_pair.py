@@ -15,10 +15,10 @@ from ..settings import description, preset_files
 from ..settings.table import TOPICS
 from ..settings.topics.declaration import Parts
 from ..settings.topics.scene import Settings
-from ..stereo.images.develop import Images, develop
-from ..stereo.images.disparity_and_occlusion import scene_depth, visible_in_right
+from ..stereo.images.develop import DevelopedImages, develop
+from ..stereo.images.disparity_and_occlusion import find_scene_depth, find_visible_in_right
 from ..stereo.images.exr import Light, View
-from ..stereo.images.lens import lens_of
+from ..stereo.images.lens import make_lens
 from ..stereo.images.views import read_eye
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
@@ -51,14 +51,14 @@ class RenderedEye:
     @cached_property
     def depth_m(self) -> Array:
         """Planar depth in metres at pixel centres, float64 (H, W); NaN for sky and for pixels that are not ``seen``."""
-        depth, seen = scene_depth(self._read[1]), self.seen
+        depth, seen = find_scene_depth(self._read[1]), self.seen
         return depth if seen.all() else np.where(seen, depth, np.nan)
 
     @cached_property
     def seen(self) -> Array:
         """Whether the sensor sees the pixel, bool (H, W); not all of them if the eyes are toed in."""
         camera = self._pair.camera
-        lens = lens_of(camera, self._pair.settings.rig, self.name) if camera.toe_in_deg else None
+        lens = make_lens(camera, self._pair.settings.rig, self.name) if camera.toe_in_deg else None
         return np.ones((camera.height_px, camera.width_px), bool) if lens is None else lens.sees
 
     @property
@@ -151,22 +151,22 @@ class RenderedPair:
     def visible(self) -> Array:
         """Whether the right camera sees the point of a left pixel too, bool (H, W)."""
         if self._pair.camera.toe_in_deg:
-            from ..stereo.measure.prepare import eyes_of
-            from ..stereo.measure.self_check import visibility
+            from ..stereo.measure.prepare import make_check_eyes
+            from ..stereo.measure.self_check import find_visibility
 
             views = {eye.name: eye._read[1] for eye in (self.left, self.right)}
-            return visibility(*eyes_of(self._pair, self._pair.settings, views), self._pair.camera)["left"]
+            return find_visibility(*make_check_eyes(self._pair, self._pair.settings, views), self._pair.camera)["left"]
         # The right depth is needed only if no rays have found the hidden pixels.
         hidden = self.left._read[1].hidden
         right = self.left.depth_m if hidden is not None else self.right.depth_m
-        return visible_in_right(self.left.depth_m, right, self.camera, hidden)
+        return find_visible_in_right(self.left.depth_m, right, self.camera, hidden)
 
     @cached_property
     def occluded(self) -> Array:
         """Whether a left pixel has a depth, but the right camera does not see its point, bool (H, W)."""
         return np.isfinite(self.left.depth_m) & ~self.visible
 
-    def develop(self, *presets: str | Path, **changes: Mapping[str, Any]) -> Images:
+    def develop(self, *presets: str | Path, **changes: Mapping[str, Any]) -> DevelopedImages:
         """The images that a camera takes of this pair: ``left`` and ``right``, uint16 (H, W) digital numbers.
 
         ``presets`` and ``changes`` are of sensors and other settings that need no new render, such as

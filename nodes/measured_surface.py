@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ..formats import ply
-from ..stereo.images.colours import ERROR, signed_colours
+from ..stereo.images.colours import ERROR, colour_signed_errors
 from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
@@ -149,7 +149,7 @@ def _build_mesh(corners: Array, error_m: Array) -> bpy.types.Mesh:
 
 def _colour_mesh(mesh: bpy.types.Mesh, full_m: float) -> None:
     error = read_property(mesh.attributes[_ERROR].data, "value")
-    set_colours(mesh.attributes[_COLOUR], np.repeat(signed_colours(error, full_m), 4, axis=0))
+    set_colours(mesh.attributes[_COLOUR], np.repeat(colour_signed_errors(error, full_m), 4, axis=0))
     mesh.update_tag()
 
 

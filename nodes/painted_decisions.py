@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ..stereo.decisions.map_colours import KINDS, colour_cells, count_cells
-from ..stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap, outlines
+from ..stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap, trace_outlines
 from ..stereo.images.colours import SKY_GREY
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
@@ -57,7 +57,7 @@ def paint(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -
     Raises IcyMoonError before any change if no vertex of the ground is within the map.
     """
     mesh = built.terrain.data
-    cell = stored.grid.cells_of(to_world(built.terrain.matrix_world, corners_of(mesh)))
+    cell = stored.grid.find_cells(to_world(built.terrain.matrix_world, corners_of(mesh)))
     inside = cell >= 0
     if not inside.any():
         raise IcyMoonError(
@@ -125,7 +125,7 @@ def _site(stored: StoredMap, row: int, column: int) -> bpy.types.Object:
 
 
 def _reach(stored: StoredMap, reach: Array) -> bpy.types.Object:
-    return _draw_lines(REACH, [_on_ground(stored, way) for way in outlines(reach)])
+    return _draw_lines(REACH, [_on_ground(stored, way) for way in trace_outlines(reach)])
 
 
 def _draw_lines(name: str, ways: list[Array]) -> bpy.types.Object:

@@ -25,12 +25,12 @@ from ..stereo.ground_errors import (
     COARSE_PX,
     UNSEEN,
     DepthErrors,
-    OnVertices,
-    colours_of,
+    VertexErrors,
+    choose_better_known,
+    colour_errors,
     count_pixels,
-    nearest_of,
-    on_vertices,
-    project,
+    project_points,
+    sample_vertex_errors,
 )
 from ..stereo.images.colours import SKY_GREY
 from ..support.arrays import Array
@@ -121,7 +121,7 @@ def paint(
         n = len(shape.data.vertices)
         _fill(
             shape.data,
-            OnVertices(np.full(n, np.nan, np.float32), np.full(n, UNSEEN, np.uint8), np.full(n, np.inf)),
+            VertexErrors(np.full(n, np.nan, np.float32), np.full(n, UNSEEN, np.uint8), np.full(n, np.inf)),
             full_m,
         )
     if rocks:
@@ -225,13 +225,13 @@ def to_world(matrix: ArrayLike, position: Array) -> Array:
     return np.asarray(position @ whole[:3, :3].T + whole[:3, 3])
 
 
-def _look(found: Sequence[DepthErrors], position: Array, edges: Array, places: list[Array]) -> OnVertices:
+def _look(found: Sequence[DepthErrors], position: Array, edges: Array, places: list[Array]) -> VertexErrors:
     """What vertices show, of all pairs; adds where each pair sees them to ``places``."""
-    shown: OnVertices | None = None
+    shown: VertexErrors | None = None
     for k, errors in enumerate(found):
-        one = on_vertices(errors, position, edges)
-        places[k] = np.concatenate([places[k], project(errors, position[one.kind < COARSE])[0]])
-        shown = one if shown is None else nearest_of(shown, one)
+        one = sample_vertex_errors(errors, position, edges)
+        places[k] = np.concatenate([places[k], project_points(errors, position[one.kind < COARSE])[0]])
+        shown = one if shown is None else choose_better_known(shown, one)
     assert shown is not None
     return shown
 
@@ -248,7 +248,7 @@ def _rock_instances(built: Built) -> dict[bpy.types.Object, Array]:
 
 def _seen_rocks(
     instances: Mapping[bpy.types.Object, Array], found: Sequence[DepthErrors], places: list[Array]
-) -> Iterator[tuple[Array, Array, OnVertices]]:
+) -> Iterator[tuple[Array, Array, VertexErrors]]:
     """Positions, triangles and what vertices show, of the rocks with a vertex that an eye sees.
 
     Triangles too wide to show an error are divided.
@@ -271,7 +271,7 @@ def _divisions(found: Sequence[DepthErrors], matrices: Array, corners: Array, fa
     step = max(1, _AT_ONCE // max(1, len(corners)))
     for errors in found:
         for k in range(0, len(matrices), step):
-            place = project(errors, _instanced(matrices[k : k + step], corners))[0].reshape(-1, len(corners), 2)
+            place = project_points(errors, _instanced(matrices[k : k + step], corners))[0].reshape(-1, len(corners), 2)
             sides = np.linalg.norm(place[:, faces] - place[:, np.roll(faces, 1, axis=1)], axis=-1)
             inside = ((place >= 0) & (place < errors.truth.shape[::-1])).all(axis=-1).any(axis=1)
             longest[k : k + step] = np.maximum(
@@ -283,7 +283,7 @@ def _divisions(found: Sequence[DepthErrors], matrices: Array, corners: Array, fa
 
 def _seen_copies(
     found: Sequence[DepthErrors], matrices: Array, corners: Array, faces: Array, places: list[Array]
-) -> Iterator[tuple[Array, Array, OnVertices]]:
+) -> Iterator[tuple[Array, Array, VertexErrors]]:
     edges, n = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), len(corners)
     step = max(1, _AT_ONCE // max(1, n))
     for some in (matrices[k : k + step] for k in range(0, len(matrices), step)):
@@ -295,7 +295,7 @@ def _seen_copies(
             yield (
                 larger + _NEARER * (found[0].pose[:3, 3] - larger),
                 _repeated(faces, int(rocks.sum()), n),
-                OnVertices(shown.error_m[own], shown.kind[own], shown.depth_m[own]),
+                VertexErrors(shown.error_m[own], shown.kind[own], shown.depth_m[own]),
             )
 
 
@@ -310,7 +310,7 @@ def _repeated(indices: Array, times: int, vertices: int) -> Array:
 
 
 def _link_rocks(
-    collection: bpy.types.Collection, rocks: Sequence[tuple[Array, Array, OnVertices]], full_m: float
+    collection: bpy.types.Collection, rocks: Sequence[tuple[Array, Array, VertexErrors]], full_m: float
 ) -> None:
     """Add the object of the copies of rocks."""
     starts = np.cumsum([0, *(len(position) for position, _, _ in rocks)])
@@ -321,7 +321,7 @@ def _link_rocks(
     )
     _fill(
         mesh,
-        OnVertices(
+        VertexErrors(
             *(
                 np.concatenate([getattr(shown, name) for _, _, shown in rocks])
                 for name in ("error_m", "kind", "depth_m")
@@ -337,7 +337,7 @@ def _link_rocks(
     collection.objects.link(item)
 
 
-def _fill(mesh: bpy.types.Mesh, shown: OnVertices, full_m: float) -> None:
+def _fill(mesh: bpy.types.Mesh, shown: VertexErrors, full_m: float) -> None:
     """Add the attributes to a mesh, and show their colours. What a render takes for the mesh's colours stays."""
     mesh.attributes.new(ERROR_M, "FLOAT", "POINT").data.foreach_set("value", shown.error_m)
     mesh.attributes.new(KIND, "INT8", "POINT").data.foreach_set("value", shown.kind.astype(np.int8))
@@ -356,5 +356,5 @@ def add_colours(mesh: bpy.types.Mesh) -> bpy.types.Attribute:
 def _colour(mesh: bpy.types.Mesh, full_m: float) -> None:
     error = read_property(mesh.attributes[ERROR_M].data, "value")
     kind = read_property(mesh.attributes[KIND].data, "value", np.int8)
-    set_colours(mesh.attributes[COLOUR], colours_of(error, kind, full_m))
+    set_colours(mesh.attributes[COLOUR], colour_errors(error, kind, full_m))
     mesh.update_tag()

@@ -30,7 +30,7 @@ MAPS = (
 def decided_methods(scene: bpy.types.Scene) -> list[str]:
     """The matchers with decisions on the data set to show, then the true depth; empty without decisions."""
     try:
-        return stored_maps.methods_of(_folder(scene))
+        return stored_maps.list_methods(_folder(scene))
     except IcyMoonError:
         return []
 
@@ -75,7 +75,7 @@ class ICYMOON_OT_paint_decisions(bpy.types.Operator):
 def _read_decisions(scene: bpy.types.Scene, method: str, kind: str) -> tuple[Built, stored_maps.StoredMap]:
     """The built scene and a map of its pair. Raises IcyMoonError if one of them is missing."""
     folder = _folder(scene)
-    pairs = stored_maps.pairs_of(folder, method)
+    pairs = stored_maps.list_pairs(folder, method)
     if not pairs:
         raise IcyMoonError(f"There are no decisions by {describe_method(method)}; press Decide Where to Dig again.")
     built = errors_in_view.built_as_set(scene)

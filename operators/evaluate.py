@@ -14,7 +14,7 @@ from ..settings.blender import scene_properties
 from ..settings.table import all_settings
 from ..settings.topics.scene import Settings
 from ..settings.topics.trust_boundary import OWN
-from ..stereo.matchers import needs_of, titles
+from ..stereo.matchers import matcher_needs, matcher_titles
 from ..stereo.matchers.methods import toggle_method
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
@@ -199,12 +199,12 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         """The tooltip, with the requirements of the matcher, if any."""
-        needs = needs_of(properties.matcher)
+        needs = matcher_needs(properties.matcher)
         return f"{cls.__doc__}. It needs {needs}" if needs else str(cls.__doc__)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon.dataset
-        known = (*titles(), *plugin_matcher_names())
+        known = (*matcher_titles(), *plugin_matcher_names())
         if not self.matcher.startswith(f"{OWN}:") and self.matcher not in known:
             self.report(
                 {"ERROR"},

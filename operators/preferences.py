@@ -14,7 +14,7 @@ from ..formats import asset_library
 from ..settings import change_announcements
 from ..settings.topics import trust_boundary
 from ..stereo.environment.packages import PACKAGES
-from ..stereo.matchers import set_ups
+from ..stereo.matchers import list_set_ups
 from ..support import bundled_wheels, cache
 from ..support.errors import IcyMoonError
 from ..support.files import parse_path
@@ -204,7 +204,7 @@ def own_matcher_arguments(methods: str) -> list[str]:
 
 def _matcher_texts(item: bpy.types.PropertyGroup) -> list[str]:
     """``NAME:METHOD:KEY=VALUE`` for each option of one of the user's matchers."""
-    options = [f"{dict(set_ups())[item.method][1]}={item.program}"] if item.program else []
+    options = [f"{dict(list_set_ups())[item.method][1]}={item.program}"] if item.program else []
     options += [option for option in item.options.split(":") if option.strip()]
     return [f"{item.name}:{item.method}:{option}" for option in options] or [f"{item.name}:{item.method}"]
 
@@ -229,7 +229,7 @@ class ICYMOON_PG_matcher(bpy.types.PropertyGroup):
     method: bpy.props.EnumProperty(
         name="Kind",
         description="Kind of matcher",
-        items=tuple((name, label, about, "NONE", number) for name, (number, _, label, about) in set_ups()),
+        items=tuple((name, label, about, "NONE", number) for name, (number, _, label, about) in list_set_ups()),
     )
     program: bpy.props.StringProperty(
         name="Command or File",

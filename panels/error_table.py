@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from ..operators import results
-from ..stereo.inference.typical_scene import scenes_for_methods
+from ..stereo.inference.typical_scene import count_scenes_for_methods
 from ..stereo.matchers.methods import describe_method
 from ..stereo.report.table_columns import NO_RESULT, RANKING, format_rank, is_best
 from .fields import draw_lines, draw_sentence
@@ -48,7 +48,7 @@ def explain_errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, rows: Seq
             "Star: no matcher is better beyond doubt, and at least one is worse.",
         )
     elif (count := sum(bool(row["n"]) for row in rows)) > 1:
-        draw_sentence(layout, f"No ranks: these take {scenes_for_methods(count)} scenes.")
+        draw_sentence(layout, f"No ranks: these take {count_scenes_for_methods(count)} scenes.")
     for sentence in results.typical_differences(scene):
         draw_sentence(layout, sentence)
     for sentence in results.rare_failures(scene):

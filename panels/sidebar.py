@@ -21,7 +21,7 @@ from ..operators.preferences import own_matcher_names, plugin_matcher_names
 from ..operators.session import session
 from ..settings.blender import scene_properties
 from ..settings.topics.trust_boundary import OWN
-from ..stereo.matchers import needs_of, titles
+from ..stereo.matchers import matcher_needs, matcher_titles
 from ..stereo.matchers.methods import names_method
 from ..stereo.report.table_columns import NOISE_DECIDES
 from . import previews
@@ -168,7 +168,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
         methods = context.scene.icymoon.dataset.methods
         column = self.layout.column(align=True)
         listed = {
-            **titles(),
+            **matcher_titles(),
             **{name: name for name in plugin_matcher_names()},
             **{f"{OWN}:{own}": own for own in own_matcher_names()},
         }
@@ -180,7 +180,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
                 depress=chosen,
                 icon="CHECKBOX_HLT" if chosen else "CHECKBOX_DEHLT",
             ).matcher = name
-            if chosen and (needs := needs_of(name)):
+            if chosen and (needs := matcher_needs(name)):
                 draw_sentence(column, f"{title} needs {needs}.", "INFO")
         draw_settings(self.layout, context.scene.icymoon, "dataset", ("methods",))
         column = self.layout.column(align=True)

@@ -13,8 +13,8 @@ from ..support.system import open_regular
 from .images import colours
 from .images.image_files import write_disparity, write_png
 from .matchers.methods import Method
-from .measure.prepare import Prepared
-from .measure.row_metrics import depth_of
+from .measure.prepare import PreparedPair
+from .measure.row_metrics import disparity_to_depth
 
 #: The files that an evaluation writes into its folder, beside ``pairs/``, and how each begins.
 _OPENINGS: Mapping[str, bytes] = {
@@ -45,14 +45,14 @@ def check_output_folder(out: Path, pairs: Iterable[str], openings: Mapping[str, 
             f"{out} is a data set, and results would mix with its pairs; choose another folder for them."
         )
     there = [out / name for name in openings if (out / name).exists()]
-    if there and not any(_is_ours(path, openings[path.name]) for path in there):
+    if there and not any(_was_written_by_evaluation(path, openings[path.name]) for path in there):
         raise IcyMoonError(
             f"{there[0]} was not written by an evaluation and is not overwritten; choose another folder "
             "for the results."
         )
 
 
-def _is_ours(path: Path, begin: bytes) -> bool:
+def _was_written_by_evaluation(path: Path, begin: bytes) -> bool:
     """Whether a file begins as ours do; a run may have been killed within the first line."""
     with explain_disk_errors("read", path), open_regular(path) as stream:
         return begin.startswith(found) if len(found := stream.read(len(begin))) < len(begin) else found == begin
@@ -64,35 +64,39 @@ def remove_leftovers(out: Path) -> None:
         remove_leftover_parts(folder)
 
 
-def files_exist(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
+def named_files_exist(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
     """Whether all files that a row, or the facts of a pair, names are in the folder of the pair."""
     folder = out / "pairs" / pair
     return all((out / path).parent == folder and (out / path).is_file() for path in entry["images"].values())
 
 
-def write_pair_pictures(prepared: Prepared, out: Path) -> dict[str, str]:
+def write_pair_pictures(prepared: PreparedPair, out: Path) -> dict[str, str]:
     """Write the left image, the right one and the true depth; return their paths relative to ``out``."""
-    depth = colours.true_depth_picture(prepared.truth, prepared.scale)
-    images = {"left": prepared.left, "right": prepared.right, "true_depth": colours.with_bar(depth, prepared.scale)}
+    depth = colours.draw_true_depth(prepared.truth, prepared.scale)
+    images = {
+        "left": prepared.left,
+        "right": prepared.right,
+        "true_depth": colours.add_colour_bar(depth, prepared.scale),
+    }
     return {key: _write_picture(prepared, out, f"{key}.png", image) for key, image in images.items()}
 
 
 def write_method_pictures(
-    prepared: Prepared, method: Method, disparity: Array, info: Mapping[str, Any], out: Path
+    prepared: PreparedPair, method: Method, disparity: Array, info: Mapping[str, Any], out: Path
 ) -> dict[str, str]:
     """Write depth, error and disparity of one method; return their paths relative to ``out``.
 
     If ``info`` has the array ``flags``, which tells why each pixel was rejected, write a picture of it too.
     """
-    depth = depth_of(prepared, disparity)
+    depth = disparity_to_depth(prepared, disparity)
     npz = _pair_folder(prepared, out) / f"{method.file_name}.npz"
     write_disparity(npz, disparity, info["arrays"], focal_baseline_px_m=prepared.pair.camera.focal_baseline_px_m)
     written = {
-        "depth": colours.with_bar(colours.depth_picture(depth, prepared.scale), prepared.scale),
-        "error": colours.with_bar(colours.error_picture(depth, prepared.truth), colours.ERROR),
+        "depth": colours.add_colour_bar(colours.draw_depth(depth, prepared.scale), prepared.scale),
+        "error": colours.add_colour_bar(colours.draw_error(depth, prepared.truth), colours.ERROR),
     }
     if "flags" in info["arrays"]:
-        written["flags"] = colours.outcome_picture(info["arrays"]["flags"], disparity.shape)
+        written["flags"] = colours.draw_outcomes(info["arrays"]["flags"], disparity.shape)
     return {
         **{
             key: _write_picture(prepared, out, f"{method.file_name}_{key}.png", image) for key, image in written.items()
@@ -101,11 +105,11 @@ def write_method_pictures(
     }
 
 
-def _write_picture(prepared: Prepared, out: Path, name: str, image: Array) -> str:
+def _write_picture(prepared: PreparedPair, out: Path, name: str, image: Array) -> str:
     path = _pair_folder(prepared, out) / name
     write_png(path, image)
     return path.relative_to(out).as_posix()
 
 
-def _pair_folder(prepared: Prepared, out: Path) -> Path:
+def _pair_folder(prepared: PreparedPair, out: Path) -> Path:
     return out / "pairs" / prepared.pair.name

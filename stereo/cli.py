@@ -27,7 +27,7 @@ from ..support.terminal import (
     tell_events,
 )
 from .environment import packages
-from .export import IMAGES, exports_with_blender, find_plugins, packages_of
+from .export import IMAGES, exports_with_blender, find_plugins, list_packages
 
 if TYPE_CHECKING:
     from .export.plug_in import PluginExport
@@ -49,7 +49,7 @@ def _emit_error(parsed: argparse.Namespace, error: IcyMoonError) -> None:
         printer.emit("error", message=" ".join(str(error).split()))
 
 
-def _add_paths(command: argparse.ArgumentParser, words: str = "pair folder or data set") -> None:
+def _add_paths_argument(command: argparse.ArgumentParser, words: str = "pair folder or data set") -> None:
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help=words)
 
 
@@ -66,7 +66,7 @@ def _report_failures(messages: Sequence[str], what: str) -> None:
         raise IcyMoonError(f"{len(messages)} of the {what}, the first one: {messages[0]}")
 
 
-def _add_match(command: argparse.ArgumentParser) -> None:
+def _add_match_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument("--method", required=True, help="one of those that the command methods lists")
     command.add_argument("--left", required=True, type=as_path, help="left image, 8- or 16-bit PNG")
     command.add_argument("--right", required=True, type=as_path, help="right image, 8- or 16-bit PNG")
@@ -85,7 +85,7 @@ def _add_match(command: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_metrics(command: argparse.ArgumentParser) -> None:
+def _add_metrics_arguments(command: argparse.ArgumentParser) -> None:
     what = command.add_mutually_exclusive_group(required=True)
     what.add_argument("--prediction", type=as_path, help="npy, planar depth in metres, NaN invalid")
     what.add_argument("--disparity", type=as_path, help="npy, or npz of match, disparity in px, NaN invalid")
@@ -108,19 +108,19 @@ def _add_metrics(command: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_truth(command: argparse.ArgumentParser) -> None:
-    _add_paths(command)
+def _add_truth_arguments(command: argparse.ArgumentParser) -> None:
+    _add_paths_argument(command)
     command.add_argument("--out", required=True, type=as_path, help="folder for <pair>/truth.npz")
 
 
-def _add_export(command: argparse.ArgumentParser) -> None:
-    _add_paths(command)
+def _add_export_arguments(command: argparse.ArgumentParser) -> None:
+    _add_paths_argument(command)
     what = command.add_mutually_exclusive_group(required=True)
     exports = find_plugins()
     what.add_argument(
         "--format",
         help="layout to write",
-        type=lambda name: _not_refused(name, exports),
+        type=lambda name: _name_accepted_plugin(name, exports),
         choices=tuple(exports.usable),
     )
     what.add_argument(
@@ -141,8 +141,8 @@ def _add_export(command: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_develop(command: argparse.ArgumentParser) -> None:
-    _add_paths(command, "pair folder, or data set of pairs; may be several")
+def _add_develop_arguments(command: argparse.ArgumentParser) -> None:
+    _add_paths_argument(command, "pair folder, or data set of pairs; may be several")
     add_list(command, "--preset", "sensors/NAME", "a camera response that Icy Moon ships")
     add_list(
         command,
@@ -154,7 +154,7 @@ def _add_develop(command: argparse.ArgumentParser) -> None:
     add_json_lines(command)
 
 
-def _not_refused(name: str, found: Found) -> str:
+def _name_accepted_plugin(name: str, found: Found) -> str:
     """The name of a plug-in, unless it is refused: then argparse shows why."""
     if name in found.refused and name not in found.usable:
         raise argparse.ArgumentTypeError(found.refused[name])
@@ -179,7 +179,7 @@ def _run_check(parsed: argparse.Namespace) -> int:
 
 
 def _run_methods(parsed: argparse.Namespace) -> int:
-    packages.require("numpy", "cv2")
+    packages.require_modules("numpy", "cv2")
     from .matchers import describe_matcher, find_plugins
 
     if parsed.method:
@@ -198,13 +198,13 @@ def _run_methods(parsed: argparse.Namespace) -> int:
 
 
 def _run_match(parsed: argparse.Namespace) -> int:
-    packages.require("numpy", "cv2")
+    packages.require_modules("numpy", "cv2")
     from ..render.pairs.pair_folder import read_pair
     from .images.bounded_decoding import decode
     from .images.image_files import read_png, write_disparity
     from .matchers import match
     from .matchers.methods import parse_key_value
-    from .matchers.search_range import FIXED, known_ranges
+    from .matchers.search_range import FIXED, find_known_ranges
     from .measure.measure_files import BM_MIN_DISPARITY
 
     options = dict(parse_key_value(text, "--option") for part in parsed.option for text in part)
@@ -216,7 +216,7 @@ def _run_match(parsed: argparse.Namespace) -> int:
         right,
         options,
         pair.camera if pair else None,
-        known_ranges(pair.settings, None, bool(pair.data.get("edited_by_hand"))) if pair else {},
+        find_known_ranges(pair.settings, None, bool(pair.data.get("edited_by_hand"))) if pair else {},
     )
     facts = {BM_MIN_DISPARITY: info["options"]["min_disparity"]} if parsed.method == "bm" else {}
     write_disparity(parsed.out, disparity, info["arrays"], **facts)
@@ -230,7 +230,7 @@ def _run_match(parsed: argparse.Namespace) -> int:
 
 
 def _run_metrics(parsed: argparse.Namespace) -> int:
-    packages.require("numpy")
+    packages.require_modules("numpy")
     from .measure.measure_files import measure_files
 
     numbers = measure_files(
@@ -260,7 +260,7 @@ def _add_method_options(command: argparse.ArgumentParser) -> None:
 
 def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
     """Add the arguments of ``evaluate``; ``run_evaluate`` runs it. ``python -m icymoon`` has the same verb."""
-    _add_paths(command, "pair folder, data set of pairs, or foreign data such as KITTI's; may be several")
+    _add_paths_argument(command, "pair folder, data set of pairs, or foreign data such as KITTI's; may be several")
     command.add_argument(
         "--methods",
         help="matchers, separated by commas, with their own options, as in bm:window=21; "
@@ -320,9 +320,9 @@ def _chosen_methods(parsed: argparse.Namespace) -> list[Method]:
 
 def run_evaluate(parsed: argparse.Namespace) -> int:
     """Run ``evaluate`` with its parsed arguments; return the exit code."""
-    packages.require(*packages.PACKAGES)
+    packages.require_modules(*packages.PACKAGES)
     from .evaluate import evaluate
-    from .evaluate_while_rendering import follow_until_input_ends
+    from .evaluate_while_rendering import measure_until_input_ends
 
     methods = _chosen_methods(parsed)
     response = _read_response([], parsed.set)
@@ -334,7 +334,7 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
                 "--follow measures one data set in one process, without --predictions; give one folder "
                 "and leave --predictions, --dask and --jobs out."
             )
-        follow_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points)
+        measure_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points)
         return 0
     with tell_events("Evaluating", parsed.json_lines) as on_event:
         report = evaluate(
@@ -363,7 +363,7 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
 
 def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
     """Add the arguments of ``decide``; ``run_decide`` runs it. ``python -m icymoon`` has the same verb."""
-    _add_paths(command, "pair folder or data set of pairs; may be several")
+    _add_paths_argument(command, "pair folder or data set of pairs; may be several")
     command.add_argument(
         "--methods", default="bm,sgbm", help="matchers, separated by commas, as in evaluate (%(default)s)"
     )
@@ -399,7 +399,7 @@ def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True
 
 def run_decide(parsed: argparse.Namespace) -> int:
     """Run ``decide`` with its parsed arguments; return the exit code."""
-    packages.require(*packages.PACKAGES)
+    packages.require_modules(*packages.PACKAGES)
     from .decide import PoseError, decide_pairs
     from .decisions.rules import read_rules
     from .matchers.methods import parse_methods
@@ -450,7 +450,7 @@ def _print_decisions(report: dict[str, Any]) -> None:
 
 
 def _run_truth(parsed: argparse.Namespace) -> int:
-    packages.require("numpy", "cv2", "OpenEXR")
+    packages.require_modules("numpy", "cv2", "OpenEXR")
     from .export.layouts import write_truth
 
     bad = []
@@ -466,7 +466,7 @@ def _run_truth(parsed: argparse.Namespace) -> int:
 
 
 def _run_export(parsed: argparse.Namespace) -> int:
-    packages.require(*(packages_of(parsed.format) if parsed.format else IMAGES))
+    packages.require_modules(*(list_packages(parsed.format) if parsed.format else IMAGES))
     from .export.plug_in import PluginExport
 
     exporter = PluginExport(find_plugins().usable[parsed.format]) if parsed.format else None
@@ -511,7 +511,7 @@ def _export_images(parsed: argparse.Namespace) -> None:
 
 
 def _run_develop(parsed: argparse.Namespace) -> int:
-    packages.require("numpy", "cv2", "OpenEXR")
+    packages.require_modules("numpy", "cv2", "OpenEXR")
     from .reexpose import reexpose
 
     response = _read_response(parsed.preset, parsed.set)
@@ -566,11 +566,11 @@ def _print_summary(report: Report) -> None:
         RANKING,
         SECONDS,
         TOTALS,
-        columns_of_plugins,
         format_plugin,
         format_rank,
         format_result,
         is_best,
+        make_plugin_columns,
     )
 
     summary = report["summary"]
@@ -593,7 +593,7 @@ def _print_summary(report: Report) -> None:
             title,
             narrowest=120,
         )
-    if of_plugins := columns_of_plugins(report["plug_ins"]):
+    if of_plugins := make_plugin_columns(report["plug_ins"]):
         _print_means(f"{means}, metrics of plug-ins", summary, of_plugins, format_plugin)
     if report["verdicts"]:
         printer.say(report["verdicts"])
@@ -601,18 +601,18 @@ def _print_summary(report: Report) -> None:
         printer.say(note)
 
 
-def _add_methods(command: argparse.ArgumentParser) -> None:
+def _add_methods_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument("method", nargs="?", help="only this one")
 
 
 #: Each verb: its meaning, the function that adds its arguments, if it has any, and the one that runs it.
 _VERBS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None] | None, Callable[[argparse.Namespace], int]]] = {
     "check": ("report as one line of JSON whether this Python can evaluate", None, _run_check),
-    "methods": ("list the matchers with their options", _add_methods, _run_methods),
-    "match": ("match two images", _add_match, _run_match),
+    "methods": ("list the matchers with their options", _add_methods_arguments, _run_methods),
+    "match": ("match two images", _add_match_arguments, _run_match),
     "metrics": (
         "measure a depth or disparity map and print JSON; undefined metrics are null",
-        _add_metrics,
+        _add_metrics_arguments,
         _run_metrics,
     ),
     "evaluate": ("match and measure pairs, and write a report", add_evaluate_options, run_evaluate),
@@ -624,11 +624,11 @@ _VERBS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None] | None, C
     "truth": (
         "write disparity, depth and visibility of both eyes, check that they fit the images, and print a line of "
         "JSON per pair",
-        _add_truth,
+        _add_truth_arguments,
         _run_truth,
     ),
-    "export": ("write pairs and their truth in another layout", _add_export, _run_export),
-    "develop": ("expose rendered pairs again as PNG, without a new render", _add_develop, _run_develop),
+    "export": ("write pairs and their truth in another layout", _add_export_arguments, _run_export),
+    "develop": ("expose rendered pairs again as PNG, without a new render", _add_develop_arguments, _run_develop),
 }
 
 

@@ -22,33 +22,33 @@ from ..support.errors import DiskError, IcyMoonError, describe_error
 from ..support.file_shapes import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ..support.files import write_json
 from ..support.version import version
-from .artefacts import check_output_folder, files_exist, remove_leftovers
+from .artefacts import check_output_folder, named_files_exist, remove_leftovers
 from .decisions import pictures
-from .decisions.arm import Scoop, find_scoop, locate, stated_joints
-from .decisions.joint_faults import find_faults
-from .decisions.progress import find_progress, series_of, site_of
+from .decisions.arm import Scoop, find_scoop, locate_scoop, read_stated_joints
+from .decisions.joint_faults import find_joint_faults
+from .decisions.progress import find_progress, name_series, name_site
 from .decisions.reach import has_arm
 from .decisions.report import OPENINGS, write_decisions
 from .decisions.rules import Rules
 from .decisions.stored_maps import TRUE_DEPTH
 from .decisions.workspace import (
-    Maps,
+    DecisionMaps,
     Workspace,
-    compare,
     compare_beside_lander,
-    decide,
-    disturb,
+    compare_with_truth,
+    decide_from_depth,
+    disturb_pose,
     open_workspace,
-    toward_sun,
+    read_sun_direction,
 )
-from .evaluate import digest_of, method_inputs
+from .evaluate import digest_json, list_method_inputs
 from .images.image_files import write_bytes, write_png
 from .matchers import match_checked
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
-from .measure.prepare import Prepared
-from .measure.row_metrics import depth_of
-from .measure_pair import search_ranges
+from .measure.prepare import PreparedPair
+from .measure.row_metrics import disparity_to_depth
+from .measure_pair import find_search_ranges
 from .report.row_log import Row, RowLog
 from .sources import Source, check_response, find_sources, sort_by_ground
 
@@ -80,7 +80,7 @@ EXACT = PoseError()
 
 
 @dataclass(frozen=True)
-class _Run:
+class _DecideRun:
     methods: Sequence[Method]
     out: Path
     response: Mapping[str, Mapping[str, Any]]
@@ -92,7 +92,7 @@ class _Run:
     def digest(self, source: Source) -> str:
         """All that the rows of a pair depend on, but for their methods."""
         stated = (self.response, self.rules.to_json(), self.cell_m, self.pose.mm, self.pose.deg, self.seed)
-        return digest_of([*source.content(), *stated, DECISIONS, version()])
+        return digest_json([*source.content(), *stated, DECISIONS, version()])
 
 
 def decide_pairs(
@@ -120,7 +120,7 @@ def decide_pairs(
     names = [source.name for source in sources]
     check_output_folder(out, names, OPENINGS)
     remove_leftovers(out)
-    run = _Run(methods, out, dict(response or {}), rules, cell_m, pose, seed)
+    run = _DecideRun(methods, out, dict(response or {}), rules, cell_m, pose, seed)
     log = RowLog(out / _LOG, _ROW)
     labels = [TRUE_DEPTH, *(method.label for method in methods)]
     failed = _make_rows(sources, run, log, len(labels), on_event)
@@ -141,20 +141,20 @@ def decide_pairs(
         labels,
         rules,
         find_progress(rows, facts, labels, out, rules.site.disc_m),
-        find_faults(rows, facts, labels),
+        find_joint_faults(rows, facts, labels),
         failed,
         provenance,
     )
 
 
 def _make_rows(
-    sources: Sequence[Source], run: _Run, log: RowLog, methods: int, on_event: Callable[[dict[str, Any]], None]
+    sources: Sequence[Source], run: _DecideRun, log: RowLog, methods: int, on_event: Callable[[dict[str, Any]], None]
 ) -> list[dict[str, Any]]:
     """Make all rows that are missing; return those that failed, with the reason."""
     failed: list[dict[str, Any]] = []
     done, total = 0, len(sources) * methods
     try:
-        for row in (row for source in sort_by_ground(sources) for row in _rows_of(source, run, log)):
+        for row in (row for source in sort_by_ground(sources) for row in _decide_pair(source, run, log)):
             done += 1
             if row["error"]:
                 failed.append({"pair": row["pair"], "method": row["method"], "message": row["error"]})
@@ -173,19 +173,19 @@ def _make_rows(
     return failed
 
 
-def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
+def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
     """The rows of a pair; those that are missing are made, and written to the log."""
     content = run.digest(source)
-    keys = {TRUE_DEPTH: content} | {m.label: digest_of([content, method_inputs(m)]) for m in run.methods}
+    keys = {TRUE_DEPTH: content} | {m.label: digest_json([content, list_method_inputs(m)]) for m in run.methods}
     there = {
         label: row
         for label, key in keys.items()
         if (row := log.find(source.name, label, key))
         and row["status"] != "failed"
-        and files_exist(row, run.out, source.name)
+        and named_files_exist(row, run.out, source.name)
     }
     facts = _read_facts(run.out, source.name)
-    if len(there) == len(keys) and facts and facts["key"] == content and files_exist(facts, run.out, source.name):
+    if len(there) == len(keys) and facts and facts["key"] == content and named_files_exist(facts, run.out, source.name):
         yield from there.values()
         return
     try:
@@ -195,10 +195,10 @@ def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
         raise
     except Exception as error:
         for label, key in keys.items():
-            yield _logged(log, _failed(source.name, label, key, describe_error(error, source.folder)))
+            yield _log_row(log, _make_failed_row(source.name, label, key, describe_error(error, source.folder)))
         return
-    random = generator(run.seed, "pose", int(digest_of(source.name), 16) % 2**32)
-    pose = disturb(workspace.pose, run.pose.mm, run.pose.deg, random)
+    random = generator(run.seed, "pose", int(digest_json(source.name), 16) % 2**32)
+    pose = disturb_pose(workspace.pose, run.pose.mm, run.pose.deg, random)
     scoop = find_scoop(workspace.pair, workspace.pose, random)
     for label, key in keys.items():
         if label in there:
@@ -206,21 +206,21 @@ def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
             continue
         method = next((each for each in run.methods if each.label == label), None)
         try:
-            row = _row(source.name, label, key, _status(workspace.prepared))
-            row |= _decide(workspace, method, pose, run.out, scoop, random)
+            row = _row(source.name, label, key, _check_status(workspace.prepared))
+            row |= _decide_with_method(workspace, method, pose, run.out, scoop, random)
         except DiskError:
             raise
         except Exception as error:
             where = f"{source.folder} by {describe_method(label)}"
-            row = _failed(source.name, label, key, describe_error(error, where))
-        yield _logged(log, row)
+            row = _make_failed_row(source.name, label, key, describe_error(error, where))
+        yield _log_row(log, row)
 
 
-def _status(prepared: Prepared) -> str:
+def _check_status(prepared: PreparedPair) -> str:
     return "ok" if prepared.check.ok else "suspect"
 
 
-def _logged(log: RowLog, row: Row) -> Row:
+def _log_row(log: RowLog, row: Row) -> Row:
     log.append(row)
     return row
 
@@ -229,11 +229,11 @@ def _row(pair: str, label: str, key: str, status: str, error: str = "") -> Row:
     return {"pair": pair, "method": label, "key": key, "status": status, "error": error}
 
 
-def _failed(pair: str, label: str, key: str, message: str) -> Row:
+def _make_failed_row(pair: str, label: str, key: str, message: str) -> Row:
     return _row(pair, label, key, "failed", message) | {"numbers": None, "images": {}}
 
 
-def _excavation(workspace: Workspace) -> dict[str, Any] | None:
+def _read_excavation_facts(workspace: Workspace) -> dict[str, Any] | None:
     """The part of the excavation in ``pair.json`` that progress needs, and advice; None without an excavation."""
     stated = workspace.pair.data.get("excavation")
     wanted = ("state", "states", "change_in_region_by_state_m3", "region_m")
@@ -247,7 +247,7 @@ def _excavation(workspace: Workspace) -> dict[str, Any] | None:
     )
 
 
-def _decide(
+def _decide_with_method(
     workspace: Workspace,
     method: Method | None,
     pose: Array,
@@ -256,14 +256,14 @@ def _decide(
     random: np.random.Generator,
 ) -> dict[str, Any]:
     """The numbers and files of a method; of the true depth without one."""
-    depth, matching = (workspace.prepared.truth, 0.0) if method is None else _match(workspace, method)
+    depth, matching = (workspace.prepared.truth, 0.0) if method is None else _match_depth(workspace, method)
     start = time.process_time()
-    found = decide(workspace, depth, pose)
-    numbers = compare(workspace, found)
+    found = decide_from_depth(workspace, depth, pose)
+    numbers = compare_with_truth(workspace, found)
     if has_arm(workspace.pair.settings):
         numbers["dem"] |= compare_beside_lander(workspace, found, depth, pose)
     if scoop is not None:
-        numbers["scoop"] = locate(scoop, depth, workspace.pair, pose, random)
+        numbers["scoop"] = locate_scoop(scoop, depth, workspace.pair, pose, random)
     numbers["cpu_s"] = {"match": matching, "decide": time.process_time() - start}
     return {
         "numbers": numbers,
@@ -271,7 +271,7 @@ def _decide(
     }
 
 
-def _match(workspace: Workspace, method: Method) -> tuple[Array, float]:
+def _match_depth(workspace: Workspace, method: Method) -> tuple[Array, float]:
     """The depth of a method, and the processor seconds that it took."""
     prepared = workspace.prepared
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
@@ -281,30 +281,35 @@ def _match(workspace: Workspace, method: Method) -> tuple[Array, float]:
         prepared.right,
         method.options,
         prepared.pair.camera,
-        search_ranges(prepared, shared),
+        find_search_ranges(prepared, shared),
     )
-    return depth_of(prepared, disparity), float(info["seconds"])
+    return disparity_to_depth(prepared, disparity), float(info["seconds"])
 
 
-def _write_maps(workspace: Workspace, found: Maps, numbers: Mapping[str, Any], out: Path, name: str) -> dict[str, str]:
+def _write_maps(
+    workspace: Workspace, found: DecisionMaps, numbers: Mapping[str, Any], out: Path, name: str
+) -> dict[str, str]:
     """Write elevation model, suitability and pictures of a method; return their paths relative to ``out``."""
     folder = out / "pairs" / workspace.pair.name
     site, grid = workspace.rules.site, workspace.grid
     chosen = numbers["sites"]["chosen"]
-    drawn = {"outcome": pictures.outcome_picture(workspace, found), "error": pictures.error_picture(workspace, found)}
+    drawn = {
+        "outcome": pictures.draw_outcomes(workspace, found),
+        "error": pictures.draw_height_errors(workspace, found),
+    }
     for kind, picture in drawn.items():
         write_png(
             folder / f"{name}_{kind}.png",
-            pictures.with_ring(picture, chosen, found.dem.height_m.shape, site.disc_m, grid.cell_m),
+            pictures.add_ring(picture, chosen, found.dem.height_m.shape, site.disc_m, grid.cell_m),
         )
-    write_bytes(folder / f"{name}_dem.tif", found.dem.geotiff(workspace.pair.data.get("ground")))
+    write_bytes(folder / f"{name}_dem.tif", found.dem.encode_geotiff(workspace.pair.data.get("ground")))
     for kind, values in (
         ("dem", found.dem.height_m),
         ("suitability", found.sites.margin),
         ("slope", found.sites.layers.slope_deg),
         ("pads", found.pads),
     ):
-        write_bytes(folder / f"{name}_{kind}.npy", _npy(values))
+        write_bytes(folder / f"{name}_{kind}.npy", _encode_npy(values))
     files = (
         {kind: f"{name}_{kind}.png" for kind in drawn}
         | {"tif": f"{name}_dem.tif"}
@@ -313,7 +318,7 @@ def _write_maps(workspace: Workspace, found: Maps, numbers: Mapping[str, Any], o
     return {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()}
 
 
-def _npy(values: Array) -> bytes:
+def _encode_npy(values: Array) -> bytes:
     stream = io.BytesIO()
     np.save(stream, values.astype(np.float32) if values.dtype.kind == "f" else values, allow_pickle=False)
     return stream.getvalue()
@@ -324,11 +329,11 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
     prepared, truth = workspace.prepared, workspace.truth
     folder = out / "pairs" / workspace.pair.name
     write_png(folder / "left.png", prepared.left)
-    write_png(folder / "truth_sites.png", pictures.code_picture(truth, workspace.reached))
-    write_bytes(folder / "truth_dem.tif", truth.dem.geotiff(workspace.pair.data.get("ground")))
-    write_bytes(folder / "truth_dem.npy", _npy(truth.dem.height_m))
-    write_bytes(folder / "truth_suitability.npy", _npy(truth.sites.margin))
-    write_bytes(folder / "reach.npy", _npy(workspace.reached))
+    write_png(folder / "truth_sites.png", pictures.draw_failed_rules(truth, workspace.reached))
+    write_bytes(folder / "truth_dem.tif", truth.dem.encode_geotiff(workspace.pair.data.get("ground")))
+    write_bytes(folder / "truth_dem.npy", _encode_npy(truth.dem.height_m))
+    write_bytes(folder / "truth_suitability.npy", _encode_npy(truth.sites.margin))
+    write_bytes(folder / "reach.npy", _encode_npy(workspace.reached))
     files = {
         "left": "left.png",
         "truth": "truth_sites.png",
@@ -342,18 +347,18 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
         folder / "decisions.json",
         {
             "pair": workspace.pair.name,
-            "scene": series_of(prepared.facts["settings"]),
-            "site": site_of(prepared.facts["settings"]),
+            "scene": name_series(prepared.facts["settings"]),
+            "site": name_site(prepared.facts["settings"]),
             "key": key,
             "exact": workspace.exact,
             "arm": has_arm(workspace.pair.settings),
-            "joints": stated_joints(workspace.pair),
+            "joints": read_stated_joints(workspace.pair),
             "cell_m": grid.cell_m,
             "rows": grid.rows,
             "columns": grid.columns,
             "origin_m": [grid.west_m, grid.north_m],
-            "sun_elevation_deg": elevation_deg(toward_sun(workspace.pair)),
-            "excavation": _excavation(workspace),
+            "sun_elevation_deg": elevation_deg(read_sun_direction(workspace.pair)),
+            "excavation": _read_excavation_facts(workspace),
             "render_seed": workspace.pair.data.get("seeds", {}).get("render"),
             "height_px": int(prepared.left.shape[0]),
             "suspect": not prepared.check.ok,

@@ -20,16 +20,16 @@ from typing import Any
 from ..support.errors import IcyMoonError
 from ..support.files import read_checksum
 from ..support.version import version
-from .artefacts import check_output_folder, files_exist, remove_leftovers
+from .artefacts import check_output_folder, named_files_exist, remove_leftovers
 from .datasets.predictions import PREDICTION, find_prediction, parse_predictions
 from .environment import packages
-from .matchers import files_of, release_of
+from .matchers import list_option_files, plugin_release
 from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
-from .measure.plug_in import metrics_of_plugins
-from .measure_pair import Run, Task, failed_row, measure_pair
+from .measure.plug_in import load_plugin_metrics
+from .measure_pair import MeasureRun, MeasureTask, make_failed_row, measure_pair
 from .measuring_cluster import measure_on_cluster
-from .measuring_processes import Processes, choose_count
+from .measuring_processes import MeasuringProcesses, choose_process_count
 from .report.results import find_facts, write_results
 from .report.row_log import Row, RowLog
 from .report.schema import ROW, Failure, Report
@@ -58,7 +58,7 @@ def evaluate(
     return the content of ``report.json``.
 
     ``predictions`` are further methods, see ``datasets.predictions``. ``jobs`` is the number of processes that measure,
-    by default one for each processor; see ``measuring_processes.choose_count``. ``dask`` is the address of a Dask
+    by default one for each processor; see ``measuring_processes.choose_process_count``. ``dask`` is the address of a Dask
     cluster whose workers measure instead, see ``measuring_cluster``.
     ``response`` overrides settings that need no new render. ``seed`` is the seed of the tests' random sign flips.
     With ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With
@@ -85,10 +85,10 @@ def evaluate(
     names = [source.name for source in sources]
     check_output_folder(out, names)
     remove_leftovers(out)
-    run = Run(methods, out, dict(response or {}), points)
+    run = MeasureRun(methods, out, dict(response or {}), points)
     evaluation = Evaluation(sources, run, on_event)
     try:
-        evaluation.take(_measure(evaluation, paths, run, choose_count(jobs, methods, len(sources)), dask))
+        evaluation.take(_measure_tasks(evaluation, paths, run, choose_process_count(jobs, methods, len(sources)), dask))
     finally:
         stop_residents()
     evaluation.log.compact((name, method.label) for name in names for method in methods)
@@ -100,24 +100,24 @@ def evaluate(
         out,
         failed,
         suspect,
-        _source(paths, response or {}),
+        _describe_source(paths, response or {}),
         seed,
         guiss,
         evaluation.faults,
     )
 
 
-def _measure(
-    evaluation: Evaluation, paths: Sequence[Path], run: Run, count: int, dask: str | None
-) -> Iterator[tuple[Task, dict[str, Any]]]:
+def _measure_tasks(
+    evaluation: Evaluation, paths: Sequence[Path], run: MeasureRun, count: int, dask: str | None
+) -> Iterator[tuple[MeasureTask, dict[str, Any]]]:
     if dask:
         return measure_on_cluster(dask, paths, run, evaluation.tasks())
     if count > 1:
-        return Processes(count, paths, run).measure(evaluation.tasks())
+        return MeasuringProcesses(count, paths, run).measure(evaluation.tasks())
     return _measure_here(evaluation, run)
 
 
-def _measure_here(evaluation: Evaluation, run: Run) -> Iterator[tuple[Task, dict[str, Any]]]:
+def _measure_here(evaluation: Evaluation, run: MeasureRun) -> Iterator[tuple[MeasureTask, dict[str, Any]]]:
     for task in evaluation.tasks():
         for event in measure_pair(evaluation.sources[task.pair], run, task):
             yield task, event
@@ -126,26 +126,26 @@ def _measure_here(evaluation: Evaluation, run: Run) -> Iterator[tuple[Task, dict
 class Evaluation:
     """The tasks of an evaluation, the log that it writes, and the failures so far."""
 
-    def __init__(self, sources: Sequence[Source], run: Run, on_event: Event) -> None:
+    def __init__(self, sources: Sequence[Source], run: MeasureRun, on_event: Event) -> None:
         self.sources = {source.name: source for source in sources}
         self.log = RowLog(run.out / "results.jsonl", ROW)
         self._run, self._tell, self._total, self._done = run, on_event, len(sources) * len(run.methods), 0
         self._failed: list[Failure] = []
         self._suspect: list[Failure] = []
         self._warned: set[str] = set()
-        metrics, self.faults = metrics_of_plugins()
+        metrics, self.faults = load_plugin_metrics()
         self._metrics = [metric.inputs() for metric in metrics]
         for fault in self.faults:
             self._tell({"type": "warning", "message": fault})
-        self._setups = {method.label: method_inputs(method) for method in run.methods}
+        self._setups = {method.label: list_method_inputs(method) for method in run.methods}
 
-    def tasks(self) -> Iterator[Task]:
+    def tasks(self) -> Iterator[MeasureTask]:
         """The pairs with a missing result, ordered by ``sort_by_ground``; reports the progress of the complete ones."""
         for source in sort_by_ground([*self.sources.values()]):
             name = source.name
-            content = digest_of([*source.content(), self._run.response, MEASURE, version()])
-            keys = {method.label: self._key(method, name, content) for method in self._run.methods}
-            task = Task(
+            content = digest_json([*source.content(), self._run.response, MEASURE, version()])
+            keys = {method.label: self._row_key(method, name, content) for method in self._run.methods}
+            task = MeasureTask(
                 name,
                 content,
                 keys,
@@ -161,17 +161,17 @@ class Evaluation:
                 continue
             for method in self._run.methods:
                 self._tell_progress(task.rows[method.label])
-            self._note(name, facts)
+            self._tell_notes(name, facts)
 
-    def _key(self, method: Method, pair: str, content: str) -> str:
+    def _row_key(self, method: Method, pair: str, content: str) -> str:
         """Digest of everything that a row depends on."""
         inputs = self._setups[method.label]
         if method.name == PREDICTION:
             with suppress(IcyMoonError):  # which is reported where it is read
                 inputs = [*inputs, read_checksum(find_prediction(method, pair))]
-        return digest_of([content, inputs, *([self._metrics] if self._metrics else [])])
+        return digest_json([content, inputs, *([self._metrics] if self._metrics else [])])
 
-    def _is_finished(self, row: Row, task: Task) -> bool:
+    def _is_finished(self, row: Row, task: MeasureTask) -> bool:
         compared = all(
             row["common"].get(label, {}).get("key") == key for label, key in task.keys.items() if label != row["method"]
         )
@@ -179,9 +179,9 @@ class Evaluation:
 
     def _find_row(self, pair: str, label: str, key: str) -> Row | None:
         row = self.log.find(pair, label, key)
-        return row if row and row["status"] != "failed" and files_exist(row, self._run.out, pair) else None
+        return row if row and row["status"] != "failed" and named_files_exist(row, self._run.out, pair) else None
 
-    def take(self, events: Iterator[tuple[Task, dict[str, Any]]]) -> None:
+    def log_results(self, events: Iterator[tuple[MeasureTask, dict[str, Any]]]) -> None:
         """Write the results of the tasks to the log, and report the progress."""
         done: dict[str, set[str]] = {}
         for task, event in events:
@@ -194,7 +194,7 @@ class Evaluation:
                     done.setdefault(task.pair, set()).add(row["method"])
                     self._tell_progress(row)
             elif kind == "facts":
-                self._note(task.pair, event["facts"])
+                self._tell_notes(task.pair, event["facts"])
                 done.pop(task.pair, None)
             elif kind == "warning":
                 self._tell(event)
@@ -203,17 +203,17 @@ class Evaluation:
             else:
                 self._give_up(task, event["message"], done.pop(task.pair, set()))
 
-    def _give_up(self, task: Task, message: str, done: set[str]) -> None:
+    def _give_up(self, task: MeasureTask, message: str, done: set[str]) -> None:
         """Record the undone methods of a process that ended as failed."""
         why = f"{self.sources[task.pair].folder}: {message}."
         self._tell_failure({"pair": task.pair, "message": why})
         for method in self._run.methods:
             if method.label not in done:
-                row = task.rows.get(method.label) or failed_row(task, method, why)
+                row = task.rows.get(method.label) or make_failed_row(task, method, why)
                 self.log.append(row)
                 self._tell_progress(row)
 
-    def _note(self, pair: str, facts: Mapping[str, Any]) -> None:
+    def _tell_notes(self, pair: str, facts: Mapping[str, Any]) -> None:
         """Tell each kind of note and warning once, and each pair that fails its self-check."""
         folder = self.sources[pair].folder
         for kind in ("note", "warning"):
@@ -254,10 +254,10 @@ class Evaluation:
 def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
     """The facts that an earlier run wrote of a pair, if its content is the same and its pictures are there."""
     facts = find_facts(out, pair)
-    return facts if facts and facts["key"] == content and files_exist(facts, out, pair) else None
+    return facts if facts and facts["key"] == content and named_files_exist(facts, out, pair) else None
 
 
-def method_inputs(method: Method) -> list[Any]:
+def list_method_inputs(method: Method) -> list[Any]:
     """Everything besides the images that a method's disparity depends on: its options, the files that they name, and
     versions."""
     files = {
@@ -267,10 +267,12 @@ def method_inputs(method: Method) -> list[Any]:
     }
     if method.name != PREDICTION:
         files |= {
-            text: read_checksum(Path(text)) for text in files_of(method.name, method.options) if os.path.isfile(text)
+            text: read_checksum(Path(text))
+            for text in list_option_files(method.name, method.options)
+            if os.path.isfile(text)
         }
     versions = packages.find_versions()
-    release = release_of(method.name)  # a plug-in's; our methods have the version of Icy Moon
+    release = plugin_release(method.name)  # a plug-in's; our methods have the version of Icy Moon
     return [
         method.name,
         method.options,
@@ -280,12 +282,12 @@ def method_inputs(method: Method) -> list[Any]:
     ]
 
 
-def digest_of(data: object) -> str:
+def digest_json(data: object) -> str:
     """Sixteen digits that stand for JSON values."""
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _source(paths: Sequence[Path], response: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+def _describe_source(paths: Sequence[Path], response: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     return {
         "source": ", ".join(str(path.resolve()) for path in paths),
         "response_overrides": {

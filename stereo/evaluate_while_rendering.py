@@ -21,14 +21,14 @@ from .artefacts import check_output_folder, remove_leftovers
 from .evaluate import Evaluation
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
-from .measure_pair import Run, Task, measure_pair
+from .measure_pair import MeasureRun, MeasureTask, measure_pair
 from .sources import Source, find_sources
 
 #: How long to wait for another pair.
 _WAIT_S = 1.0
 
 
-def follow(
+def measure_completed_pairs(
     dataset: Path,
     methods: Sequence[Method],
     out: Path,
@@ -41,24 +41,24 @@ def follow(
     At the end a pair that is being measured is finished. Raises IcyMoonError if ``out`` cannot be written, or contains
     files that no evaluation wrote.
     """
-    run = Run(methods, out, dict(response), points)
+    run = MeasureRun(methods, out, dict(response), points)
     seen: set[str] = set()
     check_output_folder(out, ())
     remove_leftovers(out)
     try:
         while not is_over():
-            sources = list(_find_new(dataset, seen))
+            sources = list(_find_new_pairs(dataset, seen))
             check_output_folder(out, [source.name for source in sources])
             if sources:
                 evaluation = Evaluation(sources, run, lambda event: None)
-                evaluation.take(_measure(evaluation, run, is_over))
+                evaluation.take(_measure_until_over(evaluation, run, is_over))
             else:
                 time.sleep(_WAIT_S)
     finally:
         stop_residents()
 
 
-def _find_new(dataset: Path, seen: set[str]) -> Iterator[Source]:
+def _find_new_pairs(dataset: Path, seen: set[str]) -> Iterator[Source]:
     """The pairs that were completed since the last time."""
     for folder in find_pair_folders(dataset) if has_pairs(dataset) else ():
         if folder.name not in seen:
@@ -67,7 +67,9 @@ def _find_new(dataset: Path, seen: set[str]) -> Iterator[Source]:
                 yield from find_sources([folder])
 
 
-def _measure(evaluation: Evaluation, run: Run, is_over: Callable[[], bool]) -> Iterator[tuple[Task, dict[str, Any]]]:
+def _measure_until_over(
+    evaluation: Evaluation, run: MeasureRun, is_over: Callable[[], bool]
+) -> Iterator[tuple[MeasureTask, dict[str, Any]]]:
     for task in evaluation.tasks():
         if is_over():
             return
@@ -75,10 +77,10 @@ def _measure(evaluation: Evaluation, run: Run, is_over: Callable[[], bool]) -> I
             yield task, event
 
 
-def follow_until_input_ends(
+def measure_until_input_ends(
     dataset: Path, methods: Sequence[Method], out: Path, response: Mapping[str, Mapping[str, Any]], points: bool
 ) -> None:
-    """``follow`` at a lower priority, for a process whose standard input ends when nothing more is rendered, however
+    """``measure_completed_pairs`` at a lower priority, for a process whose standard input ends when nothing more is rendered, however
     the process at its other end does."""
     lower_priority()
     over = threading.Event()
@@ -89,4 +91,4 @@ def follow_until_input_ends(
         over.set()
 
     threading.Thread(target=wait, daemon=True).start()
-    follow(dataset, methods, out, response, over.is_set, points)
+    measure_completed_pairs(dataset, methods, out, response, over.is_set, points)

@@ -16,12 +16,12 @@ from ..physics.camera.stereo_camera import StereoCamera
 from ..render.pairs.pair_folder import read_unchanged_pair
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from .images.colours import ERROR, SKY_GREY, signed_colours
-from .images.disparity_and_occlusion import scene_depth
+from .images.colours import ERROR, SKY_GREY, colour_signed_errors
+from .images.disparity_and_occlusion import find_scene_depth
 from .images.disparity_files import read_disparity
 from .images.exr import read_depth
-from .images.lens import lens_of
-from .measure.metrics import usable
+from .images.lens import make_lens
+from .measure.metrics import is_usable
 
 #: Kinds of vertices, the best known first.
 MEASURED, MISSING, COARSE, UNSEEN = range(4)
@@ -45,7 +45,7 @@ class DepthErrors:
 
 
 @dataclass(frozen=True)
-class OnVertices:
+class VertexErrors:
     """The depth errors at n vertices: arrays (n,)."""
 
     error_m: Array  # float32, NaN unless MEASURED
@@ -61,19 +61,19 @@ def read_depth_errors(pair_folder: Path, disparity_file: Path) -> DepthErrors:
         raise IcyMoonError(
             f"{pair_folder / 'pair.json'} does not contain the position of the camera; render the pair again."
         )
-    truth = pair.camera.cropped(scene_depth(read_depth(pair.truth("left"), "left")))
-    lens = lens_of(pair.camera, pair.settings.rig, "left") if pair.camera.toe_in_deg else None
+    truth = pair.camera.cropped(find_scene_depth(read_depth(pair.truth("left"), "left")))
+    lens = make_lens(pair.camera, pair.settings.rig, "left") if pair.camera.toe_in_deg else None
     truth = truth if lens is None else np.where(lens.sees, truth, np.nan)
     disparity = read_disparity(disparity_file, truth.shape)
     if disparity is None:
         raise IcyMoonError(f"{disparity_file} is missing or damaged; press Evaluate again.")
-    valid = usable(disparity)
+    valid = is_usable(disparity)
     with np.errstate(over="ignore"):
         depth = pair.camera.focal_baseline_px_m / np.where(valid, disparity, np.nan).astype(np.float64)
     return DepthErrors(pair.camera.rectified, pose, truth, depth - truth)
 
 
-def project(errors: DepthErrors, position_m: Array) -> tuple[Array, Array]:
+def project_points(errors: DepthErrors, position_m: Array) -> tuple[Array, Array]:
     """Pixel-corner coordinates (n, 2), column first, and planar depths (n,) of points (n, 3) of the world.
 
     Points that are not before the camera have NaN coordinates.
@@ -85,14 +85,14 @@ def project(errors: DepthErrors, position_m: Array) -> tuple[Array, Array]:
     return place, depth
 
 
-def on_vertices(errors: DepthErrors, position_m: Array, edges: Array) -> OnVertices:
+def sample_vertex_errors(errors: DepthErrors, position_m: Array, edges: Array) -> VertexErrors:
     """What vertices at ``position_m`` (n, 3) show, with ``edges`` (m, 2) between them."""
-    place, depth = project(errors, position_m)
+    place, depth = project_points(errors, position_m)
     height, width = errors.truth.shape
     inside = ((place >= 0) & (place < (width, height))).all(axis=1)  # also False for NaN
     kind = np.full(len(place), UNSEEN, np.uint8)
     error = np.full(len(place), np.nan, np.float32)
-    found, seen = _sample(errors, place[inside], depth[inside])
+    found, seen = _sample_at(errors, place[inside], depth[inside])
     error[inside] = np.where(seen, found, np.nan)
     kind[inside] = np.where(seen, np.where(np.isnan(found), MISSING, MEASURED), UNSEEN)
     coarse = np.zeros(len(place), bool)
@@ -101,10 +101,10 @@ def on_vertices(errors: DepthErrors, position_m: Array, edges: Array) -> OnVerti
     coarse[edges[long].ravel()] = True
     coarse &= kind != UNSEEN
     kind[coarse], error[coarse] = COARSE, np.nan
-    return OnVertices(error, kind, np.where(kind == UNSEEN, np.inf, depth))
+    return VertexErrors(error, kind, np.where(kind == UNSEEN, np.inf, depth))
 
 
-def _sample(errors: DepthErrors, place: Array, depth: Array) -> tuple[Array, Array]:
+def _sample_at(errors: DepthErrors, place: Array, depth: Array) -> tuple[Array, Array]:
     """For vertices at places in the image, with their depths: the error there, and whether the camera sees them."""
     height, width = errors.truth.shape
     corner = np.floor(place - 0.5).astype(np.intp)
@@ -122,10 +122,10 @@ def _sample(errors: DepthErrors, place: Array, depth: Array) -> tuple[Array, Arr
     return errors.error_m[rows[at], columns[at]], seen
 
 
-def nearest_of(one: OnVertices, other: OnVertices) -> OnVertices:
+def choose_better_known(one: VertexErrors, other: VertexErrors) -> VertexErrors:
     """The better known of two for each vertex; of equals, that which was seen from nearer."""
     take = (other.kind < one.kind) | ((other.kind == one.kind) & (other.depth_m < one.depth_m))
-    return OnVertices(
+    return VertexErrors(
         *(
             np.where(take, b, a)
             for a, b in ((one.error_m, other.error_m), (one.kind, other.kind), (one.depth_m, other.depth_m))
@@ -153,6 +153,6 @@ def count_pixels(errors: DepthErrors, places: Array) -> dict[str, int]:
         }
 
 
-def colours_of(error_m: Array, kind: Array, full_m: float) -> Array:
+def colour_errors(error_m: Array, kind: Array, full_m: float) -> Array:
     """RGB uint8 (n, 3): ``signed_colours``, and SKY_GREY for UNSEEN and too COARSE vertices."""
-    return np.where((kind >= COARSE)[:, None], np.uint8(SKY_GREY), signed_colours(error_m, full_m))
+    return np.where((kind >= COARSE)[:, None], np.uint8(SKY_GREY), colour_signed_errors(error_m, full_m))

@@ -17,23 +17,23 @@ from ..support.files import write_json
 from .artefacts import write_method_pictures, write_pair_pictures
 from .datasets.foreign_pair import PhotographedPair
 from .datasets.predictions import PREDICTION, read_prediction
-from .export.points import add_points, pose_of
+from .export.points import add_points, find_left_pose
 from .images.disparity_files import read_disparity
 from .matchers import match_checked
 from .matchers.methods import Method, describe_method
-from .matchers.search_range import AUTO, SearchRange, known_ranges
-from .measure.common_pixels import common_numbers
+from .matchers.search_range import AUTO, SearchRange, find_known_ranges
+from .measure.common_pixels import measure_common_pixels
 from .measure.costs import COSTS
-from .measure.plug_in import plugin_numbers
-from .measure.prepare import Prepared
-from .measure.row_metrics import NUMBERS, own_numbers
+from .measure.plug_in import measure_plugin_metrics
+from .measure.prepare import PreparedPair
+from .measure.row_metrics import NUMBERS, measure_row_numbers
 from .report.row_log import Row
 from .report.schema import Failure
 from .sources import Source
 
 
 @dataclass(frozen=True)
-class Run:
+class MeasureRun:
     """The work of an evaluation on every pair."""
 
     methods: Sequence[Method]
@@ -43,7 +43,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Task:
+class MeasureTask:
     """A pair with a missing result: JSON values only, so that another process can do it."""
 
     pair: str
@@ -52,7 +52,7 @@ class Task:
     rows: Mapping[str, Row]  # the rows of an earlier run, by the label of the method
 
 
-def measure_pair(source: Source, run: Run, task: Task) -> Iterator[dict[str, Any]]:
+def measure_pair(source: Source, run: MeasureRun, task: MeasureTask) -> Iterator[dict[str, Any]]:
     """Do a task; the pictures and facts of the pair are written here, the rows by whoever reads these events:
 
     * {"type": "row", "row"} for each method, also for one that failed and for one that an earlier run has made;
@@ -68,11 +68,11 @@ def measure_pair(source: Source, run: Run, task: Task) -> Iterator[dict[str, Any
         why = describe_error(error, source.folder)
         yield _failed_event({"pair": source.name, "message": why})
         for method in run.methods:
-            yield _row_event(task.rows.get(method.label) or failed_row(task, method, why))
+            yield _row_event(task.rows.get(method.label) or make_failed_row(task, method, why))
         return
     facts = prepared.facts | {"key": task.content, "images": write_pair_pictures(prepared, run.out)}
     write_json(run.out / "pairs" / source.name / "facts.json", facts)
-    yield from _measure(prepared, run, task)
+    yield from _measure_methods(prepared, run, task)
     yield {"type": "facts", "facts": facts}
 
 
@@ -84,21 +84,21 @@ def _row_event(row: Row, kind: str = "row") -> dict[str, Any]:
     return {"type": kind, "row": row}
 
 
-def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any]]:
+def _measure_methods(prepared: PreparedPair, run: MeasureRun, task: MeasureTask) -> Iterator[dict[str, Any]]:
     """Make the missing rows of a pair, and the numbers that depend on two of its methods."""
     disparities: dict[str, Array] = {}
     rows: dict[str, Row] = dict(task.rows)
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-    ranges = cache(partial(search_ranges, prepared, shared))
+    ranges = cache(partial(find_search_ranges, prepared, shared))
     for method in run.methods:
         label = method.label
-        stored = _read_stored(rows.get(label), prepared, run.out)
+        stored = _read_stored_disparity(rows.get(label), prepared, run.out)
         if stored is not None:
             disparities[label] = stored
             yield _row_event(rows[label])
             continue
         try:
-            disparity, info = _match(method, prepared, ranges)
+            disparity, info = _match_method(method, prepared, ranges)
             info["search"] = info["search"] and info["search"].to_json(shared)
             rows[label] = _make_row(prepared, run, task, method, disparity, info)
         except DiskError:
@@ -106,12 +106,12 @@ def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any
         except Exception as error:
             why = describe_error(error, f"{prepared.pair.folder} by {describe_method(label)}")
             yield _failed_event({"pair": prepared.pair.name, "method": label, "message": why})
-            yield _row_event(failed_row(task, method, why))
+            yield _row_event(make_failed_row(task, method, why))
             continue
         disparities[label] = disparity
         yield _row_event(rows[label])
-    common = common_numbers(prepared, disparities)
-    points = run.points and pose_of(prepared) is not None
+    common = measure_common_pixels(prepared, disparities)
+    points = run.points and find_left_pose(prepared) is not None
     if run.points and not points:
         yield {
             "type": "warning",
@@ -127,19 +127,19 @@ def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any
             yield _row_event(row, "update")
 
 
-def search_ranges(prepared: Prepared, shared: Array) -> dict[str, SearchRange]:
+def find_search_ranges(prepared: PreparedPair, shared: Array) -> dict[str, SearchRange]:
     """The ranges that options may name; ``shared`` are the true disparities of what both eyes see."""
     pair = prepared.pair
     if isinstance(pair, Pair):
-        return known_ranges(pair.settings, shared, bool(pair.data.get("edited_by_hand")))
-    ranges = known_ranges(None, shared)
+        return find_known_ranges(pair.settings, shared, bool(pair.data.get("edited_by_hand")))
+    ranges = find_known_ranges(None, shared)
     if isinstance(pair, PhotographedPair):
         ranges[AUTO] = pair.search_range
     return ranges
 
 
-def _match(
-    method: Method, prepared: Prepared, ranges: Callable[[], Mapping[str, SearchRange]]
+def _match_method(
+    method: Method, prepared: PreparedPair, ranges: Callable[[], Mapping[str, SearchRange]]
 ) -> tuple[Array, dict[str, Any]]:
     if method.name == PREDICTION:
         return read_prediction(method, prepared)
@@ -149,18 +149,20 @@ def _match(
     return disparity, info
 
 
-def _read_stored(row: Row | None, prepared: Prepared, out: Path) -> Array | None:
+def _read_stored_disparity(row: Row | None, prepared: PreparedPair, out: Path) -> Array | None:
     return read_disparity(out / row["images"]["disparity"], prepared.truth.shape) if row else None
 
 
-def _make_row(prepared: Prepared, run: Run, task: Task, method: Method, disparity: Array, info: dict[str, Any]) -> Row:
+def _make_row(
+    prepared: PreparedPair, run: MeasureRun, task: MeasureTask, method: Method, disparity: Array, info: dict[str, Any]
+) -> Row:
     return {
         "pair": prepared.pair.name,
         "method": method.label,
         "key": task.keys[method.label],
         "status": "ok" if prepared.check.ok else "suspect",
-        **own_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
-        **plugin_numbers(prepared, disparity),
+        **measure_row_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
+        **measure_plugin_metrics(prepared, disparity),
         "common": {},
         **{key: info[key] for key in COSTS},
         "options": info["options"],
@@ -172,7 +174,7 @@ def _make_row(prepared: Prepared, run: Run, task: Task, method: Method, disparit
     }
 
 
-def failed_row(task: Task, method: Method, message: str) -> Row:
+def make_failed_row(task: MeasureTask, method: Method, message: str) -> Row:
     """The row of a method that failed on a pair."""
     return {
         "pair": task.pair,

@@ -19,7 +19,7 @@ from ..render.workers.runner import MOST_CRASHES
 from ..support.errors import DiskError
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
-from .measure_pair import Run, Task, measure_pair
+from .measure_pair import MeasureRun, MeasureTask, measure_pair
 from .sources import Source, find_sources
 
 #: Tasks that a worker has at once: one that it does, and the next.
@@ -29,9 +29,9 @@ _ONE_AT_A_TIME = Lock()
 
 
 def measure_on_cluster(
-    address: str, paths: Sequence[Path], run: Run, tasks: Iterator[Task]
-) -> Iterator[tuple[Task, dict[str, Any]]]:
-    """Do all tasks on the Dask cluster at an address; as ``measuring_processes.Processes.measure``.
+    address: str, paths: Sequence[Path], run: MeasureRun, tasks: Iterator[MeasureTask]
+) -> Iterator[tuple[MeasureTask, dict[str, Any]]]:
+    """Do all tasks on the Dask cluster at an address; as ``measuring_processes.MeasuringProcesses.measure``.
 
     Every worker needs this package, the packages of the evaluator, and the pairs and ``run.out`` at the same paths.
     Raises IcyMoonError if there is no cluster, and DiskError if a disk refuses.
@@ -48,7 +48,7 @@ def measure_on_cluster(
     with connect(address) as client:
         from distributed import as_completed
 
-        busy: dict[Any, Task] = {}
+        busy: dict[Any, MeasureTask] = {}
         ended = as_completed()
         try:
             while True:
@@ -77,15 +77,15 @@ def measure_on_cluster(
 
 def measure_task(setup: str, task: dict[str, Any]) -> list[dict[str, Any]]:
     """A task of a worker: measure a pair."""
-    sources, run = _prepared(setup)
+    sources, run = _unpack_setup(setup)
     with _ONE_AT_A_TIME:
-        return list(measure_pair(sources[task["pair"]], run, Task(**task)))
+        return list(measure_pair(sources[task["pair"]], run, MeasureTask(**task)))
 
 
 @lru_cache(maxsize=2)
-def _prepared(setup: str) -> tuple[dict[str, Source], Run]:
+def _unpack_setup(setup: str) -> tuple[dict[str, Source], MeasureRun]:
     found = json.loads(setup)
     sources = {source.name: source for source in find_sources([Path(path) for path in found["paths"]])}
-    return sources, Run(
+    return sources, MeasureRun(
         [Method(**method) for method in found["methods"]], Path(found["out"]), found["response"], found["points"]
     )

@@ -30,7 +30,7 @@ from .datasets.predictions import PREDICTION
 from .matchers import uses_one_processor
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
-from .measure_pair import Run, Task, measure_pair
+from .measure_pair import MeasureRun, MeasureTask, measure_pair
 from .sources import find_sources
 
 #: Least number of pairs for each process: its start costs as much as measuring one or two.
@@ -38,7 +38,7 @@ _PAIRS_EACH = 4
 _LOOK_S = 0.25
 
 
-def choose_count(jobs: int | None, methods: Sequence[Method], pairs: int) -> int:
+def choose_process_count(jobs: int | None, methods: Sequence[Method], pairs: int) -> int:
     """Number of processes that measure: ``jobs``, or as many as there are processors and pairs for; 1 is this one."""
     if jobs is not None:
         return jobs
@@ -47,10 +47,10 @@ def choose_count(jobs: int | None, methods: Sequence[Method], pairs: int) -> int
     return max(1, min(count_processors(), pairs // _PAIRS_EACH))
 
 
-class Processes:
+class MeasuringProcesses:
     """Processes that measure; each is started when there is a task for it."""
 
-    def __init__(self, count: int, paths: Sequence[Path], run: Run) -> None:
+    def __init__(self, count: int, paths: Sequence[Path], run: MeasureRun) -> None:
         self._count, self._out = count, run.out
         self._setup = {
             "paths": [str(path) for path in paths],
@@ -61,14 +61,14 @@ class Processes:
         }
         self._said: queue.SimpleQueue[tuple[_Process, dict[str, Any] | None]] = queue.SimpleQueue()
 
-    def measure(self, tasks: Iterator[Task]) -> Iterator[tuple[Task, dict[str, Any]]]:
+    def measure(self, tasks: Iterator[MeasureTask]) -> Iterator[tuple[MeasureTask, dict[str, Any]]]:
         """Do all tasks, and yield each event with its task; {"type": "died", "message"} if a process ended: why, and
         what to try.
 
         Raises DiskError if the disk refuses.
         """
         idle: list[_Process] = []
-        busy: dict[_Process, Task] = {}
+        busy: dict[_Process, MeasureTask] = {}
         try:
             while True:
                 while len(busy) < self._count and (task := next(tasks, None)) is not None:
@@ -77,7 +77,7 @@ class Processes:
                     process.send(asdict(task))
                 if not busy:
                     return
-                process, event = self._wait()
+                process, event = self._wait_for_event()
                 task = busy[process]
                 if event is None:
                     del busy[process]
@@ -102,7 +102,7 @@ class Processes:
                 process.kill()
             remove_leftovers(self._out)  # what each was writing when it was ended
 
-    def _wait(self) -> tuple[_Process, dict[str, Any] | None]:
+    def _wait_for_event(self) -> tuple[_Process, dict[str, Any] | None]:
         while True:  # Windows interrupts nobody who waits for longer
             try:
                 return self._said.get(timeout=_LOOK_S)
@@ -125,11 +125,11 @@ class _Process:
             raise IcyMoonError(
                 f"{sys.executable} cannot be started again ({error.strerror or error}); use --jobs 1."
             ) from None
-        self._reader = threading.Thread(target=self._read, args=(said,), daemon=True)
+        self._reader = threading.Thread(target=self._queue_events, args=(said,), daemon=True)
         self._reader.start()
         self.send(setup)
 
-    def _read(self, said: queue.SimpleQueue[Any]) -> None:
+    def _queue_events(self, said: queue.SimpleQueue[Any]) -> None:
         assert self._process.stdout is not None
         with self._process.stdout as lines:
             for line in lines:
@@ -167,36 +167,36 @@ def main(arguments: Sequence[str]) -> int:
     """One of the processes: do the tasks that come in until there are no more."""
     del arguments
     lines = sys.stdin.buffer
-    with _apart_from_prints() as out:
+    with _take_standard_output() as out:
         first = lines.readline()
         if not first:
             return 0
         setup = json.loads(first)
         sources = {source.name: source for source in find_sources([Path(path) for path in setup["paths"]])}
-        run = Run(
+        run = MeasureRun(
             [Method(**method) for method in setup["methods"]], Path(setup["out"]), setup["response"], setup["points"]
         )
         try:
             for line in lines:
-                task = Task(**json.loads(line))
+                task = MeasureTask(**json.loads(line))
                 for event in measure_pair(sources[task.pair], run, task):
-                    _say(out, event)
-                _say(out, {"type": "done"})
+                    _write_event(out, event)
+                _write_event(out, {"type": "done"})
         except DiskError as error:
-            _say(out, {"type": "disk", "message": str(error)})
+            _write_event(out, {"type": "disk", "message": str(error)})
             return 1
         finally:
             stop_residents()
     return 0
 
 
-def _apart_from_prints() -> IO[bytes]:
+def _take_standard_output() -> IO[bytes]:
     """The standard output for our lines alone: what libraries print goes to standard error from now on."""
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     return out
 
 
-def _say(out: IO[bytes], event: dict[str, Any]) -> None:
+def _write_event(out: IO[bytes], event: dict[str, Any]) -> None:
     out.write((json.dumps(event, allow_nan=False) + "\n").encode())
     out.flush()

@@ -20,11 +20,11 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.labels import LIGHT_GROUPS
 from ..support.number_text import show_rounded
-from .images.colours import SKY_GREY, Scale, bar, depth_scale, true_depth_picture
-from .images.develop import Images, develop, to_8_bit
-from .images.disparity_and_occlusion import scene_depth
+from .images.colours import SKY_GREY, Scale, draw_colour_bar, draw_true_depth, make_depth_scale
+from .images.develop import DevelopedImages, develop, to_8_bit
+from .images.disparity_and_occlusion import find_scene_depth
 from .images.exr import read_depth, read_light
-from .images.lettering import put_text, text_width
+from .images.lettering import measure_text_width_px, put_text
 
 #: Columns or rows of an eye's image beyond which the views are reduced.
 MOST_PX = 1280
@@ -58,7 +58,7 @@ class PairViews:
             "SIDE_BY_SIDE": self._side_by_side,
             "LEFT": lambda: [self.shown_left],
             "RIGHT": lambda: [self.shown_right],
-            "FLICKER": lambda: list(self._aligned(self.shown_left, self.shown_right)),
+            "FLICKER": lambda: list(self._align(self.shown_left, self.shown_right)),
             "ANAGLYPH": self._anaglyph,
             "DEPTH": self._overlay,
         }[view]()
@@ -66,29 +66,29 @@ class PairViews:
     @property
     def aligned(self) -> tuple[Array, Array]:
         """Left and right, grey, cropped so that ground at the median depth is in the same column of both."""
-        return self._aligned(self.left, self.right)
+        return self._align(self.left, self.right)
 
-    def _aligned(self, left: Array, right: Array) -> tuple[Array, Array]:
+    def _align(self, left: Array, right: Array) -> tuple[Array, Array]:
         width = left.shape[1] - self.shift_px
         return left[:, self.shift_px :], right[:, :width]
 
     @property
     def lines(self) -> list[str]:
         """Short lines about the pair: id, exposure, depth."""
-        times = [_seconds(s) for s in dict.fromkeys((self.exposures_s[0], self.exposures_s[-1]))]
+        times = [_format_seconds(s) for s in dict.fromkeys((self.exposures_s[0], self.exposures_s[-1]))]
         share = "none saturated" if self.saturated == 0 else f"{show_rounded(100 * self.saturated)} % saturated"
         depth = "All sky" if self.range_m is None else f"Depth {self.range_m[0]:.3g} to {self.range_m[1]:.3g} m"
         size = [f"shown at 1/{self.reduced} of its size"] if self.reduced > 1 else []
         return [f"Pair {self.id}", f"{' to '.join(times)}, {share}", ", ".join([depth, *size])]
 
     def _side_by_side(self) -> list[Array]:
-        depth = true_depth_picture(self.depth, self.scale)[..., ::-1]
+        depth = draw_true_depth(self.depth, self.scale)[..., ::-1]
         width = self.left.shape[1]
         size = max(1.0, (3 * width) * _CAPTION_PER_PX)
-        legend = self._legend(width, size)
+        legend = self._draw_legend(width, size)
         columns = [
-            np.vstack([self.shown_left, _caption("Left", legend.shape, size)]),
-            np.vstack([self.shown_right, _caption("Right", legend.shape, size)]),
+            np.vstack([self.shown_left, _draw_caption("Left", legend.shape, size)]),
+            np.vstack([self.shown_right, _draw_caption("Right", legend.shape, size)]),
             np.vstack([depth, legend]),
         ]
         gap = np.full((len(columns[0]), round(_GAP_PX * size), 3), _PAPER, np.uint8)
@@ -99,16 +99,16 @@ class PairViews:
         return [np.stack([left, right, right], axis=-1)]
 
     def _overlay(self) -> list[Array]:
-        colour = true_depth_picture(self.depth, self.scale)[..., ::-1].astype(np.float32)
+        colour = draw_true_depth(self.depth, self.scale)[..., ::-1].astype(np.float32)
         mixed = np.rint(_COLOUR_SHARE * colour + (1 - _COLOUR_SHARE) * self.left[..., None]).astype(np.uint8)
         width = mixed.shape[1]
-        return [np.vstack([mixed, self._legend(width, max(1.0, 2 * width * _CAPTION_PER_PX))])]
+        return [np.vstack([mixed, self._draw_legend(width, max(1.0, 2 * width * _CAPTION_PER_PX))])]
 
-    def _legend(self, width: int, size: float) -> Array:
-        legend = bar(width, self.scale, size, _INK, _PAPER)[..., ::-1].copy()
+    def _draw_legend(self, width: int, size: float) -> Array:
+        legend = draw_colour_bar(width, self.scale, size, _INK, _PAPER)[..., ::-1].copy()
         if np.isnan(self.depth).any():
             letter, baseline, swatch = 8 * size, round(40 * size), round(10 * size)
-            start = max(2 * swatch, width - swatch - text_width("sky", letter))
+            start = max(2 * swatch, width - swatch - measure_text_width_px("sky", letter))
             put_text(legend, "sky", start, baseline, letter, _INK)
             legend[baseline - swatch : baseline, start - round(1.5 * swatch) : start - swatch // 2] = SKY_GREY
         return legend
@@ -123,31 +123,31 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
     pair = read_unchanged_pair(folder)
     settings = merged(pair.settings, response)
     images = _develop(pair, settings)
-    depth = pair.camera.cropped(scene_depth(read_depth(pair.truth_of_image("left"), "left")))
+    depth = pair.camera.cropped(find_scene_depth(read_depth(pair.truth_of_image("left"), "left")))
     known = depth[np.isfinite(depth)]
     factor = -(-max(depth.shape) // most_px)
     left, right = images.for_matchers()
-    shown = [_in_colour(to_8_bit(images.seen(eye), images.bits, images.encoding)) for eye in EYES]
+    shown = [_to_colour(to_8_bit(images.seen(eye), images.bits, images.encoding)) for eye in EYES]
     range_m = (float(known.min()), float(known.max())) if known.size else None
     title = f"True depth, {range_m[0]:.3g} to {range_m[1]:.3g} m" if range_m else "No depth"
     return PairViews(
         pair.id,
-        _reduced(left, factor),
-        _reduced(right, factor),
-        _reduced(shown[0], factor),
-        _reduced(shown[1], factor),
-        _sampled(depth, factor),
-        replace(depth_scale(depth), title=title),
+        _reduce(left, factor),
+        _reduce(right, factor),
+        _reduce(shown[0], factor),
+        _reduce(shown[1], factor),
+        _sample_depth(depth, factor),
+        replace(make_depth_scale(depth), title=title),
         range_m,
         tuple(frame.seconds for frame in images.frames),
         images.saturated,
-        _shift_px(pair, known) // factor,
+        _find_shift_px(pair, known) // factor,
         factor,
-        (*_left_out(pair, settings), *images.warnings),
+        (*_describe_left_out(pair, settings), *images.warnings),
     )
 
 
-def _develop(pair: Pair, settings: Settings) -> Images:
+def _develop(pair: Pair, settings: Settings) -> DevelopedImages:
     """Develop a pair without its lens, and without OpenCV."""
     scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
@@ -156,7 +156,7 @@ def _develop(pair: Pair, settings: Settings) -> Images:
     return develop(replace(pair, camera=replace(pair.camera, toe_in_deg=0.0)), left, right, plain)
 
 
-def _left_out(pair: Pair, settings: Settings) -> list[str]:
+def _describe_left_out(pair: Pair, settings: Settings) -> list[str]:
     parts = [
         *(["lens distortion"] if any(coefficients(settings.rig)) else []),
         *(["the rectification of toed-in eyes"] if pair.camera.toe_in_deg else []),
@@ -169,38 +169,38 @@ def _left_out(pair: Pair, settings: Settings) -> list[str]:
     return [f"Shown without {' and '.join(parts)}; Show Camera Image includes that."] if parts else []
 
 
-def _shift_px(pair: Pair, depth: Array) -> int:
+def _find_shift_px(pair: Pair, depth: Array) -> int:
     """Disparity of the median depth; 0 for toed-in eyes, which need no alignment."""
     if pair.camera.toe_in_deg or not depth.size:
         return 0
     return min(round(float(pair.camera.disparity(np.median(depth)))), pair.camera.width_px // 2)
 
 
-def _reduced(image: Array, factor: int) -> Array:
+def _reduce(image: Array, factor: int) -> Array:
     """Means over squares of ``factor`` pixels, uint8; incomplete squares at the right and bottom are left out."""
     height, width = (n // factor for n in image.shape[:2])
     squares = image[: height * factor, : width * factor].reshape(height, factor, width, factor, *image.shape[2:])
     return image if factor == 1 else np.rint(squares.mean(axis=(1, 3))).astype(np.uint8)
 
 
-def _sampled(depth: Array, factor: int) -> Array:
+def _sample_depth(depth: Array, factor: int) -> Array:
     """The depth of one pixel of each of these squares, never a mean."""
     height, width = (n // factor for n in depth.shape)
     return depth[factor // 2 :: factor, factor // 2 :: factor][:height, :width]
 
 
-def _in_colour(image: Array) -> Array:
+def _to_colour(image: Array) -> Array:
     """R, G, B (H, W, 3) of an image in colour or grey."""
     return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=-1)
 
 
-def _caption(text: str, shape: tuple[int, ...], size: float) -> Array:
+def _draw_caption(text: str, shape: tuple[int, ...], size: float) -> Array:
     strip = np.full(shape, _PAPER, np.uint8)
     put_text(strip, text, round(8 * size), round(16 * size), 8 * size, _INK)
     return strip
 
 
-def _seconds(seconds: float) -> str:
+def _format_seconds(seconds: float) -> str:
     """'12.5 ms', '3 s', '80 µs'."""
     for unit, length in (("s", 1.0), ("ms", 1e-3)):
         if seconds >= length:

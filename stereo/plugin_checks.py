@@ -26,17 +26,17 @@ _LEAST_PX, _COUNT = 0, 32
 _FOCAL_PX, _FOCAL_BASELINE_PX_M = 86.0, 21.5
 
 
-def textured_pair(height: int = _HEIGHT, width: int = _WIDTH, colour: bool = False) -> tuple[Array, Array, Array]:
+def make_textured_pair(height: int = _HEIGHT, width: int = _WIDTH, colour: bool = False) -> tuple[Array, Array, Array]:
     """Two uint8 images of a textured, tilted plane, (H, W) or (H, W, 3), and the true disparity, float64 (H, W) px."""
     x, y = np.arange(width)[None, :], np.arange(height)[:, None]
     disparity = np.broadcast_to(_FARTHEST_PX + _ROW_PX * y, (height, width)) * min(1.0, width / _WIDTH)
-    left, right = (np.asarray(127.5 + 100 * _texture(x + shift, y), np.uint8) for shift in (0.0, disparity))
+    left, right = (np.asarray(127.5 + 100 * _make_texture(x + shift, y), np.uint8) for shift in (0.0, disparity))
     if colour:
         left, right = (np.stack([image, image // 2, image // 4], axis=-1) for image in (left, right))
     return left, right, disparity
 
 
-def _texture(x: Array, y: Array) -> Array:
+def _make_texture(x: Array, y: Array) -> Array:
     """Waves of 4 to 30 px in all directions, between -1 and 1."""
     total = np.zeros(np.broadcast_shapes(x.shape, y.shape))
     for k, wavelength in enumerate(np.geomspace(4.0, 30.0, 24)):
@@ -54,7 +54,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
     if matcher is None:
         return
     defaults = {option.key: option.default for option in matcher.OPTIONS}
-    left, right, truth = textured_pair(colour=matcher.COLOUR)
+    left, right, truth = make_textured_pair(colour=matcher.COLOUR)
 
     def run(left: Array = left, right: Array = right, count: int = _COUNT, **options: object) -> Array:
         given = defaults | {"min_disparity": _LEAST_PX, "disparities": count} | options
@@ -64,7 +64,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
     yield ran
     if found is None:
         return
-    yield Check("it measures the plane of the trial, in px and with the right sign", _fault(plugin, found, truth))
+    yield Check("it measures the plane of the trial, in px and with the right sign", _find_fault(plugin, found, truth))
     yield Check("it keeps to the disparities that are searched", _outside(plugin, found))
     yield check_of(
         "the same images give the same result",
@@ -74,7 +74,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
     )
     flat = np.full_like(left, 100)
     yield check_call("images without texture are no error", run, flat, flat)
-    small, other, _ = textured_pair(24, 33, matcher.COLOUR)
+    small, other, _ = make_textured_pair(24, 33, matcher.COLOUR)
     yield check_call("small images are no error", run, small, other)
     yield check_call("a range as wide as the image is no error", run, small, other, 48)
     for option in matcher.OPTIONS:
@@ -84,7 +84,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
             yield check_call(f"{option.key}={value} is no error", run, **{option.key: value})
 
 
-def _fault(plugin: Plugin, found: Array, truth: Array) -> str:
+def _find_fault(plugin: Plugin, found: Array, truth: Array) -> str:
     """The fault of the disparities that the plug-in found in the trial, in words; empty if there is no fault."""
 
     def share_right(values: Array) -> float:
@@ -127,7 +127,7 @@ def check_metric(plugin: Plugin) -> Iterator[Check]:
     yield first
     if metric is None:
         return
-    left, _, truth = textured_pair()
+    left, _, truth = make_textured_pair()
     rough = truth + np.where(np.arange(_WIDTH) % 7 < 3, 0.75, -0.25)
     rough[::5] = np.nan
 
@@ -175,7 +175,7 @@ def check_export(plugin: Plugin) -> Iterator[Check]:
         written: dict[str, dict[str, str]] = {}
 
         def run(out: str, colour: bool) -> str:
-            pair = _pair_to_export(colour)
+            pair = _make_exported_pair(colour)
             if exporter.writes_all:
                 exporter.write_all(lambda write: write(pair), folder / out)
             else:
@@ -202,8 +202,8 @@ def check_export(plugin: Plugin) -> Iterator[Check]:
             yield check_call("finish(names, folder) is no error", exporter.finish, ["first"], folder / "first")
 
 
-def _pair_to_export(colour: bool) -> ExportedPair:
-    left, right, disparity = textured_pair(colour=colour)
+def _make_exported_pair(colour: bool) -> ExportedPair:
+    left, right, disparity = make_textured_pair(colour=colour)
     disparity = np.where(np.arange(_HEIGHT)[:, None] < 10, np.nan, disparity)
     depth, seen = _FOCAL_BASELINE_PX_M / disparity, np.isfinite(disparity)
     light = np.repeat(left[..., None], 3, axis=-1) if left.ndim == 2 else left

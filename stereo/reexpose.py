@@ -19,10 +19,10 @@ from ..support.labels import LIGHT_GROUPS
 from ..support.number_text import count_of
 from ..support.system import remove
 from .evaluate import Event
-from .images.develop import Images, develop, exposure_facts
+from .images.develop import DevelopedImages, describe_exposure, develop
 from .images.exr import read_light
 from .images.image_files import write_npy, write_png
-from .images.lens import lens_of
+from .images.lens import make_lens
 from .images.views import read_sensor_depth
 
 #: Files that only some settings produce; leftovers of an earlier run are removed.
@@ -77,7 +77,7 @@ def reexpose(
     return done
 
 
-def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> Images:
+def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, Any]]) -> DevelopedImages:
     pair = read_unchanged_pair(folder)
     settings = merged(pair.settings, response)
     scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
@@ -87,7 +87,7 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
         remove(stale)
     for name, numbers in _images_by_name(images, int(settings.sensor.bits)).items():
         write_png(out / f"{name}.png", numbers)
-    bent = any(lens_of(pair.camera, settings.rig, eye) is not None for eye in EYES)
+    bent = any(make_lens(pair.camera, settings.rig, eye) is not None for eye in EYES)
     for eye in EYES if bent else ():
         write_npy(out / f"{eye}_distorted_depth.npy", read_sensor_depth(pair, eye, settings.rig))
     write_json(
@@ -99,14 +99,14 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
             "camera": pair.camera.to_json(),
             "eyes": pair.camera.eyes_json(),
             "distortion": dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True)),
-            **exposure_facts(images),
+            **describe_exposure(images),
             "settings": {topic: settings[topic] for topic in ("sensor", "light")},
         },
     )
     return images
 
 
-def _images_by_name(images: Images, sensor_bits: int) -> dict[str, Array]:
+def _images_by_name(images: DevelopedImages, sensor_bits: int) -> dict[str, Array]:
     """The images to write, by name; images of 8 bits are uint8, and colour images are in the order B, G, R."""
     named = {eye: (images.for_files(eye), images.bits) for eye in EYES}
     if images.detected_left is not images.left:

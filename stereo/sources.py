@@ -16,7 +16,7 @@ from ..support.file_shapes import FILE_NAME
 from ..support.files import read_checksum
 from .datasets.foreign_pair import ForeignPair
 from .datasets.layouts import KNOWN, FoundPair, find_foreign_pairs
-from .measure.prepare import Prepared, distinct_pairs, prepare
+from .measure.prepare import PreparedPair, distinct_pairs, prepare_pair
 
 
 class Source(Protocol):
@@ -33,7 +33,7 @@ class Source(Protocol):
     def content(self) -> list[Any]:
         """What its numbers depend on: checksums of its files."""
 
-    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
+    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
         """Read it, and compute what matchers and metrics need. Raises IcyMoonError if it cannot be used."""
 
 
@@ -52,9 +52,9 @@ class RenderedPair:
         """The checksum of ``pair.json``, which contains the checksums of the images."""
         return [read_checksum(self.folder / "pair.json")]
 
-    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
-        """See ``prepare.prepare``."""
-        return prepare(self.folder, response)
+    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
+        """See ``prepare.prepare_pair``."""
+        return prepare_pair(self.folder, response)
 
 
 def find_sources(paths: Sequence[Path]) -> list[Source]:

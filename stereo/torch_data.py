@@ -74,7 +74,7 @@ class Dataset:
         self._crops = Crops()
         for name, (low, high) in self._ranges.items():
             for value in (low, high):
-                _setting(name, value)
+                _make_setting(name, value)
         _refuse_renders(self._response)
         if crop_px:
             self._check_crop(crop_px)
@@ -122,10 +122,10 @@ class Dataset:
         settings = merged(
             pair.settings,
             self._response,
-            *(_setting(name, value) for name, value in drawn.items()),
+            *(_make_setting(name, value) for name, value in drawn.items()),
             {"sensor": {"noise_seed": int(random.integers(2**31 - 1))}},
         )
-        rows, columns, left, upper = self._window(pair, random)
+        rows, columns, left, upper = self._draw_window(pair, random)
         crop = Crop(rows, columns)
         shown = self._crops.read(pair, settings, crop) if self._crop else None
         if shown is None:
@@ -144,7 +144,7 @@ class Dataset:
             "scene": scene_of(pair),
         }
 
-    def _window(self, pair: Pair, random: np.random.Generator) -> tuple[slice, slice, int, int]:
+    def _draw_window(self, pair: Pair, random: np.random.Generator) -> tuple[slice, slice, int, int]:
         """Rows and columns of the crop, and its corner. Both eyes have the same columns, so disparities stay."""
         width, height = self._crop or (pair.camera.width_px, pair.camera.height_px)
         left = int(random.integers(pair.camera.width_px - width + 1))
@@ -152,7 +152,7 @@ class Dataset:
         return slice(upper, upper + height), slice(left, left + width), left, upper
 
 
-def _setting(name: str, value: float) -> Settings:
+def _make_setting(name: str, value: float) -> Settings:
     """A partial description of one setting that needs no new render. Raises IcyMoonError for any other."""
     topic, _, key = name.partition(".")
     whole = topic in TOPICS and any(s.key == key and s.kind == "int" for s in TOPICS[topic].settings)

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from icymoon.stereo.environment.install import LOCK
-from icymoon.stereo.environment.packages import PACKAGES, requirement
+from icymoon.stereo.environment.packages import PACKAGES, format_requirement
 
 #: Pythons of the Blenders from 4.2 on and of the systems they run on; platforms as pip names them.
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
@@ -83,7 +83,7 @@ def normal(name: str) -> str:
 
 def locked(given: Sequence[str]) -> tuple[dict[str, str], dict[str, set[str]], list[str]]:
     """(version of each package, hashes of its wheels, what is not to be had for which system)."""
-    wants = [*(requirement(module) for module in PACKAGES), *given]
+    wants = [*(format_requirement(module) for module in PACKAGES), *given]
     first = resolved(wants, PYTHONS[0], PLATFORMS["Linux x86_64"])
     while missing := dependencies(first) - {normal(item["metadata"]["name"]) for item in first}:
         first = resolved([*wants, *missing], PYTHONS[0], PLATFORMS["Linux x86_64"])

@@ -119,4 +119,4 @@ def test_where_a_wheel_is_missing_no_pip_is_advised(store, monkeypatch):
     monkeypatch.setattr(bundled_wheels, "find_folder", lambda: str(store))
     monkeypatch.setitem(packages.PACKAGES, "nothing_like_it", ("nothing", (1, 0), 2))
     with pytest.raises(IcyMoonError, match="another extension may have replaced them: install Icy Moon again"):
-        packages.require("nothing_like_it")
+        packages.require_modules("nothing_like_it")

@@ -31,7 +31,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export.layouts import export, write_truth
 from icymoon.stereo.images import develop as stereo_develop
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import load
+from icymoon.stereo.measure.prepare import load_pair
 from icymoon.stereo.reexpose import reexpose
 from icymoon.stereo.report import results, schema
 from icymoon.stereo.report.row_log import RowLog
@@ -129,7 +129,7 @@ def test_a_damaged_pair_is_read_or_told_in_a_sentence(tmp_path):
         write(path, mutated(good, chosen))
         if sentence_or_success(lambda: read_pair(folder)):
             read += 1
-            sentence_or_success(lambda: load(folder, {}))
+            sentence_or_success(lambda: load_pair(folder, {}))
     assert 10 < read < 200
 
 
@@ -338,8 +338,8 @@ def test_a_pair_that_cannot_be_written_in_a_layout_stops_no_other(broken_set, tm
             raise IcyMoonError(f"{pair.pair.folder} shows too many instances.")
         return original(pair, eye)
 
-    original = module._disparity
-    monkeypatch.setattr(module, "_disparity", broken)
+    original = module._eye_disparity
+    monkeypatch.setattr(module, "_eye_disparity", broken)
     assert len(export([broken_set], "pfm", tmp_path / "pfm")) == 2
     assert len(export([broken_set], "kitti", tmp_path / "kitti")) == 2
 

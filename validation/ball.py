@@ -87,12 +87,16 @@ def render_ball(
     if not mesh.is_file():
         mesh.parent.mkdir(parents=True, exist_ok=True)
         write_triangles(mesh, *ball_mesh())
-    described = [_describe(each, mesh, phase, distance, pixels, samples) for each in surface for phase in phases_deg]
+    described = [
+        _describe_ball(each, mesh, phase, distance, pixels, samples) for each in surface for phase in phases_deg
+    ]
     pairs = iter(bench.render(described))
     return [[_read_ball(next(pairs), math.radians(phase), distance) for phase in phases_deg] for _ in surface]
 
 
-def _describe(surface: Settings, mesh: Path, phase_deg: float, distance: float, pixels: int, samples: int) -> Settings:
+def _describe_ball(
+    surface: Settings, mesh: Path, phase_deg: float, distance: float, pixels: int, samples: int
+) -> Settings:
     height, phase = math.radians(_HEIGHT_DEG), math.radians(phase_deg)
     focal_mm = min(5000.0, 20.0 * distance / _WIDTH_M)  # a sensor of 20 mm, or the longest lens
     cosine = (math.cos(phase) - math.sin(height) ** 2) / math.cos(height) ** 2

@@ -78,7 +78,7 @@ def _europa_rows() -> list[Row]:
     return rows
 
 
-def _compare(bench: Bench) -> list[Row]:
+def _compare_colours(bench: Bench) -> list[Row]:
     return [*_snow_rows(), *_enceladus_rows(), *_europa_rows()]
 
 
@@ -89,5 +89,5 @@ COMPARISON = Comparison(
     "made from these spectra. They were read from the tables of the program TrueColorTools. Europa's trailing "
     "hemisphere is compared with plains that have enough dark matter for a reflectance of 0.62 at 550 nm. For "
     "salts, sulphur and tholin no spectrum was found: their numbers are assumed.",
-    _compare,
+    _compare_colours,
 )

@@ -70,10 +70,10 @@ def read_scan(path: Path) -> Array:
             f"{path}: is {sides[0]:.3g} x {sides[1]:.3g} wide; a scan has sides of {_LEAST_M:g} to {_MOST_M:g} m, in "
             "metres with z up."
         )
-    return _fill(path, *_cells(points, min(SIZE_M, float(sides.min()))))
+    return _fill_holes(path, *_sum_into_cells(points, min(SIZE_M, float(sides.min()))))
 
 
-def _cells(points: Array, side_m: float) -> tuple[Array, Array]:
+def _sum_into_cells(points: Array, side_m: float) -> tuple[Array, Array]:
     """Sums of heights and numbers of points (n, n) of the cells of a square in the middle of the points."""
     count = int(side_m / SPACING_M + 1e-6)
     corner = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0) - count * SPACING_M) / 2
@@ -84,7 +84,7 @@ def _cells(points: Array, side_m: float) -> tuple[Array, Array]:
     return sums.reshape(count, count), counts.reshape(count, count)
 
 
-def _fill(path: Path, sums: Array, counts: Array) -> Array:
+def _fill_holes(path: Path, sums: Array, counts: Array) -> Array:
     """Mean heights of the cells; those without a point have the mean of their neighbours."""
     holes = float(np.mean(counts == 0))
     if holes > _MOST_HOLES:
@@ -103,17 +103,17 @@ def _fill(path: Path, sums: Array, counts: Array) -> Array:
     return np.asarray(heights)
 
 
-def statistics(heights_m: Array) -> dict[str, Statistic]:
+def measure_statistics(heights_m: Array) -> dict[str, Statistic]:
     """The numbers of a patch (n, n) that are compared."""
     half = len(heights_m) // 2
-    quadrants = [_numbers(heights_m[y : y + half, x : x + half]) for y in (0, half) for x in (0, half)]
+    quadrants = [_measure_numbers(heights_m[y : y + half, x : x + half]) for y in (0, half) for x in (0, half)]
     return {
         name: Statistic(value, float(np.std([each[name] for each in quadrants], ddof=1) / np.sqrt(len(quadrants))))
-        for name, value in _numbers(heights_m).items()
+        for name, value in _measure_numbers(heights_m).items()
     }
 
 
-def _numbers(heights_m: Array) -> dict[str, float]:
+def _measure_numbers(heights_m: Array) -> dict[str, float]:
     found = measure(heights_m, SPACING_M, _CHOSEN_M, _LAW_M)
     waves, density = power_spectrum(heights_m, SPACING_M)
     return {
@@ -128,17 +128,17 @@ def _numbers(heights_m: Array) -> dict[str, float]:
 
 
 @cache
-def preset_statistics(name: str) -> dict[str, Statistic]:
+def measure_preset(name: str) -> dict[str, Statistic]:
     """The same numbers of the middle of a terrain preset."""
     ground = make_terrain(merged(defaults(), load_preset(name)), _SEED)
     axis = (np.arange(int(SIZE_M / SPACING_M + 1e-6)) + 0.5) * SPACING_M - SIZE_M / 2
-    return statistics(ground.heights(axis[None, :], axis[:, None], 2 * SPACING_M))
+    return measure_statistics(ground.heights(axis[None, :], axis[:, None], 2 * SPACING_M))
 
 
 def compare_scan(path: Path) -> list[Row]:
     """The rows of a scan: the slope that chooses the preset, and what that preset predicts."""
-    theirs = statistics(read_scan(path))
-    presets = {name: preset_statistics(name) for name in preset_names("terrains")}
+    theirs = measure_statistics(read_scan(path))
+    presets = {name: measure_preset(name) for name in preset_names("terrains")}
     name = min(presets, key=lambda each: abs(presets[each][_CHOSEN].value - theirs[_CHOSEN].value))
     return [
         Row(
@@ -155,7 +155,7 @@ def compare_scan(path: Path) -> list[Row]:
     ]
 
 
-def _compare(bench: Bench) -> list[Row]:
+def _compare_scans(bench: Bench) -> list[Row]:
     folder = bench.frost
     if folder is None:
         raise IcyMoonError(f"No folder of the FROST scans is given; pass --frost FOLDER, and {_FIX}.")
@@ -177,7 +177,7 @@ COMPARISON = Comparison(
     "patches, by how much the quadrants of each differ.\n\n"
     "The data are not shipped, and no one here had them, so no number stands on this page. FOLDER has the scans as PLY "
     "or OBJ files, in metres with z up. A test holds the command to ground of a known Hurst exponent.",
-    _compare,
+    _compare_scans,
     quick=False,
     needs="frost",
 )

@@ -143,7 +143,7 @@ _QUANTITIES: dict[str, Callable[[photometry.Law], float]] = {
 }
 
 
-def preset_law(preset: str) -> photometry.Law:
+def read_preset_law(preset: str) -> photometry.Law:
     """The law of a shipped preset, such as ``surfaces/hapke_rhea``, which must not be Principled."""
     settings = merged(defaults(), load_preset(preset))
     law = law_of(settings.surface, settings.hapke)
@@ -151,7 +151,7 @@ def preset_law(preset: str) -> photometry.Law:
     return law
 
 
-def contradicting(each: Measured, ours: float) -> Measured | None:
+def find_contradicting_measurement(each: Measured, ours: float) -> Measured | None:
     """Another measurement of the same number that ours meets, if both differ by more than their errors together.
 
     No number meets both, so a preset cannot be judged by the one that it does not meet.
@@ -169,9 +169,9 @@ def contradicting(each: Measured, ours: float) -> Measured | None:
 
 
 def _measured_row(each: Measured) -> Row:
-    ours = _QUANTITIES[each.quantity](preset_law(f"surfaces/hapke_{each.preset}"))
+    ours = _QUANTITIES[each.quantity](read_preset_law(f"surfaces/hapke_{each.preset}"))
     name = each.quantity if " " in each.quantity else f"{each.quantity} albedo"
-    other = contradicting(each, ours)
+    other = find_contradicting_measurement(each, ours)
     return Row(
         f"`hapke_{each.preset}`, {name}",
         ours,
@@ -210,7 +210,7 @@ def albedo_without_surge(law: photometry.Law) -> float:
 def _europa_rows() -> list[Row]:
     """Rows of published numbers of Europa other than albedos at the presets' 0.55 µm."""
     whole, plains, dark = (
-        preset_law(f"surfaces/hapke_europa_{name}") for name in ("global", "bright_plains", "dark_lineae")
+        read_preset_law(f"surfaces/hapke_europa_{name}") for name in ("global", "bright_plains", "dark_lineae")
     )
     return [
         *_surgeless_rows(whole),
@@ -321,7 +321,7 @@ def _opposition_rows(whole: photometry.Law, plains: photometry.Law, dark: photom
 
 def _mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometry.Law, why: str) -> list[Row]:
     """Rows of a terrain that is a mixture: the number that it was fitted to, and the nearest measured ones."""
-    law, preset = preset_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
+    law, preset = read_preset_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
     mixed = (1 - share) * reflectance_at_five(plains) + share * reflectance_at_five(dark)
     disc = (1 - _CHAOS) * photometry.bond_albedo(plains) + _CHAOS * photometry.bond_albedo(law)
     return [
@@ -356,7 +356,7 @@ def _mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometr
 
 def _lunar_rows() -> list[Row]:
     """The Moon's phase curve, to which nothing was fitted; from 30° on, as nearer the curve has no surge."""
-    law = preset_law("surfaces/hapke_lunar_like")
+    law = read_preset_law("surfaces/hapke_lunar_like")
     phases = np.array([30.0, 60.0, 90.0, 120.0])
     ours = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))
     theirs = 0.026 * phases + 4e-9 * phases**4
@@ -374,7 +374,7 @@ def _lunar_rows() -> list[Row]:
     ]
 
 
-def _compare(bench: Bench) -> list[Row]:
+def _compare_albedos(bench: Bench) -> list[Row]:
     return [*map(_measured_row, MEASURED), *_europa_rows(), *_lunar_rows()]
 
 
@@ -394,5 +394,5 @@ COMPARISON = Comparison(
     "`surfaces/hapke_europa_global` is the published fit to the whole disc and not good for its parts. Galileo "
     "saw limbs brighter and the middle of the disc darker than this fit, at 0.42 and 0.56 µm and a phase of "
     "2.1° (Clark et al. 1997, DPS 29, abstract, which has no numbers).",
-    _compare,
+    _compare_albedos,
 )

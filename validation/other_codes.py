@@ -53,7 +53,7 @@ _POINTS = (
 _DIGITS = 5e-6
 
 
-def _compare(bench: Bench) -> list[Row]:
+def _compare_codes(bench: Bench) -> list[Row]:
     rows = []
     for parameters, name, i, e, azimuth, over_cosine, value, source in _POINTS:
         r = float(
@@ -80,5 +80,5 @@ COMPARISON = Comparison(
     "Hapke's formula in other programs",
     "The tests of other programs state these values. Icy Moon's own tests use another table, with 50 digits and "
     "many hundred rows.",
-    _compare,
+    _compare_codes,
 )

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from ..stereo.images.image_files import write_png
-from ..stereo.images.masks import fill_polygons, overlap
+from ..stereo.images.masks import fill_polygons, intersection_over_union
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from .comparison import Bench, Row
-from .polar.camera import Calibration, calibrate
+from .polar.camera import Calibration, fit_camera
 from .polar.data_set import (
     EYES,
     GROUND,
@@ -27,11 +27,11 @@ from .polar.data_set import (
     View,
     read_terrains,
 )
-from .polar.hand import Hand, measure_hand
-from .polar.lamp import HeightTable, fit_lamps, shadow_of
+from .polar.hand import LabelAgreement, measure_label_agreement
+from .polar.lamp import HeightTable, cast_onto_sand, fit_lamps
 from .polar.sand import Sand, assign_outlines, measure_sand
 from .polar.scans import LeftOut, find_left_out
-from .polar.scene import Frame, describe, find_frame, read_twin, write_ground
+from .polar.scene import Frame, describe_scene, find_frame, read_twin, write_ground
 from .polar.twins import Masks
 from .polar_stereo import judge_stereo
 
@@ -67,12 +67,12 @@ class Rebuilt:
     frames: dict[str, Frame]
 
 
-def compare(bench: Bench) -> list[Row]:
+def compare_terrains(bench: Bench) -> list[Row]:
     """The rows of every terrain of the folder. Raises IcyMoonError without a folder, or if it cannot be used."""
     if bench.polar is None:
         raise IcyMoonError(f"No folder of the POLAR data is given; pass --polar FOLDER: {WHERE}.")
     terrains = read_terrains(bench.polar)
-    rows = [_of_terrain(bench, terrain) for terrain in terrains]
+    rows = [_compare_terrain(bench, terrain) for terrain in terrains]
     if len(terrains) == 1:
         return rows[0]
     return [
@@ -82,32 +82,32 @@ def compare(bench: Bench) -> list[Row]:
     ]
 
 
-def _of_terrain(bench: Bench, terrain: Terrain) -> list[Row]:
-    camera = calibrate(terrain)
+def _compare_terrain(bench: Bench, terrain: Terrain) -> list[Row]:
+    camera = fit_camera(terrain)
     sand = measure_sand(terrain)
     lamps, sand = fit_lamps(terrain, camera, sand)
     left_out = {(view, azimuth): find_left_out(terrain, camera, view, azimuth) for view, azimuth in terrain.photographs}
-    masks, frames = _render(bench, terrain, camera, sand, lamps, left_out)
+    masks, frames = _render_masks(bench, terrain, camera, sand, lamps, left_out)
     _write_pictures(bench.folder / f"terrain{terrain.name}", terrain, masks)
-    return judge(Rebuilt(terrain, camera, sand, lamps, left_out, frames), masks)
+    return judge_terrain(Rebuilt(terrain, camera, sand, lamps, left_out, frames), masks)
 
 
-def judge(built: Rebuilt, masks: dict[tuple[View, int], Masks]) -> list[Row]:
+def judge_terrain(built: Rebuilt, masks: dict[tuple[View, int], Masks]) -> list[Row]:
     """The rows of a terrain that was built again, from the masks of its twins."""
     terrain, camera, sand, lamps = built.terrain, built.camera, built.sand, built.lamps
     return [
-        *_of_camera(camera),
-        *_of_lamps(lamps),
-        *_of_left_out(terrain, built.left_out),
-        *_of_own_shadows(terrain, masks),
-        *_of_masks(terrain, masks, measure_hand(terrain, camera, sand)),
-        *_of_tips(terrain, camera, sand, lamps),
-        *_of_disparity(terrain, camera, sand, built.frames),
+        *_camera_rows(camera),
+        *_lamp_rows(lamps),
+        *_left_out_rows(terrain, built.left_out),
+        *_own_shadow_rows(terrain, masks),
+        *_mask_rows(terrain, masks, measure_label_agreement(terrain, camera, sand)),
+        *_shadow_tip_rows(terrain, camera, sand, lamps),
+        *_disparity_rows(terrain, camera, sand, built.frames),
         *judge_stereo(terrain, camera, built.frames, masks),
     ]
 
 
-def _render(
+def _render_masks(
     bench: Bench,
     terrain: Terrain,
     camera: Calibration,
@@ -123,7 +123,7 @@ def _render(
         meshes = write_ground(bench.folder / f"terrain{terrain.name}", frame, sand, terrain.rocks)
         azimuths = sorted({azimuth for view, azimuth in terrain.photographs if view.position == position})
         for kept in (True, False):  # the same ground one after another is built once
-            described += [describe(frame, lamps[azimuth], meshes[kept]) for azimuth in azimuths]
+            described += [describe_scene(frame, lamps[azimuth], meshes[kept]) for azimuth in azimuths]
             cases += [(position, azimuth, kept) for azimuth in azimuths]
     pairs = dict(zip(cases, bench.render(described), strict=True))
     found = {}
@@ -146,7 +146,7 @@ def _render(
     return found, frames
 
 
-def _of_camera(camera: Calibration) -> list[Row]:
+def _camera_rows(camera: Calibration) -> list[Row]:
     return [
         Row(
             "camera: median distance of outlines from rocks",
@@ -161,7 +161,7 @@ def _of_camera(camera: Calibration) -> list[Row]:
     ]
 
 
-def _of_lamps(lamps: dict[int, Array]) -> list[Row]:
+def _lamp_rows(lamps: dict[int, Array]) -> list[Row]:
     return [
         Row(
             f"lamp at {azimuth}°: distance from the survey",
@@ -176,7 +176,7 @@ def _of_lamps(lamps: dict[int, Array]) -> list[Row]:
     ]
 
 
-def _of_left_out(terrain: Terrain, left_out: dict[tuple[View, int], LeftOut]) -> list[Row]:
+def _left_out_rows(terrain: Terrain, left_out: dict[tuple[View, int], LeftOut]) -> list[Row]:
     """How much of the outlined rocks has no scan, so that a missing one shows."""
     return [
         Row(
@@ -190,7 +190,7 @@ def _of_left_out(terrain: Terrain, left_out: dict[tuple[View, int], LeftOut]) ->
     ]
 
 
-def _of_own_shadows(terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> list[Row]:
+def _own_shadow_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> list[Row]:
     """How much of the sand is dark without rocks: fitted hollows must not cast the shadows of the photographs."""
     return [
         Row(
@@ -208,23 +208,23 @@ def _of_own_shadows(terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> l
     ]
 
 
-def _of_masks(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Hand) -> list[Row]:
+def _mask_rows(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: LabelAgreement) -> list[Row]:
     rows = []
     for position in terrain.positions:
         rows += _overlap_rows(
             "rocks",
             position,
             masks,
-            lambda each: overlap(each.our_rock, each.rock),
+            lambda each: intersection_over_union(each.our_rock, each.rock),
             _ROCKS,
-            _of_hand(hand.rocks[position]),
+            _label_agreement_text(hand.rocks[position]),
         )
     for position in terrain.positions:
         rows += _overlap_rows(
             "shadows",
             position,
             masks,
-            lambda each: overlap(each.our_shadow, each.shadow),
+            lambda each: intersection_over_union(each.our_shadow, each.shadow),
             _SHADOWS,
             "The left eye's outlines, projected into the right eye over the fitted sand, agree with the right eye's to "
             f"{hand.shadows[position]:.2f}",
@@ -232,7 +232,7 @@ def _of_masks(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Hand
     return rows
 
 
-def _of_hand(agreement: float) -> str:
+def _label_agreement_text(agreement: float) -> str:
     if np.isnan(agreement):
         return "No two lamps have separate outlines, so the agreement of outlines with themselves is unknown"
     return f"Outlines under one lamp agree with outlines drawn anew under another to {agreement:.2f}"
@@ -260,7 +260,7 @@ def _overlap_rows(
     ]
 
 
-def _of_tips(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, Array]) -> list[Row]:
+def _shadow_tip_rows(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, Array]) -> list[Row]:
     """Lengths of shadows along the light, in the photographs of the right eyes."""
     reaches = _measure_reaches(terrain, camera, sand, lamps)
     errors = [1.0 / reach - 1.0 for (view, _, _), reach in reaches.items() if view.eye == "R"]
@@ -269,7 +269,9 @@ def _of_tips(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int,
     again = [
         f"by more than {apart:.1%} between {what}"
         for apart, what in zip(
-            _tips_again(reaches), ("the eyes of a position", "positions, by way of the fitted sand"), strict=True
+            _compare_labelled_tips(reaches),
+            ("the eyes of a position", "positions, by way of the fitted sand"),
+            strict=True,
         )
         if np.isfinite(apart)
     ]
@@ -295,19 +297,19 @@ def _measure_reaches(terrain: Terrain, camera: Calibration, sand: Sand, lamps: d
             if not len(faces):
                 continue
             top = points[np.unique(faces)]
-            cast = shadow_of(top, lamp, table)
+            cast = cast_onto_sand(top, lamp, table)
             away = sand.middles[k] - lamp[:2]
             along = (cast[:, :2] - sand.middles[k]) @ away / np.linalg.norm(away)
             if along.max() < _LEAST_SHADOW_M:
                 continue
             foot = np.array([*sand.middles[k], float(table(sand.middles[k][None])[0])])
-            reach = _labelled_reach(eye.project(np.stack([foot, cast[along.argmax()]])), outlines)
+            reach = _measure_labelled_reach(eye.project(np.stack([foot, cast[along.argmax()]])), outlines)
             if reach is not None:
                 found[view, azimuth, k] = reach
     return found
 
 
-def _tips_again(reaches: _Reaches) -> tuple[float, float]:
+def _compare_labelled_tips(reaches: _Reaches) -> tuple[float, float]:
     """Medians of how far labelled tips differ, as shares of lengths: between eyes, between positions; NaN if none."""
     shadows: dict[tuple[int, int], dict[str, list[float]]] = {}
     for (view, azimuth, k), reach in reaches.items():
@@ -318,14 +320,14 @@ def _tips_again(reaches: _Reaches) -> tuple[float, float]:
         for seen in shadows.values()
         for one, other in combinations(seen.values(), 2)
     ]
-    return _median(eyes), _median(positions)
+    return _median_or_nan(eyes), _median_or_nan(positions)
 
 
-def _median(values: list[float]) -> float:
+def _median_or_nan(values: list[float]) -> float:
     return float(np.median(values)) if values else float("nan")
 
 
-def _labelled_reach(ends: Array, outlines: list[Array]) -> float | None:
+def _measure_labelled_reach(ends: Array, outlines: list[Array]) -> float | None:
     """How far a labelled shadow reaches from the foot toward our tip, as a share of the way; None without one.
 
     The outline that holds the middle of our shadow counts. Shadows that run into the next one are left out.
@@ -344,7 +346,7 @@ def _labelled_reach(ends: Array, outlines: list[Array]) -> float | None:
     return None
 
 
-def _of_disparity(terrain: Terrain, camera: Calibration, sand: Sand, frames: dict[str, Frame]) -> list[Row]:
+def _disparity_rows(terrain: Terrain, camera: Calibration, sand: Sand, frames: dict[str, Frame]) -> list[Row]:
     """How far rocks lie apart in both eyes: the outlines of each beside its scan, in pixels of the renders."""
     rows = []
     visible = [sand.visible(rock) for rock in terrain.rocks]

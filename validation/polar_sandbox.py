@@ -7,10 +7,10 @@ from .polar import METHOD
 from .polar.skirts import REPOSE_DEG
 
 
-def _compare(bench: Bench) -> list[Row]:
-    from .polar_comparison import compare  # which needs OpenCV
+def _compare_sandbox(bench: Bench) -> list[Row]:
+    from .polar_comparison import compare_terrains  # which needs OpenCV
 
-    return compare(bench)
+    return compare_terrains(bench)
 
 
 COMPARISON = Comparison(
@@ -62,7 +62,7 @@ COMPARISON = Comparison(
     "The photographs were not here.\n\n"
     "The data are not shipped. FOLDER has `rocks/terrainTT_rockN.obj` and `labels/TT_P_off_AZ_E.txt` for each "
     "terrain TT, camera position P, azimuth AZ and eye E.",
-    _compare,
+    _compare_sandbox,
     quick=False,
     needs="polar",
     figure="![Labels, our masks and our renders of four lamps](../images/polar_twins.jpg) "

@@ -12,13 +12,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..physics.camera.stereo_camera import StereoCamera
-from ..stereo.images.disparity_and_occlusion import visible_in_right
+from ..stereo.images.disparity_and_occlusion import find_visible_in_right
 from ..stereo.images.image_files import read_png
-from ..stereo.images.masks import narrowed, resampled
+from ..stereo.images.masks import erode, sample_at_pixels
 from ..stereo.inference import typical_scene
 from ..stereo.matchers import match
 from ..stereo.matchers.methods import describe_method
-from ..stereo.matchers.search_range import AUTO, SearchRange, true_range
+from ..stereo.matchers.search_range import AUTO, SearchRange, find_true_range
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.number_text import count_of
@@ -51,17 +51,19 @@ def judge_stereo(
     for position, azimuth in sorted({(view.position, azimuth) for view, azimuth in terrain.images}):
         eyes = {eye: (View(position, eye), azimuth) for eye in EYES}
         if all(at in terrain.images and at in masks for at in eyes.values()):
-            found = _measure(terrain, camera, frames[position], {eye: masks[at] for eye, at in eyes.items()}, eyes)
+            found = _measure_shares(
+                terrain, camera, frames[position], {eye: masks[at] for eye, at in eyes.items()}, eyes
+            )
             shares += [found] if found is not None else []
     if not shares:
         nothing = float("nan")
         return [Row("matchers on the photographs", nothing, nothing, _ALLOWED, _SOURCE, unjudged=_LACKING)]
-    return _rows(np.array(shares))
+    return _share_rows(np.array(shares))
 
 
-def _rows(shares: Array) -> list[Row]:
+def _share_rows(shares: Array) -> list[Row]:
     """Rows of shares (pairs, 2, methods) of wrong or missing pixels, of photographs and twins."""
-    count, family = len(shares), typical_scene.compare(shares[:, 1] - shares[:, 0], 0)
+    count, family = len(shares), typical_scene.compare_in_typical_scene(shares[:, 1] - shares[:, 0], 0)
     few = f"an interval takes {count_of(family.needed, 'pair')}, here are {count}" if count < family.needed else ""
     rows = []
     for k, method in enumerate(METHODS):
@@ -82,7 +84,7 @@ def _rows(shares: Array) -> list[Row]:
     return rows
 
 
-def _measure(
+def _measure_shares(
     terrain: Terrain,
     camera: Calibration,
     frame: Frame,
@@ -93,20 +95,25 @@ def _measure(
     rig = StereoCamera(*frame.size, frame.focal_px, -float(frame.corner[0]), -float(frame.corner[1]), frame.baseline_m)
     left, right = (masks[eye].twin.depth for eye in EYES)
     truth = rig.disparity(left)
-    visible = visible_in_right(left, right, rig)
-    judged = narrowed(masks["L"].rock & masks["L"].our_rock, _INSIDE_PX) & visible & np.isfinite(truth)
+    visible = find_visible_in_right(left, right, rig)
+    judged = erode(masks["L"].rock & masks["L"].our_rock, _INSIDE_PX) & visible & np.isfinite(truth)
     if np.count_nonzero(judged) < _FEWEST_PX:
         return None
-    photographed = [_to_grey(rectify(frame, camera, eye, _read(terrain, eyes[eye]))) for eye in EYES]
+    photographed = [
+        _to_grey(rectify_photograph(frame, camera, eye, _read_photograph(terrain, eyes[eye]))) for eye in EYES
+    ]
     twin = [_to_grey(masks[eye].twin.light) for eye in EYES]
-    search = true_range(np.where(visible, truth, np.nan))
+    search = find_true_range(np.where(visible, truth, np.nan))
     assert search is not None
     return np.array(
-        [[_share(method, pair, truth, judged, rig, search) for method in METHODS] for pair in (photographed, twin)]
+        [
+            [_wrong_share(method, pair, truth, judged, rig, search) for method in METHODS]
+            for pair in (photographed, twin)
+        ]
     )
 
 
-def _share(
+def _wrong_share(
     method: str, pair: list[Array], truth: Array, judged: Array, rig: StereoCamera, search: SearchRange
 ) -> float:
     left, right = pair
@@ -116,7 +123,7 @@ def _share(
     return float(np.mean(~agrees))
 
 
-def _read(terrain: Terrain, at: tuple[View, int]) -> Array:
+def _read_photograph(terrain: Terrain, at: tuple[View, int]) -> Array:
     path = terrain.images[at]
     image = read_png(path)
     if image.shape[:2] != (HEIGHT_PX, WIDTH_PX):
@@ -127,13 +134,13 @@ def _read(terrain: Terrain, at: tuple[View, int]) -> Array:
     return np.asarray(image if image.ndim == 2 else image[..., :3].mean(axis=2), np.float32)
 
 
-def rectify(frame: Frame, camera: Calibration, eye: str, image: Array) -> Array:
+def rectify_photograph(frame: Frame, camera: Calibration, eye: str, image: Array) -> Array:
     """A photograph (H, W) as our rig sees it, each pixel the mean of its part of the photograph."""
     rows, columns = frame.shape
     at = np.stack(
         np.meshgrid((np.arange(columns * _FINER) + 0.5) / _FINER, (np.arange(rows * _FINER) + 0.5) / _FINER), axis=-1
     )
-    fine = resampled(image, frame.unrectify(camera, eye, at.reshape(-1, 2)).reshape(at.shape))
+    fine = sample_at_pixels(image, frame.unrectify(camera, eye, at.reshape(-1, 2)).reshape(at.shape))
     return np.asarray(fine.reshape(rows, _FINER, columns, _FINER).mean(axis=(1, 3)))
 
 

@@ -188,13 +188,13 @@ def _render_in_mitsuba(folder: Path, samples: int) -> tuple[Array, Array]:
     return np.asarray(radiance[..., 0], np.float64), depth
 
 
-def region_means(image: Array) -> Array:
+def average_regions(image: Array) -> Array:
     """Means (8, 8) of an image whose sides are multiples of 8."""
     rows, columns = image.shape
     return np.asarray(image.reshape(_ACROSS, rows // _ACROSS, _ACROSS, columns // _ACROSS).mean(axis=(1, 3)))
 
 
-def edge_shift_px(one: Array, other: Array) -> float:
+def measure_edge_shift_px(one: Array, other: Array) -> float:
     """Mean distance in pixels between the edges of two masks: the area between them over the length of the edges.
 
     0 where there are no edges.
@@ -212,9 +212,9 @@ def draw_twins(ours: Array, theirs: Array) -> Array:
     return np.asarray(np.round(255 * np.concatenate([*shown, colour], axis=1)), np.uint8)
 
 
-def _difference(ours: Array, theirs: Array) -> tuple[float, float, str]:
+def _compare_regions(ours: Array, theirs: Array) -> tuple[float, float, str]:
     """Of the regions of two images: RMS and largest relative difference, and where it is."""
-    here, there = region_means(ours), region_means(theirs)
+    here, there = average_regions(ours), average_regions(theirs)
     difference = (here - there) / np.maximum(there, _FLOOR * there.mean())
     worst = np.unravel_index(np.argmax(np.abs(difference)), difference.shape)
     return (
@@ -224,9 +224,9 @@ def _difference(ours: Array, theirs: Array) -> tuple[float, float, str]:
     )
 
 
-def _rows(scene: Scene, ours: Array, seen: Array, theirs: Array, depth: Array) -> list[Row]:
+def _scene_rows(scene: Scene, ours: Array, seen: Array, theirs: Array, depth: Array) -> list[Row]:
     """Rows of a scene from radiance and depth (H, W) of Cycles and of Mitsuba."""
-    rms, largest, where = _difference(ours, theirs)
+    rms, largest, where = _compare_regions(ours, theirs)
     both = ~np.isnan(seen) & ~np.isnan(depth)
     apart = np.abs(seen[both] / depth[both] - 1)
     dark = 0.25 * float(np.median(theirs[theirs > 0]))
@@ -249,7 +249,7 @@ def _rows(scene: Scene, ours: Array, seen: Array, theirs: Array, depth: Array) -
         found.append(
             Row(
                 f"{scene.name}: shadow edges",
-                edge_shift_px(ours < dark, theirs < dark),
+                measure_edge_shift_px(ours < dark, theirs < dark),
                 0.0,
                 _EDGE_PX,
                 source,
@@ -264,7 +264,7 @@ def _backend_rows(radiance: Mapping[str, Array]) -> list[Row]:
     rows = []
     for name in radiance:
         if (twin := name.replace("by OSL", "by nodes")) != name:
-            _, largest, where = _difference(radiance[name], radiance[twin])
+            _, largest, where = _compare_regions(radiance[name], radiance[twin])
             rows.append(Row(f"{name} beside nodes: {where}", largest, 0.0, _BOUNCED, "nodes, in Cycles too"))
     return rows
 
@@ -290,7 +290,7 @@ def _export_all(bench: Bench) -> Iterator[tuple[Scene, Pair, Path]]:
         yield scene, *(next(flat) if scene.flat else done[scene.name])
 
 
-def _compare(bench: Bench) -> list[Row]:
+def _compare_renderers(bench: Bench) -> list[Row]:
     if importlib.util.find_spec("mitsuba") is None:
         raise IcyMoonError('Mitsuba is not installed; run pip install "icymoon[validate]".')
     from ..stereo.images.exr import read_view  # which needs OpenEXR
@@ -300,7 +300,7 @@ def _compare(bench: Bench) -> list[Row]:
         view = read_view(pair.image("left"))
         radiance[scene.name] = view.radiance[..., 0].astype(np.float64)
         theirs, depth = _render_in_mitsuba(folder, scene.samples)
-        rows += _rows(scene, radiance[scene.name], view.depth, theirs, depth)
+        rows += _scene_rows(scene, radiance[scene.name], view.depth, theirs, depth)
         bench.draw(f"{number:02d}", draw_twins(radiance[scene.name], theirs))
     return [*rows, *_backend_rows(radiance)]
 
@@ -318,6 +318,6 @@ COMPARISON = Comparison(
     "default mesh differ: their ground also has the default's smallest feature and is steeper than the "
     "default's. Scenes with flat facets have the ground of the scene before, with separate vertices for each "
     "triangle. They show the effect of smooth ground's shading normals.",
-    _compare,
+    _compare_renderers,
     quick=False,
 )

@@ -23,7 +23,7 @@ _SOURCE = "Kokhanovsky and Zege 2004, Applied Optics 43, 1589, itself within abo
 _CELL = math.radians(10.0)
 
 
-def _samples(images: list[BallImage]) -> Iterator[tuple[Array, Array]]:
+def _collect_samples(images: list[BallImage]) -> Iterator[tuple[Array, Array]]:
     """(Incidence, emission, azimuth) (3, n) and radiance factor over cos i (n) of each image's pixels in range."""
     for image in images:
         side = np.abs(np.sin(image.azimuth))
@@ -33,9 +33,9 @@ def _samples(images: list[BallImage]) -> Iterator[tuple[Array, Array]]:
         yield angles, image.radiance_factor[inside] / np.cos(angles[0])
 
 
-def _errors(images: list[BallImage], albedo: float) -> tuple[Array, Array]:
+def _measure_errors(images: list[BallImage], albedo: float) -> tuple[Array, Array]:
     """Relative differences from the snow law, as means over cells of 10 degrees of each angle, and middles (3, n)."""
-    angles, factors = (np.concatenate(parts, axis=-1) for parts in zip(*_samples(images), strict=True))
+    angles, factors = (np.concatenate(parts, axis=-1) for parts in zip(*_collect_samples(images), strict=True))
     law = snow.reflectance_factor(angles[0], angles[1], angles[2], albedo)
     cells, which = np.unique((angles // _CELL).astype(int), axis=1, return_inverse=True)
     which, count = which.ravel(), np.bincount(which.ravel())
@@ -44,7 +44,7 @@ def _errors(images: list[BallImage], albedo: float) -> tuple[Array, Array]:
     return ratio[whole] - 1, (cells[:, whole] + 0.5) * _CELL
 
 
-def _rows(name: str, error: Array, middles: Array, allowed: float, unjudged: str = "") -> list[Row]:
+def _make_rows(name: str, error: Array, middles: Array, allowed: float, unjudged: str = "") -> list[Row]:
     worst = int(np.argmax(np.abs(error)))
     i, e, azimuth = np.degrees(middles[:, worst])
     where = f"near i {i:.0f}°, e {e:.0f}°, azimuth {azimuth:.0f}°"
@@ -55,7 +55,7 @@ def _rows(name: str, error: Array, middles: Array, allowed: float, unjudged: str
     ]
 
 
-def _surface(model: str, albedo: float, **changes: object) -> Settings:
+def _describe_surface(model: str, albedo: float, **changes: object) -> Settings:
     return merged(
         defaults(),
         check(
@@ -86,9 +86,9 @@ def lambert_errors() -> tuple[Array, Array]:
     return 1 / snow.reflectance_factor(i, e, azimuth, 1.0) - 1, np.stack([i, e, azimuth])
 
 
-def _compare(bench: Bench) -> list[Row]:
+def _compare_snow(bench: Bench) -> list[Row]:
     fresh = load_preset("surfaces/fresh_snow")
-    law = _surface("SNOW", 0.9)
+    law = _describe_surface("SNOW", 0.9)
     surfaces = {
         f"the law `SNOW` by {name} in Cycles": merged(law, check({"hapke": {"backend": backend}}, "snow"))
         for backend, name in (("NODES", "nodes"), ("OSL", "OSL"))
@@ -105,15 +105,15 @@ def _compare(bench: Bench) -> list[Row]:
     found = render_ball(
         bench, list(surfaces.values()), _QUICK if bench.quick else _PHASES, _DISTANCE, pixels=120, samples=32
     )
-    rows = _rows(
+    rows = _make_rows(
         "Lambert's law, albedo 1, by the formula",
         *lambert_errors(),
         0.05,
         "it is no snow of ours; it shows how far a law without a phase function is off",
     )
     for (name, settings), images in zip(surfaces.items(), found, strict=True):
-        error, middles = _errors(images, float(settings.surface.albedo))
-        rows += _rows(name, error, middles, 0.005 if settings.surface.model == "SNOW" else 0.05)
+        error, middles = _measure_errors(images, float(settings.surface.albedo))
+        rows += _make_rows(name, error, middles, 0.005 if settings.surface.model == "SNOW" else 0.05)
     return rows
 
 
@@ -125,5 +125,5 @@ COMPARISON = Comparison(
     "at least 20° from the plane of the Sun. Numbers are relative differences, with the noise of 32 samples. "
     "The ball has a radius of a metre. `fresh_snow` is without its glints, because so few pixels do not resolve "
     "them.",
-    _compare,
+    _compare_snow,
 )

@@ -14,19 +14,19 @@ _COUNTED = ((PASSES, "pass"), (FAILS, "fail"), (NOT_JUDGED, "are not judged"))
 _HEADS = ("quantity", "here", "held against", "allowed", "off by", "verdict", "notes")
 
 
-def shown_number(value: float) -> str:
+def format_number(value: float) -> str:
     """A number with four significant digits."""
     return f"{value:.4g}"
 
 
-def cells(row: Row) -> tuple[str, ...]:
+def row_cells(row: Row) -> tuple[str, ...]:
     """The cells of a row in a table, without its source and its note."""
     unit = f" {row.unit}" if row.unit else ""
     return (
         row.quantity,
-        shown_number(row.ours) + unit,
-        shown_number(row.theirs) + unit,
-        f"± {shown_number(row.allowed)}",
+        format_number(row.ours) + unit,
+        format_number(row.theirs) + unit,
+        f"± {format_number(row.allowed)}",
         f"{row.difference:+.2g}",
         row.verdict,
     )
@@ -37,12 +37,12 @@ def row_notes(rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(row.note for row in rows if row.note))
 
 
-def sources(rows: Sequence[Row]) -> list[str]:
+def list_sources(rows: Sequence[Row]) -> list[str]:
     """The sources of the rows, each once."""
     return list(dict.fromkeys(row.source for row in rows))
 
 
-def summary(result: Result) -> str:
+def summarise_result(result: Result) -> str:
     """A comparison in one line."""
     if result.error:
         return f"{result.comparison.title}: not made. {result.error}"
@@ -54,29 +54,29 @@ def summary(result: Result) -> str:
     )
 
 
-def markdown_section(result: Result) -> str:
+def make_markdown_section(result: Result) -> str:
     """The section of a comparison on the page, without what differs from run to run."""
     comparison = result.comparison
     command = f"`{comparison.command}`"
-    lines = [f"## {comparison.title}", "", *_wrapped(comparison.text), "", command, ""]
+    lines = [f"## {comparison.title}", "", *_wrap_text(comparison.text), "", command, ""]
     if comparison.figure:
-        lines += [*_wrapped(comparison.figure), ""]
+        lines += [*_wrap_text(comparison.figure), ""]
     if result.error:
         return "\n".join([*lines, f"Not made: {result.error}", ""])
-    notes = [*sources(result.rows), *row_notes(result.rows)]
+    notes = [*list_sources(result.rows), *row_notes(result.rows)]
     numbered = [
-        (*cells(row), ", ".join(str(notes.index(note) + 1) for note in [row.source, *row_notes([row])]))
+        (*row_cells(row), ", ".join(str(notes.index(note) + 1) for note in [row.source, *row_notes([row])]))
         for row in result.rows
     ]
     table = [
         "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
         for row in [_HEADS, ("---",) * len(_HEADS), *numbered]
     ]
-    listed = [line for number, note in enumerate(notes, 1) for line in _wrapped(f"{number}. {note}.")]
+    listed = [line for number, note in enumerate(notes, 1) for line in _wrap_text(f"{number}. {note}.")]
     return "\n".join([*lines, *table, "", *listed, ""])
 
 
-def _wrapped(text: str) -> list[str]:
+def _wrap_text(text: str) -> list[str]:
     """The lines of a text whose own lines are paragraphs, items of lists or empty."""
     lines = []
     for part in map(str.strip, text.split("\n")):
@@ -88,7 +88,7 @@ def _wrapped(text: str) -> list[str]:
 def replace_sections(page: str, results: Sequence[Result]) -> str:
     """The page with the sections of these results renewed; a section that it lacks comes before the last one."""
     for result in results:
-        new = markdown_section(result)
+        new = make_markdown_section(result)
         found = _find_section(page, result.comparison)
         if found:
             page = page[: found[0]] + new + "\n" + page[found[1] :]

@@ -12,7 +12,7 @@ from ..settings.preset_files import load_preset
 from ..settings.topics.scene import Settings
 from .ball import BallImage, render_ball
 from .comparison import Bench, Comparison, Row
-from .moon_albedos import preset_law
+from .moon_albedos import read_preset_law
 
 PRESETS = ("hapke_enceladus_global", "hapke_europa_global", "hapke_lunar_like")
 _PHASES = (0.0, 1.0, 3.0, 10.0, 30.0, 50.0, 70.0, 90.0, 120.0, 150.0)
@@ -24,11 +24,11 @@ _ALLOWED = 0.005
 _SOURCE = "integral of the formula in double precision"
 
 
-def _equigonal(factors: list[float], phases_deg: list[float]) -> float:
+def _fit_equigonal_albedo(factors: list[float], phases_deg: list[float]) -> float:
     return float(np.polyfit(phases_deg, factors, 2)[-1])
 
 
-def _mirror_point(image: BallImage) -> float:
+def _measure_mirror_point(image: BallImage) -> float:
     """I/F where incidence and emission are half of the phase angle: the mean of the pixels within 2 degrees of it.
 
     The mean over a small round patch differs from the value at its middle by the curvature of the law there, 1e-3 of
@@ -41,8 +41,8 @@ def _mirror_point(image: BallImage) -> float:
     return float(image.radiance_factor[near].mean())
 
 
-def _rows(preset: str, backend: str, images: list[BallImage]) -> list[Row]:
-    law, name = preset_law(f"surfaces/{preset}"), f"`{preset}`, {'OSL' if backend == 'OSL' else 'nodes'}"
+def _ball_rows(preset: str, backend: str, images: list[BallImage]) -> list[Row]:
+    law, name = read_preset_law(f"surfaces/{preset}"), f"`{preset}`, {'OSL' if backend == 'OSL' else 'nodes'}"
     phases = np.array([image.phase for image in images])
     formula = photometry.disc_brightness(law, phases)
     ratio = np.array([image.brightness for image in images]) / formula
@@ -69,8 +69,8 @@ def _rows(preset: str, backend: str, images: list[BallImage]) -> list[Row]:
         relative("Bond albedo", bond, photometry.bond_albedo(law)),
         relative(
             "equigonal albedo",
-            _equigonal([_mirror_point(image) for image in fitted], degrees),
-            _equigonal(of_formula, degrees),
+            _fit_equigonal_albedo([_measure_mirror_point(image) for image in fitted], degrees),
+            _fit_equigonal_albedo(of_formula, degrees),
         ),
     ]
 
@@ -80,12 +80,12 @@ def describe_surface(preset: str, backend: str) -> Settings:
     return merged(defaults(), load_preset(f"surfaces/{preset}"), check({"hapke": {"backend": backend}}, "whole disc"))
 
 
-def _compare(bench: Bench) -> list[Row]:
+def _compare_discs(bench: Bench) -> list[Row]:
     cases = list(product(PRESETS[:1] if bench.quick else PRESETS, ("NODES", "OSL")))
     images = render_ball(
         bench, [describe_surface(*case) for case in cases], _QUICK if bench.quick else _PHASES, _DISTANCE
     )
-    return [row for case, found in zip(cases, images, strict=True) for row in _rows(*case, found)]
+    return [row for case, found in zip(cases, images, strict=True) for row in _ball_rows(*case, found)]
 
 
 COMPARISON = Comparison(
@@ -96,5 +96,5 @@ COMPARISON = Comparison(
     "the shape of the formula's curve. The equigonal albedos are fitted at the same phase angles. The camera is "
     "10 000 radii away. The disc then spans phase angles of 0.011°, which takes 0.3 % from the top of "
     "Enceladus' surge; the numbers contain this.",
-    _compare,
+    _compare_discs,
 )

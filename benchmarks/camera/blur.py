@@ -18,7 +18,7 @@ from icymoon.benchmarks.common.processor import Stopwatch
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
 from icymoon.nodes.scene import build
 from icymoon.settings import description
-from icymoon.stereo.measure.prepare import load
+from icymoon.stereo.measure.prepare import load_pair
 
 METHODS = ("bm", "sgbm")
 SECONDS = 0.01
@@ -40,7 +40,7 @@ ROWS: tuple[tuple[str, dict[str, Any], dict[str, Any]], ...] = (
 
 def numbers(folder: Path) -> str:
     """Coverage, L1 and bad-1 of each matcher on a pair."""
-    loaded = load(folder, {})
+    loaded = load_pair(folder, {})
     truth, visible, camera = loaded.depth["left"], loaded.visible["left"], loaded.pair.camera
     text = f"{100 * visible.mean():6.1f}"
     for method in METHODS:

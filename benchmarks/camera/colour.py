@@ -21,8 +21,8 @@ from icymoon.benchmarks.common.processor import Stopwatch
 from icymoon.render.pairs.pair_folder import EYES, Pair, find_pairs
 from icymoon.settings.description import merged
 from icymoon.settings.preset_files import load_preset
-from icymoon.stereo.images.develop import Images, develop
-from icymoon.stereo.images.disparity_and_occlusion import scene_depth, visible_in_right
+from icymoon.stereo.images.develop import DevelopedImages, develop
+from icymoon.stereo.images.disparity_and_occlusion import find_scene_depth, find_visible_in_right
 from icymoon.stereo.images.exr import View, read_view
 from icymoon.support.arrays import Array
 
@@ -37,16 +37,16 @@ ROWS: dict[str, dict[str, Any]] = {
 }
 
 
-def images_of(pair: Pair, views: dict[str, View], sensor: dict[str, Any]) -> Images:
+def images_of(pair: Pair, views: dict[str, View], sensor: dict[str, Any]) -> DevelopedImages:
     """The pair by the colour camera, with changes of ``sensor``."""
     camera = load_preset("sensors/mastcam_z")
     glass = {"band_centre_nm": 560.0, "band_width_nm": 320.0, "quantum_efficiency": 0.403}
     return develop(pair, views["left"], views["right"], merged(pair.settings, camera, {"sensor": glass | sensor}))
 
 
-def errors(pair: Pair, views: dict[str, View], visible: Array, images: Images) -> list[float]:
+def errors(pair: Pair, views: dict[str, View], visible: Array, images: DevelopedImages) -> list[float]:
     """Coverage in %, L1 in cm, bad-1 in % and RMS in px of each matcher."""
-    truth = scene_depth(views["left"])
+    truth = find_scene_depth(views["left"])
     found_errors: list[float] = []
     for method in METHODS:
         found = measure_errors(method, images, truth, visible, pair.camera)
@@ -68,7 +68,7 @@ def main(options: argparse.Namespace) -> None:
     seconds = dict.fromkeys(ROWS, 0.0)
     for pair in find_pairs(options.dataset):
         views = {eye: read_view(pair.image(eye), eye) for eye in EYES}
-        visible = visible_in_right(scene_depth(views["left"]), scene_depth(views["right"]), pair.camera)
+        visible = find_visible_in_right(find_scene_depth(views["left"]), find_scene_depth(views["right"]), pair.camera)
         for label, sensor in ROWS.items():
             watch = Stopwatch()
             images = images_of(pair, views, {"colour": "BAYER"} | sensor | changes)

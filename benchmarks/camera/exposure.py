@@ -21,9 +21,9 @@ from icymoon.benchmarks.common.processor import Stopwatch
 from icymoon.render.pairs.pair_folder import EYES, Pair, find_pairs
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.images.develop import develop
-from icymoon.stereo.images.disparity_and_occlusion import scene_depth, visible_in_right
+from icymoon.stereo.images.disparity_and_occlusion import find_scene_depth, find_visible_in_right
 from icymoon.stereo.images.exr import View, read_light, read_view
-from icymoon.stereo.images.image_files import encoded
+from icymoon.stereo.images.image_files import encode_image
 from icymoon.support.arrays import Array
 
 METHODS = ("bm", "sgbm")
@@ -37,7 +37,7 @@ def synthetic(folder: Path) -> Pair:
 def row(pair: Pair, views: dict[str, View], visible: Array, sensor: dict[str, Any]) -> str:
     """Share of full pixels, then coverage, L1 and bad-1 of each matcher."""
     images = develop(pair, views["left"], views["right"], merged(defaults(), pair.settings, {"sensor": sensor}))
-    truth = scene_depth(views["left"])
+    truth = find_scene_depth(views["left"])
     text = f"{100 * images.saturated:7.1f}"
     for method in METHODS:
         text += measure_errors(method, images, truth, visible, pair.camera).line()
@@ -54,7 +54,7 @@ def main(options: argparse.Namespace) -> None:
     with scratch() as folder:
         pair = find_pairs(options.folder)[0] if options.folder else synthetic(folder)
         views = {eye: read_view(pair.image(eye), eye) for eye in EYES}
-        visible = visible_in_right(scene_depth(views["left"]), scene_depth(views["right"]), pair.camera)
+        visible = find_visible_in_right(find_scene_depth(views["left"]), find_scene_depth(views["right"]), pair.camera)
         settings = merged(defaults(), pair.settings)
         base = develop(pair, views["left"], views["right"], settings).exposure_s
         head = f"{'':34}{'full %':>7}{heads(METHODS)}"
@@ -103,5 +103,5 @@ def main(options: argparse.Namespace) -> None:
         left, right = (read_light(pair.image(eye), eye, groups=False) for eye in EYES)
         images = develop(pair, left, right, merged(settings, {"sensor": {"psf_sigma_px": 0.7, "prnu": 0.01}}))
         for eye in EYES:
-            encoded(getattr(images, eye).astype(np.uint8), ".png")
+            encode_image(getattr(images, eye).astype(np.uint8), ".png")
         print(f"\nRead, develop (with PSF and PRNU) and encode a pair: {watch.lap():.3f} CPU s")

@@ -122,18 +122,18 @@ class Errors:
 def errors(folder: Path, methods: Sequence[Method]) -> Errors:
     """Of a rendered pair, on images as its own camera exposes and reads them."""
     from icymoon.stereo.matchers import match
-    from icymoon.stereo.measure.metrics import usable
-    from icymoon.stereo.measure.prepare import load
-    from icymoon.stereo.trade.losses import tally
+    from icymoon.stereo.measure.metrics import is_usable
+    from icymoon.stereo.measure.prepare import load_pair
+    from icymoon.stereo.trade.losses import tally_errors
 
-    pair = load(folder, {})
+    pair = load_pair(folder, {})
     camera = pair.pair.camera
     left, right = pair.images.for_matchers()
     true = np.where(pair.visible["left"], camera.disparity(pair.depth["left"]), np.nan)
     found = {method.label: match(method.name, left, right, method.options, camera)[0] for method in methods}
     return Errors(
-        {label: np.where(usable(each), np.abs(each - true), np.nan) for label, each in found.items()},
-        {label: tally(each, true) for label, each in found.items()},
+        {label: np.where(is_usable(each), np.abs(each - true), np.nan) for label, each in found.items()},
+        {label: tally_errors(each, true) for label, each in found.items()},
         np.isfinite(true),
     )
 
@@ -141,14 +141,14 @@ def errors(folder: Path, methods: Sequence[Method]) -> Errors:
 def against(pairs: Sequence[Errors], first: Sequence[Errors], label: str) -> dict[str, list[float]]:
     """How much more error a row has than the first, and its standard error: of the pixels that both measure, px, and
     of the share that is off or missing."""
-    from icymoon.stereo.measure.jackknife import jackknife, tile_sums
+    from icymoon.stereo.measure.jackknife import jackknife, sum_over_tiles
 
     tiles = []
     for one, other in zip(pairs, first, strict=True):
         ours, theirs, seen = one.off[label], other.off[label], one.seen & other.seen
         both = seen & np.isfinite(ours) & np.isfinite(theirs)
         tiles.append(
-            tile_sums(np.where(both, ours - theirs, 0.0), both, seen & ~(ours <= 1), seen & ~(theirs <= 1), seen)
+            sum_over_tiles(np.where(both, ours - theirs, 0.0), both, seen & ~(ours <= 1), seen & ~(theirs <= 1), seen)
         )
     value, doubt = jackknife(
         lambda sums: np.stack([sums[..., 0] / sums[..., 1], (sums[..., 2] - sums[..., 3]) / sums[..., 4]], axis=-1),
@@ -161,7 +161,7 @@ def measured(
     pairs: Sequence[Mapping[str, Any]], found: Sequence[Errors], first: Sequence[Errors], best: Any
 ) -> dict[str, Any]:
     """Costs and errors of a row; ``best`` is the render of many samples of its first pair."""
-    from icymoon.stereo.trade.losses import STEREO, measure, stereo_numbers
+    from icymoon.stereo.trade.losses import STEREO, measure_variant, stereo_numbers
 
     costs = [pair["pair"] for pair in pairs]
     bake = pairs[0]["bake"]
@@ -183,7 +183,7 @@ def measured(
         "against": {label: against(found, first, label) for label in found[0].off} if found is not first else {},
     }
     if best is not None:
-        light = measure([Path(pairs[0]["folder"])], best, ())
+        light = measure_variant([Path(pairs[0]["folder"])], best, ())
         row |= {key: light[key] for key in ("bias", "rmse")}
     return row
 

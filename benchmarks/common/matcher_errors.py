@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from icymoon.physics.camera.stereo_camera import StereoCamera
-from icymoon.stereo.images.develop import Images
+from icymoon.stereo.images.develop import DevelopedImages
 from icymoon.stereo.matchers import match
 from icymoon.support.arrays import Array
 
@@ -30,7 +30,9 @@ def heads(methods: tuple[str, ...]) -> str:
     return "".join(f"  {method + ' cov':>6} {'L1 cm':>7} {'bad1 %':>6}" for method in methods)
 
 
-def measure_errors(method: str, images: Images, depth_m: Array, visible: Array, camera: StereoCamera) -> MatcherErrors:
+def measure_errors(
+    method: str, images: DevelopedImages, depth_m: Array, visible: Array, camera: StereoCamera
+) -> MatcherErrors:
     """The errors of a method on a pair's images.
 
     ``depth_m`` (H, W) is the true depth of the left eye and ``visible`` bool (H, W) tells where the right eye sees it.

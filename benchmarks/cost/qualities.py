@@ -31,7 +31,7 @@ from icymoon.render.workers.job import Job, render_job
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.matchers.methods import Method, parse_methods
-from icymoon.stereo.trade.losses import Reference, measure, read_reference
+from icymoon.stereo.trade.losses import Reference, measure_variant, read_reference
 from icymoon.stereo.trade.measure_variants import scaled_view
 
 SCENE = "scenes/europa_rough_ice"
@@ -89,7 +89,7 @@ def mean_of(values: Sequence[float | None]) -> float:
 
 def distances(folders: Sequence[Path], best: Sequence[Reference], methods: Sequence[Method]) -> dict[str, Any]:
     """Mean over the headings of what was measured against the converged renders."""
-    each = [measure([folder], one, methods) for folder, one in zip(folders, best, strict=True)]
+    each = [measure_variant([folder], one, methods) for folder, one in zip(folders, best, strict=True)]
 
     def mean(*path: str) -> float:
         values: list[float | None] = []

@@ -26,11 +26,11 @@ from icymoon.benchmarks.common.arguments import add_scale, scratch
 from icymoon.benchmarks.common.guiss_rows import errors
 from icymoon.benchmarks.common.guiss_scene import lambert_snow, planned
 from icymoon.benchmarks.common.renders import render_planned, start_blender
-from icymoon.stereo.images.develop import grey
-from icymoon.stereo.inference.rank_order import kendall
+from icymoon.stereo.images.develop import average_bands
+from icymoon.stereo.inference.rank_order import kendall_tau_b
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import baked_error, load, noise_free_level
-from icymoon.stereo.measure.render_noise import hidden_by, render_noise
+from icymoon.stereo.measure.prepare import compute_noise_free_level, find_baked_error_level, load_pair
+from icymoon.stereo.measure.render_noise import judge_render_noise, measure_hidden_share
 
 #: Matchers whose errors are compared.
 METHODS = "bm,sgbm,jplv"
@@ -40,13 +40,13 @@ DIRECT = 64
 
 def measured(folder: Path, reference: Path | None) -> dict[str, Any]:
     """What a row shows of a pair, with its distance from the pair of the ``reference``."""
-    pair = load(folder, {})
-    eyes = noise_free_level(pair, "left"), noise_free_level(pair, "right")
+    pair = load_pair(folder, {})
+    eyes = compute_noise_free_level(pair, "left"), compute_noise_free_level(pair, "right")
     truth = pair.pair.camera.disparity(pair.depth["left"]), pair.visible["left"]
-    noise, between = render_noise(*eyes, *truth, baked_error(pair)), render_noise(*eyes, *truth)
+    noise, between = judge_render_noise(*eyes, *truth, find_baked_error_level(pair)), judge_render_noise(*eyes, *truth)
     found = errors(folder, parse_methods(METHODS))
     wrong = {name: float((found.seen & ~(off <= 1)).sum() / found.seen.sum()) for name, off in found.off.items()}
-    light = grey(pair.light["left"].radiance)
+    light = average_bands(pair.light["left"].radiance)
     indirect = json.loads((folder / "pair.json").read_text()).get("indirect", {})
     row = {
         "verdict": noise.verdict,
@@ -59,9 +59,9 @@ def measured(folder: Path, reference: Path | None) -> dict[str, Any]:
     }
     if reference is not None:
         true = measured(reference, None)
-        best = noise_free_level(pair, "left", true["light"] - light)
+        best = compute_noise_free_level(pair, "left", true["light"] - light)
         row |= {
-            "true": hidden_by(eyes[0] - best, best, truth[1]),
+            "true": measure_hidden_share(eyes[0] - best, best, truth[1]),
             "distance": float(np.sqrt(np.mean((light - true["light"]) ** 2)) / true["light"].mean()),
             "bias": float(light.mean() / true["light"].mean() - 1),
             "changed": {name: share - true["wrong"][name] for name, share in wrong.items()},
@@ -117,7 +117,7 @@ def print_tables(options: argparse.Namespace, dataset: Path) -> None:
                 print(
                     f"  tau with {'what is truly hidden' if told == 'true' else 'the distance'}: "
                     + ", ".join(
-                        f"{what} {kendall([row[key] for row in rows.values()], order):+.2f}"
+                        f"{what} {kendall_tau_b([row[key] for row in rows.values()], order):+.2f}"
                         for what, key in (("hidden", "hidden"), ("between the eyes", "between"))
                     ),
                     flush=True,

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.render.pairs.pair_folder import read_pair
-from icymoon.stereo.images.develop import grey
+from icymoon.stereo.images.develop import average_bands
 from icymoon.stereo.images.exr import read_truth, read_view
 from icymoon.support.arrays import Array
 
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> None:
     """Print the shares."""
     pair = read_pair(options.folder)
-    views = {eye: grey(read_view(pair.image(eye)).radiance).astype(np.float64) for eye in ("left", "right")}
+    views = {eye: average_bands(read_view(pair.image(eye)).radiance).astype(np.float64) for eye in ("left", "right")}
     (left, lit_left), (right, lit_right) = (find_glints(views[eye]) for eye in ("left", "right"))
     depth, rig = read_truth(pair.truth("left"), "left").depth, pair.settings.rig
     print(

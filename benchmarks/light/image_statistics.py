@@ -19,7 +19,7 @@ from icymoon.commands.render_scenes import render_settings
 from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
-from icymoon.stereo.images.develop import develop, grey
+from icymoon.stereo.images.develop import average_bands, develop
 from icymoon.stereo.images.image_statistics import find_largest_square, measure_shares, measure_spectral_slope
 from icymoon.stereo.images.views import read_eye
 from icymoon.support.labels import ROCK, TERRAIN
@@ -40,7 +40,7 @@ def measure(name: str, folder: Path, changes: Parts) -> tuple[float, int, float,
     rows, columns = find_largest_square(ground)
     images = develop(pair, light, right, pair.settings)
     saturated, dark = measure_shares(images.left / (2.0**images.bits - 1), ground)
-    return measure_spectral_slope(grey(light.radiance)[rows, columns]), rows.stop - rows.start, saturated, dark
+    return measure_spectral_slope(average_bands(light.radiance)[rows, columns]), rows.stop - rows.start, saturated, dark
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -19,11 +19,11 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from icymoon.stereo.adapters.mitsuba_hapke import register_law
+from icymoon.stereo.adapters.mitsuba_hapke import register_bsdf
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.arrays import Array
 from icymoon.validation.comparison import Bench
-from icymoon.validation.second_renderer import SCENES, describe_scene, region_means
+from icymoon.validation.second_renderer import SCENES, average_regions, describe_scene
 
 if TYPE_CHECKING:
     import mitsuba
@@ -55,8 +55,8 @@ def find_turned_from_sun(mi: ModuleType, scene: mitsuba.Scene, shape: tuple[int,
 
 def report(name: str, ours: Array, theirs: Array, left: Array) -> None:
     """Print how far two images (H, W) differ in the pixels that are left (H, W)."""
-    share = region_means(left.astype(float))
-    here, there = (region_means(np.where(left, image, 0.0))[share > LEAST_LEFT] for image in (ours, theirs))
+    share = average_regions(left.astype(float))
+    here, there = (average_regions(np.where(left, image, 0.0))[share > LEAST_LEFT] for image in (ours, theirs))
     difference = (here - there) / np.maximum(there, 0.02 * there.mean())
     print(
         f"  {name:45s} {left.mean():6.1%} left  mean {ours[left].sum() / theirs[left].sum():.4f}  RMS "
@@ -74,7 +74,7 @@ def main(options: argparse.Namespace) -> None:
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
-    register_law(
+    register_bsdf(
         "never_black", lambda props: {"albedo": float(props["albedo"])}, lambda q, wi, wo: q["albedo"] / math.pi
     )
     folder = options.folder

@@ -19,7 +19,7 @@ from icymoon.benchmarks.common.renders import open_empty_file, render, settings_
 from icymoon.nodes.scene import build
 from icymoon.settings import preset_files
 from icymoon.settings.topics.declaration import Parts
-from icymoon.stereo.images.develop import grey
+from icymoon.stereo.images.develop import average_bands
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.arrays import Array
 
@@ -40,7 +40,7 @@ def picture(preset: str, folder: Path) -> Array:
     settings = settings_of(("surfaces/fresh_snow", preset), VIEW)
     built = build(open_empty_file(), settings)
     pair = render(built, settings, folder)[0]
-    light = grey(read_view(pair / "left.exr").radiance)
+    light = average_bands(read_view(pair / "left.exr").radiance)
     full = np.quantile(light, settings.sensor.auto_percentile) / settings.sensor.auto_target
     # A sensor is linear; a screen is not.
     image = np.rint(255 * np.clip(light / full, 0, 1) ** (1 / 2.2)).astype(np.uint8)

@@ -20,10 +20,10 @@ from icymoon.benchmarks.common.processor import least_seconds
 from icymoon.physics.light.sky import sky, sky_facts
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.decisions.rules import read_rules
-from icymoon.stereo.decisions.workspace import Workspace, compare, decide, open_workspace
+from icymoon.stereo.decisions.workspace import Workspace, compare_with_truth, decide_from_depth, open_workspace
 from icymoon.stereo.matchers import match
-from icymoon.stereo.measure.prepare import prepare
-from icymoon.stereo.measure.row_metrics import depth_of
+from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.row_metrics import disparity_to_depth
 from icymoon.support.arrays import Array
 from icymoon.support.files import sha256
 
@@ -61,18 +61,18 @@ def write_workspace(folder: Path) -> Path:
 
 def decide_on(workspace: Workspace, depth: Array) -> None:
     """What a depth decides, beside the truth."""
-    compare(workspace, decide(workspace, depth))
+    compare_with_truth(workspace, decide_from_depth(workspace, depth))
 
 
 def main(options: argparse.Namespace) -> None:
     """Measure and print a table."""
     rules = read_rules()
     with scratch() as folder:
-        prepared = prepare(write_workspace(folder / "pair"), {})
+        prepared = prepare_pair(write_workspace(folder / "pair"), {})
         workspace = open_workspace(prepared, rules)
         print(f"{'maps of the truth':<40}{least_seconds(lambda: open_workspace(prepared, rules)):8.3f} s")
         for method in ("bm", "sgbm", "sgbm_wls", "jplv"):
             run = partial(match, method, prepared.left, prepared.right, {}, prepared.pair.camera)
-            depth = depth_of(prepared, run()[0])
+            depth = disparity_to_depth(prepared, run()[0])
             print(f"{'match ' + method:<40}{least_seconds(run):8.3f} s")
             print(f"{'decide and compare, ' + method:<40}{least_seconds(partial(decide_on, workspace, depth)):8.3f} s")

@@ -76,7 +76,7 @@ Procedure = Callable[[Array], tuple[Array, Array, Array]]
 
 def typical(differences: Array) -> tuple[Array, Array, Array]:
     """The product's verdicts on the typical scene."""
-    found = typical_scene.compare(differences, 0)
+    found = typical_scene.compare_in_typical_scene(differences, 0)
     return found.low, found.high, found.found
 
 
@@ -102,7 +102,7 @@ def draw_errors(random: np.random.Generator, errors: str, spread: float, scenes:
 
 def differences_of(values: Array) -> Array:
     """The differences (…, comparisons) of every two methods (…, methods)."""
-    one, other = zip(*typical_scene.pairs_of(values.shape[-1]), strict=True)
+    one, other = zip(*typical_scene.list_comparisons(values.shape[-1]), strict=True)
     return values[..., list(one)] - values[..., list(other)]
 
 
@@ -131,7 +131,7 @@ def wrong_means(errors: str, scenes: int, runs: int) -> float:
     """The share of intervals of one mean of ``scenes`` that miss it."""
     draw, mean, _ = ERRORS[errors]
     drawn = draw(np.random.default_rng((scenes, list(ERRORS).index(errors))), (scenes, runs))
-    bounds = scene_means.intervals(drawn, np.arange(scenes), np.zeros(runs, bool))
+    bounds = scene_means.find_mean_intervals(drawn, np.arange(scenes), np.zeros(runs, bool))
     return float(((bounds[:, 0] > mean) | (bounds[:, 1] < mean)).mean())
 
 
@@ -142,7 +142,7 @@ def wrong_shares(shares: str, scenes: int, runs: int, most_pairs: int) -> tuple[
     random = np.random.default_rng((scenes, list(SHARES).index(shares)))
     pairs = np.repeat(np.arange(scenes), random.integers(1, most_pairs + 1, scenes))
     drawn = draw(random, (scenes, runs))[pairs]
-    bounds = scene_means.intervals(drawn, pairs, np.ones(runs, bool))
+    bounds = scene_means.find_mean_intervals(drawn, pairs, np.ones(runs, bool))
     return (
         float(((bounds[:, 0] > mean + 1e-12) | (bounds[:, 1] < mean - 1e-12)).mean()),
         float(np.median(bounds[:, 1] - bounds[:, 0])),
@@ -157,7 +157,7 @@ def wrong_mean_differences(cell: tuple[str, float, int, int], runs: int) -> floa
     true, misses = differences_of(means), 0
     for run in range(runs):
         random = np.random.default_rng((scenes, methods, list(ERRORS).index(errors), int(spread == 1), run))
-        bounds = scene_means.simultaneous_intervals(
+        bounds = scene_means.find_simultaneous_intervals(
             differences_of(draw_errors(random, errors, spread, scenes, methods)), 0
         )
         misses += bool(((bounds[:, 0] > true) | (bounds[:, 1] < true)).any())

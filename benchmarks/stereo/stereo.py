@@ -18,15 +18,15 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.depth_order import depth_order_disagreement
-from icymoon.stereo.measure.prepare import prepare
+from icymoon.stereo.measure.prepare import prepare_pair
 
 
 def main(options: argparse.Namespace) -> None:
     """Measure and print a table."""
     with scratch() as folder:
         pair = pairs.write_pair(folder / "pair", pairs.Scene(distance_m=3.0), pairs.camera(640, 480), noise=0.02)
-        print(f"{'check, read, develop, truth':<40}{least_seconds(lambda: prepare(pair, {})):8.3f} s")
-        prepared = prepare(pair, {})
+        print(f"{'check, read, develop, truth':<40}{least_seconds(lambda: prepare_pair(pair, {})):8.3f} s")
+        prepared = prepare_pair(pair, {})
         for method in ("bm", "sgbm"):
             print(
                 f"{'match ' + method:<40}{least_seconds(partial(match, method, prepared.left, prepared.right)):8.3f} s"

@@ -24,7 +24,7 @@ from icymoon.benchmarks.common.processor import Stopwatch
 from icymoon.stereo.datasets.visibility import find_better_reading, find_fault_of_right
 from icymoon.stereo.images.image_values import to_grey
 from icymoon.stereo.measure.fit_check import KINDS, find_fault, find_misfit, find_places
-from icymoon.stereo.measure.prepare import Loaded, Prepared, load
+from icymoon.stereo.measure.prepare import LoadedPair, PreparedPair, load_pair
 from icymoon.stereo.sources import RenderedPair, find_sources
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
@@ -40,24 +40,24 @@ SCENES = (
     "enceladus_block_field",
 )
 #: Of each fault: the map that a careless writer makes of a pair, its kind, and the names that the check gives it.
-Made = Callable[[Prepared], Array]
+Made = Callable[[PreparedPair], Array]
 
 
-def _depth(pair: Prepared) -> Array:
+def _depth(pair: PreparedPair) -> Array:
     return pair.truth
 
 
-def _disparity(pair: Prepared) -> Array:
+def _disparity(pair: PreparedPair) -> Array:
     return pair.pair.camera.disparity(pair.truth)
 
 
-def _along_ray(pair: Prepared) -> Array:
+def _along_ray(pair: PreparedPair) -> Array:
     camera = pair.pair.camera
     v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     return pair.truth * np.sqrt(1 + ((u - camera.cx_px) ** 2 + (v - camera.cy_px) ** 2) / camera.focal_px**2)
 
 
-def _noise(pair: Prepared) -> Array:
+def _noise(pair: PreparedPair) -> Array:
     """A normal's third component taken for a depth."""
     slope = np.gradient(np.nan_to_num(pair.truth))[0]
     return np.where(np.isfinite(pair.truth), 1 / np.sqrt(1 + slope**2), np.nan)
@@ -82,7 +82,7 @@ FAULTS: dict[str, tuple[Made, str, str]] = {
 
 
 #: The same of maps of the right eye, made of its depth, and of masks, made of what both eyes see.
-RIGHT_FAULTS: dict[str, tuple[Callable[[Loaded], Array], str, str]] = {
+RIGHT_FAULTS: dict[str, tuple[Callable[[LoadedPair], Array], str, str]] = {
     "sound depth": (lambda p: p.depth["right"], "depth", ""),
     "sound disparity": (lambda p: p.pair.camera.disparity(p.depth["right"]), "disparity", ""),
     "upside down": (lambda p: p.depth["right"][::-1], "depth", "upside_down"),
@@ -99,7 +99,7 @@ MASK_FAULTS: dict[str, tuple[Callable[[Array], Array], str]] = {
 
 def judge_visibility(folder: Path, counts: dict[str, Counter[str]]) -> None:
     """Count what is found in the right eye's truth and in the mask of a pair."""
-    loaded = load(folder, {})
+    loaded = load_pair(folder, {})
     if not loaded.visible["left"].any():
         print(f"{folder.name}: the right eye sees nothing of what the left one does")
         return
@@ -183,11 +183,11 @@ def main(options: argparse.Namespace) -> None:
         for name, (make, kind, wanted) in FAULTS.items():
             values = make(prepared)
             fault = find_fault(values, kind, camera, places) or find_misfit(values, kind, camera, places)
-            counts[name][_judge(fault.kind if fault else "", wanted, places.enough())] += 1
+            counts[name][_judge(fault.kind if fault else "", wanted, places.are_enough())] += 1
             if not wanted and fault is not None:
                 print(f"{source.name}: {name}: {fault}")
         fault = find_fault(prepared.truth, "depth", camera, exchanged)
-        counts["images exchanged"][_judge(fault.kind if fault else "", "swapped", exchanged.enough())] += 1
+        counts["images exchanged"][_judge(fault.kind if fault else "", "swapped", exchanged.are_enough())] += 1
         seconds += watch.lap()
         if isinstance(source, RenderedPair):
             judge_visibility(source.folder, counts)

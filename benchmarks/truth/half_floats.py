@@ -32,8 +32,8 @@ from icymoon.render.pairs.pair_folder import find_pair_folders
 from icymoon.stereo.images import exr
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.methods import Method, parse_methods
-from icymoon.stereo.measure.metrics import usable
-from icymoon.stereo.measure.prepare import load
+from icymoon.stereo.measure.metrics import is_usable
+from icymoon.stereo.measure.prepare import load_pair
 from icymoon.support.arrays import Array
 from icymoon.support.labels import IMAGE_PASS, rounded_passes
 
@@ -131,21 +131,21 @@ def print_compact(folder: Path) -> None:
 
 def disparity_errors(folder: Path, methods: Sequence[Method]) -> dict[str, tuple[float, float]]:
     """By method the mean error in px of what it measures, and the share that is wrong by 1 px or missing."""
-    pair = load(folder, {})
+    pair = load_pair(folder, {})
     camera = pair.pair.camera
     left, right = pair.images.for_matchers()
     true = np.where(pair.visible["left"], camera.disparity(pair.depth["left"]), np.nan)
     found = {}
     for method in methods:
         disparity = match(method.name, left, right, method.options, camera)[0]
-        off = np.where(usable(disparity), np.abs(disparity - true), np.nan)[np.isfinite(true)]
+        off = np.where(is_usable(disparity), np.abs(disparity - true), np.nan)[np.isfinite(true)]
         found[method.label] = float(np.nanmean(off)), float(np.mean(~(off <= 1)))
     return found
 
 
 def print_errors(folders: list[Path], methods: Sequence[Method]) -> None:
     """Print what rounding changes, pair by pair, and the means with their standard errors."""
-    whole = exr._read_whole
+    whole = exr._read_with_openexr
     changes: dict[str, list[tuple[float, float]]] = {}
 
     def rounded(*arguments: Any) -> object:
@@ -162,7 +162,7 @@ def print_errors(folders: list[Path], methods: Sequence[Method]) -> None:
 
     for folder in folders:
         full = disparity_errors(folder, methods)
-        with patch.object(exr, "_read_whole", rounded):
+        with patch.object(exr, "_read_with_openexr", rounded):
             less = disparity_errors(folder, methods)
         for label, (error, wrong) in full.items():
             other, missing = less[label]

@@ -24,8 +24,8 @@ from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.pairs.pair_folder import EYES, find_pair_folders, read_pair, read_unchanged_pair
 from icymoon.settings.topics.camera import RigSettings
 from icymoon.stereo.images.views import read_eye
-from icymoon.stereo.measure.prepare import eyes_of
-from icymoon.stereo.measure.self_check import Eye, self_check, visibility
+from icymoon.stereo.measure.prepare import make_check_eyes
+from icymoon.stereo.measure.self_check import Eye, find_visibility, run_self_check
 from icymoon.support.arrays import Array
 
 #: Kinds of ground, and how many headings from each. All of the scenes and the gallery, and the paper's terrains.
@@ -204,9 +204,9 @@ def _between(depth: Array, sign: int) -> Array:
 
 
 def read_eyes(folder: Path) -> tuple[Eye, Eye, StereoCamera, dict[str, Any]]:
-    """The eyes of a pair, its camera and its settings, as ``stereo.prepare.load`` has them."""
+    """The eyes of a pair, its camera and its settings, as ``stereo.prepare.load_pair`` has them."""
     pair = read_unchanged_pair(folder)
-    left, right = eyes_of(pair, pair.settings, {eye: read_eye(pair, eye)[1] for eye in EYES})
+    left, right = make_check_eyes(pair, pair.settings, {eye: read_eye(pair, eye)[1] for eye in EYES})
     return left, right, pair.camera, pair.settings
 
 
@@ -216,7 +216,7 @@ def row(folder: Path, other: Path | None, positive: bool) -> dict[str, Any]:
     found: dict[str, Any] = {}
     foreign = read_eyes(other)[:2] if other else None
     for name, (one, two, said) in faults(left, right, camera, foreign, positive).items():
-        check = self_check(one, two, visibility(one, two, said), said)
+        check = run_self_check(one, two, find_visibility(one, two, said), said)
         found[name] = check.to_json()
         found[name]["tells"] = check.photometric_offset_px is not None
     apart = None

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from icymoon.stereo.images.image_files import encoded, read_png
+from icymoon.stereo.images.image_files import encode_image, read_png
 from icymoon.stereo.matchers.methods import describe_method
 from icymoon.support.arrays import Array
 
@@ -66,7 +66,7 @@ def main(arguments: Sequence[str]) -> None:
     ]
     gap = np.full((SIDE_PX + STRIP_PX, GAP_PX, 3), 255, np.uint8)
     parts = [part for each in columns for part in (each, gap)][:-1]
-    Path(target).write_bytes(encoded(np.hstack(parts), ".jpg", 88))
+    Path(target).write_bytes(encode_image(np.hstack(parts), ".jpg", 88))
 
 
 if __name__ == "__main__":

@@ -28,8 +28,8 @@ from icymoon.physics.terrain import terrain as grounds
 from icymoon.physics.terrain.roughness import statistics
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings
-from icymoon.stereo.measure.metrics import depth_metrics, disparity_metrics, total_metrics
-from icymoon.stereo.trade.losses import pareto_front
+from icymoon.stereo.measure.metrics import compute_depth_metrics, compute_disparity_metrics, compute_total_metrics
+from icymoon.stereo.trade.losses import find_pareto_front
 from icymoon.support.version import ROOT
 from matplotlib import rc_context
 from matplotlib.figure import Figure
@@ -290,8 +290,8 @@ def cautious_matcher(figure: Figure) -> None:
         index = order[: round(share * truth.size)]
         chosen[index] = disparity[index]
         depth = focal_baseline / chosen
-        measured = depth_metrics(depth, truth) | disparity_metrics(chosen, focal_baseline / truth)
-        total = total_metrics(depth, truth, chosen, focal_baseline / truth, measured["dod"])
+        measured = compute_depth_metrics(depth, truth) | compute_disparity_metrics(chosen, focal_baseline / truth)
+        total = compute_total_metrics(depth, truth, chosen, focal_baseline / truth, measured["dod"])
         rows.append((measured["bad_1"], total["bad_1"], measured["dod"], total["dod"]))
     for column, (label, style, colour) in zip(
         np.array(rows).T,
@@ -322,7 +322,7 @@ def trade_front(figure: Figure) -> None:
                 color=colour,
                 label=kind,
             )
-        best = [report["rows"][k] for k in pareto_front(report["rows"], "cpu_s", ("loss", method, "epe_px"))]
+        best = [report["rows"][k] for k in find_pareto_front(report["rows"], "cpu_s", ("loss", method, "epe_px"))]
         axes.loglog(
             [row["cpu_s"] for row in best],
             [row["loss"][method]["epe_px"] for row in best],

@@ -55,17 +55,17 @@ def serve(
         )
     requests, answers = _take_streams()
     lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(requests, lines), daemon=True).start()
-    _write(answers, {"hello": PROTOCOL, "name": name or os.path.basename(sys.argv[0])})
+    threading.Thread(target=_queue_requests, args=(requests, lines), daemon=True).start()
+    _write_message(answers, {"hello": PROTOCOL, "name": name or os.path.basename(sys.argv[0])})
     while True:
         request = json.loads(lines.get())
         try:
-            answer = {"id": request["id"], "ok": True, **_answer(disparity, request), "facts": facts()}
+            answer = {"id": request["id"], "ok": True, **_answer_request(disparity, request), "facts": facts()}
             json.dumps(answer, allow_nan=False)  # which refuses facts that no line of JSON has
         except Exception as error:
             traceback.print_exc()
             answer = {"id": request["id"], "error": f"{type(error).__name__}: {error}"[:1000]}
-        _write(answers, answer)
+        _write_message(answers, answer)
 
 
 def drop_single_axes(values: np.ndarray) -> np.ndarray:
@@ -75,7 +75,7 @@ def drop_single_axes(values: np.ndarray) -> np.ndarray:
     return values
 
 
-def as_disparity(found: object, shape: tuple[int, ...]) -> np.ndarray:
+def to_disparity_map(found: object, shape: tuple[int, ...]) -> np.ndarray:
     """What a program returned, as float32 (H, W). Raises ValueError, with the fix, if it is no disparity map."""
     if hasattr(found, "detach"):  # a tensor of PyTorch, perhaps on a GPU or with a type that NumPy lacks
         found = found.detach().float().cpu().numpy()
@@ -111,7 +111,7 @@ def _take_streams() -> tuple[IO[bytes], IO[bytes]]:
     return requests, answers
 
 
-def _read(requests: IO[bytes], lines: queue.SimpleQueue[bytes]) -> None:
+def _queue_requests(requests: IO[bytes], lines: queue.SimpleQueue[bytes]) -> None:
     try:
         for line in requests:
             lines.put(line)
@@ -119,34 +119,34 @@ def _read(requests: IO[bytes], lines: queue.SimpleQueue[bytes]) -> None:
         os._exit(0)  # Icy Moon has ended, also if a pair is being computed
 
 
-def _write(answers: IO[bytes], message: dict[str, Any]) -> None:
+def _write_message(answers: IO[bytes], message: dict[str, Any]) -> None:
     answers.write(json.dumps(message).encode("ascii") + b"\n")
     answers.flush()
 
 
-def _answer(disparity: Callable[..., Any], request: dict[str, Any]) -> dict[str, Any]:
+def _answer_request(disparity: Callable[..., Any], request: dict[str, Any]) -> dict[str, Any]:
     """Compute one pair, write its disparity, and return the time and memory that it took."""
     left, right = (np.load(request[eye], allow_pickle=False) for eye in ("left", "right"))
     camera = None
     if request.get("camera"):
         camera = SimpleNamespace(**request["camera"], range_px=request.get("range"))
-    begin = _gpu_event()
+    begin = _record_gpu_event()
     wall, cpu = time.perf_counter(), time.process_time()
-    found = as_disparity(disparity(left, right, camera), left.shape[:2])  # waits for the GPU
-    took = {"seconds": time.perf_counter() - wall, "cpu_seconds": time.process_time() - cpu, **_gpu_use(begin)}
+    found = to_disparity_map(disparity(left, right, camera), left.shape[:2])  # waits for the GPU
+    took = {"seconds": time.perf_counter() - wall, "cpu_seconds": time.process_time() - cpu, **_measure_gpu_use(begin)}
     np.save(request["out"], found)
-    return {**took, **_memory()}
+    return {**took, **_measure_peak_memory()}
 
 
-def _cuda() -> ModuleType | None:
+def _find_cuda() -> ModuleType | None:
     """PyTorch's CUDA if the program uses it; None otherwise."""
     torch = sys.modules.get("torch")
     cuda = getattr(torch, "cuda", None)
     return cuda if cuda is not None and cuda.is_available() and cuda.is_initialized() else None
 
 
-def _gpu_event() -> torch.cuda.Event | None:
-    cuda = _cuda()
+def _record_gpu_event() -> torch.cuda.Event | None:
+    cuda = _find_cuda()
     if cuda is None:
         return None
     event = cuda.Event(enable_timing=True)
@@ -154,18 +154,18 @@ def _gpu_event() -> torch.cuda.Event | None:
     return event
 
 
-def _gpu_use(begin: torch.cuda.Event | None) -> dict[str, Any]:
+def _measure_gpu_use(begin: torch.cuda.Event | None) -> dict[str, Any]:
     """Name of the GPU, its most memory so far, and its time since ``begin``."""
-    cuda = _cuda()
+    cuda = _find_cuda()
     if cuda is None:
         return {}
     use = {"gpu": cuda.get_device_name(), "gpu_mb": cuda.max_memory_allocated() / _MIB}
-    end = _gpu_event()
+    end = _record_gpu_event()
     cuda.synchronize()
     return {**use, "gpu_seconds": begin.elapsed_time(end) / 1000} if begin is not None else use
 
 
-def _memory() -> dict[str, float]:
+def _measure_peak_memory() -> dict[str, float]:
     """The most memory that this process has had, where Linux tells it."""
     try:
         with open("/proc/self/status", encoding="ascii", errors="replace") as stream:

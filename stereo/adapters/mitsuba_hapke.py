@@ -49,14 +49,14 @@ def brdf(q: dict[str, Any], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
     mu_n, mu_f, chi, shadowing = dr.maximum(cos_i, cos_o), dr.minimum(cos_i, cos_o), 1.0, 1.0
     tan_theta = math.tan(math.radians(q["theta_bar_deg"]))
     if tan_theta > 1e-5:
-        mu_n, mu_f, shadowing = _rough(wi, wo, mu_n, mu_f, tan_theta)
+        mu_n, mu_f, shadowing = _apply_roughness(wi, wo, mu_n, mu_f, tan_theta)
         chi = 1 / math.sqrt(1 + math.pi * tan_theta**2)
     shadowing = shadowing / dr.maximum(mu_n + mu_f, 1e-12)
     multiple = (_h_function(chi * mu_n / q["k"], q) * _h_function(chi * mu_f / q["k"], q)) - 1
     return q["k"] * q["w"] / (4 * math.pi) * (single + multiple) * backscatter * shadowing
 
 
-def _rough(
+def _apply_roughness(
     wi: mi.Vector3f, wo: mi.Vector3f, mu_n: mi.Float, mu_f: mi.Float, tan_theta: float
 ) -> tuple[mi.Float, mi.Float, mi.Float]:
     """Effective cosines of the ray nearer to the normal and of the other one, and the shadowing (Hapke 1984)."""
@@ -96,7 +96,7 @@ def _h_function(x: mi.Float, q: dict[str, Any]) -> mi.Float:
 
 def register() -> None:
     """Make the BSDF ``icymoon_hapke`` known to Mitsuba, for the variant that is chosen."""
-    register_law("icymoon_hapke", _read_parameters, brdf)
+    register_bsdf("icymoon_hapke", _read_parameters, brdf)
 
 
 def _read_parameters(props: mi.Properties) -> dict[str, Any]:
@@ -105,7 +105,7 @@ def _read_parameters(props: mi.Properties) -> dict[str, Any]:
     }
 
 
-def register_law(
+def register_bsdf(
     plugin: str,
     read: Callable[[mi.Properties], dict[str, Any]],
     law: Callable[[dict[str, Any], mi.Vector3f, mi.Vector3f], mi.Float],

@@ -27,7 +27,7 @@ def main() -> None:
     options = parser.parse_args()
     try:
         _refuse_pickles()
-        network = _load(options)
+        network = _load_pipeline(options)
     except Exception as error:
         sys.exit(f"{type(error).__name__}: {' '.join(str(error).split())}")
     if options.height:
@@ -65,7 +65,7 @@ def _refuse_pickles() -> None:
     torch.load = load_parameters
 
 
-def _load(options: argparse.Namespace) -> Any:
+def _load_pipeline(options: argparse.Namespace) -> Any:
     import stereo_matching
 
     if not options.checkpoint:

@@ -13,7 +13,7 @@ from ...physics.camera.stereo_camera import CAMERA_SHAPE, StereoCamera
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import NUMBER, PIXELS, Maybe, read_record
 from ...support.foreign_bytes import read
-from .data_files import numbers_of, read_fields
+from .data_files import read_fields, read_numbers
 
 _CENTRE = 0.5
 #: Two statements of a principal point are one within this: files round to thousandths of a pixel.
@@ -29,22 +29,24 @@ _SAME_FOCAL = 1e-3
 _AGAIN = "download its camera data again"
 
 
-def centred_camera(focal_px: float, baseline_m: float, width: int, height: int) -> StereoCamera:
+def make_centred_camera(focal_px: float, baseline_m: float, width: int, height: int) -> StereoCamera:
     """A camera whose principal point is the middle of the image."""
     return StereoCamera(width, height, focal_px, width / 2, height / 2, baseline_m)
 
 
-def given_camera(focal_px: float, cx: float, cy: float, baseline_m: float, width: int, height: int) -> StereoCamera:
+def make_stated_camera(
+    focal_px: float, cx: float, cy: float, baseline_m: float, width: int, height: int
+) -> StereoCamera:
     """A camera that a data set states for all of its images."""
     return StereoCamera(width, height, focal_px, cx + _CENTRE, cy + _CENTRE, baseline_m)
 
 
-def kitti_camera(path: Path, names: tuple[str, str], width: int, height: int) -> StereoCamera:
+def read_kitti_camera(path: Path, names: tuple[str, str], width: int, height: int) -> StereoCamera:
     """From the two projection matrices ``names`` of the rectified eyes. Raises IcyMoonError if they are unusable."""
     fields = read_fields(path, ":")
-    left, right = (numbers_of(path, fields, name, 12) for name in names)
+    left, right = (read_numbers(path, fields, name, 12) for name in names)
     baseline = (left[3] - right[3]) / left[0] if left[0] else 0.0
-    _check(path, left[0], baseline)
+    _check_camera(path, left[0], baseline)
     _check_square(
         path,
         left[0],
@@ -59,17 +61,18 @@ def kitti_camera(path: Path, names: tuple[str, str], width: int, height: int) ->
     )
 
 
-def middlebury_camera(path: Path, width: int, height: int) -> StereoCamera:
+def read_middlebury_camera(path: Path, width: int, height: int) -> StereoCamera:
     """From ``calib.txt`` of Middlebury and ETH3D, with its baseline in mm. Raises IcyMoonError if it is incomplete."""
     fields = read_fields(path, "=")
-    matrix = numbers_of(path, fields, "cam0", 9)
-    baseline = numbers_of(path, fields, "baseline", 1)[0] / 1000
-    _check(path, matrix[0], baseline)
-    right = numbers_of(path, fields, "cam1", 9) if "cam1" in fields else matrix
+    matrix = read_numbers(path, fields, "cam0", 9)
+    baseline = read_numbers(path, fields, "baseline", 1)[0] / 1000
+    _check_camera(path, matrix[0], baseline)
+    right = read_numbers(path, fields, "cam1", 9) if "cam1" in fields else matrix
     _check_square(path, matrix[0], {"cam0 in y": matrix[4], "cam1 in x": right[0], "cam1 in y": right[4]})
-    doffs = _principal_offset(path, fields, matrix[2])
+    doffs = _find_principal_offset_px(path, fields, matrix[2])
     stated = [
-        _whole(path, fields, key) if key in fields else size for key, size in (("width", width), ("height", height))
+        _read_pixel_count(path, fields, key) if key in fields else size
+        for key, size in (("width", width), ("height", height))
     ]
     return StereoCamera(
         stated[0], stated[1], matrix[0], matrix[2] + _CENTRE, matrix[5] + _CENTRE, baseline, doffs_px=doffs
@@ -86,13 +89,13 @@ def _check_square(path: Path, focal_px: float, others: Mapping[str, float]) -> N
             )
 
 
-def _principal_offset(path: Path, fields: dict[str, str], left_px: float) -> float:
+def _find_principal_offset_px(path: Path, fields: dict[str, str], left_px: float) -> float:
     """Column of the right principal point minus ``left_px``, the column of the left one. The two matrices or ``doffs``
     state it; it is 0 if both are missing. Raises IcyMoonError if they contradict each other."""
-    by_cameras = numbers_of(path, fields, "cam1", 9)[2] - left_px if "cam1" in fields else None
+    by_cameras = read_numbers(path, fields, "cam1", 9)[2] - left_px if "cam1" in fields else None
     if "doffs" not in fields:
         return by_cameras or 0.0
-    doffs = numbers_of(path, fields, "doffs", 1)[0]
+    doffs = read_numbers(path, fields, "doffs", 1)[0]
     if by_cameras is not None and abs(by_cameras - doffs) > _SAME_PX:
         raise IcyMoonError(
             f"{path} states doffs {doffs:g} px, and the principal points of cam0 and cam1 are "
@@ -101,48 +104,48 @@ def _principal_offset(path: Path, fields: dict[str, str], left_px: float) -> flo
     return doffs
 
 
-def row_offset_px(path: Path) -> float:
+def read_row_offset_px(path: Path) -> float:
     """The largest distance of matching rows that ``calib.txt`` states, 0 for rectified images."""
     fields = read_fields(path, "=")
-    return numbers_of(path, fields, "dymax", 1)[0] if "dymax" in fields else 0.0
+    return read_numbers(path, fields, "dymax", 1)[0] if "dymax" in fields else 0.0
 
 
-def stated_disparities(path: Path) -> int | None:
+def read_disparity_count(path: Path) -> int | None:
     """The number of disparities that ``calib.txt`` states to be enough; None if it states none."""
     fields = read_fields(path, "=")
-    return _whole(path, fields, "ndisp") if "ndisp" in fields else None
+    return _read_pixel_count(path, fields, "ndisp") if "ndisp" in fields else None
 
 
-def sintel_camera(path: Path, baseline_m: float, width: int, height: int) -> StereoCamera:
+def read_sintel_camera(path: Path, baseline_m: float, width: int, height: int) -> StereoCamera:
     """From a ``.cam`` file: the matrix of the camera as nine float64 after a mark. Raises IcyMoonError otherwise."""
     mark, *matrix = read(path, lambda foreign: foreign.cursor().unpack("<f9d"), "a camera of Sintel", _AGAIN, most=4096)
     if mark != _SINTEL_MARK:
         raise IcyMoonError(f"{path} is not a camera of Sintel; {_AGAIN}.")
-    _check(path, matrix[0], baseline_m)
-    return given_camera(matrix[0], matrix[2], matrix[5], baseline_m, width, height)
+    _check_camera(path, matrix[0], baseline_m)
+    return make_stated_camera(matrix[0], matrix[2], matrix[5], baseline_m, width, height)
 
 
-def our_camera(path: Path, width: int, height: int) -> StereoCamera:
+def read_exported_camera(path: Path, width: int, height: int) -> StereoCamera:
     """From ``calibration.json`` of our own exports."""
     del width, height
     return StereoCamera.from_json(read_record(path, _OURS, "export the pair again")["camera"]).rectified
 
 
-def saturation_radiance(path: Path) -> float | None:
+def read_saturation_radiance(path: Path) -> float | None:
     """The radiance that is white in the images, from ``calibration.json``; None if none is."""
     found = read_record(path, _OURS, "export the pair again").get("saturation_radiance")
     return None if found is None else float(found)
 
 
-def _whole(path: Path, fields: dict[str, str], key: str) -> int:
+def _read_pixel_count(path: Path, fields: dict[str, str], key: str) -> int:
     """A number of pixels, rounded down, at least 1. Raises IcyMoonError for more than an image has."""
-    value = max(1, int(numbers_of(path, fields, key, 1)[0]))
+    value = max(1, int(read_numbers(path, fields, key, 1)[0]))
     if not PIXELS.fits(value):
         raise IcyMoonError(f"{path} states {key} {value:g}, not {PIXELS.name}; correct it.")
     return value
 
 
-def _check(path: Path, focal_px: float, baseline_m: float) -> None:
+def _check_camera(path: Path, focal_px: float, baseline_m: float) -> None:
     for value, name in ((focal_px, "focal length"), (baseline_m, "baseline")):
         if not (math.isfinite(value) and value > 0):
             raise IcyMoonError(f"{path} gives a {name} of {value:g}, and it must be above 0; correct it.")

@@ -21,9 +21,9 @@ from ..images.bounded_decoding import decode, decode_exr
 from ..images.exif import UPRIGHT
 from ..images.exr_header import EXR, parse_channels
 from ..images.image_files import parse_pfm, read_pfm
-from ..images.image_headers import MOST_IMAGE_MEMORY, PNG, Encoded, check_size, parse_picture, parse_png
+from ..images.image_headers import MOST_IMAGE_MEMORY, PNG, EncodedImage, check_size, parse_picture, parse_png
 from ..images.image_values import to_8_bit
-from .map_channels import choose_array, choose_channel, colours_beside, find_stated, refuse_picture
+from .map_channels import choose_array, choose_channel, find_sibling_colours, find_stated_channel, refuse_picture
 
 #: Bytes of a text.
 MOST_TEXT = 2**20
@@ -96,7 +96,7 @@ def read_orientation(path: Path) -> int:
     return read(path, _parse_image, "a whole image", _AGAIN, memory=MOST_IMAGE_MEMORY).orientation
 
 
-def _parse_image(foreign: ForeignBytes) -> Encoded:
+def _parse_image(foreign: ForeignBytes) -> EncodedImage:
     is_tiff = foreign.part(0, min(4, foreign.size)) in _TIFFS
     return _parse_tiff_image(foreign) if is_tiff else parse_picture(foreign)
 
@@ -105,7 +105,7 @@ def _decode_image(foreign: ForeignBytes) -> Array:
     return decode(_parse_image(foreign))
 
 
-def _parse_tiff_image(foreign: ForeignBytes) -> Encoded:
+def _parse_tiff_image(foreign: ForeignBytes) -> EncodedImage:
     image = tiff.read_directories(foreign)[0]
     orientation = image.number(274, UPRIGHT)
     if orientation != UPRIGHT:
@@ -117,7 +117,7 @@ def _parse_tiff_image(foreign: ForeignBytes) -> Encoded:
     # A palette stands for three bands; OpenCV widens small numbers.
     value_bytes = max(4, image.number(277, 1)) * max(1, -(-image.number(258, 8) // 8))
     most = foreign.budget.charge(check_size(width, height) * value_bytes, "pixels")
-    return Encoded(foreign.content(), width, height, most)
+    return EncodedImage(foreign.content(), width, height, most)
 
 
 def read_radiance(path: Path) -> Array:
@@ -133,7 +133,7 @@ def read_map(file: MapFile) -> Array:
     or holds no map.
     """
     if file.sintel:
-        values, usual = _read_sintel(file.path), 1.0
+        values, usual = _read_sintel_disparity(file.path), 1.0
     else:
         values, usual = read(
             file.path, lambda foreign: _parse_map(foreign, file), "a whole map", _AGAIN, memory=MOST_IMAGE_MEMORY
@@ -150,24 +150,28 @@ def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[Array, float]:
     """The numbers of a file, and the usual steps per px or metre of its format."""
     start = foreign.part(0, min(32, foreign.size))
     if start.startswith(EXR):
-        return _parse_exr(foreign, file), 1.0
+        return _parse_exr_map(foreign, file), 1.0
     if file.channel and not start.startswith(_ZIP):
         raise RefusedError("has no channels with names, and truth.channel in pairs.toml states one; leave it out.")
     if start.startswith(PNG):
-        return _steps_of(decode(parse_png(foreign)), file), PNG_STEPS if file.kind == "disparity" else 1.0
+        return _read_png_numbers(decode(parse_png(foreign)), file), PNG_STEPS if file.kind == "disparity" else 1.0
     if start.startswith((b"Pf", b"PF")):
         return parse_pfm(foreign), 1.0
     if start.startswith((_NPY, _ZIP)):
-        values = drop_single_axes(parse_npy(foreign, "fiu") if start.startswith(_NPY) else _parse_npz(foreign, file))
+        values = drop_single_axes(
+            parse_npy(foreign, "fiu") if start.startswith(_NPY) else _parse_npz_map(foreign, file)
+        )
         if values.ndim == 2:
             check_size(values.shape[1], values.shape[0])
         return values, 1.0
     if start.startswith(_TIFFS):
-        return _parse_tiff(foreign), 1.0
-    raise RefusedError(f"is no map that is read here; save it as PFM, npy, EXR, TIFF or {_describe_png(file)}.")
+        return _parse_tiff_map(foreign), 1.0
+    raise RefusedError(
+        f"is no map that is read here; save it as PFM, npy, EXR, TIFF or {_describe_png_encoding(file)}."
+    )
 
 
-def _describe_png(file: MapFile) -> str:
+def _describe_png_encoding(file: MapFile) -> str:
     """How a map stands in a PNG."""
     return (
         "16-bit PNG of 256 steps per px"
@@ -176,11 +180,11 @@ def _describe_png(file: MapFile) -> str:
     )
 
 
-def _steps_of(image: Array, file: MapFile) -> Array:
+def _read_png_numbers(image: Array, file: MapFile) -> Array:
     """The numbers of a PNG: of 8 bits only where their steps are stated, since such a file may be a mere picture."""
     if image.ndim != 2:
         raise RefusedError(
-            f"is a picture, not a map: it has colours; write one number per pixel, as PFM or {_describe_png(file)}."
+            f"is a picture, not a map: it has colours; write one number per pixel, as PFM or {_describe_png_encoding(file)}."
         )
     if image.dtype == np.uint8 and file.steps is None:
         raise RefusedError(
@@ -195,7 +199,7 @@ def _steps_of(image: Array, file: MapFile) -> Array:
     return image
 
 
-def _read_sintel(path: Path) -> Array:
+def _read_sintel_disparity(path: Path) -> Array:
     """R, G and B are the three digits of the disparity, of 4, 1/64 and 1/16384 px."""
     image = read_image(path)
     if image.ndim != 3:
@@ -204,30 +208,34 @@ def _read_sintel(path: Path) -> Array:
     return np.asarray(4 * red + green / 64 + blue / 16384)
 
 
-def _parse_exr(foreign: ForeignBytes, file: MapFile) -> Array:
+def _parse_exr_map(foreign: ForeignBytes, file: MapFile) -> Array:
     channels = parse_channels(foreign)
     names = [channel.full_name for channel in channels]
-    name = find_stated(names, file.channel) if file.channel else choose_channel(names, file.kind, file.predicted)
+    name = (
+        find_stated_channel(names, file.channel) if file.channel else choose_channel(names, file.kind, file.predicted)
+    )
 
     def decoded(name: str) -> Array:
         return decode_exr(file.path, channels[names.index(name)], foreign.budget.most - foreign.budget.left)
 
     found = decoded(name)
-    for colour in () if file.channel else colours_beside(name, names):
+    for colour in () if file.channel else find_sibling_colours(name, names):
         if not np.array_equal(decoded(colour), found, equal_nan=True):
             refuse_picture(name, names, file.kind, file.predicted)
     return found
 
 
-def _parse_npz(foreign: ForeignBytes, file: MapFile) -> Array:
+def _parse_npz_map(foreign: ForeignBytes, file: MapFile) -> Array:
     """The array of an npz that is stated, or called as the kind of the map, or its only one."""
     wanted = file.channel or file.kind
     found = parse_npz(foreign, {wanted}, "fiu") or parse_npz(foreign, kinds="fiu")
     names = list(found)
-    return found[find_stated(names, file.channel) if file.channel else choose_array(names, file.kind, file.predicted)]
+    return found[
+        find_stated_channel(names, file.channel) if file.channel else choose_array(names, file.kind, file.predicted)
+    ]
 
 
-def _parse_tiff(foreign: ForeignBytes) -> Array:
+def _parse_tiff_map(foreign: ForeignBytes) -> Array:
     tiff.grant_memory(foreign)
     image = tiff.read_directories(foreign)[0]
     height, width = image.shape
@@ -249,7 +257,7 @@ def read_fields(path: Path, separator: str) -> dict[str, str]:
     return found
 
 
-def numbers_of(path: Path, fields: dict[str, str], key: str, count: int) -> Sequence[float]:
+def read_numbers(path: Path, fields: dict[str, str], key: str, count: int) -> Sequence[float]:
     """The numbers in a field of a calibration. Raises IcyMoonError if it is missing or has another number of them."""
     if key not in fields:
         raise IcyMoonError(f"{path} has no {key}, without which disparities give no depths; add it.")

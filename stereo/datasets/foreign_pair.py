@@ -21,19 +21,19 @@ from ...support.file_shapes import FILE_NAME
 from ...support.files import read_checksum
 from ...support.foreign_bytes import MOST_BYTES, backslash_note
 from ..images import colours
-from ..images.disparity_and_occlusion import ESTIMATED, MASK, visible_in_right
+from ..images.disparity_and_occlusion import ESTIMATED, MASK, find_visible_in_right
 from ..images.image_values import describe_size, to_grey
 from ..matchers.search_range import FIXED, MOST_PX, STEP_PX, SearchRange
-from ..measure.by_pixel_class import OCCLUSION, classify, texture
-from ..measure.fit_check import Places, find_places, is_confirmed, ray_lengths
-from ..measure.metrics import usable
-from ..measure.prepare import Prepared
+from ..measure.by_pixel_class import OCCLUSION, classify_pixels, measure_texture
+from ..measure.fit_check import MatchedPlaces, find_places, is_confirmed, ray_lengths
+from ..measure.metrics import is_usable
+from ..measure.prepare import PreparedPair
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
-from .input_faults import WRONG_SIGN, check_map_size, check_truth, doubt_brightness, doubt_camera
+from .input_faults import WRONG_SIGN, check_map_size, check_truth, warn_dark_images, warn_unlikely_camera
 from .markers import find_markers, is_possible
 from .turned_images import find_turned, refuse_turned
-from .visibility import Mask, check_right_truth, read_mask, right_camera
+from .visibility import Mask, check_right_truth, make_right_camera, read_mask
 
 #: Share of the width that matchers search where a data set states no range.
 _SEARCHED_SHARE = 0.25
@@ -83,7 +83,7 @@ class ForeignPair:
         described = [self.layout, self.truth.kind, self.truth.steps, self.white]
         return [*described, *(read_checksum(path, MOST_BYTES) for path in self.files)]
 
-    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
+    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
         """Read the pair, and compute what matchers and metrics need. No sensor model is applied.
 
         Raises IcyMoonError with the name of the file and the fix if one is missing, damaged or does not fit.
@@ -91,7 +91,7 @@ class ForeignPair:
         for path in self.files:
             if not os.path.lexists(path):
                 raise IcyMoonError(f"{path} is missing{backslash_note(path)}; add it, or leave out this pair.")
-        left, right = (self._image(path) for path in (self.left, self.right))
+        left, right = (self._read_grey_image(path) for path in (self.left, self.right))
         turned = find_turned((self.left, self.right))
         if left.shape[:2] != right.shape[:2]:
             refuse_turned(turned)
@@ -108,39 +108,39 @@ class ForeignPair:
             )
         grey = to_grey(left), to_grey(right)
         places = find_places(*grey)
-        disparity, markers, notes, warnings = self._true_disparity(camera, left, places, turned)
+        disparity, markers, notes, warnings = self._read_true_disparity(camera, left, places, turned)
         truth = camera.depth(disparity)
-        visible, known, doubts = self._visible(disparity, truth, camera, left, markers)
-        gradient = texture(grey[0])
-        classes = classify(truth, visible, gradient, grey[0], None, None, None)
+        visible, known, doubts = self._find_visible(disparity, truth, camera, left, markers)
+        gradient = measure_texture(grey[0])
+        classes = classify_pixels(truth, visible, gradient, grey[0], None, None, None)
         if not known:
             classes[OCCLUSION.key] = np.full(truth.shape, -1)
         stated = self.disparities_reader() if self.disparities_reader else None
         count = stated or math.ceil(_SEARCHED_SHARE * camera.width_px)
         most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_PX) / STEP_PX) - 1
         pair = PhotographedPair(self.name, self.folder, camera, SearchRange(0, most, FIXED))
-        scale = colours.depth_scale(truth)
-        warnings = [*self._doubt_rows(), *doubt_camera(camera), *doubt_brightness(*grey), *warnings, *doubts]
-        facts = self._facts(camera, truth, visible if known else None, notes, warnings)
+        scale = colours.make_depth_scale(truth)
+        warnings = [*self._doubt_rows(), *warn_unlikely_camera(camera), *warn_dark_images(*grey), *warnings, *doubts]
+        facts = self._describe_facts(camera, truth, visible if known else None, notes, warnings)
         facts["depth_scale_m"] = [scale.low, scale.high]
-        return Prepared(pair, left, right, truth, visible, gradient, classes, _UNCHECKED, scale, facts, known)
+        return PreparedPair(pair, left, right, truth, visible, gradient, classes, _UNCHECKED, scale, facts, known)
 
-    def _image(self, path: Path) -> Array:
+    def _read_grey_image(self, path: Path) -> Array:
         if path.suffix != ".pfm":
             return read_image(path)
         radiance = read_radiance(path)
         level = np.clip(radiance / (self.white or float(radiance.max()) or 1.0), 0, 1)
         return np.asarray(np.rint(255 * level).astype(np.uint8))
 
-    def _true_disparity(
-        self, camera: StereoCamera, image: Array, places: Places, turned: Mapping[Path, int]
+    def _read_true_disparity(
+        self, camera: StereoCamera, image: Array, places: MatchedPlaces, turned: Mapping[Path, int]
     ) -> tuple[Array, tuple[float, ...], list[str], list[str]]:
         """The true disparity of the left eye, the numbers that stand for unknown ones, notes on how it was read, and
         warnings about it.
 
         It must confirm the images that viewers show ``turned``.
         """
-        values, kind = self._values(self.truth, camera, image, turned), self.truth.kind
+        values, kind = self._read_map_values(self.truth, camera, image, turned), self.truth.kind
         markers = find_markers(values, kind, camera, places)
         values[np.isin(values, markers)] = np.nan
         notes = [
@@ -156,10 +156,10 @@ class ForeignPair:
                 "are stored, which the truth confirms."
             )
         warnings = check_truth(self, values, camera, places)
-        disparity, doubts = self._possible(_as_disparity(values, kind, camera))
+        disparity, doubts = self._drop_impossible(_to_disparity(values, kind, camera))
         return disparity, markers, notes, [*warnings, *doubts]
 
-    def _possible(self, disparity: Array) -> tuple[Array, list[str]]:
+    def _drop_impossible(self, disparity: Array) -> tuple[Array, list[str]]:
         """The disparities that two images of this width can have, NaN for the others, and a warning if there are some.
 
         Raises IcyMoonError if no other remains.
@@ -178,7 +178,7 @@ class ForeignPair:
             f"which cannot be; these {100 * np.mean(~fits):.2g} % of the pixels were taken for unknown."
         ]
 
-    def _values(
+    def _read_map_values(
         self, file: MapFile, camera: StereoCamera, image: Array, turned: Mapping[Path, int] = MappingProxyType({})
     ) -> Array:
         """The depths along the optical axis, or the disparities, of a map."""
@@ -191,7 +191,7 @@ class ForeignPair:
         known = np.isfinite(values)
         return -values if self.either_sign and known.any() and np.mean(values[known] < 0) >= WRONG_SIGN else values
 
-    def _visible(
+    def _find_visible(
         self,
         disparity: Array,
         truth: Array,
@@ -205,15 +205,15 @@ class ForeignPair:
         if self.mask:
             return inside & read_mask(self.mask, disparity), True, []
         if self.truth_right:
-            values = self._values(self.truth_right, right_camera(camera), image)
+            values = self._read_map_values(self.truth_right, make_right_camera(camera), image)
             values[np.isin(values, markers)] = np.nan
             warnings = check_right_truth(self.truth_right, values, camera, disparity)
-            seen = _as_disparity(values, self.truth_right.kind, camera)
+            seen = _to_disparity(values, self.truth_right.kind, camera)
             other = camera.depth(np.where(is_possible(seen), seen, np.nan))
-            return visible_in_right(truth, other, camera), True, warnings
+            return find_visible_in_right(truth, other, camera), True, warnings
         return inside, False, []
 
-    def _facts(
+    def _describe_facts(
         self,
         camera: StereoCamera,
         truth: Array,
@@ -236,7 +236,7 @@ class ForeignPair:
             "true": float(known.mean()),
             "visible": None if visible is None else float(visible.sum() / known.sum()),
             "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))],
-            "notes": [self._missing(visible is not None), *self.notes, *notes],
+            "notes": [self._describe_missing(visible is not None), *self.notes, *notes],
             "warnings": list(warnings),
             "settings": {},
             "rendered": {},
@@ -256,7 +256,7 @@ class ForeignPair:
             else []
         )
 
-    def _missing(self, occlusion_known: bool) -> str:
+    def _describe_missing(self, occlusion_known: bool) -> str:
         """The errors and metrics that such a pair cannot have, in a sentence or two."""
         hidden = "" if occlusion_known else " Without a mask of hidden pixels there are no metrics of visible pixels."
         return (
@@ -278,12 +278,14 @@ class UnusablePair:
         """What its failure depends on."""
         return [self.fault]
 
-    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
+    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
         """Raises IcyMoonError."""
         raise IcyMoonError(self.fault)
 
 
-def find_pair(name: str, folder: Path, left: Path, find: Callable[[], ForeignPair]) -> ForeignPair | UnusablePair:
+def open_foreign_pair(
+    name: str, folder: Path, left: Path, find: Callable[[], ForeignPair]
+) -> ForeignPair | UnusablePair:
     """The result of ``find``, or an unusable pair if it raises IcyMoonError, so that no other pair is lost."""
     try:
         return find()
@@ -295,11 +297,11 @@ def _describe_marker(value: float, kind: str) -> str:
     return f"the depth {value:g} m" if kind == "depth" else f"the disparity {value:g} px"
 
 
-def _as_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
+def _to_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
     """Disparities in px of a map of depths in m or of disparities, NaN where it has no usable number."""
     if kind == "disparity":
         return values
-    return np.where(usable(values), camera.disparity(np.where(usable(values), values, 1.0)), np.nan)
+    return np.where(is_usable(values), camera.disparity(np.where(is_usable(values), values, 1.0)), np.nan)
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ..measure.fit_check import KINDS, Fault, Places, find_fault, find_misfit, known_places
-from ..measure.metrics import usable
+from ..measure.fit_check import KINDS, FitFault, MatchedPlaces, find_fault, find_misfit, make_known_places
+from ..measure.metrics import is_usable
 from .data_files import MapFile
 
 #: Share of negative numbers from which their sign is taken to be wrong.
@@ -30,7 +30,7 @@ _BASELINES_M, _FOCAL_SHARES = (1e-3, 3.0), (0.15, 30.0)
 _MOST_UNLIKE = 2.0
 
 
-class Files(Protocol):
+class PairFiles(Protocol):
     """The files of a pair that an error names."""
 
     @property
@@ -46,7 +46,7 @@ class Files(Protocol):
         """The true map."""
 
 
-def check_truth(pair: Files, values: Array, camera: StereoCamera, places: Places) -> list[str]:
+def check_truth(pair: PairFiles, values: Array, camera: StereoCamera, places: MatchedPlaces) -> list[str]:
     """Warnings about the numbers (H, W) of a true map that the images do not confirm.
 
     Raises IcyMoonError if they cannot be right, or if the images fit another reading of them.
@@ -72,28 +72,28 @@ def check_truth(pair: Files, values: Array, camera: StereoCamera, places: Places
     if fault.kind == "nothing":
         return [
             f"{path} does not fit the images: of the places that are found in both of them, "
-            f"{100 * fault.stated_share:.0f} % are where it puts them. It fits no better {_list_tried()}; look at "
+            f"{100 * fault.stated_share:.0f} % are where it puts them. It fits no better {_list_tried_factors()}; look at "
             "it beside the images."
         ]
     if fault.kind == "swapped":
         raise IcyMoonError(f"{pair.left} and {pair.right} fit the truth only the other way round; exchange the images.")
-    raise IcyMoonError(f"{path} {_describe(fault, kind)}{_describe_other_causes(fault, kind)}.")
+    raise IcyMoonError(f"{path} {_describe_fault(fault, kind)}{_describe_other_causes(fault, kind)}.")
 
 
-def _describe_other_causes(fault: Fault, kind: str) -> str:
+def _describe_other_causes(fault: FitFault, kind: str) -> str:
     """Faults other than the map's numbers that would look the same, as the rest of a sentence."""
     if fault.kind != "factor":
         return ""
     if kind == "disparity":
         return ", or state truth.steps in pairs.toml"
-    size, large = _size_of(fault)
+    size, large = _fault_size(fault)
     return (
         ", or state truth.steps in pairs.toml, unless camera.focal_px or camera.baseline_m there is "
         f"{size:g} times too {'small' if large else 'large'}, which looks the same; then correct that"
     )
 
 
-def _describe_misfit(fault: Fault, kind: str, camera: StereoCamera) -> str:
+def _describe_misfit(fault: FitFault, kind: str, camera: StereoCamera) -> str:
     """The end of a sentence about a map that nearly fits, without a full stop."""
     if fault.kind == "zoom":
         return (
@@ -111,13 +111,13 @@ def _describe_misfit(fault: Fault, kind: str, camera: StereoCamera) -> str:
     )
 
 
-def _size_of(fault: Fault) -> tuple[float, bool]:
+def _fault_size(fault: FitFault) -> tuple[float, bool]:
     """The factor of a fault, at least 1, and whether the numbers are too large by it."""
     large = fault.factor > 1
-    return round_factor(fault.factor if large else 1 / fault.factor), large
+    return round_to_unit_factor(fault.factor if large else 1 / fault.factor), large
 
 
-def doubt_camera(camera: StereoCamera) -> list[str]:
+def warn_unlikely_camera(camera: StereoCamera) -> list[str]:
     """Warnings about a camera that few stereo heads have: disparities alone do not tell that a length of it is in
     another unit."""
     found = []
@@ -137,7 +137,7 @@ def doubt_camera(camera: StereoCamera) -> list[str]:
     return found
 
 
-def doubt_brightness(left: Array, right: Array) -> list[str]:
+def warn_dark_images(left: Array, right: Array) -> list[str]:
     """A warning if one of two grey images (H, W) is too dark for matchers, which compare values, to find much."""
     means = float(np.mean(left)), float(np.mean(right))
     if max(means) <= _MOST_UNLIKE * min(means):
@@ -150,17 +150,17 @@ def doubt_brightness(left: Array, right: Array) -> list[str]:
     ]
 
 
-def _list_tried() -> str:
+def _list_tried_factors() -> str:
     *first, last = KINDS.values()
     return f"{', '.join(first)} or {last}"
 
 
-def _describe(fault: Fault, kind: str) -> str:
+def _describe_fault(fault: FitFault, kind: str) -> str:
     """The end of a sentence about a map of another ``kind`` than "depth" or "disparity", with the fix, without a full
     stop."""
     what = "depths" if kind == "depth" else "disparities"
     if fault.kind == "factor":
-        size, large = _size_of(fault)
+        size, large = _fault_size(fault)
         return (
             f"has {what} that are {size:g} times too {'large; divide' if large else 'small; multiply'} them by {size:g}"
         )
@@ -177,7 +177,7 @@ def _describe(fault: Fault, kind: str) -> str:
     }[fault.kind]
 
 
-def round_factor(size: float) -> float:
+def round_to_unit_factor(size: float) -> float:
     """A factor between units that a measured one is, else three of its digits."""
     near = min(_FACTORS, key=lambda factor: abs(size / factor - 1))
     return near if abs(size / near - 1) <= _NEAR else float(f"{size:.3g}")
@@ -193,32 +193,32 @@ def check_prediction(path: Path, disparity: Array, true_depth: Array, camera: St
         raise IcyMoonError(f"{path} has no number in any pixel; run the method on this pair again.")
     if np.mean(disparity[known] < 0) >= WRONG_SIGN:
         raise IcyMoonError(f"{path} has negative disparities, as of optical flow; negate them.")
-    both = usable(disparity) & usable(true_disparity)
+    both = is_usable(disparity) & is_usable(true_disparity)
     if not both.any():
         return
     ratio = disparity[both] / true_disparity[both]
     for unit in _UNITS[:2]:
-        if _is_unit(ratio, unit):
+        if _is_unit_factor(ratio, unit):
             raise IcyMoonError(f"{path} has disparities that are {unit:g} times too large; divide them by {unit:g}.")
-        if _is_unit(ratio, 1 / unit):
+        if _is_unit_factor(ratio, 1 / unit):
             raise IcyMoonError(f"{path} has disparities that are {unit:g} times too small; multiply them by {unit:g}.")
     for factor, share in ((2, "half"), (3, "a third of"), (4, "a quarter of")):
-        if _is_unit(ratio, 1 / factor):
+        if _is_unit_factor(ratio, 1 / factor):
             raise IcyMoonError(f"{path} has disparities of images of {share} the width; multiply them by {factor}.")
-    if _is_unit(ratio, 1 / true_disparity.shape[1]):
+    if _is_unit_factor(ratio, 1 / true_disparity.shape[1]):
         raise IcyMoonError(
             f"{path} has disparities as shares of the width; multiply them by {true_disparity.shape[1]}."
         )
-    if _is_unit(disparity[both] / true_depth[both], 1.0) and not _is_unit(ratio, 1.0):
+    if _is_unit_factor(disparity[both] / true_depth[both], 1.0) and not _is_unit_factor(ratio, 1.0):
         raise IcyMoonError(f"{path} has depths in metres; give disparities in px of the left image.")
     fault = find_fault(
-        np.where(usable(disparity), disparity, np.nan), "disparity", camera, known_places(true_disparity)
+        np.where(is_usable(disparity), disparity, np.nan), "disparity", camera, make_known_places(true_disparity)
     )
     if fault is not None and fault.kind in ("depth", "inverse"):
         what = "depths" if fault.kind == "depth" else "1 / depth"
         raise IcyMoonError(f"{path} has {what}; give disparities in px of the left image.")
     if fault is not None and fault.kind not in ("nothing", "factor"):
-        raise IcyMoonError(f"{path} {_describe(fault, 'disparity')}.")
+        raise IcyMoonError(f"{path} {_describe_fault(fault, 'disparity')}.")
 
 
 def check_map_size(
@@ -248,5 +248,5 @@ def _find_resize(shape: tuple[int, ...], wanted: tuple[int, ...], kind: str) -> 
     return f"give a {kind} for each pixel of the image"
 
 
-def _is_unit(ratio: Array, factor: float) -> bool:
+def _is_unit_factor(ratio: Array, factor: float) -> bool:
     return bool(abs(np.median(ratio) / factor - 1) <= _NEAR and np.mean(np.abs(ratio / factor - 1) <= _TIGHT) >= 0.5)

@@ -23,9 +23,9 @@ from ...support.errors import IcyMoonError
 from ...support.files import list_put_there
 from . import calibrations
 from .data_files import MapFile, find_inside
-from .foreign_pair import CameraReader, ForeignPair, UnusablePair, find_pair, safe_name
+from .foreign_pair import CameraReader, ForeignPair, UnusablePair, open_foreign_pair, safe_name
 from .plain_folder import FILE as PLAIN_FILE
-from .plain_folder import plain_pairs
+from .plain_folder import find_plain_pairs
 from .visibility import Mask
 
 #: Cameras of SceneFlow by a part of the path: focal length, px. All have this principal point and a baseline of 1.
@@ -63,12 +63,12 @@ def find_foreign_pairs(path: Path) -> list[FoundPair]:
     return found
 
 
-def _kitti(path: Path) -> list[FoundPair]:
+def _find_kitti_2015(path: Path) -> list[FoundPair]:
     root = next((folder for folder in (path, path / "training") if (folder / "image_2").is_dir()), None)
     if root is None or not (root / "disp_occ_0").is_dir():
         return []
     return list(
-        _kitti_pairs(
+        _find_kitti_pairs(
             root,
             "KITTI 2015",
             ("image_2", "image_3"),
@@ -79,30 +79,30 @@ def _kitti(path: Path) -> list[FoundPair]:
     )
 
 
-def _kitti_2012(path: Path) -> list[FoundPair]:
+def _find_kitti_2012(path: Path) -> list[FoundPair]:
     for folder in (path, path / "training"):
         if not (folder / "disp_occ").is_dir():
             continue
         for eyes, matrices in ((("colored_0", "colored_1"), ("P2", "P3")), (("image_0", "image_1"), ("P0", "P1"))):
             if (folder / eyes[0]).is_dir():
-                return list(_kitti_pairs(folder, "KITTI 2012", eyes, ("disp_occ", "disp_noc"), "calib", matrices))
+                return list(_find_kitti_pairs(folder, "KITTI 2012", eyes, ("disp_occ", "disp_noc"), "calib", matrices))
     return []
 
 
-def _kitti_pairs(
+def _find_kitti_pairs(
     root: Path, layout: str, eyes: tuple[str, str], truths: tuple[str, str], calibration: str, matrices: tuple[str, str]
 ) -> Iterator[FoundPair]:
     for image in list_put_there(root / eyes[0], "*_10.png"):
         if _KITTI_FRAME.fullmatch(image.name):
-            yield find_pair(
+            yield open_foreign_pair(
                 image.stem,
                 root,
                 image,
-                partial(_kitti_pair, root, image, layout, eyes[1], truths, calibration, matrices),
+                partial(_make_kitti_pair, root, image, layout, eyes[1], truths, calibration, matrices),
             )
 
 
-def _kitti_pair(
+def _make_kitti_pair(
     root: Path,
     image: Path,
     layout: str,
@@ -121,20 +121,22 @@ def _kitti_pair(
         find_inside(root, image.relative_to(root)),
         find_inside(root, Path(right, image.name)),
         MapFile(find_inside(root, Path(truths[0], image.name))),
-        partial(calibrations.kitti_camera, camera, matrices),
+        partial(calibrations.read_kitti_camera, camera, matrices),
         (camera,),
         mask=Mask("known", (find_inside(root, Path(truths[1], image.name)),)) if nocc.exists() else None,
     )
 
 
-def _middlebury(path: Path) -> list[FoundPair]:
+def _find_middlebury(path: Path) -> list[FoundPair]:
     return [
-        find_pair(_folder_name(path, folder), folder, folder / "im0.png", partial(_middlebury_pair, path, folder))
-        for folder in _folders_with(path, "im0.png")
+        open_foreign_pair(
+            _folder_name(path, folder), folder, folder / "im0.png", partial(_make_middlebury_pair, path, folder)
+        )
+        for folder in _find_folders_with(path, "im0.png")
     ]
 
 
-def _folders_with(path: Path, name: str) -> list[Path]:
+def _find_folders_with(path: Path, name: str) -> list[Path]:
     """The folder itself, or the folders in it, in which there is a file of this name."""
     if (path / name).is_file():
         return [path]
@@ -146,7 +148,7 @@ def _folder_name(root: Path, folder: Path) -> str:
     return safe_name((folder.resolve() if folder == root else folder).name)
 
 
-def _middlebury_pair(root: Path, folder: Path) -> ForeignPair:
+def _make_middlebury_pair(root: Path, folder: Path) -> ForeignPair:
     left = find_inside(root, folder.relative_to(root) / "im0.png")
     calibration = find_inside(root, folder.relative_to(root) / "calib.txt")
     official = (folder / "disp0GT.pfm").exists()
@@ -161,17 +163,17 @@ def _middlebury_pair(root: Path, folder: Path) -> ForeignPair:
         left,
         find_inside(folder, "im1.png"),
         MapFile(find_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
-        partial(calibrations.middlebury_camera, calibration),
+        partial(calibrations.read_middlebury_camera, calibration),
         (calibration,),
         MapFile(find_inside(folder, right)) if (folder / right).exists() else None,
         Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None,
-        row_offset_reader=partial(calibrations.row_offset_px, calibration),
-        disparities_reader=partial(calibrations.stated_disparities, calibration),
+        row_offset_reader=partial(calibrations.read_row_offset_px, calibration),
+        disparities_reader=partial(calibrations.read_disparity_count, calibration),
     )
 
 
-def _sceneflow(path: Path) -> list[FoundPair]:
-    root, passes = _root_of(path, ("frames_cleanpass", "frames_finalpass"))
+def _find_sceneflow(path: Path) -> list[FoundPair]:
+    root, passes = _find_root(path, ("frames_cleanpass", "frames_finalpass"))
     if not passes or not (root / "disparity").is_dir():
         return []
     # Its pictures come as PNG or as WebP.
@@ -180,11 +182,11 @@ def _sceneflow(path: Path) -> list[FoundPair]:
     for image in images:
         inner = image.relative_to(root / passes[0])
         name = safe_name("-".join((*inner.parent.parent.parts, inner.stem)))
-        found.append(find_pair(name, root, image, partial(_sceneflow_pair, root, passes[0], inner, name)))
+        found.append(open_foreign_pair(name, root, image, partial(_make_sceneflow_pair, root, passes[0], inner, name)))
     return found
 
 
-def _sceneflow_pair(root: Path, rendering: str, inner: Path, name: str) -> ForeignPair:
+def _make_sceneflow_pair(root: Path, rendering: str, inner: Path, name: str) -> ForeignPair:
     scene = inner.parent.parent
     other = scene / "right" / inner.name
     truth, truth_right = (Path("disparity", part).with_suffix(".pfm") for part in (inner, other))
@@ -197,14 +199,14 @@ def _sceneflow_pair(root: Path, rendering: str, inner: Path, name: str) -> Forei
         find_inside(root, Path(rendering) / inner),
         find_inside(root, Path(rendering) / other),
         MapFile(find_inside(root, truth)),
-        partial(calibrations.given_camera, focal, *_SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE),
+        partial(calibrations.make_stated_camera, focal, *_SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE),
         truth_right=MapFile(find_inside(root, truth_right)) if (root / truth_right).exists() else None,
         either_sign=True,
         notes=("The unit of length of SceneFlow is not the metre: its baseline is 1.",),
     )
 
 
-def _root_of(path: Path, passes: tuple[str, ...]) -> tuple[Path, list[str]]:
+def _find_root(path: Path, passes: tuple[str, ...]) -> tuple[Path, list[str]]:
     """The root of a data set with several renderings of its images, and those to take: of ``path`` only, if it is one,
     or the first of the others."""
     if path.name in passes:
@@ -215,8 +217,8 @@ def _root_of(path: Path, passes: tuple[str, ...]) -> tuple[Path, list[str]]:
     return root, [name for name in passes if (root / name).is_dir()]
 
 
-def _sintel(path: Path) -> list[FoundPair]:
-    root, passes = _root_of(path, ("clean_left", "final_left"))
+def _find_sintel(path: Path) -> list[FoundPair]:
+    root, passes = _find_root(path, ("clean_left", "final_left"))
     if not passes or not (root / "disparities").is_dir():
         return []
     if not (root / "camdata_left").is_dir():
@@ -228,11 +230,11 @@ def _sintel(path: Path) -> list[FoundPair]:
     for image in list_put_there(root / passes[0], "*/*.png"):
         inner = image.relative_to(root / passes[0])
         name = safe_name("-".join((inner.parent.name, inner.stem)))
-        found.append(find_pair(name, root, image, partial(_sintel_pair, root, passes[0], inner, name)))
+        found.append(open_foreign_pair(name, root, image, partial(_make_sintel_pair, root, passes[0], inner, name)))
     return found
 
 
-def _sintel_pair(root: Path, rendering: str, inner: Path, name: str) -> ForeignPair:
+def _make_sintel_pair(root: Path, rendering: str, inner: Path, name: str) -> ForeignPair:
     camera = Path("camdata_left", inner).with_suffix(".cam")
     masks = [Path(folder, inner) for folder in ("occlusions", "outofframe") if (root / folder / inner).exists()]
     calibration = find_inside(root, camera)
@@ -244,13 +246,13 @@ def _sintel_pair(root: Path, rendering: str, inner: Path, name: str) -> ForeignP
         find_inside(root, Path(rendering) / inner),
         find_inside(root, Path(rendering.replace("left", "right")) / inner),
         MapFile(find_inside(root, Path("disparities") / inner), sintel=True),
-        partial(calibrations.sintel_camera, calibration, _SINTEL_BASELINE_M),
+        partial(calibrations.read_sintel_camera, calibration, _SINTEL_BASELINE_M),
         (calibration,),
         mask=Mask("hidden", tuple(find_inside(root, each) for each in masks)) if masks else None,
     )
 
 
-def _guiss(path: Path) -> list[FoundPair]:
+def _find_guiss(path: Path) -> list[FoundPair]:
     found = []
     for depth in sorted((*list_put_there(path, "*_left.npy"), *list_put_there(path, "*/*_left.npy"))):
         left, right = (depth.with_name(depth.name.replace("_left.npy", f"_{eye}.png")) for eye in ("left", "right"))
@@ -258,11 +260,11 @@ def _guiss(path: Path) -> list[FoundPair]:
             continue
         inner = depth.relative_to(path)
         name = safe_name("-".join((*inner.parent.parts, inner.name.removesuffix("_left.npy"))))
-        found.append(find_pair(name, path, left, partial(_guiss_pair, path, inner, left, right, name)))
+        found.append(open_foreign_pair(name, path, left, partial(_make_guiss_pair, path, inner, left, right, name)))
     return found
 
 
-def _guiss_pair(root: Path, depth: Path, left: Path, right: Path, name: str) -> ForeignPair:
+def _make_guiss_pair(root: Path, depth: Path, left: Path, right: Path, name: str) -> ForeignPair:
     return ForeignPair(
         name,
         root,
@@ -271,22 +273,24 @@ def _guiss_pair(root: Path, depth: Path, left: Path, right: Path, name: str) -> 
         find_inside(root, left.relative_to(root)),
         find_inside(root, right.relative_to(root)),
         MapFile(find_inside(root, depth), "depth"),
-        _guiss_camera,
+        _make_guiss_camera,
     )
 
 
-def _guiss_camera(width: int, height: int) -> StereoCamera:
-    return calibrations.centred_camera(_GUISS_FOCAL_SHARE * width, _GUISS_BASELINE_M, width, height)
+def _make_guiss_camera(width: int, height: int) -> StereoCamera:
+    return calibrations.make_centred_camera(_GUISS_FOCAL_SHARE * width, _GUISS_BASELINE_M, width, height)
 
 
-def _our_exports(path: Path) -> list[FoundPair]:
+def _find_our_exports(path: Path) -> list[FoundPair]:
     return [
-        find_pair(_folder_name(path, folder), folder, folder / "left.png", partial(_our_export, path, folder))
-        for folder in _folders_with(path, "calibration.json")
+        open_foreign_pair(
+            _folder_name(path, folder), folder, folder / "left.png", partial(_make_our_export_pair, path, folder)
+        )
+        for folder in _find_folders_with(path, "calibration.json")
     ]
 
 
-def _our_export(root: Path, folder: Path) -> ForeignPair:
+def _make_our_export_pair(root: Path, folder: Path) -> ForeignPair:
     calibration = find_inside(root, folder.relative_to(root) / "calibration.json")
     if (folder / "extrinsics.yml").exists():
         raise IcyMoonError(
@@ -300,7 +304,7 @@ def _our_export(root: Path, folder: Path) -> ForeignPair:
             "pfm, kitti or middlebury."
         )
     name = _folder_name(root, folder)
-    camera: CameraReader = partial(calibrations.our_camera, calibration)
+    camera: CameraReader = partial(calibrations.read_exported_camera, calibration)
     return ForeignPair(
         name,
         folder,
@@ -312,12 +316,21 @@ def _our_export(root: Path, folder: Path) -> ForeignPair:
         camera,
         (calibration,),
         MapFile(find_inside(folder, f"disparity_right.{kind}")),
-        white=calibrations.saturation_radiance(calibration) if kind == "pfm" else None,
+        white=calibrations.read_saturation_radiance(calibration) if kind == "pfm" else None,
         linear=True,
     )
 
 
-FINDERS: tuple[Finder, ...] = (plain_pairs, _kitti, _kitti_2012, _middlebury, _sceneflow, _sintel, _our_exports, _guiss)
+FINDERS: tuple[Finder, ...] = (
+    find_plain_pairs,
+    _find_kitti_2015,
+    _find_kitti_2012,
+    _find_middlebury,
+    _find_sceneflow,
+    _find_sintel,
+    _find_our_exports,
+    _find_guiss,
+)
 #: The supported layouts, in words.
 KNOWN = (
     f"KITTI 2012 or 2015, Middlebury, ETH3D, SceneFlow, Sintel, GUISS, our own exports, or a folder with {PLAIN_FILE}"

@@ -49,11 +49,11 @@ def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> 
     """
     if len(names) == 1:
         return names[0]
-    scalars = [name for name in names if name.rpartition(".")[2] != _OPACITY and not _is_of_vector(name, names)]
-    for group in _candidates(scalars, kind):
+    scalars = [name for name in names if name.rpartition(".")[2] != _OPACITY and not _is_vector_component(name, names)]
+    for group in _group_candidates(scalars, kind):
         if len(group) > 1:
             raise RefusedError(
-                f"has several channels that may hold the {_plural(kind)}, {_listed(group)}; "
+                f"has several channels that may hold the {_pluralise_kind(kind)}, {_list_names(group)}; "
                 + (
                     f"keep one of them, as {kind}.Y."
                     if predicted
@@ -63,12 +63,12 @@ def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> 
         if group:
             return group[0]
     raise RefusedError(
-        f"has the channels {_listed(names)}, and none is called as one with {_plural(kind)}; "
+        f"has the channels {_list_names(names)}, and none is called as one with {_pluralise_kind(kind)}; "
         f"{_ask_for_channel(kind, predicted)}"
     )
 
 
-def colours_beside(name: str, names: Sequence[str]) -> list[str]:
+def find_sibling_colours(name: str, names: Sequence[str]) -> list[str]:
     """The other colours of the picture that a channel is one of, if it is."""
     layer, dot, own = name.rpartition(".")
     others = [layer + dot + colour for colour in _COLOURS if own in _COLOURS and colour != own]
@@ -78,8 +78,8 @@ def colours_beside(name: str, names: Sequence[str]) -> list[str]:
 def refuse_picture(name: str, names: Sequence[str], kind: str, predicted: bool = False) -> None:
     """Raise RefusedError, since a channel is one of different colours: a map may come as three equal ones only."""
     raise RefusedError(
-        f"has the channels {_listed(names)}, of which {shorten(name)} is a colour of a picture and none "
-        f"is called as one with {_plural(kind)}; {_ask_for_channel(kind, predicted)}"
+        f"has the channels {_list_names(names)}, of which {shorten(name)} is a colour of a picture and none "
+        f"is called as one with {_pluralise_kind(kind)}; {_ask_for_channel(kind, predicted)}"
     )
 
 
@@ -87,16 +87,16 @@ def _ask_for_channel(kind: str, predicted: bool) -> str:
     return (
         f"write them as the channel {kind}.Y."
         if predicted
-        else f"write the {_plural(kind)} as the channel {kind}.Y, or state theirs as truth.channel in pairs.toml."
+        else f"write the {_pluralise_kind(kind)} as the channel {kind}.Y, or state theirs as truth.channel in pairs.toml."
     )
 
 
-def find_stated(names: Sequence[str], stated: str) -> str:
+def find_stated_channel(names: Sequence[str], stated: str) -> str:
     """The one of ``names`` that ``truth.channel`` states. Raises RefusedError if it is not among them."""
     if stated not in names:
         raise RefusedError(
             f"has no {shorten(stated)}, which truth.channel in pairs.toml states, but "
-            f"{_listed(names)}; state one of these."
+            f"{_list_names(names)}; state one of these."
         )
     return stated
 
@@ -108,50 +108,50 @@ def choose_array(names: Sequence[str], kind: str, predicted: bool = False) -> st
     if len(names) == 1:
         return names[0]
     raise RefusedError(
-        f"contains the arrays {_listed(names)}; call the one with the {_plural(kind)} {kind}"
+        f"contains the arrays {_list_names(names)}; call the one with the {_pluralise_kind(kind)} {kind}"
         + ("." if predicted else ", or state it as truth.channel in pairs.toml.")
     )
 
 
-def _listed(names: Sequence[str]) -> str:
+def _list_names(names: Sequence[str]) -> str:
     """The first names, whole as a user has to state them."""
     shown = [shorten(name) for name in names[:_SHOWN]]
     return ", ".join([*shown, *([f"{len(names) - _SHOWN} more"] if len(names) > _SHOWN else [])])
 
 
-def _plural(kind: str) -> str:
+def _pluralise_kind(kind: str) -> str:
     return "depths" if kind == "depth" else "disparities"
 
 
-def _candidates(names: Sequence[str], kind: str) -> list[list[str]]:
+def _group_candidates(names: Sequence[str], kind: str) -> list[list[str]]:
     """Groups of channels of different layers that may hold the map, the likeliest group first."""
-    other_words = [name for name in names if not any(layer.startswith(_NO_MAPS) for layer in _words(name)[:-1])]
+    other_words = [name for name in names if not any(layer.startswith(_NO_MAPS) for layer in _split_words(name)[:-1])]
     return [
         *(
-            _one_of_each_picture([name for name in names if fits(word, name)])
+            _drop_repeated_colours([name for name in names if fits(word, name)])
             for word in _WORDS[kind]
-            for fits in (_is_called, _begins_as)
+            for fits in (_has_word, _has_word_beginning)
         ),
         *(
-            _one_of_each_picture([name for name in other_words if name.split(".")[-1] == component])
+            _drop_repeated_colours([name for name in other_words if name.split(".")[-1] == component])
             for component in _COMPONENTS
         ),
     ]
 
 
-def _is_called(word: str, name: str) -> bool:
-    return word in _words(name)
+def _has_word(word: str, name: str) -> bool:
+    return word in _split_words(name)
 
 
-def _begins_as(word: str, name: str) -> bool:
-    return any(part.startswith(word) for part in _words(name))
+def _has_word_beginning(word: str, name: str) -> bool:
+    return any(part.startswith(word) for part in _split_words(name))
 
 
-def _words(name: str) -> list[str]:
+def _split_words(name: str) -> list[str]:
     return name.lower().split(".")
 
 
-def _one_of_each_picture(names: Sequence[str]) -> list[str]:
+def _drop_repeated_colours(names: Sequence[str]) -> list[str]:
     """These channels, but of the colours of a layer only the first: a depth may come as three equal ones."""
     found: dict[str, str] = {}
     for name in sorted(names, key=lambda name: "RGB".find(name.rpartition(".")[2])):
@@ -160,7 +160,7 @@ def _one_of_each_picture(names: Sequence[str]) -> list[str]:
     return sorted(found.values())
 
 
-def _is_of_vector(name: str, names: Sequence[str]) -> bool:
+def _is_vector_component(name: str, names: Sequence[str]) -> bool:
     """Whether a channel is a component of a vector, by those beside it."""
     layer, _, own = name.rpartition(".")
     beside = {each.rpartition(".")[2].lower() for each in names if each.rpartition(".")[0] == layer} & _VECTOR

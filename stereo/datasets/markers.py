@@ -10,7 +10,7 @@ import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
-from ..measure.fit_check import Places, are_seen
+from ..measure.fit_check import MatchedPlaces, are_seen_at_disparity
 
 #: Least share of an image that a plateau has, and the factor by which it is nearer or farther than all other points.
 _SHARE, _BEYOND = 0.002, 1.5
@@ -18,7 +18,7 @@ _SHARE, _BEYOND = 0.002, 1.5
 _STEPS = 2
 
 
-def find_markers(values: Array, kind: str, camera: StereoCamera, places: Places) -> tuple[float, ...]:
+def find_markers(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> tuple[float, ...]:
     """Values that stand for unknown ones in a map (H, W) of "depth" (m) or "disparity" (px), NaN where unknown.
 
     Such a value is the nearest or the farthest one, is the same to the bit in many pixels, and lies far beyond all
@@ -31,9 +31,9 @@ def find_markers(values: Array, kind: str, camera: StereoCamera, places: Places)
     )
 
 
-def _find_plateau(values: Array, kind: str, camera: StereoCamera, places: Places, nearest: bool) -> float | None:
+def _find_plateau(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces, nearest: bool) -> float | None:
     """The value of the plateau at one end of the range, if there is one."""
-    disparity = _disparity(values, kind, camera)
+    disparity = _to_disparity(values, kind, camera)
     known = disparity > -camera.doffs_px  # there is nothing at the horizon and behind the camera
     if not known.any():
         return None
@@ -48,7 +48,7 @@ def _find_plateau(values: Array, kind: str, camera: StereoCamera, places: Places
     near, far = sorted((end + camera.doffs_px, beside + camera.doffs_px), reverse=True)
     if not (near >= _BEYOND * far or (kind == "disparity" and end < 0 < beside)):
         return None
-    return None if are_seen(plateau, end, places) else float(values[plateau][0])
+    return None if are_seen_at_disparity(plateau, end, places) else float(values[plateau][0])
 
 
 def is_possible(disparity: Array) -> Array:
@@ -57,7 +57,7 @@ def is_possible(disparity: Array) -> Array:
     return ~(np.abs(disparity) >= disparity.shape[1])
 
 
-def _disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
+def _to_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
     """Disparities in px, NaN where no depth is in front of the camera."""
     if kind == "disparity":
         return values

@@ -35,7 +35,7 @@ from ...support.files import list_put_there
 from ...support.foreign_bytes import parse_toml, path_hint
 from ...support.suggestions import nearest
 from .data_files import MapFile, find_inside, read_text
-from .foreign_pair import ForeignPair, UnusablePair, find_pair, safe_name
+from .foreign_pair import ForeignPair, UnusablePair, open_foreign_pair, safe_name
 from .visibility import Mask
 
 FILE = "pairs.toml"
@@ -75,7 +75,7 @@ _KEYS = {
 _FIX = "write it as the manual's page on foreign data shows"
 
 
-def plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
+def find_plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
     """The pairs that ``pairs.toml`` in a folder names; empty if there is no such file.
 
     Raises IcyMoonError if it is wrong, or names no left image, or a file that no pair has.
@@ -85,12 +85,10 @@ def plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
     path = find_inside(root, FILE)
     data = parse_pairs_toml(path)
     patterns = {
-        name: _checked_pattern(path, key, data[table][key])
-        for name, (table, key) in _KEYS.items()
-        if key in data[table]
+        name: _check_pattern(path, key, data[table][key]) for name, (table, key) in _KEYS.items() if key in data[table]
     }
     kind = _truth_kind(path, patterns)
-    names = _names(root, patterns["left"])
+    names = _list_pair_names(root, patterns["left"])
     if not names:
         raise IcyMoonError(f"{path}: there is no file {patterns['left']}; correct images.left.")
     for key, pattern in patterns.items():  # files of single pairs may be missing, which costs these only
@@ -100,11 +98,11 @@ def plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
                 f"{pattern.replace(_PLACE, names[0])}; correct {'.'.join(_KEYS[key])}."
             )
     return [
-        find_pair(
+        open_foreign_pair(
             safe_name(name),
             root,
             root / patterns["left"].replace(_PLACE, name),
-            partial(_pair, root, path, name, kind, patterns, data),
+            partial(_make_pair, root, path, name, kind, patterns, data),
         )
         for name in names
     ]
@@ -142,7 +140,7 @@ def parse_pairs_toml(path: Path) -> dict[str, Any]:
     return data
 
 
-def _checked_pattern(path: Path, key: str, pattern: str) -> str:
+def _check_pattern(path: Path, key: str, pattern: str) -> str:
     parts = PurePosixPath(pattern).parts
     if not pattern or ".." in parts or PurePosixPath(pattern).is_absolute() or any(each in pattern for each in "\\:\0"):
         raise IcyMoonError(
@@ -161,7 +159,7 @@ def _checked_pattern(path: Path, key: str, pattern: str) -> str:
     return pattern
 
 
-def _names(root: Path, pattern: str) -> list[str]:
+def _list_pair_names(root: Path, pattern: str) -> list[str]:
     """The names of all pairs for which there is a left image, sorted."""
     wildcard = "*".join(glob.escape(part) for part in pattern.split(_PLACE))
     first, *rest = (re.escape(part) for part in pattern.split(_PLACE))
@@ -170,7 +168,9 @@ def _names(root: Path, pattern: str) -> list[str]:
     return sorted({match["pair"] for match in found if match})
 
 
-def _pair(root: Path, path: Path, name: str, kind: str, patterns: dict[str, str], data: dict[str, Any]) -> ForeignPair:
+def _make_pair(
+    root: Path, path: Path, name: str, kind: str, patterns: dict[str, str], data: dict[str, Any]
+) -> ForeignPair:
     def file(key: str) -> Path:
         return find_inside(root, patterns[key].replace(_PLACE, name))
 
@@ -186,7 +186,7 @@ def _pair(root: Path, path: Path, name: str, kind: str, patterns: dict[str, str]
         file("left"),
         file("right"),
         MapFile(file(kind), kind, steps, along_ray, channel=channel),
-        partial(_camera, data["camera"]),
+        partial(_make_camera, data["camera"]),
         (path,),
         MapFile(file("truth_right"), kind, steps, along_ray, channel=channel) if "truth_right" in patterns else None,
         Mask("seen", (file("visible"),)) if "visible" in patterns else None,
@@ -194,7 +194,7 @@ def _pair(root: Path, path: Path, name: str, kind: str, patterns: dict[str, str]
     )
 
 
-def _camera(stated: dict[str, float], width: int, height: int) -> StereoCamera:
+def _make_camera(stated: dict[str, float], width: int, height: int) -> StereoCamera:
     return StereoCamera(
         width,
         height,

@@ -15,8 +15,8 @@ from ...support.errors import IcyMoonError
 from ...support.files import is_of_file_manager
 from ..matchers.methods import Method, describe_method
 from ..measure.costs import COSTS
-from ..measure.metrics import usable
-from ..measure.prepare import Prepared
+from ..measure.metrics import is_usable
+from ..measure.prepare import PreparedPair
 from .data_files import MapFile, find_inside, read_map
 from .input_faults import check_prediction
 from .markers import is_possible
@@ -48,7 +48,7 @@ def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequenc
         if describe_method(name) in map(describe_method, (*taken, *(method.label for method in found))):
             raise IcyMoonError(f"--predictions {text}: there is already a method {name}; choose another name.")
         root = Path(folder).expanduser().absolute()
-        if not any(_find(root, pair) for pair in pairs):
+        if not any(_find_prediction_files(root, pair) for pair in pairs):
             shown = ", ".join(f"{pairs[0]}{ending}" for ending in ENDINGS[:3])
             empty.append(f"{folder} has no disparity of any pair; name the files after the pairs, such as {shown}.")
             if not root.is_dir():
@@ -62,9 +62,9 @@ def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequenc
 def find_prediction(method: Method, pair: str) -> Path:
     """The file with a pair's disparity. Raises IcyMoonError if there are no files or several."""
     root = Path(method.options["folder"])
-    found = _find(root, pair)
+    found = _find_prediction_files(root, pair)
     if not found:
-        other = _find_misnamed(root, pair)
+        other = _find_misnamed_file(root, pair)
         fix = f"rename {other.name} to {pair}{other.suffix}" if other else f"add {pair}.pfm, or .png, .npy or .exr"
         raise IcyMoonError(f"{root} has no disparity of the pair {pair}; {fix}.")
     if len(found) > 1:
@@ -74,11 +74,11 @@ def find_prediction(method: Method, pair: str) -> Path:
     return find_inside(root, found[0].relative_to(root))
 
 
-def _find(root: Path, pair: str) -> list[Path]:
+def _find_prediction_files(root: Path, pair: str) -> list[Path]:
     return [path for ending in ENDINGS if (path := root / f"{pair}{ending}").is_file()]
 
 
-def _find_misnamed(root: Path, pair: str) -> Path | None:
+def _find_misnamed_file(root: Path, pair: str) -> Path | None:
     """The only file that may be a prediction and whose name contains the ``pair`` as a whole word; None if no file or
     several do."""
     named = re.compile(rf"(?<![A-Za-z0-9]){re.escape(pair)}(?![A-Za-z0-9])")
@@ -93,7 +93,7 @@ def _find_misnamed(root: Path, pair: str) -> Path | None:
     return found[0] if len(found) == 1 else None
 
 
-def read_prediction(method: Method, prepared: Prepared) -> tuple[Array, dict[str, Any]]:
+def read_prediction(method: Method, prepared: PreparedPair) -> tuple[Array, dict[str, Any]]:
     """The disparity, float32 (H, W), NaN where invalid, and an ``info`` like the one of ``match``.
 
     Raises IcyMoonError if the file is missing, damaged, or of another size, sign or unit.
@@ -101,7 +101,7 @@ def read_prediction(method: Method, prepared: Prepared) -> tuple[Array, dict[str
     path = find_prediction(method, prepared.pair.name)
     disparity = read_map(MapFile(path, predicted=True))
     check_prediction(path, disparity, prepared.truth, prepared.pair.camera)
-    found = usable(disparity) & is_possible(disparity)
+    found = is_usable(disparity) & is_possible(disparity)
     return np.where(found, disparity, np.nan).astype(np.float32), {
         "method": PREDICTION,
         "options": method.options,

@@ -14,10 +14,10 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..images.image_values import describe_size, to_grey
-from ..images.masks import overlap
-from ..measure.fit_check import KINDS, TURNS, Fault, find_fault, known_places, seen_from_other
+from ..images.masks import intersection_over_union
+from ..measure.fit_check import KINDS, TURNS, FitFault, find_fault, make_known_places, warp_to_other_eye
 from .data_files import MapFile, read_image, read_map
-from .input_faults import WRONG_SIGN, round_factor
+from .input_faults import WRONG_SIGN, round_to_unit_factor
 
 #: Numbers of a mask: hidden or unknown, known to the left eye only, seen by both. The share of pixels that may have
 #: others, as edges of a mask that was made smaller do.
@@ -88,23 +88,23 @@ def find_better_reading(seen: Array, disparity: Array) -> str | None:
     the left eye's true ``disparity`` (H, W), px, far better. None if no reading does or nearly nothing is hidden."""
     known = np.isfinite(disparity)
     hidden = known & ~(
-        is_in_frame(matching_column(disparity)) & ~find_hidden(disparity, seen_from_other(disparity, "left"), "left")
+        is_in_frame(matching_column(disparity)) & ~find_hidden(disparity, warp_to_other_eye(disparity, "left"), "left")
     )
     if hidden.sum() < _FEWEST:
         return None
-    shares = {words: overlap(known & ~reading, hidden) for words, reading in _readings(seen)}
-    stated = overlap(known & ~seen, hidden)
+    shares = {words: intersection_over_union(known & ~reading, hidden) for words, reading in _list_readings(seen)}
+    stated = intersection_over_union(known & ~seen, hidden)
     best = max(shares, key=lambda words: shares[words])
     return best if shares[best] >= max(_FITS, _BETTER * stated) else None
 
 
-def _readings(seen: Array) -> Iterator[tuple[str, Array]]:
+def _list_readings(seen: Array) -> Iterator[tuple[str, Array]]:
     yield "with seen and hidden exchanged", ~seen
     for name, turn in TURNS.items():
         yield KINDS[name], turn(seen)
 
 
-def right_camera(camera: StereoCamera) -> StereoCamera:
+def make_right_camera(camera: StereoCamera) -> StereoCamera:
     """The camera with the principal point of its right eye."""
     return replace(camera, cx_px=camera.cx_px + camera.doffs_px)
 
@@ -131,7 +131,7 @@ def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, dispar
         ]
     how = KINDS[fault.kind]
     if fault.kind == "factor":
-        size = round_factor(max(fault.factor, 1 / fault.factor))
+        size = round_to_unit_factor(max(fault.factor, 1 / fault.factor))
         how = f"with {what} {'divided' if fault.factor > 1 else 'multiplied'} by {size:g}"
     elif fault.kind == "right_eye":
         how = "as the map of the left eye"
@@ -141,10 +141,10 @@ def check_right_truth(file: MapFile, values: Array, camera: StereoCamera, dispar
     )
 
 
-def find_fault_of_right(values: Array, kind: str, camera: StereoCamera, disparity: Array) -> Fault | None:
+def find_fault_of_right(values: Array, kind: str, camera: StereoCamera, disparity: Array) -> FitFault | None:
     """The fault of the right eye's map ``values`` (H, W), of ``kind`` "depth" (m) or "disparity" (px), by the left
     eye's true ``disparity`` (H, W); both NaN where unknown. None if they fit. "right_eye" is the left eye's map."""
     # Mirrored, the right eye is the left one of a pair. Its places are where the left eye's truth puts them.
-    right = right_camera(camera)
+    right = make_right_camera(camera)
     mirrored = replace(right, cx_px=camera.width_px - right.cx_px)
-    return find_fault(values[:, ::-1], kind, mirrored, known_places(seen_from_other(disparity, "left")[:, ::-1]))
+    return find_fault(values[:, ::-1], kind, mirrored, make_known_places(warp_to_other_eye(disparity, "left")[:, ::-1]))

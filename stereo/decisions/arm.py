@@ -13,8 +13,8 @@ from ...physics.arm.parametric import JOINTS, arm_of, commanded_rad, real_rad
 from ...render.pairs.pair_folder import Pair
 from ...support.arrays import Array
 from ..images.exr import NORMAL_PASSES, read_truth
-from .dem import points_of
-from .scoop_pose import find_pose, pose_error, sample_surface
+from .dem import back_project_depth
+from .scoop_pose import find_pose, measure_pose_error, sample_surface
 
 SCOOP = "scoop"
 _MODEL_POINTS = 6000
@@ -52,7 +52,7 @@ def find_scoop(pair: Pair, pose: Array, random: np.random.Generator) -> Scoop | 
     )
 
 
-def stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
+def read_stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
     """The angles in degrees that the joints of a pair's arm were told, ``commanded``, and the ``fault`` of each; None
     if there is no arm of ours in it."""
     if not pair.data.get("lander") or pair.settings.lander.kind != "PARAMETRIC":
@@ -64,15 +64,15 @@ def stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
     }
 
 
-def locate(scoop: Scoop, depth_m: Array, pair: Pair, pose: Array, random: np.random.Generator) -> dict[str, Any]:
+def locate_scoop(scoop: Scoop, depth_m: Array, pair: Pair, pose: Array, random: np.random.Generator) -> dict[str, Any]:
     """Where a planar depth (H, W) finds the scoop, seen from a left eye that is taken to have this ``pose``.
 
     ``error_mm`` at its middle and ``error_deg`` from the true pose, ``apart_mm`` of the true pose from the commanded
     one, ``found_mm`` (3,) east, north and up of the pose found from the commanded one, ``pixels`` of it, and the share
     ``known`` of these. None where there is no pose.
     """
-    apart, _ = pose_error(scoop.true, scoop.commanded, scoop.middle)
-    points, _ = points_of(np.where(scoop.mask, depth_m, np.nan), pair.camera.rectified, pose)
+    apart, _ = measure_pose_error(scoop.true, scoop.commanded, scoop.middle)
+    points, _ = back_project_depth(np.where(scoop.mask, depth_m, np.nan), pair.camera.rectified, pose)
     pixels = int(scoop.mask.sum())
     found = find_pose(scoop.model, points, scoop.commanded, pose[:3, 3], random)
     numbers: dict[str, Any] = {
@@ -85,6 +85,6 @@ def locate(scoop: Scoop, depth_m: Array, pair: Pair, pose: Array, random: np.ran
     }
     if found is None:
         return numbers
-    error_mm, error_deg = pose_error(found, scoop.true, scoop.middle)
+    error_mm, error_deg = measure_pose_error(found, scoop.true, scoop.middle)
     shift = (found - scoop.commanded)[:3] @ np.append(scoop.middle, 1.0)
     return numbers | {"error_mm": error_mm, "error_deg": error_deg, "found_mm": (1000 * shift).tolist()}

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from .dem import Grid
-from .footprints import disc, sums
+from .footprints import make_disc, sum_under_footprint
 
 #: Standard deviations of a difference beyond which a cell has changed, at 95 % (Lane et al. 2003).
 _LEVEL = 1.96
@@ -39,7 +39,7 @@ class Change:
     known: float
 
 
-def region_cells(grid: Grid, region_m: Sequence[float]) -> Array:
+def find_region_cells(grid: Grid, region_m: Sequence[float]) -> Array:
     """Boolean (rows, columns): cells whose centre is in [x_min, y_min, x_max, y_max], metres."""
     east, north = grid.centres()
     west, south, last_east, last_north = region_m
@@ -62,16 +62,18 @@ def measure_change(before_m: Array, after_m: Array, region: Array, cell_m: float
     )
 
 
-def local_sigma(error_m: Array, cell_m: float, diameter_m: float) -> Array:
+def measure_local_sigma(error_m: Array, cell_m: float, diameter_m: float) -> Array:
     """The standard deviation of the heights of each cell about the truth (rows, columns), metres: the root mean square
     of the known errors in a disc around it, NaN where there is none."""
-    known, around = np.isfinite(error_m), disc(diameter_m, cell_m)
-    count = np.rint(sums(known, around))
-    square = np.maximum(sums(np.where(known, error_m, 0.0) ** 2, around), 0.0)  # the filter may give less than 0
+    known, around = np.isfinite(error_m), make_disc(diameter_m, cell_m)
+    count = np.rint(sum_under_footprint(known, around))
+    square = np.maximum(
+        sum_under_footprint(np.where(known, error_m, 0.0) ** 2, around), 0.0
+    )  # the filter may give less than 0
     return np.sqrt(np.divide(square, count, out=np.full(count.shape, np.nan), where=count > 0))
 
 
-def find_level(before_sigma_m: Array, after_sigma_m: Array) -> Array:
+def find_detection_level(before_sigma_m: Array, after_sigma_m: Array) -> Array:
     """The level of detection of each cell at 95 %, metres, from the standard deviations of both heights."""
     return np.asarray(_LEVEL * np.hypot(before_sigma_m, after_sigma_m))
 
@@ -101,7 +103,7 @@ class Detection:
         }
 
 
-def detect(
+def detect_change(
     before_m: Array,
     after_m: Array,
     truth_before_m: Array,
@@ -111,14 +113,14 @@ def detect(
 ) -> Detection:
     """Which cells changed beyond the errors of two elevation models (rows, columns) against their truths."""
     sigmas = [
-        local_sigma(found - true, cell_m, diameter_m)
+        measure_local_sigma(found - true, cell_m, diameter_m)
         for found, true in ((before_m, truth_before_m), (after_m, truth_after_m))
     ]
-    return Detection(find_level(*sigmas), before_m - after_m)
+    return Detection(find_detection_level(*sigmas), before_m - after_m)
 
 
 @dataclass(frozen=True)
-class Noise:
+class VolumeNoise:
     """Volumes of null pairs: their mean, their standard deviation, and the smallest volume that is noticed, m3."""
 
     bias_m3: float
@@ -128,7 +130,7 @@ class Noise:
     pairs: int
 
 
-def find_noise(volumes_m3: Sequence[float]) -> Noise | None:
+def find_volume_noise(volumes_m3: Sequence[float]) -> VolumeNoise | None:
     """What null pairs tell of a volume; None of fewer than ``FEWEST_NULLS``. The volumes are differences to one common
     model, whose own error they share, so it is estimated from them: a difference of two has twice the variance of one.
     """
@@ -136,11 +138,11 @@ def find_noise(volumes_m3: Sequence[float]) -> Noise | None:
         return None
     values = np.asarray(volumes_m3, np.float64)
     sigma, free = math.sqrt(2.0) * float(values.std(ddof=1)), len(values) - 1
-    low, high = (NOTICED * sigma * math.sqrt(free / _chi_square(free, z)) for z in (_LEVEL, -_LEVEL))
-    return Noise(float(values.mean()), sigma, NOTICED * sigma, (low, high), len(values))
+    low, high = (NOTICED * sigma * math.sqrt(free / _chi_square_quantile(free, z)) for z in (_LEVEL, -_LEVEL))
+    return VolumeNoise(float(values.mean()), sigma, NOTICED * sigma, (low, high), len(values))
 
 
-def _chi_square(free: int, z: float) -> float:
+def _chi_square_quantile(free: int, z: float) -> float:
     """The quantile of chi-square at the normal deviate ``z`` (Wilson and Hilferty 1931): from four degrees of freedom
     on its root is within 4 % at both ends of 95 %."""
     return float(free * (1 - 2 / (9 * free) + z * math.sqrt(2 / (9 * free))) ** 3)

@@ -43,7 +43,7 @@ class Grid:
         x, y = np.meshgrid(east, north)
         return x, y
 
-    def cells_of(self, position_m: Array) -> Array:
+    def find_cells(self, position_m: Array) -> Array:
         """The number of the cell, row by row, of each point (n, 2 or 3); -1 outside."""
         column = np.floor((position_m[:, 0] - self.west_m) / self.cell_m)
         row = np.floor((self.north_m - position_m[:, 1]) / self.cell_m)
@@ -67,7 +67,7 @@ class Dem:
         """Boolean (rows, columns): the height is known."""
         return np.isfinite(self.height_m)
 
-    def geotiff(self, ground: Mapping[str, Any] | None = None) -> bytes:
+    def encode_geotiff(self, ground: Mapping[str, Any] | None = None) -> bytes:
         """The heights as the bytes of a GeoTIFF in the site's frame.
 
         Its metadata ``map`` is the place on a map that the entry ``ground`` of a ``pair.json`` states, as JSON.
@@ -93,7 +93,7 @@ def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> Array:
     return read(path, parse, "a map of cells", fix, most=min(4 * math.prod(shape) + _HEADER, MOST_BYTES))
 
 
-def points_of(depth_m: Array, camera: StereoCamera, pose: Array) -> tuple[Array, Array]:
+def back_project_depth(depth_m: Array, camera: StereoCamera, pose: Array) -> tuple[Array, Array]:
     """Points (n, 3) in the site's frame of the pixels of a planar depth (H, W) that are known, and their flat indices.
 
     ``pose`` (4, 4) leads from the eye of the parallel rig, in OpenCV's axes, to the site.
@@ -111,9 +111,9 @@ def points_of(depth_m: Array, camera: StereoCamera, pose: Array) -> tuple[Array,
     return (rays * depth_m.ravel()[index, None]) @ pose[:3, :3].T + pose[:3, 3], index
 
 
-def grid_points(position_m: Array, grid: Grid, fewest: int = FEWEST_POINTS) -> Dem:
+def make_dem(position_m: Array, grid: Grid, fewest: int = FEWEST_POINTS) -> Dem:
     """The median height of the points (n, 3) in each cell; a median, because matchers leave flying points at edges."""
-    cell = grid.cells_of(position_m)
+    cell = grid.find_cells(position_m)
     inside = cell >= 0
     cell, height = cell[inside], position_m[inside, 2]
     order = np.lexsort((height, cell))
@@ -130,14 +130,14 @@ def grid_points(position_m: Array, grid: Grid, fewest: int = FEWEST_POINTS) -> D
 
 def mean_by_cell(position_m: Array, values: Array, grid: Grid) -> Array:
     """The mean of values (n,) over the points of each cell, NaN in cells without points."""
-    cell = grid.cells_of(position_m)
+    cell = grid.find_cells(position_m)
     inside = cell >= 0
     count = np.bincount(cell[inside], minlength=grid.rows * grid.columns)
     total = np.bincount(cell[inside], values[inside].astype(np.float64), minlength=len(count))
     return np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0).reshape(grid.rows, grid.columns)
 
 
-def height_errors(found: Dem, truth_m: Array, over: Array) -> dict[str, float | None]:
+def measure_height_errors(found: Dem, truth_m: Array, over: Array) -> dict[str, float | None]:
     """Errors of the heights of the cells that are true in ``over``, metres; None where no cell is known.
 
     ``bias_m`` mean, ``rmse_m``, ``nmad_m`` 1.4826 times the median distance from the median, ``le90_m`` the 90th
@@ -159,7 +159,7 @@ def height_errors(found: Dem, truth_m: Array, over: Array) -> dict[str, float | 
     }
 
 
-def grid_of(stated: Mapping[str, Any]) -> Grid:
+def read_grid(stated: Mapping[str, Any]) -> Grid:
     """The grid of the entry ``workspace`` of a ``pair.json``.
 
     Raises IcyMoonError if it is not of two sides with 1 to 4096 cells, or has no corner.

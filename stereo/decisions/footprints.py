@@ -30,21 +30,21 @@ class Planes:
     north_slope: Array  # and northward
 
 
-def disc(diameter_m: float, cell_m: float) -> Array:
+def make_disc(diameter_m: float, cell_m: float) -> Array:
     """Cells, 1.0 or 0.0, of a disc on a square of an odd number of cells; its centre always is."""
     reach = max(0, int(np.floor(diameter_m / 2 / cell_m + 1e-9)))
     north, east = np.mgrid[-reach : reach + 1, -reach : reach + 1] * cell_m
     return np.asarray((east**2 + north**2 <= (diameter_m / 2) ** 2 * (1 + 1e-9)), np.float64)
 
 
-def sums(values: Array, weights: Array) -> Array:
+def sum_under_footprint(values: Array, weights: Array) -> Array:
     """The sum of values (rows, columns) under the footprint ``weights`` around each cell; beyond the border is 0."""
     return np.asarray(cv2.filter2D(values.astype(np.float64), cv2.CV_64F, weights, borderType=cv2.BORDER_CONSTANT))
 
 
 def fit_planes(height_m: Array, cell_m: float, diameter_m: float) -> Planes:
     """Fit a plane by least squares to the known heights in a disc around each cell; NaN where there are too few."""
-    shape = disc(diameter_m, cell_m)
+    shape = make_disc(diameter_m, cell_m)
     reach = shape.shape[0] // 2
     v, u = (
         np.mgrid[-reach : reach + 1, -reach : reach + 1] * cell_m
@@ -52,8 +52,11 @@ def fit_planes(height_m: Array, cell_m: float, diameter_m: float) -> Planes:
     known = np.isfinite(height_m)
     middle = float(np.mean(height_m[known])) if known.any() else 0.0
     mask, z = known.astype(np.float64), np.where(known, height_m - middle, 0.0)
-    n, su, sv, suu, suv, svv = (sums(mask, shape * each) for each in (1.0, u, v, u * u, u * v, v * v))
-    sz, suz, svz, szz = (*(sums(z, shape * each) for each in (1.0, u, v)), sums(z * z, shape))
+    n, su, sv, suu, suv, svv = (sum_under_footprint(mask, shape * each) for each in (1.0, u, v, u * u, u * v, v * v))
+    sz, suz, svz, szz = (
+        *(sum_under_footprint(z, shape * each) for each in (1.0, u, v)),
+        sum_under_footprint(z * z, shape),
+    )
     count = np.maximum(n, 1.0)
     cuu, cuv, cvv = suu - su * su / count, suv - su * sv / count, svv - sv * sv / count
     cuz, cvz, czz = suz - su * sz / count, svz - sv * sz / count, szz - sz * sz / count
@@ -71,18 +74,18 @@ def fit_planes(height_m: Array, cell_m: float, diameter_m: float) -> Planes:
     )
 
 
-def share_under(mask: Array, cell_m: float, diameter_m: float, among: Array | None = None) -> Array:
+def share_under_footprint(mask: Array, cell_m: float, diameter_m: float, among: Array | None = None) -> Array:
     """The share of the cells under each footprint where ``mask`` is true, or its mean value. If ``among`` is given,
     only its cells count, and footprints without any are NaN. Cells beyond the border count as false."""
-    shape = disc(diameter_m, cell_m)
+    shape = make_disc(diameter_m, cell_m)
     if among is None:
-        return np.clip(sums(mask.astype(np.float64), shape) / shape.sum(), 0.0, 1.0)
-    count = np.rint(sums(among.astype(np.float64), shape))
-    total = sums(np.where(among, mask, 0.0), shape)
+        return np.clip(sum_under_footprint(mask.astype(np.float64), shape) / shape.sum(), 0.0, 1.0)
+    count = np.rint(sum_under_footprint(among.astype(np.float64), shape))
+    total = sum_under_footprint(np.where(among, mask, 0.0), shape)
     return np.clip(np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0), 0.0, 1.0)
 
 
-def distance_to(mask: Array, cell_m: float) -> Array:
+def distance_to_nearest_m(mask: Array, cell_m: float) -> Array:
     """The distance of each cell's centre to the nearest cell where ``mask`` is true, metres; infinite if none is."""
     if not mask.any():
         return np.full(mask.shape, np.inf)

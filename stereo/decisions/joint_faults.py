@@ -26,7 +26,7 @@ _SAME_DEG = 1e-4
 _Entry = Mapping[str, Any]
 
 
-def find_faults(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequence[str]) -> list[dict[str, Any]]:
+def find_joint_faults(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequence[str]) -> list[dict[str, Any]]:
     """For each method and each joint that is off in some pair: by ``angles`` (degrees, either way), the number of
     ``pairs``, the share ``noticed`` and the ``roc_area`` against the pairs without a fault; ``noticed_from_deg``, the
     smallest of these angles from which on every pair is noticed, or None; ``limit_mm``, ``sound`` pairs and the share
@@ -35,7 +35,7 @@ def find_faults(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequenc
     Empty if no pair has a fault of exactly one joint. A pair in which no pose is found is not noticed.
     """
     joints: dict[str, dict[str, Any]] = {fact["pair"]: fact["joints"] for fact in facts if fact.get("joints")}
-    off = {pair: _faults_of(stated) for pair, stated in joints.items()}
+    off = {pair: _read_faults(stated) for pair, stated in joints.items()}
     names = list(dict.fromkeys(joint for faults in off.values() if len(faults) == 1 for joint in faults))
     found = []
     for label in labels if names else ():
@@ -58,22 +58,22 @@ def _find_by_method(
     sound: dict[str, list[Array]] = {}
     for pair, place in own.items():
         if not off[pair] and place is not None:
-            sound.setdefault(_told(joints[pair]), []).append(np.array(place))
-    scores = np.array([score for places in sound.values() for score in _scores_without(places)])
-    limit = _limit(scores)
+            sound.setdefault(_commanded_key(joints[pair]), []).append(np.array(place))
+    scores = np.array([score for places in sound.values() for score in _score_leaving_one_out(places)])
+    limit = _find_fault_limit(scores)
     found = []
     for joint in names:
         angles: dict[float, list[float]] = {}
         for pair, place in own.items():
-            if list(off[pair]) == [joint] and _told(joints[pair]) in sound:
-                middle = np.mean(sound[_told(joints[pair])], axis=0)
+            if list(off[pair]) == [joint] and _commanded_key(joints[pair]) in sound:
+                middle = np.mean(sound[_commanded_key(joints[pair])], axis=0)
                 score = -math.inf if place is None else float(np.linalg.norm(np.array(place) - middle))
                 angles.setdefault(abs(off[pair][joint]), []).append(score)
         found.append(
             {
                 "method": label,
                 "joint": joint,
-                **_rates(angles, scores, limit),
+                **_measure_rates(angles, scores, limit),
                 "limit_mm": limit,
                 "sound": len(scores),
                 "false_alarms": float((scores > limit).mean()) if limit is not None else None,
@@ -88,7 +88,7 @@ def _find_by_method(
     return found
 
 
-def _rates(angles: Mapping[float, Sequence[float]], sound: Array, limit: float | None) -> dict[str, Any]:
+def _measure_rates(angles: Mapping[float, Sequence[float]], sound: Array, limit: float | None) -> dict[str, Any]:
     rates = [
         {
             "deg": angle,
@@ -116,13 +116,13 @@ def roc_area(scores: Array, sound: Array) -> float | None:
     return float(above.mean() + (scores[:, None] == sound).mean() / 2)
 
 
-def _scores_without(places: Sequence[Array]) -> list[float]:
+def _score_leaving_one_out(places: Sequence[Array]) -> list[float]:
     """Distance of each place (3,) from the mean of the others."""
     total, count = np.sum(places, axis=0), len(places)
     return [float(np.linalg.norm(place - (total - place) / (count - 1))) for place in places] if count > 1 else []
 
 
-def _limit(scores: Array) -> float | None:
+def _find_fault_limit(scores: Array) -> float | None:
     """The limit that one more score exceeds in 5 of 100 cases, by Student's t of the scores' mean and deviation; None
     for fewer than FEWEST_SOUND scores."""
     if len(scores) < FEWEST_SOUND:
@@ -132,9 +132,9 @@ def _limit(scores: Array) -> float | None:
     return float(scores.mean() + factor * scores.std(ddof=1) * math.sqrt(1 + 1 / len(scores)))
 
 
-def _faults_of(stated: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+def _read_faults(stated: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     return {joint: angle for joint, angle in stated["fault"].items() if abs(angle) > _SAME_DEG}
 
 
-def _told(stated: Mapping[str, Mapping[str, float]]) -> str:
+def _commanded_key(stated: Mapping[str, Mapping[str, float]]) -> str:
     return repr(sorted(stated["commanded"].items()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...support.arrays import Array
-from ..images.colours import ERROR, INVALID_GREY, signed_colours
+from ..images.colours import ERROR, INVALID_GREY, colour_signed_errors
 from .stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap
 
 #: Height error, metres, from which on its colour is the full one, as in the pictures of the report.
@@ -50,7 +50,7 @@ def colour_cells(stored: StoredMap) -> Array:
     """RGB uint8 (rows, columns, 3)."""
     values = stored.values
     if stored.kind == HEIGHT_ERROR:
-        return signed_colours(values.ravel(), FULL_M).reshape(*values.shape, 3)
+        return colour_signed_errors(values.ravel(), FULL_M).reshape(*values.shape, 3)
     scaled = values / stored.slope_deg if stored.kind == SLOPE else values
     at, rgb = zip(*_STOPS[stored.kind], strict=True)
     colours = np.stack([np.interp(scaled, at, channel) for channel in zip(*rgb, strict=True)], axis=-1)

@@ -21,7 +21,7 @@ from ...physics.light.sunlight import sun_colour
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.labels import LIGHT_GROUPS
-from ..images.develop import Channels, Images
+from ..images.develop import Channels, DevelopedImages
 from .dem import Grid, mean_by_cell
 from .footprints import Planes
 
@@ -46,7 +46,7 @@ def from_truth(maps: Array) -> Materials:
     return Materials(maps[:3].mean(axis=0), maps[3])
 
 
-def white_radiance(images: Images, settings: Settings) -> Array:
+def white_radiance(images: DevelopedImages, settings: Settings) -> Array:
     """W/(m² sr) of white ground that gives what the left image has, (H, W), or (H, W, 3) of a colour sensor; NaN at the
     top of the image, where there may be more."""
     seen = images.seen("left").astype(np.float64)

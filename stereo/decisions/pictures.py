@@ -7,7 +7,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from .change import Detection
-from .workspace import Maps, Workspace
+from .workspace import DecisionMaps, Workspace
 
 #: What became of a cell: its name and its RGB colour, distinct for colour-blind eyes.
 OUTCOMES = (
@@ -37,38 +37,38 @@ _LOW, _RIGHT, _HIGH, _UNKNOWN = (0x2B, 0x5F, 0xC4), (0xF4, 0xF4, 0xF4), (0xC4, 0
 _SIDE_PX = 360
 
 
-def outcome_picture(workspace: Workspace, found: Maps) -> Array:
+def draw_outcomes(workspace: Workspace, found: DecisionMaps) -> Array:
     """BGR picture of the outcome of each cell, with the chosen site as a ring."""
     safe, taken = workspace.truth.sites.safe, found.sites.safe
     code = np.select([~(workspace.reached & workspace.truth.dem.known), safe & taken, taken, safe], [4, 0, 1, 2], 3)
-    return _enlarged(_coloured(code, OUTCOMES))
+    return _enlarge(_colour_classes(code, OUTCOMES))
 
 
-def code_picture(maps: Maps, inside: Array) -> Array:
+def draw_failed_rules(maps: DecisionMaps, inside: Array) -> Array:
     """BGR picture of the safe cells and the failed rule of the others; cells beyond ``inside`` are out of reach."""
-    return _enlarged(_coloured(np.where(inside, maps.sites.failed, 5), CODES))
+    return _enlarge(_colour_classes(np.where(inside, maps.sites.failed, 5), CODES))
 
 
-def error_picture(workspace: Workspace, found: Maps) -> Array:
+def draw_height_errors(workspace: Workspace, found: DecisionMaps) -> Array:
     """BGR picture of the height error of each cell: red too high, blue too low, grey not known."""
-    return _signed_picture(found.dem.height_m - workspace.truth.dem.height_m)
+    return _draw_signed(found.dem.height_m - workspace.truth.dem.height_m)
 
 
-def change_picture(found: Detection) -> Array:
+def draw_changes(found: Detection) -> Array:
     """BGR picture of the cells that changed beyond their level of detection: blue lower than before, red higher, white
     no change beyond it, grey not known."""
     risen = -np.where(found.significant | np.isnan(found.changed_m), found.changed_m, 0.0)
-    return _signed_picture(risen)
+    return _draw_signed(risen)
 
 
-def _signed_picture(metres: Array) -> Array:
+def _draw_signed(metres: Array) -> Array:
     amount = np.clip(np.abs(np.nan_to_num(metres)) / FULL_M, 0, 1)[..., None]
     end = np.where((np.nan_to_num(metres) > 0)[..., None], _HIGH, _LOW)
     rgb = np.rint(_RIGHT + amount * (end - np.array(_RIGHT)))
-    return _enlarged(np.where(np.isnan(metres)[..., None], _UNKNOWN, rgb).astype(np.uint8)[..., ::-1])
+    return _enlarge(np.where(np.isnan(metres)[..., None], _UNKNOWN, rgb).astype(np.uint8)[..., ::-1])
 
 
-def with_ring(picture: Array, place: list[int] | None, shape: tuple[int, ...], disc_m: float, cell_m: float) -> Array:
+def add_ring(picture: Array, place: list[int] | None, shape: tuple[int, ...], disc_m: float, cell_m: float) -> Array:
     """The picture with a ring around the site at a row and column of a map of this ``shape``; itself without one."""
     if place is None:
         return picture
@@ -81,10 +81,10 @@ def with_ring(picture: Array, place: list[int] | None, shape: tuple[int, ...], d
     return ringed
 
 
-def _coloured(code: Array, classes: tuple[tuple[str, tuple[int, int, int]], ...]) -> Array:
+def _colour_classes(code: Array, classes: tuple[tuple[str, tuple[int, int, int]], ...]) -> Array:
     return np.array([rgb[::-1] for _, rgb in classes], np.uint8)[code]
 
 
-def _enlarged(picture: Array) -> Array:
+def _enlarge(picture: Array) -> Array:
     factor = max(1, _SIDE_PX // max(picture.shape[:2]))
     return np.repeat(np.repeat(picture, factor, axis=0), factor, axis=1)

@@ -18,9 +18,17 @@ from ...support.arrays import Array
 from ...support.number_text import count_of
 from ..images.image_files import write_png
 from ..matchers.methods import describe_method
-from .change import FEWEST_NULLS, Change, Noise, detect, find_noise, measure_change, region_cells
+from .change import (
+    FEWEST_NULLS,
+    Change,
+    VolumeNoise,
+    detect_change,
+    find_region_cells,
+    find_volume_noise,
+    measure_change,
+)
 from .dem import Grid, read_cells
-from .pictures import change_picture
+from .pictures import draw_changes
 
 #: Settings by which the pairs of a series differ besides light and cameras: which state it is.
 _STATE = ("excavation", "state")
@@ -33,17 +41,17 @@ _NOTHING_M3 = 1e-9
 _Entry = Mapping[str, Any]
 
 
-def series_of(settings: Mapping[str, Mapping[str, Any]]) -> str:
+def name_series(settings: Mapping[str, Mapping[str, Any]]) -> str:
     """A name of the ground of a pair that all states of one excavation share."""
-    return _name_of(settings, lambda topic, key: (topic, key) != _STATE)
+    return _name_ground(settings, lambda topic, key: (topic, key) != _STATE)
 
 
-def site_of(settings: Mapping[str, Mapping[str, Any]]) -> str:
+def name_site(settings: Mapping[str, Mapping[str, Any]]) -> str:
     """A name of the untouched ground of a pair, which series on the same site share whatever they dig."""
-    return _name_of(settings, lambda topic, key: topic != _DUG)
+    return _name_ground(settings, lambda topic, key: topic != _DUG)
 
 
-def _name_of(settings: Mapping[str, Mapping[str, Any]], counts: Callable[[str, str], bool]) -> str:
+def _name_ground(settings: Mapping[str, Mapping[str, Any]], counts: Callable[[str, str], bool]) -> str:
     kept = {
         f"{topic}.{key}": value
         for topic, values in settings.items()
@@ -74,20 +82,20 @@ def find_progress(
     for states in series.values():
         ordered = sorted(states, key=lambda fact: int(fact["excavation"]["state"]))
         if any(_is_dug(state) for state in ordered):
-            found += [_progress(ordered, label, rows, dug, out, disc_m) for label in labels]
+            found += [_find_series_progress(ordered, label, rows, dug, out, disc_m) for label in labels]
     return found
 
 
-def _progress(
+def _find_series_progress(
     states: Sequence[_Entry], label: str, rows: Sequence[_Entry], dug: Sequence[_Entry], out: Path, disc_m: float
 ) -> dict[str, Any]:
     own = {row["pair"]: row for row in rows if row["method"] == label and row["status"] == "ok"}
     first, name, steps, notes = states[0], describe_method(label), [], []
     for state in filter(_is_dug, states[1:]):
-        step = _step(first, state, own, out, disc_m)
+        step = _measure_step(first, state, own, out, disc_m)
         steps.append(step)
         notes += [f"By {name} there is no volume of state {step['state']}: {step['missing']}."] * bool(step["missing"])
-    noise, why = _noise(states, dug, own, out)
+    noise, why = _find_null_noise(states, dug, own, out)
     notes += [f"By {name} the smallest volume noticed cannot be given: {why}."] * bool(why)
     return {
         "pair": first["pair"],
@@ -102,7 +110,7 @@ def _progress(
     }
 
 
-def _step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, disc_m: float) -> dict[str, Any]:
+def _measure_step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, disc_m: float) -> dict[str, Any]:
     """A method's result for a state; ``missing`` is the reason for a missing volume, or empty."""
     true = _left_region_m3(state) - _left_region_m3(first)
     step: dict[str, Any] = {
@@ -117,7 +125,7 @@ def _step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, di
         return step | {"missing": f"pair {lost[0]} failed or contradicts itself"}
     if not _same_cells(first, state):
         return step | {"missing": "its cells are not those of the first state; render both with one workspace"}
-    change, known = _between(own, first, state, state["excavation"]["region_m"], out)
+    change, known = _measure_between(own, first, state, state["excavation"]["region_m"], out)
     if change is None:
         step["missing"] = f"only {100 * known:.0f} % of the cells of the region that is dug are known in both states"
     else:
@@ -127,21 +135,23 @@ def _step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, di
             "depth_m": change.depth_m,
             "known": change.known,
         }
-    return step | _detected(own, first, state, out, disc_m)
+    return step | _detect_step_change(own, first, state, out, disc_m)
 
 
-def _detected(own: Mapping[str, _Entry], first: _Entry, state: _Entry, out: Path, disc_m: float) -> dict[str, Any]:
-    true_before, true_after = (_read(out, fact, fact["images"]["truth_dem"]) for fact in (first, state))
-    before, after = (_read(out, fact, own[fact["pair"]]["images"]["dem"]) for fact in (first, state))
-    found = detect(before, after, true_before, true_after, first["cell_m"], disc_m)
+def _detect_step_change(
+    own: Mapping[str, _Entry], first: _Entry, state: _Entry, out: Path, disc_m: float
+) -> dict[str, Any]:
+    true_before, true_after = (_read_map(out, fact, fact["images"]["truth_dem"]) for fact in (first, state))
+    before, after = (_read_map(out, fact, own[fact["pair"]]["images"]["dem"]) for fact in (first, state))
+    found = detect_change(before, after, true_before, true_after, first["cell_m"], disc_m)
     drawn = Path(own[state["pair"]]["images"]["dem"].replace("_dem.npy", "_change.png"))
-    write_png(out / drawn, change_picture(found))
+    write_png(out / drawn, draw_changes(found))
     return {**found.score(true_before - true_after), "map": drawn.as_posix()}
 
 
-def _noise(
+def _find_null_noise(
     states: Sequence[_Entry], dug: Sequence[_Entry], own: Mapping[str, _Entry], out: Path
-) -> tuple[Noise | None, str]:
+) -> tuple[VolumeNoise | None, str]:
     """The noise of a volume over the region that is dug, by null pairs; or None, and the reason in words.
 
     Null pairs are the pairs of this site in which nothing had been dug. Only pairs with the same cells can be
@@ -158,10 +168,12 @@ def _noise(
     group = max(groups, key=len, default=[])
     region = states[-1]["excavation"]["region_m"]
     volumes = [
-        change.volume_m3 for fact in group[1:] if (change := _between(own, group[0], fact, region, out)[0]) is not None
+        change.volume_m3
+        for fact in group[1:]
+        if (change := _measure_between(own, group[0], fact, region, out)[0]) is not None
     ]
     if len(volumes) >= FEWEST_NULLS:
-        return find_noise(volumes), ""
+        return find_volume_noise(volumes), ""
     there = f"{count_of(len(group), 'pair')} of this site show{'s' * (len(group) == 1)}"
     return None, (
         f"{there} it with nothing dug and noise of the render of their own, {len(volumes)} of them can be "
@@ -183,16 +195,16 @@ def _left_region_m3(state: _Entry) -> float:
     return -float(state["excavation"]["change_in_region_by_state_m3"][-1])
 
 
-def _between(
+def _measure_between(
     own: Mapping[str, _Entry], first: _Entry, state: _Entry, region_m: Sequence[float], out: Path
 ) -> tuple[Change | None, float]:
     """The change from one pair to another, None if too little is known, and the share of the region that is."""
-    heights = [_read(out, fact, own[fact["pair"]]["images"]["dem"]) for fact in (first, state)]
+    heights = [_read_map(out, fact, own[fact["pair"]]["images"]["dem"]) for fact in (first, state)]
     grid = Grid(first["cell_m"], first["rows"], first["columns"], *first["origin_m"])
-    region = region_cells(grid, region_m)
+    region = find_region_cells(grid, region_m)
     known = np.isfinite(heights[0] - heights[1])[region]
     return measure_change(heights[0], heights[1], region, grid.cell_m), float(known.mean()) if known.size else 0.0
 
 
-def _read(out: Path, fact: _Entry, file: str) -> Array:
+def _read_map(out: Path, fact: _Entry, file: str) -> Array:
     return read_cells(out / file, (fact["rows"], fact["columns"]), "delete it and decide again")

@@ -17,7 +17,7 @@ def has_arm(settings: Settings) -> bool:
     return settings.lander.kind == "PARAMETRIC"
 
 
-def find_margins(settings: Settings, site_m: float, east_m: Array, north_m: Array, height_m: Array) -> Array:
+def find_joint_margins_deg(settings: Settings, site_m: float, east_m: Array, north_m: Array, height_m: Array) -> Array:
     """The smallest distance of a joint to its limit, degrees (rows, columns); NaN out of reach or of unknown height.
 
     ``site_m`` is the height of the ground under the left camera, on which the lander stands.

@@ -19,7 +19,7 @@ from ...support.foreign_bytes import parse_toml
 from ...support.number_text import count_of, show_rounded
 from ...support.version import version
 from ..inference import typical_scene
-from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN, intervals, scene_means
+from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN, average_by_scene, find_mean_intervals
 from ..matchers.methods import describe_method
 from ..measure.render_noise import BAKE, DECIDES, UNKNOWN
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg
@@ -115,7 +115,7 @@ _COMPARED = ("sites.false_safe", "sites.safe_lost", "sites.average_precision", "
 _MORE = ("sites.average_precision",)
 
 
-def value_of(row: Mapping[str, Any], column: Column) -> float:
+def read_number(row: Mapping[str, Any], column: Column) -> float:
     """The number of a row, NaN where it is undefined."""
     table, _, key = column.key.partition(".")
     numbers = row["numbers"]
@@ -165,18 +165,18 @@ def write_decisions(
         },
         "rows": list(rows),
     }
-    write_text(out / "decisions.csv", _csv_text(rows))
+    write_text(out / "decisions.csv", _make_csv(rows))
     write_json(out / "decisions.json", report)
-    write_text(out / "decisions.html", _page(report, rows, facts, labels, rules, out))
+    write_text(out / "decisions.html", _render_page(report, rows, facts, labels, rules, out))
     return report
 
 
-def _matrix(rows: _Entries, facts: _Entries, label: str) -> tuple[Array, Array]:
+def _make_number_matrix(rows: _Entries, facts: _Entries, label: str) -> tuple[Array, Array]:
     """Numbers (pairs, columns) of a method on the pairs that count, and the scene of each."""
     scene_of = {fact["pair"]: fact["scene"] for fact in facts}
     own = [row for row in rows if row["method"] == label and row["status"] == "ok" and row["pair"] in scene_of]
     names = sorted({scene_of[row["pair"]] for row in own})
-    values = np.array([[value_of(row, column) for column in COLUMNS] for row in own]).reshape(-1, len(COLUMNS))
+    values = np.array([[read_number(row, column) for column in COLUMNS] for row in own]).reshape(-1, len(COLUMNS))
     return values, np.array([names.index(scene_of[row["pair"]]) for row in own], np.intp)
 
 
@@ -185,7 +185,7 @@ def summarise(rows: _Entries, facts: _Entries, labels: Sequence[str]) -> list[di
     the mean ``base_rate`` and the mean ``roc`` curve."""
     result = []
     for label in labels:
-        values, scenes = _matrix(rows, facts, label)
+        values, scenes = _make_number_matrix(rows, facts, label)
         own = [row["numbers"]["sites"] for row in rows if row["method"] == label and row["status"] == "ok"]
         curves = [each["roc"] for each in own if each["roc"] is not None]
         rates = [each["base_rate"] for each in own if each["base_rate"] is not None]
@@ -196,7 +196,7 @@ def summarise(rows: _Entries, facts: _Entries, labels: Sequence[str]) -> list[di
             out=np.full(len(COLUMNS), np.nan),
             where=defined.any(axis=0),
         )
-        bounds = intervals(values, scenes, np.array([is_share(column) for column in COLUMNS]))
+        bounds = find_mean_intervals(values, scenes, np.array([is_share(column) for column in COLUMNS]))
         result.append(
             {
                 "method": label,
@@ -206,8 +206,10 @@ def summarise(rows: _Entries, facts: _Entries, labels: Sequence[str]) -> list[di
                 "roc": np.mean(curves, axis=0).tolist() if curves else None,
                 "chosen": int(sum(each["chosen"] is not None for each in own)),
                 "unsafe_chosen": int(sum(each["unsafe_choice"] == 1 for each in own)),
-                **{column.key: _none(means[k]) for k, column in enumerate(COLUMNS)},
-                "intervals": {column.key: [_none(bound) for bound in bounds[k]] for k, column in enumerate(COLUMNS)},
+                **{column.key: _none_if_not_finite(means[k]) for k, column in enumerate(COLUMNS)},
+                "intervals": {
+                    column.key: [_none_if_not_finite(bound) for bound in bounds[k]] for k, column in enumerate(COLUMNS)
+                },
             }
         )
     return result
@@ -218,7 +220,7 @@ def is_share(column: Column) -> bool:
     return column.unit == "%" or column.key in _SHARES
 
 
-def _none(value: float) -> float | None:
+def _none_if_not_finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
@@ -226,21 +228,21 @@ def compare_methods(rows: _Entries, facts: _Entries, labels: Sequence[str], seed
     """Which matchers differ by a decision in the typical scene: paired over scenes, as one family for each number, see
     ``inference.typical_scene``. Only what was found, the better one first, with the typical difference."""
     matchers = list(labels[1:])
-    chosen = typical_scene.pairs_of(len(matchers))
+    chosen = typical_scene.list_comparisons(len(matchers))
     scene_of = {fact["pair"]: fact["scene"] for fact in facts}
     found: list[dict[str, Any]] = []
     if not chosen:
         return found
     for key in _COMPARED:
         column = next(each for each in COLUMNS if each.key == key)
-        of = {(row["pair"], row["method"]): value_of(row, column) for row in rows if row["status"] == "ok"}
+        of = {(row["pair"], row["method"]): read_number(row, column) for row in rows if row["status"] == "ok"}
         pairs = sorted(scene_of, key=lambda pair: scene_of[pair])
         scenes = np.unique([scene_of[pair] for pair in pairs], return_inverse=True)[1]
         if not pairs:
             continue
         numbers = np.array([[of.get((pair, matcher), math.nan) for matcher in matchers] for pair in pairs])
         values = np.stack([typical_scene.subtract(numbers[:, i], numbers[:, j]) for i, j in chosen], axis=1)
-        family = typical_scene.compare(scene_means(values, scenes), seed)
+        family = typical_scene.compare_in_typical_scene(average_by_scene(values, scenes), seed)
         for k, (i, j) in enumerate(chosen):
             if family.found[k]:
                 first = (family.typical[k] < 0) != (key in _MORE)
@@ -270,10 +272,10 @@ def head_sentences(summary: _Entries, facts: _Entries) -> list[str]:
             else f", with the Sun at {heights[0]}° to {heights[-1]}°"
         )
     )
-    return [sentence for entry in summary if (sentence := _head(entry, sun))]
+    return [sentence for entry in summary if (sentence := _head_sentence(entry, sun))]
 
 
-def _head(entry: Mapping[str, Any], sun: str) -> str:
+def _head_sentence(entry: Mapping[str, Any], sun: str) -> str:
     if not entry["pairs"] or entry["dem.completeness"] is None:  # the second: no image shows ground in reach
         return ""
     name = "the true depth" if entry["method"] == TRUE_DEPTH else describe_method(entry["method"])
@@ -282,18 +284,18 @@ def _head(entry: Mapping[str, Any], sun: str) -> str:
     unsafe = entry["sites.false_safe"]
     if unsafe is None or entry["sites.taken"] < _HARDLY:
         much = "no" if unsafe is None else "hardly any"
-        there = "" if entry["base_rate"] is None else f", although {_of_100(entry['base_rate'])} of 100 are safe"
+        there = "" if entry["base_rate"] is None else f", although {_percent_text(entry['base_rate'])} of 100 are safe"
         return f"With {name}{sun}, {much} site looks safe{there} ({scenes})."
-    between = _between(entry, "sites.false_safe")
+    between = _interval_text(entry, "sites.false_safe")
     return (
-        f"With {name}{sun}, {_of_100(unsafe)} of 100 sites that look safe are not{between}"
-        f"{'' if lost is None else f', and {_of_100(lost)} of 100 safe ones are lost'}; it would choose a site in "
+        f"With {name}{sun}, {_percent_text(unsafe)} of 100 sites that look safe are not{between}"
+        f"{'' if lost is None else f', and {_percent_text(lost)} of 100 safe ones are lost'}; it would choose a site in "
         f"{entry['chosen']} of {count_of(entry['pairs'], 'pair')}, an unsafe one in "
         f"{entry['unsafe_chosen']} ({scenes})."
     )
 
 
-def _between(entry: Mapping[str, Any], key: str) -> str:
+def _interval_text(entry: Mapping[str, Any], key: str) -> str:
     """The interval of a share over scenes, as ' (29 to 71)'; empty where there is none, as of one scene."""
     low, high = entry["intervals"][key]
     if low is None or high is None:
@@ -337,7 +339,7 @@ def _fault_sentences(faults: _Entries) -> list[str]:
     return found
 
 
-def _of_100(share: float) -> str:
+def _percent_text(share: float) -> str:
     return f"{100 * share:.0f}" if share == 0 or share >= 0.005 else "fewer than 1"
 
 
@@ -419,19 +421,19 @@ def _notes_on_pairs(rows: _Entries, facts: _Entries) -> Iterator[str]:
 def _notes_on_scenes(rows: _Entries, facts: _Entries) -> Iterator[str]:
     scenes = len({fact["scene"] for fact in facts})
     matchers = len({row["method"] for row in rows} - {TRUE_DEPTH})
-    if scenes < (needed := typical_scene.scenes_for_methods(matchers)):
+    if scenes < (needed := typical_scene.count_scenes_for_methods(matchers)):
         counted = "One scene tells no interval, and" if scenes == 1 else f"With {scenes} scenes"
         between = f"{matchers} matchers" if matchers > 1 else "matchers"
         yield f"{counted} no difference between {between} can be shown; it takes {needed}."
 
 
-def _csv_text(rows: _Entries) -> str:
+def _make_csv(rows: _Entries) -> str:
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(["pair", "method", "status", "base_rate", *(column.key for column in COLUMNS)])
     for row in rows:
         rate = row["numbers"]["sites"]["base_rate"] if row["numbers"] else None
-        numbers = [value_of(row, column) for column in COLUMNS]
+        numbers = [read_number(row, column) for column in COLUMNS]
         writer.writerow(
             [
                 escape_cell(row["pair"]),
@@ -444,7 +446,7 @@ def _csv_text(rows: _Entries) -> str:
     return stream.getvalue()
 
 
-def _page(
+def _render_page(
     report: Mapping[str, Any],
     rows: _Entries,
     facts: _Entries,
@@ -470,8 +472,8 @@ def _page(
             *((("Albedo and salts", MATERIALS),) if _has(rows, "materials") else ()),
         ),
         cell=format_cell,
-        bounds=_bounds,
-        apart=_apart,
+        bounds=_format_bounds,
+        apart=_format_difference,
         how=_INTERVALS if any(entry["scenes"] > 1 for entry in report["summary"]) else "",
         titles=titles,
         roc=_draw_roc(report["summary"]),
@@ -486,7 +488,7 @@ def _page(
         outcomes=pictures.OUTCOMES,
         codes=pictures.CODES,
         full_mm=pictures.FULL_M * _MM,
-        pairs=[_pair_section(fact, rows, out) for fact in facts[:MOST_PAIRS]],
+        pairs=[_make_pair_section(fact, rows, out) for fact in facts[:MOST_PAIRS]],
         more=max(0, len(facts) - MOST_PAIRS),
     )
 
@@ -495,23 +497,23 @@ def _has(rows: _Entries, table: str) -> bool:
     return any(row["numbers"] and table in row["numbers"] for row in rows)
 
 
-def _scaled(entry: Mapping[str, Any], column: Column) -> dict[str, Any]:
+def _scale_to_unit(entry: Mapping[str, Any], column: Column) -> dict[str, Any]:
     value = entry[column.key]
     return {column.key: value * _MM if value is not None and column.unit == "mm" else value}
 
 
 def format_cell(entry: Mapping[str, Any], column: Column) -> str:
     """The mean of a method as text, in the unit of its column; a dash if it is undefined."""
-    return format_number(_scaled(entry, column), column)
+    return format_number(_scale_to_unit(entry, column), column)
 
 
-def _bounds(entry: Mapping[str, Any], column: Column) -> str:
+def _format_bounds(entry: Mapping[str, Any], column: Column) -> str:
     factor = _MM if column.unit == "mm" else 1.0
     low, high = (None if bound is None else factor * bound for bound in entry["intervals"][column.key])
     return format_interval([low, high], column)
 
 
-def _apart(found: Mapping[str, Any]) -> str:
+def _format_difference(found: Mapping[str, Any]) -> str:
     """The typical difference of a comparison in the unit of its column, with its interval."""
     column = next(each for each in COLUMNS if each.key == found["metric"])
     factor, unit = (_MM, " mm") if column.unit == "mm" else (1.0, " points" if column.unit == "%" else "")
@@ -519,7 +521,7 @@ def _apart(found: Mapping[str, Any]) -> str:
     return f"by {format_number({column.key: factor * found['typical']}, column)}{unit}, {low} to {high}"
 
 
-def _pair_section(fact: Mapping[str, Any], rows: _Entries, out: Path) -> dict[str, Any]:
+def _make_pair_section(fact: Mapping[str, Any], rows: _Entries, out: Path) -> dict[str, Any]:
     own = [row for row in rows if row["pair"] == fact["pair"] and row["images"]]
     return {
         "fact": fact,

@@ -70,14 +70,14 @@ _SHARES = ("lit_share", "known_share", "lit_level", "least_albedo", "most_albedo
 
 def read_rules(path: Path | None = None) -> Rules:
     """The shipped rules, overridden by the rules of a TOML file. Raises IcyMoonError if the file is invalid."""
-    tables = _read(SHIPPED)
+    tables = _read_rule_tables(SHIPPED)
     if path is not None:
-        for part, own in _read(path).items():
+        for part, own in _read_rule_tables(path).items():
             tables[part] |= own
     return Rules(**{part: kind(**tables[part]) for part, kind in _PARTS.items()})
 
 
-def _read(path: Path) -> dict[str, dict[str, float]]:
+def _read_rule_tables(path: Path) -> dict[str, dict[str, float]]:
     try:
         data = parse_toml(read_text(path))
     except (OSError, ValueError) as error:
@@ -87,11 +87,11 @@ def _read(path: Path) -> dict[str, dict[str, float]]:
     for part, table in data.items():
         if part not in _PARTS or not isinstance(table, dict):
             raise IcyMoonError(f"{path} states {shorten(part)}, which is no table of rules; use [site] and [pad].")
-        found[part] = {key: _checked(path, part, key, value) for key, value in table.items()}
+        found[part] = {key: _check_number(path, part, key, value) for key, value in table.items()}
     return found
 
 
-def _checked(path: Path, part: str, key: str, value: object) -> float:
+def _check_number(path: Path, part: str, key: str, value: object) -> float:
     names = [field.name for field in fields(_PARTS[part])]
     if key not in names:
         raise IcyMoonError(f"{path} states {shorten(f'{part}.{key}')}, which is no rule; {nearest(key, names)}")

@@ -58,44 +58,44 @@ def find_pose(model: Array, points: Array, commanded: Array, eye: Array, random:
         return None
     if len(points) > _MOST_POINTS:
         points = points[random.choice(len(points), _MOST_POINTS, replace=False)]
-    facing = _facing(_transformed(model, commanded), eye)
+    facing = _select_facing_points(_transform_cloud(model, commanded), eye)
     if len(facing) < FEWEST_POINTS:
         return None
     # Around its middle, as the site may be far from its origin; a turn about it moves the link least.
     middle = facing[:, :3].mean(axis=0)
     surface, scene = facing - np.append(middle, np.zeros(3)), points - middle
-    motion, _ = _drawn(surface, scene, _best_start(surface, scene), _STEPS)
+    motion, _ = _fit_motion(surface, scene, _find_best_start(surface, scene), _STEPS)
     found = commanded.copy()
     found[:3, :3] = motion[:3, :3] @ commanded[:3, :3]
     found[:3, 3] = motion[:3, :3] @ (commanded[:3, 3] - middle) + motion[:3, 3] + middle
     return found
 
 
-def _best_start(surface: Array, points: Array) -> Array:
+def _find_best_start(surface: Array, points: Array) -> Array:
     """The motion (4, 4) of a surface (n, 6) from which steps reach the pose that fits points (m, 3) best."""
     few = points[:: math.ceil(len(points) / _FEW_POINTS)]
     moved = pose(None, np.median(points, axis=0))
     turns = [turn(sign * axis, math.radians(_TURN_DEG)) for axis in np.eye(3) for sign in (-1.0, 1.0)]
     starts = [np.eye(4), moved, *(moved @ pose(each, np.zeros(3)) for each in turns)]
-    reached = [_drawn(surface, few, start, _FEW_STEPS)[0] for start in starts]
-    misfits = np.array([_misfit(_transformed(surface, motion), few) for motion in reached])
+    reached = [_fit_motion(surface, few, start, _FEW_STEPS)[0] for start in starts]
+    misfits = np.array([_rms_distance_m(_transform_cloud(surface, motion), few) for motion in reached])
     best = int(misfits.argmin())
     return reached[best if misfits[best] < _BETTER * misfits[0] else 0]
 
 
-def _drawn(surface: Array, points: Array, motion: Array, steps: int) -> tuple[Array, float]:
+def _fit_motion(surface: Array, points: Array, motion: Array, steps: int) -> tuple[Array, float]:
     """The motion (4, 4) after at most ``steps`` steps that draw a surface (n, 6) to points (m, 3), and the points'
     distance from it, RMS."""
     left = math.inf
     for _ in range(steps):
-        step, left = _step(_transformed(surface, motion), points, motion)
+        step, left = _step_motion(_transform_cloud(surface, motion), points, motion)
         motion = step @ motion
         if np.abs(step - np.eye(4)).max() < _STILL:
             break
     return motion, left
 
 
-def _misfit(surface: Array, points: Array) -> float:
+def _rms_distance_m(surface: Array, points: Array) -> float:
     """Distance of points (m, 3) from a surface (n, 6), RMS in m, each limited to ``_FAR_M``."""
     place = surface[:, :3]
     squared = (place**2).sum(axis=1) - 2 * points @ place.T
@@ -103,7 +103,7 @@ def _misfit(surface: Array, points: Array) -> float:
     return float(np.sqrt(np.clip(apart, 0.0, _FAR_M**2).mean()))
 
 
-def _step(surface: Array, points: Array, motion: Array) -> tuple[Array, float]:
+def _step_motion(surface: Array, points: Array, motion: Array) -> tuple[Array, float]:
     """The motion (4, 4) of a surface (n, 6), after the ``motion`` that it has had, that brings it nearer to points
     (m, 3) and to the commanded pose; and the points' distance from it, RMS."""
     place, normal = surface[:, :3], surface[:, 3:]
@@ -117,14 +117,14 @@ def _step(surface: Array, points: Array, motion: Array) -> tuple[Array, float]:
     left = float(np.sqrt((residual**2).mean()))
     rows = np.hstack([np.cross(place, normal), normal])
     certainty = 1 / (_TOGETHER * max(left, _NOISE_M) ** 2)
-    off = np.append(_turn_vector(motion[:3, :3]), motion[:3, 3])
+    off = np.append(_rotation_vector(motion[:3, :3]), motion[:3, 3])
     before = np.repeat([_TURN, _SHIFT_M], 3) ** -2.0
     solved = np.linalg.solve(certainty * rows.T @ rows + np.diag(before), certainty * rows.T @ residual - before * off)
     angle = float(np.linalg.norm(solved[:3]))
     return pose(turn(solved[:3] / angle, angle) if angle else None, solved[3:]), left
 
 
-def _turn_vector(rotation: Array) -> Array:
+def _rotation_vector(rotation: Array) -> Array:
     """The axis of a rotation (3, 3) times its angle, rad; below half a turn."""
     sines = (
         np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
@@ -134,16 +134,16 @@ def _turn_vector(rotation: Array) -> Array:
     return sines * (math.atan2(sine, (np.trace(rotation) - 1) / 2) / sine) if sine else sines
 
 
-def _transformed(cloud: Array, motion: Array) -> Array:
+def _transform_cloud(cloud: Array, motion: Array) -> Array:
     return np.hstack([cloud[:, :3] @ motion[:3, :3].T + motion[:3, 3], cloud[:, 3:] @ motion[:3, :3].T])
 
 
-def _facing(cloud: Array, eye: Array) -> Array:
+def _select_facing_points(cloud: Array, eye: Array) -> Array:
     """The points whose normals face the eye: it sees no others, and the far side would pull the near one back."""
     return cloud[((eye - cloud[:, :3]) * cloud[:, 3:]).sum(axis=1) > 0]
 
 
-def pose_error(found: Array, true: Array, point: Array) -> tuple[float, float]:
+def measure_pose_error(found: Array, true: Array, point: Array) -> tuple[float, float]:
     """Error of a pose (4, 4) against the true one: mm at a ``point`` (3,) of the link's frame, and degrees."""
     apart = (found[:3, :3] - true[:3, :3]) @ point + found[:3, 3] - true[:3, 3]
     apart_by = found[:3, :3] @ true[:3, :3].T

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from .sites import Sites, choose
+from .sites import Sites, choose_site
 
 #: The shares of unsafe cells taken for safe at which a ROC curve is given.
 ROC_AT = tuple(float(each) for each in np.linspace(0, 1, 51))
@@ -46,14 +46,14 @@ def score_sites(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:
     safe, taken, margin = truth.safe[among], found.safe[among], found.margin[among]
     both = int((safe & taken).sum())
     result: dict[str, Any] = {
-        "base_rate": _ratio(safe.sum(), safe.size),
-        "taken": _ratio(taken.sum(), safe.size),
-        "precision": _ratio(both, taken.sum()),
-        "recall": _ratio(both, safe.sum()),
-        "false_safe": _ratio(taken.sum() - both, taken.sum()),
-        "safe_lost": _ratio(safe.sum() - both, safe.sum()),
+        "base_rate": _divide_or_none(safe.sum(), safe.size),
+        "taken": _divide_or_none(taken.sum(), safe.size),
+        "precision": _divide_or_none(both, taken.sum()),
+        "recall": _divide_or_none(both, safe.sum()),
+        "false_safe": _divide_or_none(taken.sum() - both, taken.sum()),
+        "safe_lost": _divide_or_none(safe.sum() - both, safe.sum()),
     }
-    result |= rank_scores(margin, safe) | _choice(found, truth, among)
+    result |= rank_scores(margin, safe) | _score_choice(found, truth, among)
     return result | {"cells": [int(safe.size), int(safe.sum()), int(taken.sum()), both]}
 
 
@@ -79,8 +79,8 @@ def rank_scores(score: Array, positive: Array) -> dict[str, Any]:
     }
 
 
-def _choice(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:
-    place, best = choose(found, among), choose(truth, among)
+def _score_choice(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:
+    place, best = choose_site(found, among), choose_site(truth, among)
     chosen = None if place is None else list(place)
     if best is None:
         return {"regret": None, "unsafe_choice": None if place is None else 1.0, "no_site": None, "chosen": chosen}
@@ -91,5 +91,5 @@ def _choice(found: Sites, truth: Sites, among: Array) -> dict[str, Any]:
     return {"regret": regret, "unsafe_choice": float(unsafe), "no_site": 0.0, "chosen": chosen}
 
 
-def _ratio(part: float, whole: float) -> float | None:
+def _divide_or_none(part: float, whole: float) -> float | None:
     return float(part) / float(whole) if whole else None

@@ -13,11 +13,11 @@ import numpy as np
 
 from ...support.arrays import Array
 from .dem import Dem
-from .footprints import disc, distance_to, fit_planes, share_under, sums
+from .footprints import distance_to_nearest_m, fit_planes, make_disc, share_under_footprint, sum_under_footprint
 from .materials import Materials
 from .rules import SiteRules
 
-#: The code of a cell that no rule fails; the others have 1 + the place in ``judge`` of the first rule that fails them.
+#: The code of a cell that no rule fails; the others have 1 + the place in ``judge_sites`` of the first rule that fails them.
 SAFE = 0
 #: Width of the ground around a rock from which its height is measured, as a multiple of the footprint.
 _AROUND = 2.0
@@ -26,7 +26,7 @@ _FITS = 3
 
 
 @dataclass(frozen=True)
-class Layers:
+class SiteLayers:
     """The quantities that the rules limit, arrays (rows, columns), NaN where unknown."""
 
     known_share: Array
@@ -46,7 +46,7 @@ class Sites:
 
     margin: Array
     failed: Array
-    layers: Layers
+    layers: SiteLayers
 
     @property
     def safe(self) -> Array:
@@ -75,7 +75,7 @@ def measure_layers(
     rules: SiteRules,
     rocks: Array | None = None,
     materials: Materials | None = None,
-) -> Layers:
+) -> SiteLayers:
     """The layers of an elevation model.
 
     ``lit`` (rows, columns) is the share of each cell that is in light, NaN where unknown. ``joint_margin_deg`` is the
@@ -85,32 +85,32 @@ def measure_layers(
     cell = dem.grid.cell_m
     planes = fit_planes(dem.height_m, cell, rules.disc_m)
     rocks = find_rocks(dem.height_m, cell, rules) if rocks is None else rocks
-    return Layers(
-        share_under(dem.known, cell, rules.disc_m),
+    return SiteLayers(
+        share_under_footprint(dem.known, cell, rules.disc_m),
         planes.slope_deg,
         planes.roughness_m,
-        distance_to(rocks, cell),
+        distance_to_nearest_m(rocks, cell),
         joint_margin_deg,
-        share_under(lit, cell, rules.disc_m, np.isfinite(lit)),
+        share_under_footprint(lit, cell, rules.disc_m, np.isfinite(lit)),
         *(
-            share_under(values, cell, rules.disc_m, np.isfinite(values))
+            share_under_footprint(values, cell, rules.disc_m, np.isfinite(values))
             for values in ((materials.albedo, materials.salt) if materials is not None else ())
         ),
     )
 
 
-def judge(layers: Layers, rules: SiteRules) -> Sites:
+def judge_sites(layers: SiteLayers, rules: SiteRules) -> Sites:
     """The suitability map of layers by rules."""
     margins = [
-        _at_least(layers.known_share, rules.known_share),
-        _at_most(layers.slope_deg, rules.slope_deg),
-        _at_most(layers.roughness_m, rules.roughness_m),
-        _at_least(layers.rock_distance_m, rules.rock_distance_m),
-        _at_least(layers.joint_margin_deg, rules.joint_margin_deg),
-        _at_least(layers.lit_share, rules.lit_share),
-        _if_asked(_at_least, layers.albedo, rules.least_albedo),
-        _if_asked(_at_most, layers.albedo, rules.most_albedo),
-        _if_asked(_at_least, layers.salt_share, rules.salt_share),
+        _margin_above(layers.known_share, rules.known_share),
+        _margin_below(layers.slope_deg, rules.slope_deg),
+        _margin_below(layers.roughness_m, rules.roughness_m),
+        _margin_above(layers.rock_distance_m, rules.rock_distance_m),
+        _margin_above(layers.joint_margin_deg, rules.joint_margin_deg),
+        _margin_above(layers.lit_share, rules.lit_share),
+        _if_asked(_margin_above, layers.albedo, rules.least_albedo),
+        _if_asked(_margin_below, layers.albedo, rules.most_albedo),
+        _if_asked(_margin_above, layers.salt_share, rules.salt_share),
     ]
     margins = list(np.broadcast_arrays(*margins))
     stack = np.stack([np.where(np.isnan(each), -np.inf, each) for each in margins])
@@ -129,15 +129,15 @@ def _if_asked(margin: Callable[[Array, float], Array], value: Array | None, limi
     return np.array(np.nan) if value is None else margin(value, limit)
 
 
-def _at_most(value: Array, limit: float) -> Array:
+def _margin_below(value: Array, limit: float) -> Array:
     return (limit - value) / limit
 
 
-def _at_least(value: Array, limit: float) -> Array:
+def _margin_above(value: Array, limit: float) -> Array:
     return (value - limit) / limit
 
 
-def choose(sites: Sites, among: Array) -> tuple[int, int] | None:
+def choose_site(sites: Sites, among: Array) -> tuple[int, int] | None:
     """Row and column of the site that would be chosen: the safe one ``among`` these with the largest margin.
 
     Of equal ones it is the nearest to the middle of the map, then the first by row and column. None if none is safe.
@@ -152,7 +152,7 @@ def choose(sites: Sites, among: Array) -> tuple[int, int] | None:
     return int(row[k]), int(column[k])
 
 
-def cast_light(height_m: Array, cell_m: float, toward_sun: Array) -> Array:
+def find_lit_cells(height_m: Array, cell_m: float, toward_sun: Array) -> Array:
     """1.0 where the middle of the Sun, in this direction of the site, is seen from a cell over the heights, 0.0 where
     ground stands before it, NaN where the height is unknown.
 
@@ -169,12 +169,12 @@ def cast_light(height_m: Array, cell_m: float, toward_sun: Array) -> Array:
         heights = np.where(known, height_m, -np.inf)
         climb = up / level * cell_m
         reach = float(np.nanmax(height_m) - np.nanmin(height_m)) / climb
-        for way, rows, columns in _crossings(height_m.shape, (-north / level, east / level), reach):
-            lit &= _height_at(heights, rows, columns) <= heights + climb * way
+        for way, rows, columns in _find_crossings(height_m.shape, (-north / level, east / level), reach):
+            lit &= _interpolate_heights(heights, rows, columns) <= heights + climb * way
     return np.where(known, lit.astype(np.float64), np.nan)
 
 
-def _crossings(
+def _find_crossings(
     shape: tuple[int, ...], toward: tuple[float, float], reach: float
 ) -> Iterator[tuple[float, float, float]]:
     """Where a level ray from a cell crosses rows and columns of middles: the way, and its rows and columns, all in
@@ -187,19 +187,19 @@ def _crossings(
                 yield step / rate, place[0], place[1]
 
 
-def _height_at(heights: Array, rows: float, columns: float) -> Array:
+def _interpolate_heights(heights: Array, rows: float, columns: float) -> Array:
     """For each cell the height ``rows`` and ``columns`` further on, one of which is whole: linear between two cells,
     minus infinity where one of them is unknown or beyond the border."""
     below = [int(np.floor(each + 1e-9)) for each in (rows, columns)]
     share = max(rows - below[0], columns - below[1])
-    first = _shifted(heights, *below)
+    first = _shift_cells(heights, *below)
     if share < 1e-9:
         return first
-    second = _shifted(heights, below[0] + (rows - below[0] >= 1e-9), below[1] + (columns - below[1] >= 1e-9))
+    second = _shift_cells(heights, below[0] + (rows - below[0] >= 1e-9), below[1] + (columns - below[1] >= 1e-9))
     return np.asarray((1 - share) * first + share * second)
 
 
-def _shifted(values: Array, rows: int, columns: int) -> Array:
+def _shift_cells(values: Array, rows: int, columns: int) -> Array:
     """For each cell the value of the cell ``rows`` and ``columns`` further on; minus infinity beyond the border."""
     result = np.full(values.shape, -np.inf)
     height, width = values.shape
@@ -217,8 +217,8 @@ def judge_pads(dem: Dem, diameter_m: float, slope_deg: float, rock_height_m: flo
     """
     cell = dem.grid.cell_m
     planes = fit_planes(dem.height_m, cell, diameter_m)
-    known = share_under(dem.known, cell, diameter_m) >= known_share
+    known = share_under_footprint(dem.known, cell, diameter_m) >= known_share
     rocks = dem.height_m - planes.middle_m > rock_height_m
-    under = np.rint(sums(rocks.astype(np.float64), disc(diameter_m, cell))) > 0
+    under = np.rint(sum_under_footprint(rocks.astype(np.float64), make_disc(diameter_m, cell))) > 0
     steep = planes.slope_deg > slope_deg
     return np.where(~known | np.isnan(planes.slope_deg), 1, np.where(steep, 2, np.where(under, 3, 0))).astype(np.uint8)

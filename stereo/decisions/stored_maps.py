@@ -57,7 +57,7 @@ class StoredMap:
     slope_deg: float  # the slope that the rules allow
 
 
-def methods_of(folder: Path) -> list[str]:
+def list_methods(folder: Path) -> list[str]:
     """Labels of the matchers with decisions in a folder, the label of the true depth last; empty without any."""
     try:
         rows = _read_report(folder)["rows"]
@@ -66,7 +66,7 @@ def methods_of(folder: Path) -> list[str]:
     return sorted(dict.fromkeys(row["method"] for row in rows if row["images"]), key=TRUE_DEPTH.__eq__)
 
 
-def pairs_of(folder: Path, method: str) -> list[str]:
+def list_pairs(folder: Path, method: str) -> list[str]:
     """The pairs that a matcher has decisions on. Raises IcyMoonError if these cannot be read."""
     return [row["pair"] for row in _read_report(folder)["rows"] if row["method"] == method and row["images"]]
 
@@ -82,16 +82,16 @@ def read_map(folder: Path, pair: str, method: str, kind: str) -> StoredMap:
         facts = None
     if row is None or facts is None or row["numbers"] is None:
         raise IcyMoonError(f"{folder} contains no decisions on pair {pair}; {_FIX}.")
-    grid, site = _grid_of(facts, path), report["rules"]["site"]
+    grid, site = _read_grid(facts, path), report["rules"]["site"]
     truth = _read_cells(folder, facts["images"], "truth_dem", grid)
     reach = _read_cells(folder, facts["images"], "reach", grid) > 0 if facts["arm"] else None
     return StoredMap(
         kind,
         grid,
-        _values(folder, row["images"], kind, grid, truth),
+        _read_values(folder, row["images"], kind, grid, truth),
         truth,
         reach,
-        _place(row["numbers"]["sites"].get("chosen"), grid),
+        _find_chosen_cell(row["numbers"]["sites"].get("chosen"), grid),
         site["disc_m"],
         site["slope_deg"],
     )
@@ -105,22 +105,22 @@ def _read_report(folder: Path) -> dict[str, Any]:
         raise IcyMoonError(f"There are no decisions in {folder}; {_FIX}.") from None
     if facts.st_size > _MOST_BYTES:
         raise IcyMoonError(f"{path} is larger than {_MOST_BYTES >> 20} MiB; decide on fewer pairs.")
-    return _read_once(path, facts.st_mtime_ns)
+    return _read_cached_report(path, facts.st_mtime_ns)
 
 
 @lru_cache(maxsize=4)
-def _read_once(path: Path, written_ns: int) -> dict[str, Any]:
+def _read_cached_report(path: Path, written_ns: int) -> dict[str, Any]:
     return dict(read_record(path, _REPORT, _FIX))
 
 
-def _grid_of(facts: Mapping[str, Any], path: Path) -> Grid:
+def _read_grid(facts: Mapping[str, Any], path: Path) -> Grid:
     rows, columns = facts["rows"], facts["columns"]
     if not (0 < rows <= _MOST_CELLS and 0 < columns <= _MOST_CELLS and len(facts["origin_m"]) == 2):
         raise IcyMoonError(f"{path} states no map of at most {_MOST_CELLS} cells a side; {_FIX}.")
     return Grid(float(facts["cell_m"]), rows, columns, *map(float, facts["origin_m"]))
 
 
-def _values(folder: Path, files: Mapping[str, str], kind: str, grid: Grid, truth: Array) -> Array:
+def _read_values(folder: Path, files: Mapping[str, str], kind: str, grid: Grid, truth: Array) -> Array:
     if kind == HEIGHT_ERROR:
         return np.asarray(_read_cells(folder, files, "dem", grid) - truth)
     return _read_cells(folder, files, kind.lower(), grid)
@@ -134,12 +134,12 @@ def _read_cells(folder: Path, files: Mapping[str, str], name: str, grid: Grid) -
     return read_cells(path, (grid.rows, grid.columns), _FIX)
 
 
-def _place(chosen: list[int] | None, grid: Grid) -> tuple[int, int] | None:
+def _find_chosen_cell(chosen: list[int] | None, grid: Grid) -> tuple[int, int] | None:
     fits = chosen is not None and len(chosen) == 2 and chosen[0] < grid.rows and chosen[1] < grid.columns
     return (chosen[0], chosen[1]) if fits and chosen else None
 
 
-def outlines(cells: Array) -> list[Array]:
+def trace_outlines(cells: Array) -> list[Array]:
     """The closed outlines of the true cells (rows, columns): corners (n, 2) of cells, row first, in the order in which
     they follow; holes have outlines of their own."""
     padded = np.pad(cells, 1)

@@ -14,17 +14,17 @@ from ...render.pairs.pair_folder import Pair
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.labels import LANDER
-from ..images.disparity_and_occlusion import scene_depth
+from ..images.disparity_and_occlusion import find_scene_depth
 from ..images.exr import read_depth
 from ..measure.by_pixel_class import MATERIAL
-from ..measure.prepare import Prepared
-from .dem import Dem, Grid, grid_of, grid_points, height_errors, mean_by_cell, points_of, read_cells
-from .footprints import fit_planes, share_under
+from ..measure.prepare import PreparedPair
+from .dem import Dem, Grid, back_project_depth, make_dem, mean_by_cell, measure_height_errors, read_cells, read_grid
+from .footprints import fit_planes, share_under_footprint
 from .materials import Materials, from_truth, measure, sun_irradiance, white_radiance
-from .reach import find_margins
+from .reach import find_joint_margins_deg
 from .rules import Rules
 from .scores import score_sites
-from .sites import Layers, Sites, cast_light, find_rocks, judge, judge_pads, measure_layers
+from .sites import SiteLayers, Sites, find_lit_cells, find_rocks, judge_pads, judge_sites, measure_layers
 
 #: Side of a cell where a pair states none, metres: three pixels of the paper's camera or more at its workspace.
 CELL_M = 0.02
@@ -37,7 +37,7 @@ _WHOLE = 1 - 1e-6
 
 
 @dataclass(frozen=True)
-class Maps:
+class DecisionMaps:
     """The maps from one depth: elevation model, suitability of each cell, and places where a pad would stand."""
 
     dem: Dem
@@ -49,7 +49,7 @@ class Maps:
 class Workspace:
     """The workspace of a prepared pair, with the decisions from the truth."""
 
-    prepared: Prepared
+    prepared: PreparedPair
     pair: Pair
     pose: Array  # (4, 4), from the left eye of the parallel rig to the site
     rules: Rules
@@ -57,7 +57,7 @@ class Workspace:
     seen: Array  # boolean (rows, columns): a pixel of the left image lies in this cell
     inside: Array  # boolean: the whole footprint of a site lies in the workspace
     reached: Array  # boolean: inside, and the arm reaches the cell within its joint limits
-    truth: Maps
+    truth: DecisionMaps
 
     @property
     def grid(self) -> Grid:
@@ -65,7 +65,7 @@ class Workspace:
         return self.truth.dem.grid
 
 
-def open_workspace(prepared: Prepared, rules: Rules, cell_m: float | None = None) -> Workspace:
+def open_workspace(prepared: PreparedPair, rules: Rules, cell_m: float | None = None) -> Workspace:
     """The workspace of a pair with the truth's decisions.
 
     ``cell_m`` is the side of a cell where the pair contains no true heights. Raises IcyMoonError for a pair that was
@@ -77,38 +77,38 @@ def open_workspace(prepared: Prepared, rules: Rules, cell_m: float | None = None
             f"{prepared.pair.folder} does not state the place of its camera on a site; decisions need a "
             "pair that was rendered here."
         )
-    known = np.where(_is_ground(prepared), prepared.truth, np.nan)
-    seen_points, _ = points_of(known, pair.camera.rectified, pose)
+    known = np.where(_find_ground_pixels(prepared), prepared.truth, np.nan)
+    seen_points, _ = back_project_depth(known, pair.camera.rectified, pose)
     if not len(seen_points):
         raise IcyMoonError(f"{pair.folder} shows no ground, so there is nothing to decide; point the camera at some.")
     stated = pair.data.get("workspace")
     if stated:
-        grid, heights = grid_of(stated), _read_heights(pair, stated)
+        grid, heights = read_grid(stated), _read_heights(pair, stated)
         dem = Dem(grid, heights[0], np.where(np.isfinite(heights[0]), 1, 0))
         rocks = heights[0] - heights[1] > rules.site.rock_height_m
     else:
-        grid = _grid_ahead(pair, seen_points, cell_m or CELL_M)
-        dem = grid_points(np.concatenate([seen_points, _points_of_right_eye(pair)]), grid, 1)
+        grid = _make_grid_ahead(pair, seen_points, cell_m or CELL_M)
+        dem = make_dem(np.concatenate([seen_points, _points_of_right_eye(pair)]), grid, 1)
         rocks = find_rocks(dem.height_m, grid.cell_m, rules.site)
-    margin = _margins(pair, pose, dem)
-    lit = cast_light(dem.height_m, grid.cell_m, toward_sun(pair))
+    margin = _find_joint_margins(pair, pose, dem)
+    lit = find_lit_cells(dem.height_m, grid.cell_m, read_sun_direction(pair))
     layers = measure_layers(dem, margin, lit, rules.site, rocks, _true_materials(pair, rules))
-    maps = Maps(dem, judge(layers, rules.site), _pads(dem, rules))
-    inside = share_under(np.ones(dem.height_m.shape, bool), grid.cell_m, rules.site.disc_m) > _WHOLE
+    maps = DecisionMaps(dem, judge_sites(layers, rules.site), _judge_pads(dem, rules))
+    inside = share_under_footprint(np.ones(dem.height_m.shape, bool), grid.cell_m, rules.site.disc_m) > _WHOLE
     return Workspace(
         prepared,
         pair,
         pose,
         rules,
         bool(stated),
-        grid_points(seen_points, grid, 1).known,
+        make_dem(seen_points, grid, 1).known,
         inside,
         inside & (margin >= rules.site.joint_margin_deg),
         maps,
     )
 
 
-def toward_sun(pair: Pair) -> Array:
+def read_sun_direction(pair: Pair) -> Array:
     """Unit vector from the site to the Sun. Raises IcyMoonError if the pair does not contain it."""
     if pair.sun is None:
         raise IcyMoonError(
@@ -117,25 +117,25 @@ def toward_sun(pair: Pair) -> Array:
     return pair.sun.direction
 
 
-def decide(workspace: Workspace, depth_m: Array, pose: Array | None = None) -> Maps:
+def decide_from_depth(workspace: Workspace, depth_m: Array, pose: Array | None = None) -> DecisionMaps:
     """The maps from a planar depth (H, W) of the left image, NaN where unknown.
 
     ``pose`` is the pose that the lander assumes for its left eye; by default the true one.
     """
     pose = workspace.pose if pose is None else pose
-    ground = np.where(_is_apart_from_lander(workspace.prepared), depth_m, np.nan)
-    position, index = points_of(ground, workspace.pair.camera.rectified, pose)
-    dem = grid_points(position, workspace.grid)
-    margin = _margins(workspace.pair, pose, dem)
-    bright = _lit_pixels(workspace)
+    ground = np.where(_find_pixels_apart_from_lander(workspace.prepared), depth_m, np.nan)
+    position, index = back_project_depth(ground, workspace.pair.camera.rectified, pose)
+    dem = make_dem(position, workspace.grid)
+    margin = _find_joint_margins(workspace.pair, pose, dem)
+    bright = _find_lit_pixels(workspace)
     lit = mean_by_cell(position, bright.ravel()[index], dem.grid)
     rules = workspace.rules
     found = _found_materials(workspace, dem, bright, position, index) if rules.site.ask_materials else None
     layers = measure_layers(dem, margin, lit, rules.site, materials=found)
-    return Maps(dem, judge(layers, rules.site), _pads(dem, rules))
+    return DecisionMaps(dem, judge_sites(layers, rules.site), _judge_pads(dem, rules))
 
 
-def compare(workspace: Workspace, found: Maps) -> dict[str, Any]:
+def compare_with_truth(workspace: Workspace, found: DecisionMaps) -> dict[str, Any]:
     """The numbers of decisions beside the truth's: ``dem``, ``sites``, ``pads``, and if rules ask for them
     ``materials``; None where one is undefined.
 
@@ -144,8 +144,8 @@ def compare(workspace: Workspace, found: Maps) -> dict[str, Any]:
     """
     truth = workspace.truth
     among = workspace.reached & truth.dem.known
-    errors = height_errors(found.dem, truth.dem.height_m, among & workspace.seen)
-    errors["reached_completeness"] = height_errors(found.dem, truth.dem.height_m, among)["completeness"]
+    errors = measure_height_errors(found.dem, truth.dem.height_m, among & workspace.seen)
+    errors["reached_completeness"] = measure_height_errors(found.dem, truth.dem.height_m, among)["completeness"]
     for name in ("slope_deg", "roughness_m"):
         off = (getattr(found.sites.layers, name) - getattr(truth.sites.layers, name))[among]
         off = off[np.isfinite(off)]
@@ -160,7 +160,7 @@ def compare(workspace: Workspace, found: Maps) -> dict[str, Any]:
     }
 
 
-def _compare_materials(truth: Layers, found: Layers, among: Array) -> dict[str, Any]:
+def _compare_materials(truth: SiteLayers, found: SiteLayers, among: Array) -> dict[str, Any]:
     """The table ``materials``, if the rules ask for them: errors of albedo and share of salt of the footprints."""
     if truth.albedo is None or truth.salt_share is None or found.albedo is None or found.salt_share is None:
         return {}
@@ -174,19 +174,21 @@ def _compare_materials(truth: Layers, found: Layers, among: Array) -> dict[str, 
     return {"materials": numbers}
 
 
-def compare_beside_lander(workspace: Workspace, found: Maps, depth_m: Array, pose: Array) -> dict[str, float | None]:
+def compare_beside_lander(
+    workspace: Workspace, found: DecisionMaps, depth_m: Array, pose: Array
+) -> dict[str, float | None]:
     """The effect of leaving out the pixels beside the lander, over the seen cells in reach.
 
     ``beside_rmse_m``: of the heights that these pixels alone give; ``beside_bias_m`` of them; ``beside_share``: the
     share of the cells that only they know.
     """
     prepared = workspace.prepared
-    beside = _is_ground(prepared) & ~_is_apart_from_lander(prepared)
-    position, _ = points_of(np.where(beside, depth_m, np.nan), workspace.pair.camera.rectified, pose)
-    dem = grid_points(position, workspace.grid)
+    beside = _find_ground_pixels(prepared) & ~_find_pixels_apart_from_lander(prepared)
+    position, _ = back_project_depth(np.where(beside, depth_m, np.nan), workspace.pair.camera.rectified, pose)
+    dem = make_dem(position, workspace.grid)
     truth = workspace.truth.dem
     among = workspace.reached & workspace.seen & truth.known
-    errors = height_errors(dem, truth.height_m, among)
+    errors = measure_height_errors(dem, truth.height_m, among)
     only = dem.known & ~found.dem.known & among
     return {
         "beside_rmse_m": errors["rmse_m"],
@@ -195,7 +197,7 @@ def compare_beside_lander(workspace: Workspace, found: Maps, depth_m: Array, pos
     }
 
 
-def disturb(pose: Array, error_mm: float, error_deg: float, random: np.random.Generator) -> Array:
+def disturb_pose(pose: Array, error_mm: float, error_deg: float, random: np.random.Generator) -> Array:
     """The pose (4, 4) with an error: a shift and a turn about the eye, each normal in three axes, these their standard
     deviations per axis."""
     turn = np.radians(error_deg) * random.standard_normal(3)
@@ -209,9 +211,9 @@ def disturb(pose: Array, error_mm: float, error_deg: float, random: np.random.Ge
     return result
 
 
-def _margins(pair: Pair, pose: Array, dem: Dem) -> Array:
+def _find_joint_margins(pair: Pair, pose: Array, dem: Dem) -> Array:
     """The arm's margins, of a lander whose camera has this ``pose``."""
-    return find_margins(
+    return find_joint_margins_deg(
         pair.settings, float(pose[2, 3]) - pair.settings.rig.height_m, *dem.grid.centres(), dem.height_m
     )
 
@@ -226,28 +228,28 @@ def _score_pads(found: Array, truth: Array, among: Array) -> dict[str, float | N
     }
 
 
-def _pads(dem: Dem, rules: Rules) -> Array:
+def _judge_pads(dem: Dem, rules: Rules) -> Array:
     pad = rules.pad
     return judge_pads(dem, pad.disc_m, pad.slope_deg, pad.rock_height_m, pad.known_share)
 
 
-def _is_ground(prepared: Prepared) -> Array:
+def _find_ground_pixels(prepared: PreparedPair) -> Array:
     return np.asarray(prepared.classes[MATERIAL.key] != _LANDER)
 
 
-def _is_apart_from_lander(prepared: Prepared) -> Array:
+def _find_pixels_apart_from_lander(prepared: PreparedPair) -> Array:
     """Ground (H, W) around which a matcher's window sees no lander: a lander knows where its arm is."""
-    lander = (~_is_ground(prepared)).astype(np.uint8)
+    lander = (~_find_ground_pixels(prepared)).astype(np.uint8)
     side = 2 * _SMEARED_PX + 1
     return np.asarray(cv2.dilate(lander, np.ones((side, side), np.uint8)) == 0)
 
 
-def _lit_pixels(workspace: Workspace) -> Array:
+def _find_lit_pixels(workspace: Workspace) -> Array:
     """1.0 or 0.0 (H, W): the left image is brighter than a share of the median of its ground."""
     image = workspace.prepared.left
     grey = (image if image.ndim == 2 else image.mean(axis=2)).astype(np.float64)
     level = grey**2 if workspace.prepared.facts["settings"].sensor.encoding == "SQUARE_ROOT" else grey
-    ground = workspace.prepared.known & _is_ground(workspace.prepared)
+    ground = workspace.prepared.known & _find_ground_pixels(workspace.prepared)
     return (level > workspace.rules.site.lit_level * np.median(level[ground])).astype(np.float64)
 
 
@@ -294,11 +296,11 @@ def _points_of_right_eye(pair: Pair) -> Array:
     pose = pair.rectified_pose("right")
     view = read_depth(pair.truth("right"), "right")
     ground = np.ones(view.depth.shape, bool) if view.semantic is None else view.semantic != LANDER
-    depth = pair.camera.cropped(np.where(ground, scene_depth(view), np.nan))
-    return points_of(depth, pair.camera.rectified, pose)[0] if pose is not None else np.empty((0, 3))
+    depth = pair.camera.cropped(np.where(ground, find_scene_depth(view), np.nan))
+    return back_project_depth(depth, pair.camera.rectified, pose)[0] if pose is not None else np.empty((0, 3))
 
 
-def _grid_ahead(pair: Pair, points: Array, cell_m: float) -> Grid:
+def _make_grid_ahead(pair: Pair, points: Array, cell_m: float) -> Grid:
     """Cells around the middle of the ground that the left image shows, as large as the settings' workspace."""
     workspace = pair.settings.workspace
     size = workspace.size_m

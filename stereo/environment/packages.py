@@ -58,7 +58,7 @@ def is_in_blender() -> bool:
     return app is not None and not getattr(app, "module", not app.binary_path)
 
 
-def require(*modules: str) -> None:
+def require_modules(*modules: str) -> None:
     """Raise IcyMoonError with the fix unless all of ``modules`` load in this Python."""
     if "OpenEXR" in modules and is_in_blender():
         raise IcyMoonError(
@@ -70,7 +70,7 @@ def require(*modules: str) -> None:
         raise IcyMoonError(f"{sys.executable} lacks {', '.join(problems)}; {_install_advice()}")
 
 
-def requirement(module: str) -> str:
+def format_requirement(module: str) -> str:
     """A package with its bounds, as pip takes it."""
     distribution, oldest, untested = PACKAGES[module]
     return f"{distribution}>={'.'.join(map(str, oldest))},<{untested}"
@@ -85,11 +85,11 @@ def _import_package(module: str) -> tuple[str | None, str]:
             loaded = importlib.import_module(module)
     except Exception as error:  # a broken binary package may raise anything
         reason = f" ({error})" if importlib.util.find_spec(module) else ""
-        return None, f"{requirement(module)}{reason}"
+        return None, f"{format_requirement(module)}{reason}"
     # OpenEXR's version is in the metadata of the package only.
     version = getattr(loaded, "__version__", None) or _installed_version(distribution)
-    if version and not oldest <= _numbers(version) < (untested,):
-        return version, f"{requirement(module)} (it has {version})"
+    if version and not oldest <= _parse_version(version) < (untested,):
+        return version, f"{format_requirement(module)} (it has {version})"
     return version, ""
 
 
@@ -100,7 +100,7 @@ def _installed_version(distribution: str) -> str | None:
         return None
 
 
-def _numbers(version: str) -> tuple[int, ...]:
+def _parse_version(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in version.split(".")[:2] if part.isdecimal())
 
 
@@ -110,5 +110,5 @@ def _install_advice() -> str:
             "these came with Icy Moon, and another extension may have replaced them: install Icy Moon again, or "
             "disable that extension."
         )
-    names = " ".join(f'"{requirement(module)}"' for module in PACKAGES)
+    names = " ".join(f'"{format_requirement(module)}"' for module in PACKAGES)
     return f"run {sys.executable} -m pip install {names}, or choose another Python."

@@ -40,6 +40,6 @@ def exports_with_blender() -> list[str]:
     return [name for name, plugin in find_plugins().usable.items() if fact_of(plugin, "NEEDS") == "Blender"]
 
 
-def packages_of(name: str) -> tuple[str, ...]:
+def list_packages(name: str) -> tuple[str, ...]:
     """The packages that an export needs."""
     return fact_of(find_plugins().usable[name], "PACKAGES") or IMAGES

@@ -23,10 +23,10 @@ from ...support.errors import IcyMoonError
 from ...support.files import write_json
 from ..images.develop import to_8_bit
 from ..images.image_files import write_png
-from ..measure.prepare import Loaded
-from .encodings import MILLIMETRES, in_steps
+from ..measure.prepare import LoadedPair
+from .encodings import MILLIMETRES, quantise_to_16_bits
 from .losses import Each, Loss
-from .whole_folders import filled
+from .whole_folders import fill_whole_folder
 
 #: Millimetres per step of the 16-bit depth, which then reaches 13 m.
 DEPTH_SCALE = 0.2
@@ -45,7 +45,7 @@ class _Models:
         """Another one of the same models."""
         return _Models(dict(self.numbers), dict(self.centres), dict(self.facts))
 
-    def number_of(self, link: str, solid: Solid, folder: Path) -> int:
+    def add_link(self, link: str, solid: Solid, folder: Path) -> int:
         """The number of the model of a link, which is written to a folder when it is new."""
         key = link, np.round(solid.vertices * MILLIMETRES, 3).tobytes()
         if key not in self.numbers:
@@ -56,12 +56,12 @@ class _Models:
             write_triangles(
                 folder / f"obj_{number:06d}.ply", places, solid.triangles, _vertex_normals(solid), (f"link {link}",)
             )
-            self.facts[str(number)] = _facts(places)
+            self.facts[str(number)] = _describe_model(places)
             write_json(folder / "models_info.json", self.facts)
         return self.numbers[key]
 
 
-def _facts(places: Array) -> dict[str, float]:
+def _describe_model(places: Array) -> dict[str, float]:
     """Diameter and box of a model in millimetres, as ``models_info.json`` has them."""
     low, size = places.min(axis=0), np.ptp(places, axis=0)
     # The farthest two vertices are ends of it in some direction.
@@ -89,7 +89,7 @@ def write_all(each: Each, out: Path) -> None:
     models = _Models()
     scenes: dict[str, dict[str, dict[str, Any]]] = {eye: {"camera": {}, "gt": {}, "gt_info": {}} for eye in EYES}
 
-    def write(pair: Loaded) -> list[Loss]:
+    def write(pair: LoadedPair) -> list[Loss]:
         nonlocal models, scenes
         lander = pair.pair.data.get("lander")
         if not lander:
@@ -101,14 +101,14 @@ def write_all(each: Each, out: Path) -> None:
         solids = solids_of(pair.settings, lander["pads_m"])
         with_this = models.copy()
         described = {}
-        with filled(out) as part:
+        with fill_whole_folder(out) as part:
             for number, eye in enumerate(EYES):
                 folder = part / "test" / f"{number:06d}"
                 losses += _write_image(pair, eye, folder, int(image))
                 poses, facts = _write_links(pair, eye, folder, int(image), with_this, solids, part / "models")
                 described[eye] = {
                     name: scenes[eye][name] | {image: content}
-                    for name, content in (("camera", _camera(pair, eye)), ("gt", poses), ("gt_info", facts))
+                    for name, content in (("camera", _camera_facts(pair, eye)), ("gt", poses), ("gt_info", facts))
                 }
                 for name, content in described[eye].items():
                     write_json(folder / f"scene_{name}.json", content)
@@ -118,22 +118,22 @@ def write_all(each: Each, out: Path) -> None:
     each(write)
 
 
-def _write_image(pair: Loaded, eye: str, folder: Path, image: int) -> list[Loss]:
+def _write_image(pair: LoadedPair, eye: str, folder: Path, image: int) -> list[Loss]:
     """Write the image and the depth of an eye; return the losses of the depth."""
     shown = to_8_bit(pair.images.for_files(eye), pair.images.bits, pair.images.encoding)
     write_png(folder / "rgb" / f"{image:06d}.png", shown if shown.ndim == 3 else np.repeat(shown[..., None], 3, axis=2))
-    steps, losses = in_steps(pair.depth[eye], MILLIMETRES / DEPTH_SCALE, "depth", "m")
+    steps, losses = quantise_to_16_bits(pair.depth[eye], MILLIMETRES / DEPTH_SCALE, "depth", "m")
     write_png(folder / "depth" / f"{image:06d}.png", steps)
     return losses
 
 
-def _matrix(pair: Loaded) -> Array:
+def _camera_matrix(pair: LoadedPair) -> Array:
     camera = pair.pair.camera.rectified
     return np.array([[camera.focal_px, 0.0, camera.cx_px], [0.0, camera.focal_px, camera.cy_px], [0.0, 0.0, 1.0]])
 
 
-def _camera(pair: Loaded, eye: str) -> dict[str, Any]:
-    found: dict[str, Any] = {"cam_K": _matrix(pair).ravel().tolist(), "depth_scale": DEPTH_SCALE}
+def _camera_facts(pair: LoadedPair, eye: str) -> dict[str, Any]:
+    found: dict[str, Any] = {"cam_K": _camera_matrix(pair).ravel().tolist(), "depth_scale": DEPTH_SCALE}
     pose = pair.pair.rectified_pose(eye)
     if pose is not None:
         inverse = np.linalg.inv(pose)
@@ -142,7 +142,7 @@ def _camera(pair: Loaded, eye: str) -> dict[str, Any]:
 
 
 def _write_links(
-    pair: Loaded, eye: str, folder: Path, image: int, models: _Models, solids: dict[str, Solid], shapes: Path
+    pair: LoadedPair, eye: str, folder: Path, image: int, models: _Models, solids: dict[str, Solid], shapes: Path
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Write the masks of the links in an image, and new models to ``shapes``; poses and the facts of pixels."""
     poses, facts = [], []
@@ -151,22 +151,24 @@ def _write_links(
         raise IcyMoonError(f"{pair.pair.folder}: has no labels; render it with quality.truth FULL.")
     for number, link in enumerate(pair.pair.data["lander"]["links"]):
         solid, pose = solids[link["name"]], np.array(link[f"link_to_{eye}"], np.float64)
-        model = models.number_of(link["name"], solid, shapes)
+        model = models.add_link(link["name"], solid, shapes)
         turn, place = pose[:3, :3], pose[:3, :3] @ models.centres[model] + pose[:3, 3]
-        whole = find_silhouette(solid.vertices @ turn.T + pose[:3, 3], solid.triangles, _matrix(pair), depth.shape)
+        whole = find_silhouette(
+            solid.vertices @ turn.T + pose[:3, 3], solid.triangles, _camera_matrix(pair), depth.shape
+        )
         seen = instance == link["instance"]
         poses.append({"obj_id": model, "cam_R_m2c": turn.ravel().tolist(), "cam_t_m2c": (place * MILLIMETRES).tolist()})
-        facts.append(_pixels(whole | seen, seen, depth))
+        facts.append(_pixel_facts(whole | seen, seen, depth))
         for name, mask in (("mask", whole | seen), ("mask_visib", seen)):
             write_png(folder / name / f"{image:06d}_{number:06d}.png", np.where(mask, _MASK, 0).astype(np.uint8))
     return poses, facts
 
 
-def _pixels(whole: Array, seen: Array, depth: Array) -> dict[str, Any]:
+def _pixel_facts(whole: Array, seen: Array, depth: Array) -> dict[str, Any]:
     every = int(whole.sum())
     return {
-        "bbox_obj": _box(whole),
-        "bbox_visib": _box(seen),
+        "bbox_obj": _bounding_box(whole),
+        "bbox_visib": _bounding_box(seen),
         "px_count_all": every,
         "px_count_valid": int((whole & np.isfinite(depth)).sum()),
         "px_count_visib": int(seen.sum()),
@@ -174,7 +176,7 @@ def _pixels(whole: Array, seen: Array, depth: Array) -> dict[str, Any]:
     }
 
 
-def _box(mask: Array) -> list[int]:
+def _bounding_box(mask: Array) -> list[int]:
     """x, y, width and height of a mask; -1 where it is empty, as BOP has it."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):

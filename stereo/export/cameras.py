@@ -19,7 +19,7 @@ from ...support.errors import IcyMoonError
 from ...support.files import write_json, write_text
 from ..images.develop import to_8_bit
 from ..images.image_files import write_png
-from ..measure.prepare import Loaded
+from ..measure.prepare import LoadedPair
 from . import Export
 from .losses import Each
 
@@ -29,7 +29,7 @@ FRAME = "ICYMOON_SITE_EAST_NORTH_UP"
 _POINTS = 2000
 
 
-def pose_of(pair: Loaded, eye: str) -> Array:
+def read_pose(pair: LoadedPair, eye: str) -> Array:
     """The matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair does not contain it."""
     pose = pair.pair.rectified_pose(eye)
     if pose is None:
@@ -39,7 +39,7 @@ def pose_of(pair: Loaded, eye: str) -> Array:
     return pose
 
 
-def rays_of(camera: StereoCamera) -> Array:
+def pixel_rays(camera: StereoCamera) -> Array:
     """Directions (H, W, 3) of the pixels' centres in the camera's axes, with z = 1: times planar depth, points."""
     v, u = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
     return np.stack(
@@ -47,7 +47,7 @@ def rays_of(camera: StereoCamera) -> Array:
     )
 
 
-def _write_cahvor(pair: Loaded, folder: Path) -> None:
+def _write_cahvor(pair: LoadedPair, folder: Path) -> None:
     """Write the rectified images of a pair with CAHV models, and the images of the sensors with CAHVOR models.
 
     In the folder are ``left.png``, ``left.cahvor`` and a PDS3 label, ``left.lbl``; with a lens that distorts or
@@ -57,7 +57,7 @@ def _write_cahvor(pair: Loaded, folder: Path) -> None:
     camera = pair.pair.camera
     k, images = coefficients(pair.settings.rig), pair.images
     for eye in EYES:
-        pose = pose_of(pair, eye)
+        pose = read_pose(pair, eye)
         named: dict[str, tuple[Array, tuple[float, ...], Array]] = {eye: (images.for_files(eye), (), np.eye(3))}
         if any(k) or camera.toe_in_deg:
             named[f"{eye}_sensor"] = (getattr(images, f"detected_{eye}"), k, camera.eye_rotation(eye))
@@ -82,7 +82,7 @@ def centre_matrix(camera: StereoCamera) -> Array:
 
 
 @dataclass
-class _Model:
+class _ColmapModel:
     """The content of a scene's COLMAP model so far."""
 
     cameras: dict[str, int] = field(default_factory=dict)  # lines without their number
@@ -98,11 +98,11 @@ def _write_colmap(each: Each, out: Path) -> None:
     Pairs of the same ground, surface and light are one scene. Images are rectified; both programs count pixels from the
     corner of the first one, as we do. Points come from the true depth and are seen by both eyes.
     """
-    models: dict[str, _Model] = {}
+    models: dict[str, _ColmapModel] = {}
 
-    def write(pair: Loaded) -> None:
-        model = models.setdefault(_scene_of(pair), _Model())
-        folder = out / f"scene-{list(models).index(_scene_of(pair)):04d}"
+    def write(pair: LoadedPair) -> None:
+        model = models.setdefault(_scene_key(pair), _ColmapModel())
+        folder = out / f"scene-{list(models).index(_scene_key(pair)):04d}"
         _add_pair(model, pair, folder)
 
     each(write)
@@ -115,7 +115,7 @@ def _write_colmap(each: Each, out: Path) -> None:
         write_json(folder / "transforms.json", {"frames": model.frames})
 
 
-def _scene_of(pair: Loaded) -> str:
+def _scene_key(pair: LoadedPair) -> str:
     parts = [part(pair.pair.settings) for part in (changes.geometry, changes.look, changes.light)]
     return json.dumps(
         [
@@ -142,24 +142,24 @@ def _frame_of(file: str, camera: StereoCamera, pose: Array) -> dict[str, Any]:
     }
 
 
-def _add_pair(model: _Model, pair: Loaded, folder: Path) -> None:
+def _add_pair(model: _ColmapModel, pair: LoadedPair, folder: Path) -> None:
     camera = pair.pair.camera
     line = (
         f"PINHOLE {camera.width_px} {camera.height_px} {camera.focal_px!r} {camera.focal_px!r} {camera.cx_px!r} "
         f"{camera.cy_px!r}"
     )
     number = model.cameras.setdefault(line, len(model.cameras) + 1)
-    rows, columns, right_columns = _chosen(pair)
-    points = _points(pair, rows, columns)
+    rows, columns, right_columns = _choose_pixels(pair)
+    points = _world_points(pair, rows, columns)
     first_image, first_point = len(model.images) // 2 + 1, len(model.points) + 1
     where = {"left": columns + 0.5, "right": right_columns}
     seen = {eye: to_8_bit(pair.images.for_files(eye), pair.images.bits, pair.images.encoding) for eye in EYES}
     for k, eye in enumerate(EYES):
         name = f"{pair.pair.folder.name}_{eye}.png"
         write_png(folder / "images" / name, seen[eye])
-        pose = pose_of(pair, eye)
+        pose = read_pose(pair, eye)
         rotation = pose[:3, :3].T
-        placed = [*quaternion(rotation), *(-rotation @ pose[:3, 3])]
+        placed = [*rotation_to_quaternion(rotation), *(-rotation @ pose[:3, 3])]
         model.images += [
             f"{first_image + k} {' '.join(map(repr, map(float, placed)))} {number} {name}",
             " ".join(
@@ -174,7 +174,7 @@ def _add_pair(model: _Model, pair: Loaded, folder: Path) -> None:
         model.points.append(f"{first_point + n} {place} {red} {green} {blue} 0 {first_image} {n} {first_image + 1} {n}")
 
 
-def _chosen(pair: Loaded) -> tuple[Array, Array, Array]:
+def _choose_pixels(pair: LoadedPair) -> tuple[Array, Array, Array]:
     """Rows and columns of left pixels that both eyes see, evenly spread, and where the right eye sees their points."""
     rows, columns = np.nonzero(pair.visible["left"])
     step = max(1, len(rows) // _POINTS)
@@ -183,14 +183,14 @@ def _chosen(pair: Loaded) -> tuple[Array, Array, Array]:
     return rows, columns, columns + 0.5 - disparity
 
 
-def _points(pair: Loaded, rows: Array, columns: Array) -> Array:
+def _world_points(pair: LoadedPair, rows: Array, columns: Array) -> Array:
     """World coordinates (n, 3) in metres of the points that left pixels see."""
-    pose = pose_of(pair, "left")
-    eye = rays_of(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
+    pose = read_pose(pair, "left")
+    eye = pixel_rays(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
     return eye @ pose[:3, :3].T + pose[:3, 3]
 
 
-def quaternion(rotation: Array) -> Array:
+def rotation_to_quaternion(rotation: Array) -> Array:
     """w, x, y, z of a rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack 2000, JGCD 23, 1085)."""
     m = rotation
     k = (

@@ -27,7 +27,7 @@ def write_pfm(path: Path, values: Array) -> None:
     write_bytes(path, header + np.ascontiguousarray(single[::-1]).tobytes())
 
 
-def in_steps(values: Array, scale: float, what: str, unit: str) -> tuple[Array, list[Loss]]:
+def quantise_to_16_bits(values: Array, scale: float, what: str, unit: str) -> tuple[Array, list[Loss]]:
     """``values`` (H, W) times ``scale`` as uint16, 0 where undefined, and the loss: values outside of 1 / scale to
     65535 / scale."""
     with np.errstate(invalid="ignore", over="ignore"):
@@ -42,7 +42,7 @@ def in_steps(values: Array, scale: float, what: str, unit: str) -> tuple[Array, 
     return np.where(fits, steps, 0).astype(np.uint16), [Loss(what, lost / int(known.sum()), why)] if lost else []
 
 
-def run_lengths(pixels: Array, count: int) -> list[int]:
+def encode_run_lengths(pixels: Array, count: int) -> list[int]:
     """COCO's uncompressed run lengths of a mask: zeros and ones in turn, column by column.
 
     ``pixels`` are the ascending indices of the mask's pixels, in the same order, in an image of ``count`` pixels.

@@ -72,7 +72,7 @@ def write_grounds(
         raise IcyMoonError(f"The size of a cell is {cell_m:g} m; give a size above 0, and for dem only.")
     shared: dict[str, list[PlannedPair]] = {}
     for each in planned:
-        shared.setdefault(_key(each.settings, kind), []).append(each)
+        shared.setdefault(_files_key(each.settings, kind), []).append(each)
     arguments = (kind, *(() if cell_m is None else (repr(float(cell_m)),)))
     build_geometry([those[0] for those in shared.values()], out, blender, hear, *arguments)
     folders = []
@@ -94,7 +94,7 @@ def read_geometry(folder: Path) -> dict[str, Any]:
         raise IcyMoonError(f"{folder / _GEOMETRY} is missing; {fix}.") from None
 
 
-def _key(settings: Settings, kind: str) -> str:
+def _files_key(settings: Settings, kind: str) -> str:
     """A text that is equal for pairs with equal files: maps have albedo, and no lander."""
     shown = kind == "dem" or any(
         settings[topic]["relief"] != "BUMP" and settings[topic]["grain_amplitude_m"] > 0

@@ -31,14 +31,14 @@ from ...support.arrays import Array
 from ...support.errors import DiskError, IcyMoonError, describe_error
 from ...support.files import escape_cell, write_atomically, write_json, write_text
 from ...support.labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
-from ..images.develop import exposure_facts, to_8_bit
+from ..images.develop import describe_exposure, to_8_bit
 from ..images.image_files import write_bytes, write_png
-from ..measure.prepare import Loaded, distinct_pairs, load
+from ..measure.prepare import LoadedPair, distinct_pairs, load_pair
 from . import Export, find_plugins
-from .encodings import KITTI_SCALE, MILLIMETRES, in_steps, run_lengths, write_pfm
+from .encodings import KITTI_SCALE, MILLIMETRES, encode_run_lengths, quantise_to_16_bits, write_pfm
 from .losses import Each, Loss, Losses, Write, refuse_losses
 from .plug_in import PluginExport
-from .whole_folders import filled
+from .whole_folders import fill_whole_folder
 
 Event = Callable[[dict[str, Any]], None]
 #: Semantic values that have instances; ground and sky have none.
@@ -61,7 +61,7 @@ def export(
     of truth that the layout cannot hold. A pair that would lose most of its disparities is left out. Raises
     IcyMoonError if there is no pair or ``out`` cannot be written.
     """
-    pairs = _Pairs(distinct_pairs(paths), response or {}, on_event)
+    pairs = _PairReader(distinct_pairs(paths), response or {}, on_event)
     PluginExport(find_plugins().usable[kind]).write(pairs.write_each, out)
     pairs.write_map_places(out)
     for sentence in pairs.losses.sentences(pairs.written):
@@ -69,7 +69,7 @@ def export(
     return pairs.failed
 
 
-class _Pairs:
+class _PairReader:
     """Pairs that are read and written one by one; a failure does not stop the others."""
 
     def __init__(self, folders: Sequence[Path], response: Mapping[str, Mapping[str, Any]], on_event: Event) -> None:
@@ -82,7 +82,7 @@ class _Pairs:
         """Read each pair and let ``write`` write it. Raises DiskError if the disk refuses."""
         for done, folder in enumerate(self._folders, 1):
             try:
-                pair = load(folder, self._response)
+                pair = load_pair(folder, self._response)
             except Exception as error:
                 self._tell_failure(error, folder)
                 continue
@@ -119,62 +119,64 @@ class _Pairs:
         self._tell({"type": "error", "message": self.failed[-1]})
 
 
-def _disparity(pair: Loaded, eye: str) -> Array:
+def _eye_disparity(pair: LoadedPair, eye: str) -> Array:
     return pair.pair.camera.disparity(pair.depth[eye])
 
 
-def _image(pair: Loaded, eye: str) -> Array:
+def _eye_image(pair: LoadedPair, eye: str) -> Array:
     """The image of an eye, grey (H, W) or in colour (H, W, 3) in the order B, G, R."""
     return pair.images.for_files(eye)
 
 
-def _write_8_bit(path: Path, pair: Loaded, eye: str) -> None:
-    write_png(path, to_8_bit(_image(pair, eye), pair.images.bits, pair.images.encoding))
+def _write_8_bit(path: Path, pair: LoadedPair, eye: str) -> None:
+    write_png(path, to_8_bit(_eye_image(pair, eye), pair.images.bits, pair.images.encoding))
 
 
-def _calibration(pair: Loaded) -> dict[str, Any]:
+def _describe_calibration(pair: LoadedPair) -> dict[str, Any]:
     return {
         "pair": pair.pair.id,
         "camera": pair.pair.camera.rectified.to_json(),
         "poses_camera_to_world": pair.pair.rectified_poses,
         "sensor": pair.settings.sensor,
-        **exposure_facts(pair.images),
+        **describe_exposure(pair.images),
         "self_check": pair.check.to_json(),
     }
 
 
-def _write_png8(pair: Loaded, folder: Path) -> None:
+def _write_png8(pair: LoadedPair, folder: Path) -> None:
     for eye in EYES:
         _write_8_bit(folder / f"{eye}.png", pair, eye)
         write_png(folder / f"visible_{eye}.png", pair.visible[eye].astype(np.uint8) * _VISIBLE)
         semantic = pair.views[eye].semantic
         if semantic is not None:
             write_png(folder / f"semantic_{eye}.png", semantic.astype(np.uint8))
-    write_json(folder / "calibration.json", _calibration(pair) | {"semantic": SEMANTIC | {NOT_SEEN: "not seen"}})
+    write_json(
+        folder / "calibration.json", _describe_calibration(pair) | {"semantic": SEMANTIC | {NOT_SEEN: "not seen"}}
+    )
 
 
-def _write_png16(pair: Loaded, folder: Path) -> list[Loss]:
-    labels = _instance_labels(pair)
+def _write_png16(pair: LoadedPair, folder: Path) -> list[Loss]:
+    labels = _list_instance_labels(pair)
     maps: dict[str, Array] = {}
     losses: list[Loss] = []
     for eye in EYES:
         for what, values, scale, unit in (
-            ("disparity", _disparity(pair, eye), KITTI_SCALE, "px"),
+            ("disparity", _eye_disparity(pair, eye), KITTI_SCALE, "px"),
             ("depth", pair.depth[eye], MILLIMETRES, "m"),
         ):
-            maps[f"{what}_{eye}"], lost = in_steps(values, scale, what, unit)
+            maps[f"{what}_{eye}"], lost = quantise_to_16_bits(values, scale, what, unit)
             losses += lost
     refuse_losses(pair, losses)
     for name, steps in maps.items():
         write_png(folder / f"{name}.png", steps)
     for eye in EYES:
-        write_png(folder / f"{eye}.png", _image_16_bit(pair, eye))
+        write_png(folder / f"{eye}.png", _to_16_bit_image(pair, eye))
         instance = pair.views[eye].instance
         if instance is not None:
             write_png(folder / f"instance_{eye}.png", np.searchsorted(labels, instance).astype(np.uint16))
     write_json(
         folder / "calibration.json",
-        _calibration(pair)
+        _describe_calibration(pair)
         | {
             "disparity_steps_per_px": KITTI_SCALE,
             "depth_steps_per_m": MILLIMETRES,
@@ -184,14 +186,14 @@ def _write_png16(pair: Loaded, folder: Path) -> list[Loss]:
     return losses
 
 
-def _image_16_bit(pair: Loaded, eye: str) -> Array:
+def _to_16_bit_image(pair: LoadedPair, eye: str) -> Array:
     """The image of ``_write_8_bit`` in 16 bits."""
-    level = _image(pair, eye) / (2.0**pair.images.bits - 1)
+    level = _eye_image(pair, eye) / (2.0**pair.images.bits - 1)
     level = np.sqrt(level) if pair.images.encoding == "SQUARE_ROOT" else level
     return np.asarray(np.rint(65535 * level).astype(np.uint16))
 
 
-def _instance_labels(pair: Loaded) -> Array:
+def _list_instance_labels(pair: LoadedPair) -> Array:
     """The instance labels of both eyes in ascending order, from 0. Their positions fit 16 bits."""
     found = [np.unique(view.instance) for view in pair.views.values() if view.instance is not None]
     labels = np.unique(np.concatenate([[0], *found]))
@@ -200,12 +202,12 @@ def _instance_labels(pair: Loaded) -> Array:
     return labels
 
 
-def _write_pfm(pair: Loaded, folder: Path) -> None:
+def _write_pfm(pair: LoadedPair, folder: Path) -> None:
     for eye in EYES:
         write_pfm(folder / f"{eye}.pfm", pair.views[eye].radiance)
-        write_pfm(folder / f"disparity_{eye}.pfm", _disparity(pair, eye))
+        write_pfm(folder / f"disparity_{eye}.pfm", _eye_disparity(pair, eye))
         write_pfm(folder / f"depth_{eye}.pfm", pair.depth[eye])
-    write_json(folder / "calibration.json", _calibration(pair))
+    write_json(folder / "calibration.json", _describe_calibration(pair))
 
 
 def _write_kitti(each: Each, out: Path) -> None:
@@ -213,19 +215,19 @@ def _write_kitti(each: Each, out: Path) -> None:
     eye sees too."""
     numbers = [("number", "pair")]
 
-    def write(pair: Loaded) -> list[Loss]:
+    def write(pair: LoadedPair) -> list[Loss]:
         number = f"{len(numbers) - 1:06d}"
         frame = f"{number}_10.png"
-        disparity = _disparity(pair, "left")
-        every, losses = in_steps(disparity, KITTI_SCALE, "disparity", "px")
+        disparity = _eye_disparity(pair, "left")
+        every, losses = quantise_to_16_bits(disparity, KITTI_SCALE, "disparity", "px")
         refuse_losses(pair, losses)
-        with filled(out) as part:
+        with fill_whole_folder(out) as part:
             root = part / "training"
             _write_8_bit(root / "image_2" / frame, pair, "left")
             _write_8_bit(root / "image_3" / frame, pair, "right")
             write_png(root / "disp_occ_0" / frame, every)
             write_png(root / "disp_noc_0" / frame, np.where(pair.visible["left"], every, 0).astype(np.uint16))
-            write_text(root / "calib_cam_to_cam" / f"{number}.txt", _kitti_calibration(pair))
+            write_text(root / "calib_cam_to_cam" / f"{number}.txt", _kitti_calibration_text(pair))
         numbers.append((number, escape_cell(pair.pair.folder.name)))
         return losses
 
@@ -235,7 +237,7 @@ def _write_kitti(each: Each, out: Path) -> None:
     write_text(out / "pairs.csv", table.getvalue())
 
 
-def _kitti_calibration(pair: Loaded) -> str:
+def _kitti_calibration_text(pair: LoadedPair) -> str:
     camera = pair.pair.camera
     lines = []
     # KITTI counts pixels from the centre of the first one, half a pixel from our corner.
@@ -246,13 +248,13 @@ def _kitti_calibration(pair: Loaded) -> str:
     return "".join(lines)
 
 
-def _write_middlebury(pair: Loaded, folder: Path) -> None:
+def _write_middlebury(pair: LoadedPair, folder: Path) -> None:
     for k, eye in enumerate(EYES):
         _write_8_bit(folder / f"im{k}.png", pair, eye)
-        write_pfm(folder / f"disp{k}.pfm", _disparity(pair, eye))
+        write_pfm(folder / f"disp{k}.pfm", _eye_disparity(pair, eye))
         known = np.where(np.isfinite(pair.depth[eye]), _HIDDEN, 0)
         write_png(folder / f"mask{k}nocc.png", np.where(pair.visible[eye], _VISIBLE, known).astype(np.uint8))
-    write_text(folder / "calib.txt", _middlebury_calibration(pair))
+    write_text(folder / "calib.txt", _middlebury_calibration_text(pair))
 
 
 def middlebury_camera_text(camera: StereoCamera) -> str:
@@ -268,9 +270,9 @@ def middlebury_camera_text(camera: StereoCamera) -> str:
     )
 
 
-def _middlebury_calibration(pair: Loaded) -> str:
+def _middlebury_calibration_text(pair: LoadedPair) -> str:
     """Middlebury 2014: ``ndisp`` is a safe number of disparities, ``vmin`` and ``vmax`` are their range."""
-    disparity = _disparity(pair, "left")
+    disparity = _eye_disparity(pair, "left")
     known = disparity[np.isfinite(disparity)]
     low, high = (int(np.floor(known.min())), int(np.ceil(known.max()))) if known.size else (0, 0)
     return (
@@ -299,9 +301,9 @@ def _write_coco_images(each: Each, out: Path, annotations: TextIO) -> list[dict[
     images: list[dict[str, Any]] = []
     numbers = itertools.count(1)
 
-    def write(pair: Loaded) -> None:
+    def write(pair: LoadedPair) -> None:
         camera, names = pair.pair.camera, {eye: f"{pair.pair.folder.name}_{eye}.png" for eye in EYES}
-        with filled(out) as folder:
+        with fill_whole_folder(out) as folder:
             for eye, name in names.items():
                 _write_8_bit(folder / "images" / name, pair, eye)
             every = {eye: list(coco_annotations(pair.views[eye].instance, pair.views[eye].semantic)) for eye in EYES}
@@ -350,7 +352,7 @@ def coco_annotations(instance: Array | None, semantic: Array | None) -> Iterator
             "iscrowd": 0,
             "area": len(pixels),
             "bbox": [left, top, int(columns.max()) - left + 1, int(rows.max()) - top + 1],
-            "segmentation": {"size": [height, width], "counts": run_lengths(pixels, height * width)},
+            "segmentation": {"size": [height, width], "counts": encode_run_lengths(pixels, height * width)},
         }
 
 
@@ -371,7 +373,7 @@ def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
     """
     for folder in distinct_pairs(paths):
         try:
-            pair = load(folder, {})
+            pair = load_pair(folder, {})
         except Exception as error:
             yield {"pair": folder.name, "ok": False, "problems": [describe_error(error, folder)]}
             continue
@@ -382,7 +384,7 @@ def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:
                 f"{name}_{eye}": values
                 for eye in EYES
                 for name, values in (
-                    ("disparity", _disparity(pair, eye).astype(np.float32)),
+                    ("disparity", _eye_disparity(pair, eye).astype(np.float32)),
                     ("depth", pair.depth[eye].astype(np.float32)),
                     ("visible", pair.visible[eye]),
                 )

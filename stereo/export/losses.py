@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from ...support.errors import IcyMoonError
 from ...support.number_text import count_of
-from ..measure.prepare import Loaded
+from ..measure.prepare import LoadedPair
 
 #: A pair is not written if more of its true disparities than this share would be lost: the rest is not its truth.
 MOST_LOST = 0.5
@@ -25,11 +25,11 @@ class Loss:
 
 
 #: ``Write`` writes a pair and returns its losses; ``Each`` calls such a function with each pair.
-Write = Callable[[Loaded], Sequence[Loss] | None]
+Write = Callable[[LoadedPair], Sequence[Loss] | None]
 Each = Callable[[Write], None]
 
 
-def refuse_losses(pair: Loaded, losses: Sequence[Loss]) -> None:
+def refuse_losses(pair: LoadedPair, losses: Sequence[Loss]) -> None:
     """Raise IcyMoonError if most of the true disparities of a pair would be lost; call it before files are written."""
     for loss in losses:
         if loss.what == "disparity" and loss.share > MOST_LOST:
@@ -45,7 +45,7 @@ class Losses:
 
     _found: dict[tuple[str, str], list[tuple[float, str]]] = field(default_factory=dict)
 
-    def add(self, pair: Loaded, losses: Sequence[Loss]) -> None:
+    def add(self, pair: LoadedPair, losses: Sequence[Loss]) -> None:
         """Note the losses of a pair, the worst of its maps."""
         for key in {(loss.what, loss.why) for loss in losses}:
             share = max(loss.share for loss in losses if (loss.what, loss.why) == key)

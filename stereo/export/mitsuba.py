@@ -77,12 +77,12 @@ def export_mitsuba(
     Raises IcyMoonError if a pair cannot be exported: one that was edited by hand, or has no pinhole camera.
     """
     for pair in pairs:
-        _refuse(pair)
+        _refuse_unexportable(pair)
     build_geometry([PlannedPair(pair.id, pair.settings, 0.0) for pair in pairs], out, blender, hear)
     return [write_scene(pair, out / pair.id) for pair in pairs]
 
 
-def _refuse(pair: Pair) -> None:
+def _refuse_unexportable(pair: Pair) -> None:
     refuse_edited(pair)
     if pair.camera.toe_in_deg or pair.camera.rendered_px != (pair.camera.width_px, pair.camera.height_px):
         raise IcyMoonError(
@@ -101,7 +101,7 @@ def write_scene(pair: Pair, folder: Path) -> Path:
     settings, shown = pair.settings, sky(pair.settings.light)
     left_out = find_left_out(settings, shown)
     meshes = [kind for kind in ("terrain", "rock") if (folder / f"{kind}.ply").is_file()]
-    models = {_surface_of(settings, kind).model for kind in meshes}
+    models = {_choose_surface(settings, kind).model for kind in meshes}
     for name in dict.fromkeys(name for model, names in _PLUGINS.items() if model in models for name in names):
         shutil.copyfile(ROOT / "stereo" / "adapters" / name, folder / name)
     shared: dict[str, Plugin] = {
@@ -111,11 +111,13 @@ def write_scene(pair: Pair, folder: Path) -> Path:
             "rr_depth": _ALWAYS,
             "hide_emitters": True,
         },
-        **{kind: {"type": "ply", "filename": f"{kind}.ply", "bsdf": _surface(settings, kind)} for kind in meshes},
-        **_lights(pair, shown, folder),
+        **{
+            kind: {"type": "ply", "filename": f"{kind}.ply", "bsdf": _surface_plugin(settings, kind)} for kind in meshes
+        },
+        **_light_plugins(pair, shown, folder),
     }
     for eye in EYES:
-        write_text(folder / f"scene_{eye}.xml", _to_xml({**shared, "sensor": _camera(pair, eye)}))
+        write_text(folder / f"scene_{eye}.xml", _to_xml({**shared, "sensor": _camera_plugin(pair, eye)}))
     write_json(
         folder / "export.json",
         {
@@ -155,12 +157,12 @@ def find_left_out(settings: Settings, shown: Sky) -> list[str]:
     return found
 
 
-def _surface_of(settings: Settings, kind: str) -> SurfaceSettings:
+def _choose_surface(settings: Settings, kind: str) -> SurfaceSettings:
     return settings.rock_surface if kind == "rock" and settings.rocks.own_surface else settings.surface
 
 
-def _surface(settings: Settings, kind: str) -> Plugin:
-    surface = _surface_of(settings, kind)
+def _surface_plugin(settings: Settings, kind: str) -> Plugin:
+    surface = _choose_surface(settings, kind)
     if surface.model == "SNOW":
         return {"type": "icymoon_snow", "albedo": float(surface.albedo)}
     if surface.model != "HAPKE":
@@ -174,7 +176,7 @@ def _surface(settings: Settings, kind: str) -> Plugin:
     }
 
 
-def _camera(pair: Pair, eye: str) -> Plugin:
+def _camera_plugin(pair: Pair, eye: str) -> Plugin:
     """Mitsuba's camera looks along z with x to the left and y up; a pair's camera has x to the right and y down."""
     camera = pair.camera
     pose = np.array(pair.data["poses_camera_to_world"][eye]) @ np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -199,18 +201,18 @@ def _camera(pair: Pair, eye: str) -> Plugin:
     }
 
 
-def _lights(pair: Pair, shown: Sky, folder: Path) -> dict[str, Plugin]:
+def _light_plugins(pair: Pair, shown: Sky, folder: Path) -> dict[str, Plugin]:
     found: dict[str, Plugin] = {}
     if pair.sun is not None and pair.sun.irradiance_wm2 > 0:
-        found["sun"] = _sun(pair.sun.direction, pair.sun.irradiance_wm2, pair.sun.angular_diameter_deg)
+        found["sun"] = _sun_plugin(pair.sun.direction, pair.sun.irradiance_wm2, pair.sun.angular_diameter_deg)
     if shown.planet is not None and shown.planet_is_up and irradiance_wm2(shown.planet) > 0:
-        write_pfm(folder / "planet.pfm", _sky_map(VisibleCap(shown.planet)))
+        write_pfm(folder / "planet.pfm", _make_sky_map(VisibleCap(shown.planet)))
         # Its pole is y, and the middle of its columns looks along z, which is north here.
         found["planet"] = {"type": "envmap", "filename": "planet.pfm", "to_world": _SKY_TO_WORLD}
     return found
 
 
-def _sun(direction: Array, energy: float, diameter_deg: float) -> Plugin:
+def _sun_plugin(direction: Array, energy: float, diameter_deg: float) -> Plugin:
     if diameter_deg == 0:
         return {"type": "directional", "direction": [float(-axis) for axis in direction], "irradiance": [energy] * 3}
     half = math.radians(diameter_deg / 2)
@@ -231,7 +233,7 @@ def _sun(direction: Array, energy: float, diameter_deg: float) -> Plugin:
 _SKY_TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 
 
-def _sky_map(seen: VisibleCap) -> Array:
+def _make_sky_map(seen: VisibleCap) -> Array:
     """Radiance (rows, 2 rows, 3) of the planet by direction, as Mitsuba's ``envmap`` reads it; 0 below the horizon."""
     rows = _SKY_ROWS
     # Mitsuba: u = atan2(x, -z) / 2π over the columns, v = acos(y) / π from the middle of the first row to the middle of

@@ -14,7 +14,7 @@ from ...render.pairs.scene_splits import split_of_pair
 from ...settings.table import all_settings
 from ...settings.topics.scene import Settings
 from ...support.files import write_atomically
-from ..measure.prepare import Loaded
+from ..measure.prepare import LoadedPair
 from .losses import Each
 from .training import describe_row
 
@@ -40,7 +40,7 @@ def write_all(each: Each, out: Path) -> None:
     rows: list[dict[str, Any]] = []
     described: list[Settings] = []
 
-    def add(pair: Loaded) -> None:
+    def add(pair: LoadedPair) -> None:
         folder = os.path.relpath(pair.pair.folder.resolve(), out.resolve())
         camera = pair.pair.camera
         rows.append(
@@ -61,11 +61,11 @@ def write_all(each: Each, out: Path) -> None:
         if any(settings[topic][s.key] != described[0][topic][s.key] for settings in described)
     ]
     for row, settings in zip(rows, described, strict=True):
-        row.update({f"{topic}.{key}": _plain(settings[topic][key]) for topic, key in varied})
+        row.update({f"{topic}.{key}": _to_column_value(settings[topic][key]) for topic, key in varied})
     table = pyarrow.Table.from_pylist(rows)
     write_atomically(out / INDEX, lambda part: parquet.write_table(table, part))
 
 
-def _plain(value: object) -> object:
+def _to_column_value(value: object) -> object:
     """A value as a column takes it; lists of tables as text."""
     return json.dumps(value) if isinstance(value, list | dict) else value

@@ -23,10 +23,10 @@ from ...plugins.installed import Plugin, explained, function_of, load
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.printer import show_controls
-from .whole_folders import filled
+from .whole_folders import fill_whole_folder
 
 if TYPE_CHECKING:  # ground is exported without the packages that these need
-    from ..measure.prepare import Loaded
+    from ..measure.prepare import LoadedPair
     from .losses import Each, Loss
 
 
@@ -62,7 +62,7 @@ class ExportedPair:
     settings: Mapping[str, Mapping[str, Any]]
 
 
-def pair_for_plugins(pair: Loaded) -> ExportedPair:
+def make_exported_pair(pair: LoadedPair) -> ExportedPair:
     """A pair as plug-ins get it: copies, so that nothing that they do reaches ours."""
     camera = pair.pair.camera
     arrays: dict[str, Any] = {}
@@ -112,17 +112,19 @@ class PluginExport:
     def __init__(self, plugin: Plugin) -> None:
         self.plugin, self._loaded = plugin, load(plugin)
         self.takes: tuple[str, ...] = getattr(self._loaded, "takes", ())
-        self.writes_all, self.reads_folders, self.finishes = map(self._has, ("write_all", "write_folders", "finish"))
+        self.writes_all, self.reads_folders, self.finishes = map(
+            self._has_function, ("write_all", "write_folders", "finish")
+        )
         if not (self.writes_all or self.reads_folders):
             self._write_pair = function_of(plugin, self._loaded, "write_pair", "pair, folder")
 
-    def _has(self, function: str) -> bool:
+    def _has_function(self, function: str) -> bool:
         return callable(getattr(self._loaded, function, None))
 
     def check(self) -> None:
         """Raise IcyMoonError with the sentence that the plug-in's own ``check`` returns if it cannot write here."""
         with explained(self.plugin):
-            fault = self._loaded.check() if self._has("check") else ""
+            fault = self._loaded.check() if self._has_function("check") else ""
         if fault:
             where = "" if self.plugin.built_in else f"{self.plugin.title} cannot write here: "
             raise IcyMoonError(where + show_controls(str(fault)))
@@ -134,13 +136,13 @@ class PluginExport:
             if self.plugin.built_in:
                 self.write_all(each, out)
             else:
-                self.write_all(self._converting(each), out)
+                self.write_all(self._convert_pairs(each), out)
             return
         names: list[str] = []
 
-        def write(pair: Loaded) -> Sequence[Loss] | None:
+        def write(pair: LoadedPair) -> Sequence[Loss] | None:
             name = pair.pair.folder.name
-            losses = self.write_pair(pair if self.plugin.built_in else pair_for_plugins(pair), name, out)
+            losses = self.write_pair(pair if self.plugin.built_in else make_exported_pair(pair), name, out)
             names.append(name)
             return losses
 
@@ -150,13 +152,13 @@ class PluginExport:
 
     def write_all(self, each: Callable[[Callable[[Any], Any]], None], out: Path) -> None:
         """Let a plug-in with this function write the pairs that ``each`` gives."""
-        with self._filled(out) as folder:
+        with self._open_target_folder(out) as folder:
             self._loaded.write_all(each, folder)
 
-    def write_pair(self, pair: ExportedPair | Loaded, name: str, out: Path) -> Sequence[Loss] | None:
+    def write_pair(self, pair: ExportedPair | LoadedPair, name: str, out: Path) -> Sequence[Loss] | None:
         """Write a pair to the folder ``name`` in ``out``; return the losses of one of ours. Raises IcyMoonError if the
         plug-in fails or writes nothing."""
-        with filled(out / name) as folder:
+        with fill_whole_folder(out / name) as folder:
             with explained(self.plugin):
                 losses: Sequence[Loss] | None = self._write_pair(pair, folder)
             if not any(path.is_file() for path in folder.rglob("*")):
@@ -168,31 +170,31 @@ class PluginExport:
     def finish(self, names: list[str], out: Path) -> None:
         """Let the plug-in write what belongs to all pairs, if it does, into ``out`` itself."""
         if self.finishes:
-            with self._filled(out) as folder:
+            with self._open_target_folder(out) as folder:
                 self._loaded.finish(names, folder)
 
     def write_folders(self, folders: Sequence[Path], out: Path, context: FoldersContext) -> None:
         """Write pairs from their folders. Raises IcyMoonError if the plug-in cannot."""
         self.check()
-        with self._filled(out) as folder:
+        with self._open_target_folder(out) as folder:
             self._loaded.write_folders(folders, folder, context)
 
     @contextmanager
-    def _filled(self, out: Path) -> Iterator[Path]:
+    def _open_target_folder(self, out: Path) -> Iterator[Path]:
         """The folder that is given to one of ours, or one whose files come there."""
         if self.plugin.built_in:
             yield out
             return
-        with filled(out) as folder, explained(self.plugin):
+        with fill_whole_folder(out) as folder, explained(self.plugin):
             yield folder
 
-    def _converting(self, each: Each) -> Callable[[Callable[[ExportedPair], Any]], None]:
+    def _convert_pairs(self, each: Each) -> Callable[[Callable[[ExportedPair], Any]], None]:
         """The same for a plug-in's own function of a pair."""
 
         def each_pair(write: Callable[[ExportedPair], Any]) -> None:
-            def write_one(pair: Loaded) -> None:
+            def write_one(pair: LoadedPair) -> None:
                 with explained(self.plugin):
-                    write(pair_for_plugins(pair))
+                    write(make_exported_pair(pair))
 
             each(write_one)
 

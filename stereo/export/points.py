@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from ..images.colours import signed_colours
+from ..images.colours import colour_signed_errors
 from ..images.image_files import write_bytes
-from ..measure.prepare import Prepared
-from ..measure.row_metrics import depth_of
+from ..measure.prepare import PreparedPair
+from ..measure.row_metrics import disparity_to_depth
 
 #: Most points of one pair; of a larger image every second, third and so on row and column is taken.
 MOST_POINTS = 60_000
@@ -34,14 +34,14 @@ _LAYOUT = np.dtype(
 _KINDS = {"f4": "float", "u1": "uchar"}
 
 
-def write_points(path: Path, prepared: Prepared, disparity: Array) -> None:
+def write_points(path: Path, prepared: PreparedPair, disparity: Array) -> None:
     """Write the measured points in world axes, metres, as binary PLY.
 
     Normals point to the camera. ``error_m`` is the measured minus the true depth, NaN where there is no true one.
     ``size_m`` is the width of the pixels that a point stands for. A comment ``missing N`` gives the number of points
-    where nothing was measured, and ``map {...}`` the place on a map in JSON. The pair must have a ``pose_of``.
+    where nothing was measured, and ``map {...}`` the place on a map in JSON. The pair must have a ``find_left_pose``.
     """
-    points = measured_points(prepared, disparity)
+    points = make_measured_points(prepared, disparity)
     properties = [f"property {_KINDS[_LAYOUT[name].str[1:]]} {name}" for name in _LAYOUT.names or ()]
     place = prepared.facts.get("map")
     header = [
@@ -49,7 +49,7 @@ def write_points(path: Path, prepared: Prepared, disparity: Array) -> None:
         "format binary_little_endian 1.0",
         "comment Icy Moon: error_m is measured minus true depth",
         *([f"comment map {json.dumps(place)}"] if place else []),
-        f"comment missing {missing_points(prepared, disparity)}",
+        f"comment missing {count_missing_points(prepared, disparity)}",
         f"element vertex {len(points)}",
         *properties,
         "end_header",
@@ -57,14 +57,14 @@ def write_points(path: Path, prepared: Prepared, disparity: Array) -> None:
     write_bytes(path, "".join(f"{line}\n" for line in header).encode("ascii") + points.tobytes())
 
 
-def measured_points(prepared: Prepared, disparity: Array) -> Array:
+def make_measured_points(prepared: PreparedPair, disparity: Array) -> Array:
     """The points as a structured array of _LAYOUT; see ``write_points``."""
     camera = prepared.pair.camera
-    pose = pose_of(prepared)
+    pose = find_left_pose(prepared)
     assert pose is not None
-    step = _step(disparity)
+    step = _choose_pixel_step(disparity)
     rows, columns = (grid[::step, ::step] for grid in np.indices(disparity.shape))
-    depth, truth = (values[::step, ::step] for values in (depth_of(prepared, disparity), prepared.truth))
+    depth, truth = (values[::step, ::step] for values in (disparity_to_depth(prepared, disparity), prepared.truth))
     known = np.isfinite(depth)
     depth, truth = depth[known], truth[known]
     # Pixel centres, in OpenCV's axes: x right, y down, z along the optical axis.
@@ -83,28 +83,28 @@ def measured_points(prepared: Prepared, disparity: Array) -> Array:
         points[axis], points[f"n{axis}"] = position[:, k], toward[:, k]
     points["error_m"] = depth - truth
     points["size_m"] = step * depth / camera.focal_px
-    points["red"], points["green"], points["blue"] = signed_colours(depth - truth).T
+    points["red"], points["green"], points["blue"] = colour_signed_errors(depth - truth).T
     return points
 
 
-def missing_points(prepared: Prepared, disparity: Array) -> int:
-    """Number of pixels in ``measured_points``' grid that have a true depth and no measured one."""
-    step = _step(disparity)
-    depth, truth = (values[::step, ::step] for values in (depth_of(prepared, disparity), prepared.truth))
+def count_missing_points(prepared: PreparedPair, disparity: Array) -> int:
+    """Number of pixels in ``make_measured_points``' grid that have a true depth and no measured one."""
+    step = _choose_pixel_step(disparity)
+    depth, truth = (values[::step, ::step] for values in (disparity_to_depth(prepared, disparity), prepared.truth))
     return int((np.isfinite(truth) & ~np.isfinite(depth)).sum())
 
 
-def _step(disparity: Array) -> int:
+def _choose_pixel_step(disparity: Array) -> int:
     """Step in rows and columns between the pixels that become points."""
     return max(1, int(np.ceil(np.sqrt(disparity.size / MOST_POINTS))))
 
 
-def pose_of(prepared: Prepared) -> Array | None:
+def find_left_pose(prepared: PreparedPair) -> Array | None:
     """The matrix (4, 4) from the rectified left camera, in OpenCV's axes, to the world; None if the pair has none."""
     return prepared.pair.rectified_pose("left")
 
 
-def add_points(images: dict[str, Any], out: Path, prepared: Prepared, disparity: Array) -> dict[str, Any]:
+def add_points(images: dict[str, Any], out: Path, prepared: PreparedPair, disparity: Array) -> dict[str, Any]:
     """The ``images`` of a row with its ``points``; these are written beside its disparity unless they are there."""
     if "points" in images:
         return images

@@ -23,9 +23,9 @@ from ...support.errors import IcyMoonError
 from ...support.labels import LIGHT_GROUPS
 from ..images.develop import scaled_radiance
 from ..images.image_files import write_bytes
-from ..measure.prepare import Loaded
+from ..measure.prepare import LoadedPair
 from . import Export
-from .cameras import rays_of
+from .cameras import pixel_rays
 
 #: Names of the bands of a pair, see ``physics.light.bands``.
 BANDS = ("R 620 nm", "G 550 nm", "B 460 nm")
@@ -47,7 +47,7 @@ class Photometry:
     phase_deg: Array
 
 
-def photometry_of(pair: Loaded, eye: str) -> Photometry:
+def measure_photometry(pair: LoadedPair, eye: str) -> Photometry:
     """The photometry of an eye. Raises IcyMoonError if the pair does not contain the Sun or the camera's pose, if no
     sunlight falls on it, or if its light is no Sun but a lamp nearby."""
     sun, pose = pair.pair.sun, pair.pair.rectified_pose(eye)
@@ -68,7 +68,7 @@ def photometry_of(pair: Loaded, eye: str) -> Photometry:
         )
     by_band = irradiance * sun_colour(float(pair.pair.settings.light.sun_temperature_k))
     view, camera, depth = pair.views[eye], pair.pair.camera, pair.depth[eye]
-    rays = rays_of(camera)
+    rays = pixel_rays(camera)
     back = -(rays / np.linalg.norm(rays, axis=-1, keepdims=True)) @ pose[:3, :3].T
     known = np.isfinite(depth)
 
@@ -95,12 +95,12 @@ def angle_deg(one: Array, other: Array) -> Array:
     )
 
 
-def _write_fits(pair: Loaded, folder: Path) -> None:
+def _write_fits(pair: LoadedPair, folder: Path) -> None:
     """Write ``left.fits`` and ``right.fits``: the radiance factor as a cube of three bands, then the
     images INCIDENCE, EMISSION, PHASE (deg) and DEPTH (m)."""
     camera = pair.pair.camera
     for eye in EYES:
-        found = photometry_of(pair, eye)
+        found = measure_photometry(pair, eye)
         cards: dict[str, tuple[Any, str]] = {
             "OBJECT": (str(pair.settings.light.body), "body"),
             "PAIR": (pair.pair.id, "id of the pair"),
@@ -122,11 +122,11 @@ def _write_fits(pair: Loaded, folder: Path) -> None:
         write_bytes(folder / f"{eye}.fits", encode_fits(images))
 
 
-def _write_tiff(pair: Loaded, folder: Path) -> None:
+def _write_tiff(pair: LoadedPair, folder: Path) -> None:
     """Write ``left_radiance_factor.tif`` (bands R, G, B), ``left_geometry.tif`` (incidence, emission,
     phase in degrees) and the same of the right eye: 32-bit floats, NaN where there is no ground."""
     for eye in EYES:
-        found = photometry_of(pair, eye)
+        found = measure_photometry(pair, eye)
         angles = np.stack([found.incidence_deg, found.emission_deg, found.phase_deg], axis=-1)
         write_bytes(
             folder / f"{eye}_radiance_factor.tif",

@@ -13,13 +13,13 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
 from ...support.files import write_json, write_text
-from ..images.develop import exposure_facts
+from ..images.develop import describe_exposure
 from ..images.image_files import write_npy, write_png
 from ..images.views import read_sensor_depth
-from ..measure.prepare import Loaded
+from ..measure.prepare import LoadedPair
 
 
-def write_pair(pair: Loaded, folder: Path) -> None:
+def write_pair(pair: LoadedPair, folder: Path) -> None:
     """Write ``left.png`` (8-bit, or 16-bit with ``image_bits`` bits), ``depth_left.npy`` (metres
     along the axis of the eye, NaN for none), the same of the right eye, ``calibration.json``, and ``intrinsics.yml``
     and ``extrinsics.yml`` in the format of OpenCV's stereo programs.
@@ -31,10 +31,10 @@ def write_pair(pair: Loaded, folder: Path) -> None:
         write_png(folder / f"{eye}.png", numbers.astype(np.uint8) if pair.images.bits == 8 else numbers)
         write_npy(folder / f"depth_{eye}.npy", read_sensor_depth(pair.pair, eye, pair.settings.rig))
     camera, distortion = pair.pair.camera, coefficients(pair.settings.rig)
-    opencv = opencv_calibration(camera, distortion)
+    opencv = make_opencv_calibration(camera, distortion)
     intrinsic = ("M1", "D1", "M2", "D2")
-    write_text(folder / "intrinsics.yml", _yaml({key: opencv[key] for key in intrinsic}))
-    write_text(folder / "extrinsics.yml", _yaml({k: v for k, v in opencv.items() if k not in intrinsic}))
+    write_text(folder / "intrinsics.yml", _to_opencv_yaml({key: opencv[key] for key in intrinsic}))
+    write_text(folder / "extrinsics.yml", _to_opencv_yaml({k: v for k, v in opencv.items() if k not in intrinsic}))
     eyes = camera.eyes_json()
     write_json(
         folder / "calibration.json",
@@ -48,13 +48,13 @@ def write_pair(pair: Loaded, folder: Path) -> None:
             "opencv": {"pixel_centre": "(u, v)"} | {key: value.tolist() for key, value in opencv.items()},
             "poses_camera_to_world": pair.pair.data.get("poses_camera_to_world"),
             "sensor": pair.settings.sensor,
-            **exposure_facts(pair.images),
+            **describe_exposure(pair.images),
             "self_check": pair.check.to_json(),
         },
     )
 
 
-def opencv_calibration(camera: StereoCamera, distortion: tuple[float, ...]) -> dict[str, Array]:
+def make_opencv_calibration(camera: StereoCamera, distortion: tuple[float, ...]) -> dict[str, Array]:
     """The calibration under the names of OpenCV's stereo programs, lengths in metres, pixels counted from centres.
 
     M, D: matrix and distortion of each eye; x2 = R x1 + T; E, F: essential and fundamental matrix; R1, R2, P1, P2, Q:
@@ -94,7 +94,7 @@ def opencv_calibration(camera: StereoCamera, distortion: tuple[float, ...]) -> d
     }
 
 
-def _yaml(values: dict[str, Any]) -> str:
+def _to_opencv_yaml(values: dict[str, Any]) -> str:
     storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     for name, value in values.items():
         storage.write(name, value)

@@ -20,8 +20,8 @@ from ...support.errors import IcyMoonError
 from ...support.files import explain_disk_errors, part_of
 from ...support.system import remove_folder, replace
 from ..images.develop import to_8_bit
-from ..measure.prepare import Loaded
-from .cameras import centre_matrix, pose_of, quaternion, rays_of
+from ..measure.prepare import LoadedPair
+from .cameras import centre_matrix, pixel_rays, read_pose, rotation_to_quaternion
 from .losses import Each
 
 #: Makers of messages by their names.
@@ -62,10 +62,10 @@ def write_all(each: Each, out: Path) -> None:
             known: dict[str, Any] = {}
             count = 0
 
-            def write(pair: Loaded) -> None:
+            def write(pair: LoadedPair) -> None:
                 nonlocal count
                 with explain_disk_errors("write to", part):
-                    for topic, message in messages_of(pair, types, count):
+                    for topic, message in make_messages(pair, types, count):
                         if topic not in known:
                             known[topic] = writer.add_connection(topic, message.__msgtype__, typestore=types)
                         writer.write(known[topic], count * _SECOND, types.serialize_cdr(message, message.__msgtype__))
@@ -77,7 +77,7 @@ def write_all(each: Each, out: Path) -> None:
         remove_folder(part)
 
 
-def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, Any]]:
+def make_messages(pair: LoadedPair, types: Any, second: int) -> Iterator[tuple[str, Any]]:
     """(topic, message) of everything about a pair; ``types`` is a typestore of rosbags."""
     kinds = types.types
     stamp = kinds["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
@@ -97,8 +97,8 @@ def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, An
             yield f"/stereo/{eye}/image_rect_color", developed(pair.images.seen(eye), "rgb")
         yield f"/stereo/{eye}/camera_info", _camera_info(pair.pair.camera, eye, kinds, optical)
     yield "/stereo/disparity", _disparity(pair, kinds, optical)
-    yield "/stereo/points2", _cloud(pair, kinds, optical)
-    yield "/tf", _transforms(pair, kinds, header)
+    yield "/stereo/points2", _make_point_cloud(pair, kinds, optical)
+    yield "/tf", _make_transforms(pair, kinds, header)
 
 
 def _image(pixels: Array, encoding: str, kinds: Kinds, header: object) -> object:
@@ -140,7 +140,7 @@ def _region(kinds: Kinds, height: int, width: int) -> object:
     )
 
 
-def _disparity(pair: Loaded, kinds: Kinds, header: object) -> object:
+def _disparity(pair: LoadedPair, kinds: Kinds, header: object) -> object:
     """The true disparity of the left pixels, NaN for none."""
     camera = pair.pair.camera
     disparity = camera.disparity(pair.depth["left"])
@@ -158,10 +158,10 @@ def _disparity(pair: Loaded, kinds: Kinds, header: object) -> object:
     )
 
 
-def _cloud(pair: Loaded, kinds: Kinds, header: object) -> object:
+def _make_point_cloud(pair: LoadedPair, kinds: Kinds, header: object) -> object:
     """The true points of the left pixels, in the left camera's axes, NaN for none, as an organised cloud."""
     camera, depth = pair.pair.camera, pair.depth["left"]
-    points = (rays_of(camera) * depth[..., None]).astype("<f4")
+    points = (pixel_rays(camera) * depth[..., None]).astype("<f4")
     fields = [
         kinds["sensor_msgs/msg/PointField"](name=name, offset=4 * k, datatype=7, count=1)
         for k, name in enumerate("xyz")
@@ -179,12 +179,12 @@ def _cloud(pair: Loaded, kinds: Kinds, header: object) -> object:
     )
 
 
-def _transforms(pair: Loaded, kinds: Kinds, header: Callable[[str], object]) -> object:
+def _make_transforms(pair: LoadedPair, kinds: Kinds, header: Callable[[str], object]) -> object:
     """The poses of both cameras on the map: east, north, up, in metres."""
     found = []
     for eye in EYES:
-        pose = pose_of(pair, eye)
-        w, x, y, z = map(float, quaternion(pose[:3, :3]))
+        pose = read_pose(pair, eye)
+        w, x, y, z = map(float, rotation_to_quaternion(pose[:3, :3]))
         along = dict(zip("xyz", map(float, pose[:3, 3]), strict=True))
         found.append(
             kinds["geometry_msgs/msg/TransformStamped"](

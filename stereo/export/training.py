@@ -28,12 +28,12 @@ from ...support.number_text import count_of
 from ...support.system import remove, replace
 from ...support.version import version
 from ..images.develop import to_8_bit
-from ..images.image_files import encoded, write_bytes
-from ..measure.prepare import Loaded
+from ..images.image_files import encode_image, write_bytes
+from ..measure.prepare import LoadedPair
 from . import Export
-from .encodings import KITTI_SCALE, in_steps, write_pfm
+from .encodings import KITTI_SCALE, quantise_to_16_bits, write_pfm
 from .losses import Each, Loss, refuse_losses
-from .whole_folders import filled
+from .whole_folders import fill_whole_folder
 
 #: A shard is ended by the pair that takes it beyond this.
 SHARD_BYTES = 1_000_000_000
@@ -106,7 +106,7 @@ class _Index:
 
     rows: list[dict[str, Any]] = field(default_factory=list)
 
-    def add(self, pair: Loaded, split: str, shard: str) -> None:
+    def add(self, pair: LoadedPair, split: str, shard: str) -> None:
         """Add a pair in a split and a file."""
         row = describe_row(pair, split)
         self.rows.append({"shard": shard, **{key: "" if value is None else value for key, value in row.items()}})
@@ -120,7 +120,7 @@ class _Index:
         write_text(out / "index.csv", table.getvalue())
 
 
-def describe_row(pair: Loaded, split: str) -> dict[str, Any]:
+def describe_row(pair: LoadedPair, split: str) -> dict[str, Any]:
     """A pair's row of an index, by the names of its columns."""
     depth, camera = pair.depth["left"], pair.pair.camera
     known = np.isfinite(depth)
@@ -140,7 +140,7 @@ def describe_row(pair: Loaded, split: str) -> dict[str, Any]:
     }
 
 
-def _sun_elevation_deg(pair: Loaded) -> float | None:
+def _sun_elevation_deg(pair: LoadedPair) -> float | None:
     """Height of the Sun that lit the images, whatever it came from; None if the pair does not contain it."""
     return None if pair.pair.sun is None else round(pair.pair.sun.elevation_deg, 4)
 
@@ -156,11 +156,13 @@ def _write_webdataset(each: Each, out: Path) -> None:
         raise IcyMoonError(f"{out} has shards already, and they would mix; remove them or choose another folder.")
     index, shards = _Index(), _Shards(out)
 
-    def write(pair: Loaded) -> list[Loss]:
-        steps, losses = in_steps(pair.pair.camera.disparity(pair.depth["left"]), KITTI_SCALE, "disparity", "px")
+    def write(pair: LoadedPair) -> list[Loss]:
+        steps, losses = quantise_to_16_bits(
+            pair.pair.camera.disparity(pair.depth["left"]), KITTI_SCALE, "disparity", "px"
+        )
         refuse_losses(pair, losses)
         split = split_of_pair(pair.pair)
-        index.add(pair, split, shards.add(split, pair.pair.id, _files_of(pair, steps)))
+        index.add(pair, split, shards.add(split, pair.pair.id, _encode_pair_files(pair, steps)))
         return losses
 
     try:
@@ -172,7 +174,7 @@ def _write_webdataset(each: Each, out: Path) -> None:
     index.write(out)
     write_text(
         out / "README.md",
-        _card(
+        _make_data_card(
             index,
             "WebDataset shards",
             (
@@ -182,19 +184,19 @@ def _write_webdataset(each: Each, out: Path) -> None:
             ),
         ),
     )
-    write_json(out / "croissant.json", _croissant(out, names))
+    write_json(out / "croissant.json", _make_croissant(out, names))
 
 
-def _files_of(pair: Loaded, steps: Array) -> dict[str, bytes]:
+def _encode_pair_files(pair: LoadedPair, steps: Array) -> dict[str, bytes]:
     """The files of a pair in a shard, by their suffix; ``steps`` are its disparities."""
     top = 2.0**pair.images.bits - 1
     found = {}
     for eye in EYES:
         image = pair.images.seen(eye)
         image = image[..., ::-1] if image.ndim == 3 else image
-        found[f"{eye}.png"] = encoded(np.rint(65535 * (image / top)).astype(np.uint16), ".png")
-    found["disparity.png"] = encoded(steps, ".png")
-    found["visible.png"] = encoded(pair.visible["left"].astype(np.uint8) * 255, ".png")
+        found[f"{eye}.png"] = encode_image(np.rint(65535 * (image / top)).astype(np.uint16), ".png")
+    found["disparity.png"] = encode_image(steps, ".png")
+    found["visible.png"] = encode_image(pair.visible["left"].astype(np.uint8) * 255, ".png")
     camera = pair.pair.camera.rectified
     found["camera.json"] = json.dumps({**camera.to_json(), "scene": scene_of(pair.pair)}).encode()
     return found
@@ -230,10 +232,10 @@ class _Shards:
                 member.size = len(content)
                 archive.addfile(member, io.BytesIO(content))
         if part.stat().st_size > SHARD_BYTES:
-            self._end(split)
+            self._finish_shard(split)
         return name
 
-    def _end(self, split: str) -> None:
+    def _finish_shard(self, split: str) -> None:
         name, part, archive = self._open.pop(split)
         archive.close()
         replace(part, self._out / name)
@@ -250,7 +252,7 @@ class _Shards:
     def close(self) -> list[str]:
         """End all shards; their names."""
         for split in list(self._open):
-            self._end(split)
+            self._finish_shard(split)
         return sorted(self._done)
 
 
@@ -273,13 +275,13 @@ def _write_sceneflow(each: Each, out: Path) -> None:
     folders: dict[str, dict[str, str]] = {"TRAIN": {}, "TEST": {}}
     tested = []
 
-    def write(pair: Loaded) -> None:
+    def write(pair: LoadedPair) -> None:
         scene = scene_of(pair.pair)
         split = "TRAIN" if split_of_pair(pair.pair) == "train" else "TEST"
         folder = folders[split].setdefault(scene, f"{len(folders[split]):04d}")
         frame = numbers.setdefault(split, Counter())
         number = f"{frame[folder]:04d}"
-        with filled(root) as part:
+        with fill_whole_folder(root) as part:
             for eye in EYES:
                 _write_eye(pair, eye, part, f"{split}/A/{folder}/{eye}/{number}")
         frame[folder] += 1
@@ -292,7 +294,7 @@ def _write_sceneflow(each: Each, out: Path) -> None:
     index.write(out)
     write_text(
         out / "README.md",
-        _card(
+        _make_data_card(
             index,
             "the layout of SceneFlow's FlyingThings3D",
             (
@@ -304,17 +306,17 @@ def _write_sceneflow(each: Each, out: Path) -> None:
     )
 
 
-def _write_eye(pair: Loaded, eye: str, out: Path, frame: str) -> None:
+def _write_eye(pair: LoadedPair, eye: str, out: Path, frame: str) -> None:
     """Write the image of an eye, for both passes, and its disparity, each as ``<kind>/<frame>.png`` or ``.pfm``."""
     image = to_8_bit(pair.images.for_files(eye), pair.images.bits, pair.images.encoding)
-    content = encoded(image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=-1), ".png")
+    content = encode_image(image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=-1), ".png")
     for passed in ("frames_cleanpass", "frames_finalpass"):
         write_bytes(out / passed / f"{frame}.png", content)
     disparity = pair.pair.camera.disparity(pair.depth[eye])
     write_pfm(out / "disparity" / f"{frame}.pfm", np.where(np.isfinite(disparity), disparity, UNKNOWN_PX))
 
 
-def _card(index: _Index, layout: str, how: str) -> str:
+def _make_data_card(index: _Index, layout: str, how: str) -> str:
     """A data card: the content, origin and limits of the data."""
     rows = index.rows
     splits = Counter(row["split"] for row in rows)
@@ -334,7 +336,7 @@ def _card(index: _Index, layout: str, how: str) -> str:
     )
 
 
-def _croissant(out: Path, shards: list[str]) -> dict[str, Any]:
+def _make_croissant(out: Path, shards: list[str]) -> dict[str, Any]:
     """Metadata in Croissant 1.0 (mlcommons.org/croissant/1.0): the index as records, the shards as files."""
     fields = [
         {

@@ -11,7 +11,7 @@ from ...support.system import flush, remove_folder, replace
 
 
 @contextmanager
-def filled(target: Path, name: str = "") -> Iterator[Path]:
+def fill_whole_folder(target: Path, name: str = "") -> Iterator[Path]:
     """A folder to fill. Its files come to ``target`` once all of them are written, so that none is half there.
 
     The folder lies beside ``name`` in ``target``, or beside ``target`` itself.

@@ -31,7 +31,7 @@ from ...support import system
 from ...support.arrays import Array
 from ...support.foreign_bytes import RefusedError, parse_json
 from .exr_header import Channel
-from .image_headers import Encoded
+from .image_headers import EncodedImage
 
 #: The largest image takes 4 s, and a machine may be busy with much else.
 _LIMIT_S = 60.0
@@ -45,12 +45,12 @@ _TYPES = ("u1", "u2", "u4", "i1", "i2", "i4", "f2", "f4", "f8")
 _ENVIRONMENT = {"MALLOC_ARENA_MAX": "1", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
-def decode(image: Encoded) -> Array:
+def decode(image: EncodedImage) -> Array:
     """The pixels of an image, (H, W) or (H, W, 3 or 4), as OpenCV gives them.
 
     Raises ValueError if it is damaged, RefusedError if it cannot be decoded within the bounds.
     """
-    pixels = _ask({}, image.content, image.most_bytes)
+    pixels = _ask_decoder({}, image.content, image.most_bytes)
     if pixels.shape[:2] != (image.height, image.width):
         raise ValueError(f"its size is not {image.width} x {image.height} px")
     return pixels
@@ -59,13 +59,13 @@ def decode(image: Encoded) -> Array:
 def decode_exr(path: Path, channel: Channel, all_bytes: int) -> Array:
     """The pixels of one channel of an EXR file, whose channels have ``all_bytes``. Raises as ``decode`` does."""
     request = {"path": str(path), "part": channel.part, "channel": channel.name}
-    pixels = _ask(request, b"", all_bytes)
+    pixels = _ask_decoder(request, b"", all_bytes)
     if pixels.shape != (channel.height, channel.width) or pixels.dtype != channel.dtype:
         raise ValueError(f"its size is not {channel.width} x {channel.height} px")
     return pixels
 
 
-class _DiedError(Exception):
+class _DecoderDiedError(Exception):
     """The decoder has ended."""
 
 
@@ -95,17 +95,17 @@ class _Decoder:
         """The pixels, or the error in words. Raises _DiedError if it has ended, TimeoutError if it takes too long."""
         answer: queue.SimpleQueue[Array | str | None] = queue.SimpleQueue()
         # A thread, since Windows has no pipe that can be waited for with a limit.
-        threading.Thread(target=self._talk, args=(request, content, most_bytes, answer), daemon=True).start()
+        threading.Thread(target=self._exchange, args=(request, content, most_bytes, answer), daemon=True).start()
         end = time.monotonic() + _LIMIT_S
         while time.monotonic() < end:
             with suppress(queue.Empty):  # in short steps, as Windows interrupts nobody who waits
                 found = answer.get(timeout=_LOOK_S)
                 if found is None:
-                    raise _DiedError
+                    raise _DecoderDiedError
                 return found
         raise TimeoutError
 
-    def _talk(
+    def _exchange(
         self,
         request: Mapping[str, Any],
         content: bytes,
@@ -169,7 +169,7 @@ _lock = threading.Lock()
 _running: list[_Decoder] = []
 
 
-def _ask(request: dict[str, Any], content: bytes, most_bytes: int) -> Array:
+def _ask_decoder(request: dict[str, Any], content: bytes, most_bytes: int) -> Array:
     cpu_s = _CPU_S + _CPU_S_PER_BYTE * most_bytes
     request |= {"bytes": len(content), "cpu_s": cpu_s, "memory": _COPIES * most_bytes + 2 * len(content) + _MEMORY}
     with _lock:
@@ -182,7 +182,7 @@ def _ask(request: dict[str, Any], content: bytes, most_bytes: int) -> Array:
         except TimeoutError:
             _running.pop().end()
             raise RefusedError(f"takes more than {_LIMIT_S:g} s to decode; save it again, as PNG or PFM.") from None
-        except _DiedError:
+        except _DecoderDiedError:
             status = _running.pop().end()
             if status is not None and system.is_ended_by_time_limit(status):
                 raise RefusedError(f"takes more than {cpu_s:.0f} s to decode; save it again, as PNG or PFM.") from None
@@ -215,7 +215,7 @@ def main(arguments: Sequence[str]) -> int:
         request = json.loads(line)
         content = source.read(request["bytes"])
         pixels: Array | None = None
-        decode_now = _exr_decoder(request) if "path" in request else _image_decoder(content)
+        decode_now = _make_exr_decoder(request) if "path" in request else _make_image_decoder(content)
         try:
             with system.bound_memory_and_time(request["memory"], request["cpu_s"]):
                 pixels = np.ascontiguousarray(decode_now())
@@ -234,13 +234,13 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _image_decoder(content: bytes) -> Callable[[], Array]:
-    from .image_files import decode_here  # the library is loaded before time is counted
+def _make_image_decoder(content: bytes) -> Callable[[], Array]:
+    from .image_files import decode_in_this_process  # the library is loaded before time is counted
 
-    return lambda: decode_here(Encoded(content, 0, 0, 0))
+    return lambda: decode_in_this_process(EncodedImage(content, 0, 0, 0))
 
 
-def _exr_decoder(request: Mapping[str, Any]) -> Callable[[], Array]:
+def _make_exr_decoder(request: Mapping[str, Any]) -> Callable[[], Array]:
     import OpenEXR
 
     def decode_channel() -> Array:

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from ...support.arrays import Array, Numbers
-from .lettering import put_text, text_width
+from .lettering import measure_text_width_px, put_text
 
 INVALID_GREY = 150  # no measurement
 SKY_GREY = 60  # no truth to compare with
@@ -36,7 +36,7 @@ MAGMA = (
 
 
 @lru_cache(maxsize=2)
-def _levels(colormap: str) -> Array:
+def _read_colormap(colormap: str) -> Array:
     """BGR uint8 (256, 3) of a colour map."""
     stops = np.frombuffer(bytes.fromhex(colormap), np.uint8).reshape(-1, 3)
     at = np.linspace(0, 255, len(stops))
@@ -55,7 +55,7 @@ class Scale:
     @property
     def ticks(self) -> tuple[float, ...]:
         """Round numbers that label the scale."""
-        return _ticks(self.low, self.high)
+        return _choose_ticks(self.low, self.high)
 
     def position(self, value: Numbers) -> Array:
         """Where values lie on the scale, from 0 to 1; values beyond its ends lie at the ends."""
@@ -68,7 +68,7 @@ class Scale:
         held = np.fmin(np.fmax(value, self.low), self.high).astype(np.float32)
         steps = (np.log(held) - np.float32(math.log(self.low))) * np.float32(255 / math.log(self.high / self.low))
         level = np.rint(steps).astype(np.int16)
-        table = _levels(self.colormap)
+        table = _read_colormap(self.colormap)
         for k, where in enumerate((greys or {}).values()):
             np.copyto(level, len(table) + k, where=where)
         greyscale = np.array([[grey] * 3 for grey in greys or ()], np.uint8).reshape(-1, 3)
@@ -77,13 +77,13 @@ class Scale:
     def gradient(self, stops: int = 17) -> list[str]:
         """CSS colours at equal steps along the scale."""
         level = np.rint(np.linspace(0, 255, stops)).astype(np.uint8)
-        return [f"rgb({r},{g},{b})" for b, g, r in _levels(self.colormap)[level].tolist()]
+        return [f"rgb({r},{g},{b})" for b, g, r in _read_colormap(self.colormap)[level].tolist()]
 
 
 ERROR = Scale(0.01, 1.0, MAGMA, "|depth error| (m), log scale")
 
 
-def depth_scale(truth: Array) -> Scale:
+def make_depth_scale(truth: Array) -> Scale:
     """The scale for a pair's depths: from the 1st to the 99th percentile of its true depth (m)."""
     known = truth[np.isfinite(truth)]
     low, high = (float(q) for q in np.quantile(known, (0.01, 0.99))) if known.size else (1.0, 10.0)
@@ -92,17 +92,17 @@ def depth_scale(truth: Array) -> Scale:
     return Scale(low, high)
 
 
-def depth_picture(depth: Array, scale: Scale) -> Array:
+def draw_depth(depth: Array, scale: Scale) -> Array:
     """BGR picture of planar depth (m); INVALID_GREY where the depth is unknown."""
     return scale.colours(depth, {INVALID_GREY: ~np.isfinite(depth)})
 
 
-def true_depth_picture(truth: Array, scale: Scale) -> Array:
+def draw_true_depth(truth: Array, scale: Scale) -> Array:
     """BGR picture of the true planar depth (m); SKY_GREY for sky."""
     return scale.colours(truth, {SKY_GREY: ~np.isfinite(truth)})
 
 
-def error_picture(prediction: Array, truth: Array) -> Array:
+def draw_error(prediction: Array, truth: Array) -> Array:
     """BGR picture of |prediction - truth| on the scale ERROR; SKY_GREY and INVALID_GREY elsewhere."""
     return ERROR.colours(
         np.abs(prediction - truth), {INVALID_GREY: ~np.isfinite(prediction), SKY_GREY: ~np.isfinite(truth)}
@@ -113,7 +113,7 @@ def error_picture(prediction: Array, truth: Array) -> Array:
 _TOO_NEAR, _TOO_FAR, _RIGHT = (0x2B, 0x5F, 0xC4), (0xC4, 0x2B, 0x2B), (0xF4, 0xF4, 0xF4)
 
 
-def signed_colours(error_m: Array, full_m: float = ERROR.high) -> Array:
+def colour_signed_errors(error_m: Array, full_m: float = ERROR.high) -> Array:
     """RGB uint8 (n, 3) of signed depth errors: blue for too near, red for too far, white below 1 cm, INVALID_GREY for
     NaN. The scale is logarithmic, as in the error pictures, with the full colour from ``full_m`` on."""
     scale = replace(ERROR, high=full_m)
@@ -136,7 +136,7 @@ _OUTCOMES = (
 )
 
 
-def outcome_picture(flags: Array, shape: tuple[int, ...]) -> Array:
+def draw_outcomes(flags: Array, shape: tuple[int, ...]) -> Array:
     """BGR picture of ``shape`` (H, W) of each pixel's outcome, from whole numbers (h, w) of any size."""
     colours = np.array(_OUTCOMES, np.uint8)[flags.astype(np.intp) % len(_OUTCOMES)]
     row, column = (np.arange(wanted) * had // wanted for wanted, had in zip(shape, flags.shape, strict=True))
@@ -153,12 +153,12 @@ def outcome_legend(counts: Mapping[str, int]) -> list[tuple[str, str, float]]:
     ]
 
 
-def with_bar(picture: Array, scale: Scale) -> Array:
+def add_colour_bar(picture: Array, scale: Scale) -> Array:
     """The picture, with the scale's colour bar, ticks and title in a strip below it."""
-    return np.vstack([picture, bar(picture.shape[1], scale)])
+    return np.vstack([picture, draw_colour_bar(picture.shape[1], scale)])
 
 
-def bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, paper: int = 255) -> Array:
+def draw_colour_bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, paper: int = 255) -> Array:
     """Colour bar of a scale, with ticks and title: BGR (``_STRIP_PX`` times ``size``, ``width``, 3).
 
     ``ink`` is the grey level of ticks and text, and ``paper`` of the background.
@@ -170,14 +170,14 @@ def bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, paper: int = 
     strip = np.full((px(_STRIP_PX), width, 3), paper, np.uint8)
     left = min(px(8), width // 4)
     right = width - 1 - left
-    strip[px(4) : px(16), left : right + 1] = _levels(scale.colormap)[
+    strip[px(4) : px(16), left : right + 1] = _read_colormap(scale.colormap)[
         np.rint(np.linspace(0, 255, right - left + 1)).astype(np.intp)
     ]
     letter, free_from = 8 * size, 0
     for tick in scale.ticks:
         text = f"{tick:g}"
         column = left + round(float(scale.position(tick)) * (right - left))
-        extent = text_width(text, letter)
+        extent = measure_text_width_px(text, letter)
         start = min(max(column - extent // 2, 2), width - extent - 2)
         strip[px(16) : px(19), min(column, width - px(1)) :][:, : px(1)] = ink
         if start >= free_from:  # a small picture has no room for all numbers
@@ -187,7 +187,7 @@ def bar(width: int, scale: Scale, size: float = 1.0, ink: int = 0, paper: int = 
     return strip
 
 
-def _ticks(low: float, high: float) -> tuple[float, ...]:
+def _choose_ticks(low: float, high: float) -> tuple[float, ...]:
     """Round numbers between low and high: 1, 3 or 1, 2, 5 times powers of ten, or equal steps if too few fit."""
     digits = (1, 3) if high >= 100 * low else (1, 2, 5)
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)

@@ -15,10 +15,10 @@ from ...settings.topics.camera import SensorSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.labels import GROUP_PASSES
-from .develop import Channels, Images, develop, grey, scaled_radiance
-from .disparity_and_occlusion import scene_depth, visible_in_right
+from .develop import Channels, DevelopedImages, average_bands, develop, scaled_radiance
+from .disparity_and_occlusion import find_scene_depth, find_visible_in_right
 from .exr import NORMAL_PASSES, OBJECT_PASSES, Light, Truth, read_light, read_truth, read_view
-from .lens import lens_of
+from .lens import make_lens
 from .views import read_eye
 
 #: Settings that make a pixel depend on others, or on its place on the sensor.
@@ -43,29 +43,33 @@ class Crops:
 
         The noise of each pixel is another one than in the whole image, of the same strength.
         """
-        if not _is_local(pair, settings):
+        if not _depends_on_single_pixels(pair, settings):
             return None
-        rows, groups = range(crop.rows.start, crop.rows.stop), _needs_groups(settings)
-        left = read_view(pair.image("left"), "left", _unneeded(groups), rows)
+        rows, groups = range(crop.rows.start, crop.rows.stop), _needs_light_groups(settings)
+        left = read_view(pair.image("left"), "left", _unneeded_passes(groups), rows)
         light = {"left": left, "right": read_light(pair.image("right"), "right", groups, rows)}
         channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
         seconds = exposure_of_level(
-            self._level(pair, settings) if settings.sensor.auto_exposure else 0.0, channels.rate, settings.sensor
+            self._meter_level(pair, settings) if settings.sensor.auto_exposure else 0.0, channels.rate, settings.sensor
         )
         fixed = Settings(settings | {"sensor": settings.sensor | {"auto_exposure": False, "exposure_s": seconds}})
-        images = develop(pair, _columns(light["left"], crop.columns), _columns(light["right"], crop.columns), fixed)
+        images = develop(
+            pair, _crop_columns(light["left"], crop.columns), _crop_columns(light["right"], crop.columns), fixed
+        )
         # The right eye's truth is needed only if no rays have found the points that are hidden from it.
-        right = left if left.hidden is not None else read_truth(pair.truth("right"), "right", _unneeded(False), rows)
-        found = _truth_of(pair.camera, left, right)
-        return _shown(images) | {key: value[:, crop.columns] for key, value in found.items()}
+        right = (
+            left if left.hidden is not None else read_truth(pair.truth("right"), "right", _unneeded_passes(False), rows)
+        )
+        found = _make_truth_arrays(pair.camera, left, right)
+        return _scale_images(images) | {key: value[:, crop.columns] for key, value in found.items()}
 
-    def _level(self, pair: Pair, settings: Settings) -> float:
+    def _meter_level(self, pair: Pair, settings: Settings) -> float:
         """The level that auto exposure meters on the whole left image."""
         scales = float(settings.light.sun_scale), float(settings.light.planet_scale)
         key = (pair.id, *scales, float(settings.sensor.auto_percentile))
         if key not in self._levels:
-            light = read_light(pair.image("left"), "left", _needs_groups(settings))
-            radiance = grey(scaled_radiance(light, pair, settings.light))
+            light = read_light(pair.image("left"), "left", _needs_light_groups(settings))
+            radiance = average_bands(scaled_radiance(light, pair, settings.light))
             self._levels[key] = metered_level(np.minimum(radiance, 1e30), settings.sensor)
         return self._levels[key]
 
@@ -73,24 +77,26 @@ class Crops:
 def read_whole(pair: Pair, settings: Settings) -> dict[str, Array]:
     """The developed images ``left`` and ``right``, 0 to 1, (H, W) or (H, W, 3), and the truth of the left one, (H, W):
     ``disparity_px``, 0 where unknown, ``valid`` and ``occluded``."""
-    light, views = zip(*(read_eye(pair, eye, _unneeded(_needs_groups(settings))) for eye in EYES), strict=True)
-    return _shown(develop(pair, light[0], light[1], settings)) | _truth_of(pair.camera, *views)
+    light, views = zip(
+        *(read_eye(pair, eye, _unneeded_passes(_needs_light_groups(settings))) for eye in EYES), strict=True
+    )
+    return _scale_images(develop(pair, light[0], light[1], settings)) | _make_truth_arrays(pair.camera, *views)
 
 
-def _shown(images: Images) -> dict[str, Array]:
+def _scale_images(images: DevelopedImages) -> dict[str, Array]:
     top = 2.0**images.bits - 1
     return {eye: images.seen(eye) / top for eye in EYES}
 
 
-def _truth_of(camera: StereoCamera, left: Truth, right: Truth) -> dict[str, Array]:
-    depth, other = scene_depth(left), scene_depth(right)
+def _make_truth_arrays(camera: StereoCamera, left: Truth, right: Truth) -> dict[str, Array]:
+    depth, other = find_scene_depth(left), find_scene_depth(right)
     disparity = camera.disparity(depth)
     valid = np.isfinite(disparity)
-    seen = visible_in_right(depth, other, camera, left.hidden)
+    seen = find_visible_in_right(depth, other, camera, left.hidden)
     return {"disparity_px": np.where(valid, disparity, 0.0), "valid": valid, "occluded": valid & ~seen}
 
 
-def _is_local(pair: Pair, settings: Settings) -> bool:
+def _depends_on_single_pixels(pair: Pair, settings: Settings) -> bool:
     """Whether each pixel of the images depends on the light that falls on it alone, but for the exposure."""
     camera, sensor = pair.camera, settings.sensor
     if any(pair.image(eye) != pair.truth(eye) for eye in EYES):
@@ -99,23 +105,23 @@ def _is_local(pair: Pair, settings: Settings) -> bool:
         camera.rendered_px == (camera.width_px, camera.height_px)
         and sensor.colour == "MONO"
         and sensor.band_weights == "EQUAL"
-        and not any(_spread(sensor, key) for key in _SPREADS)
+        and not any(_spreads_light(sensor, key) for key in _SPREADS)
     )
-    return plain and all(lens_of(camera, settings.rig, eye) is None for eye in EYES)
+    return plain and all(make_lens(camera, settings.rig, eye) is None for eye in EYES)
 
 
-def _spread(sensor: SensorSettings, key: str) -> bool:
+def _spreads_light(sensor: SensorSettings, key: str) -> bool:
     return float(sensor[key]) > 0
 
 
-def _needs_groups(settings: Settings) -> bool:
+def _needs_light_groups(settings: Settings) -> bool:
     """Whether the light of the Sun or of the planet is scaled."""
     return settings.light.sun_scale != 1 or settings.light.planet_scale != 1
 
 
-def _unneeded(groups: bool) -> Collection[str]:
+def _unneeded_passes(groups: bool) -> Collection[str]:
     return (*OBJECT_PASSES, *NORMAL_PASSES, *(() if groups else GROUP_PASSES))
 
 
-def _columns(light: Light, columns: slice) -> Light:
+def _crop_columns(light: Light, columns: slice) -> Light:
     return Light(light.radiance[:, columns], {group: each[:, columns] for group, each in light.groups.items()})

@@ -39,11 +39,11 @@ from ...support.errors import IcyMoonError
 from ...support.labels import LIGHT_GROUPS
 from .demosaic import demosaic
 from .exr import Light
-from .lens import Lens, lens_of
+from .lens import Lens, make_lens
 
 
 @dataclass(frozen=True)
-class Frame:
+class Exposure:
     """One exposure of both eyes: uint16 (H, W) digital numbers with the bits of the sensor; of a colour sensor the
     mosaic."""
 
@@ -53,7 +53,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Images:
+class DevelopedImages:
     """A developed pair, uint16 (H, W) digital numbers of ``bits`` bits: one exposure, or several merged.
 
     ``left`` and ``right`` of a colour sensor are its grey images, see ``sensor.grey``.
@@ -64,7 +64,7 @@ class Images:
     detected_left: Array  # on the sensor: a colour sensor's mosaic; else the same unless the lens distorts or the
     detected_right: Array  # eyes are toed in
     bits: int
-    frames: tuple[Frame, ...]  # the exposures, longest first
+    frames: tuple[Exposure, ...]  # the exposures, longest first
     exposure_s: float  # of the metered exposure
     gain_dn_per_e: float
     electron_rate: float  # electrons per second per W/(m² sr); of white ground, in the channel that sees most of it
@@ -100,7 +100,7 @@ class Images:
         return to_8_bit(self.left, self.bits, self.encoding), to_8_bit(self.right, self.bits, self.encoding)
 
 
-def grey(radiance: Array) -> Array:
+def average_bands(radiance: Array) -> Array:
     """Mean of the bands, float64 (H, W), of radiance (H, W, 3).
 
     A panchromatic camera weights the bands equally; luminance weights belong to the human eye. Clean ice is grey, so
@@ -136,7 +136,7 @@ def scaled_radiance(view: Light, pair: Pair, light: LightSettings) -> Array:
     return radiance
 
 
-def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images:
+def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> DevelopedImages:
     """Develop both eyes with the same response and exposure, and with independent noise.
 
     ``left`` and ``right`` are the light that falls into the eyes, see ``views.read_eye``. The response in ``settings``
@@ -155,18 +155,18 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
     light = {eye: channels.at_pixels([optics[eye].on_sensor(plane) for plane in planes[eye]]) for eye in EYES}
     metered = exposure_s(channels.balanced(light["left"]), rate, sensor)
     times = brackets.exposure_times(metered, sensor)
-    exposed = {eye: _exposures(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
+    exposed = {eye: _expose_eye(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
     bits, detected, full_s = _merged(exposed, times, channels, sensor)
     black = black_dn(sensor) if len(times) == 1 else 0.0
-    final, colours = _rectified(detected, bits, black, channels, optics)
+    final, colours = _rectify_if_needed(detected, bits, black, channels, optics)
     saturated = float(np.mean(exposed["left"][-1] == top_dn(sensor)))
-    return Images(
+    return DevelopedImages(
         final["left"],
         final["right"],
         detected["left"],
         detected["right"],
         bits,
-        tuple(Frame(*each) for each in zip(times, exposed["left"], exposed["right"], strict=True)),
+        tuple(Exposure(*each) for each in zip(times, exposed["left"], exposed["right"], strict=True)),
         metered,
         gain_dn_per_e(sensor),
         rate,
@@ -199,7 +199,7 @@ class _Optics:
         sensor, rig, camera = settings.sensor, settings.rig, pair.camera
         shape = camera.height_px, camera.width_px
         blocked = blocked_share(sensor, rig, shape, int(pair.settings.dataset.seed), eye)
-        return cls(camera, sensor, lens_of(camera, rig, eye), blocked)
+        return cls(camera, sensor, make_lens(camera, rig, eye), blocked)
 
     def on_sensor(self, plane: Array) -> Array:
         """The light (H, W) of a channel on the sensor, from that which falls into the eye."""
@@ -224,7 +224,7 @@ def _merged(
     return brackets.MERGED_BITS, {eye: brackets.quantise(merged[eye], full_s) for eye in EYES}, full_s
 
 
-def _rectified(
+def _rectify_if_needed(
     detected: Mapping[str, Array], bits: int, black: float, channels: Channels, optics: Mapping[str, _Optics]
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """The grey images on the truth, and of a colour sensor its colours there, both by eye."""
@@ -263,7 +263,7 @@ class Channels:
     def planes(self, radiance: Array) -> list[Array]:
         """Signal of each channel from a radiance (H, W, 3), float64 (H, W); times ``rate``, electrons per second."""
         if self._weights is None:
-            return [grey(radiance)]
+            return [average_bands(radiance)]
         # Infinite light times a response of 0 would be NaN.
         red, green, blue = (np.minimum(radiance[..., k].astype(np.float64), 1e30) for k in range(3))
         return [r * red + g * green + b * blue for r, g, b in self._weights.tolist()]
@@ -292,7 +292,7 @@ class Channels:
         return seen[0] if len(seen) == 1 else grey_of(np.stack(seen, axis=-1), self._sensor)
 
 
-def _exposures(
+def _expose_eye(
     light: Array, times: list[float], rate: float, settings: Settings, stream: tuple[int, str, str], pitch_m: float
 ) -> list[Array]:
     """Digital numbers of one eye, exposed for each of ``times``."""
@@ -311,7 +311,7 @@ def _exposures(
     return numbers
 
 
-def exposure_facts(images: Images) -> Mapping[str, Any]:
+def describe_exposure(images: DevelopedImages) -> Mapping[str, Any]:
     """The exposure of a pair, for reports; None for infinite values."""
     return {
         "exposure_s": images.exposure_s,

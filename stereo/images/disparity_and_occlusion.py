@@ -15,7 +15,7 @@ from .exr import Truth
 RAYS, ESTIMATED, MASK = "RAYS", "ESTIMATED", "MASK"
 
 
-def scene_depth(view: Truth) -> Array:
+def find_scene_depth(view: Truth) -> Array:
     """Planar depth in metres, float64 (H, W), NaN for sky and for the planet.
 
     To a stereo camera the planet is sky: its disparity is too small to measure.
@@ -25,21 +25,25 @@ def scene_depth(view: Truth) -> Array:
     return np.where(view.semantic == PLANET, np.nan, view.depth)
 
 
-def visible_in_right(left_depth: Array, right_depth: Array, camera: StereoCamera, hidden: Array | None = None) -> Array:
+def find_visible_in_right(
+    left_depth: Array, right_depth: Array, camera: StereoCamera, hidden: Array | None = None
+) -> Array:
     """Boolean (H, W): the point that a left pixel sees is inside the right image and not hidden there.
 
     Both depths are planar metres, NaN for sky; sky is not visible. ``hidden``, Boolean (H, W), marks the points that
     rays found hidden when the pair was rendered. Without it, it is estimated: the right image shows something nearer.
     """
-    return _visible(left_depth, right_depth, camera, "left", hidden)
+    return _find_visible(left_depth, right_depth, camera, "left", hidden)
 
 
-def visible_in_left(left_depth: Array, right_depth: Array, camera: StereoCamera, hidden: Array | None = None) -> Array:
+def find_visible_in_left(
+    left_depth: Array, right_depth: Array, camera: StereoCamera, hidden: Array | None = None
+) -> Array:
     """The same for the pixels of the right image."""
-    return _visible(right_depth, left_depth, camera, "right", hidden)
+    return _find_visible(right_depth, left_depth, camera, "right", hidden)
 
 
-def _visible(depth: Array, other_depth: Array, camera: StereoCamera, eye: str, hidden: Array | None) -> Array:
+def _find_visible(depth: Array, other_depth: Array, camera: StereoCamera, eye: str, hidden: Array | None) -> Array:
     disparity = camera.disparity(depth)
     if hidden is None:
         hidden = find_hidden(disparity, camera.disparity(other_depth), eye)

@@ -41,7 +41,7 @@ from ...support.labels import (
 )
 from ...support.scratch import scratch_folder
 from ..environment.packages import is_in_blender
-from .exr_passes import only_passes, only_rows, without_passes
+from .exr_passes import keep_passes, keep_row_chunks, remove_passes
 
 #: Passes that tell the objects apart, and the slope.
 OBJECT_PASSES = tuple(f"{TRUTH}.{name}" for name in ("Object Index", "IndexOB", INSTANCE_AOV))
@@ -84,8 +84,8 @@ def read_view(path: Path, eye: str | None = None, without: Collection[str] = (),
     faster. Raises IcyMoonError if the file is missing, damaged or lacks radiance or depth.
     """
     channels = _read_channels(path, eye, without=without, rows=rows)
-    truth = _truth(channels, path)
-    light = _light(channels, path, not set(GROUP_PASSES) <= set(without))
+    truth = _make_truth(channels, path)
+    light = _make_light(channels, path, not set(GROUP_PASSES) <= set(without))
     return View(light.radiance, light.groups, truth.depth, truth.normal, truth.instance, truth.semantic, truth.hidden)
 
 
@@ -94,26 +94,26 @@ def read_truth(path: Path, eye: str | None = None, without: Collection[str] = ()
 
     Raises IcyMoonError if the file is missing, damaged or lacks depth.
     """
-    return _truth(_read_channels(path, eye, without=without, rows=rows), path)
+    return _make_truth(_read_channels(path, eye, without=without, rows=rows), path)
 
 
 def read_depth(path: Path, eye: str | None = None) -> Truth:
     """Read only the depth and the labels that tell the planet from the ground; the other arrays may be None."""
     passes = [f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in ("Depth", *_SEMANTIC)]
-    return _truth(_read_channels(path, eye, passes), path)
+    return _make_truth(_read_channels(path, eye, passes), path)
 
 
-def _truth(channels: _Channels, path: Path) -> Truth:
+def _make_truth(channels: _Channels, path: Path) -> Truth:
     with_light = (BEAUTY, "Depth", "Z") in channels  # of a pair that has no other truth
     with np.errstate(invalid="ignore"):  # NaN stays NaN
-        depth = _find(channels, BEAUTY if with_light else TRUTH, "Depth", "Z", path).astype(np.float64)
+        depth = _find_channel(channels, BEAUTY if with_light else TRUTH, "Depth", "Z", path).astype(np.float64)
     depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
     hidden = channels.get((TRUTH, HIDDEN, "X"))
     return Truth(
         depth,
-        _normal(channels, path),
-        _instances(channels),
-        _labels(channels, _SEMANTIC),
+        _find_normals(channels, path),
+        _find_instances(channels),
+        _find_labels(channels, _SEMANTIC),
         None if hidden is None else hidden > 0,
     )
 
@@ -122,7 +122,7 @@ def read_light(path: Path, eye: str | None = None, groups: bool = True, rows: ra
     """Read the light alone, with or without its ``groups``, and of some ``rows`` only if they are given; far faster
     than ``read_view`` if the file has a part for each pass."""
     passes = [IMAGE_PASS, *(GROUP_PASSES if groups else ())]
-    return _light(_read_channels(path, eye, passes, rows=rows), path, groups)
+    return _make_light(_read_channels(path, eye, passes, rows=rows), path, groups)
 
 
 def read_baked_error(path: Path, eye: str | None = None) -> dict[str, Array]:
@@ -139,20 +139,20 @@ def read_baked_error(path: Path, eye: str | None = None) -> dict[str, Array]:
     }
 
 
-def _light(channels: _Channels, path: Path, groups: bool) -> Light:
+def _make_light(channels: _Channels, path: Path, groups: bool) -> Light:
     """The light, with or without its ``groups``. In files without an image it is their sum."""
     found = {
-        group: _radiance(channels, f"Combined_{group}", path)
+        group: _find_radiance(channels, f"Combined_{group}", path)
         for group in LIGHT_GROUPS
         if (BEAUTY, f"Combined_{group}", "R") in channels
     }
     is_sum = len(found) == len(LIGHT_GROUPS) and (BEAUTY, "Combined", "R") not in channels
-    radiance = np.sum(list(found.values()), axis=0) if is_sum else _radiance(channels, "Combined", path)
+    radiance = np.sum(list(found.values()), axis=0) if is_sum else _find_radiance(channels, "Combined", path)
     return Light(radiance, found if groups else {})
 
 
-def _radiance(channels: _Channels, pass_name: str, path: Path) -> Array:
-    bands = [_find(channels, BEAUTY, pass_name, band, path) for band in "RGB"]
+def _find_radiance(channels: _Channels, pass_name: str, path: Path) -> Array:
+    bands = [_find_channel(channels, BEAUTY, pass_name, band, path) for band in "RGB"]
     return np.stack(bands, axis=-1).astype(np.float32, copy=False)
 
 
@@ -187,25 +187,29 @@ def _read_parts(
 ) -> list[tuple[str, dict[str, Array]]]:
     """Of each part of a file the view that it states, if any, and its channels by name."""
     if rows is None:
-        return _read_whole(path, passes, without)
-    data, before = _read_file(path, lambda foreign: only_rows(_cut(foreign.content(), passes, without), rows))
+        return _read_with_openexr(path, passes, without)
+    data, before = _read_file(
+        path, lambda foreign: keep_row_chunks(_drop_passes(foreign.content(), passes, without), rows)
+    )
     with scratch_folder() as folder:
         file = folder / path.name
         file.write_bytes(data)
-        found = _read_whole(file, (), ())
+        found = _read_with_openexr(file, (), ())
     return [
         (view, {name: values[before : before + len(rows)] for name, values in channels.items()})
         for view, channels in found
     ]
 
 
-def _read_whole(path: Path, passes: Collection[str], without: Collection[str]) -> list[tuple[str, dict[str, Array]]]:
+def _read_with_openexr(
+    path: Path, passes: Collection[str], without: Collection[str]
+) -> list[tuple[str, dict[str, Array]]]:
     if is_in_blender():
-        return _decode(path, passes, without)
+        return _decode_with_numpy(path, passes, without)
     try:
         import OpenEXR
     except ImportError:
-        return _decode(path, passes, without)
+        return _decode_with_numpy(path, passes, without)
     # The library gets only headers and chunks that were checked. It raises RuntimeError, ValueError and its own types.
     with explained(path, KIND, _FIX), silence_openexr(), _make_smaller_file(path, passes, without) as file:
         parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
@@ -214,19 +218,24 @@ def _read_whole(path: Path, passes: Collection[str], without: Collection[str]) -
     if len(parts) < parts_announced:
         raise IcyMoonError(f"{path} is damaged or incomplete; {_FIX}.")
     return [
-        (part.header.get("view") or "", {name: _full(channel.pixels) for name, channel in part.channels.items()})
+        (
+            part.header.get("view") or "",
+            {name: _to_single_precision(channel.pixels) for name, channel in part.channels.items()},
+        )
         for part in parts
     ]
 
 
-def _full(values: Array) -> Array:
+def _to_single_precision(values: Array) -> Array:
     """Values of a channel, 16-bit floats as float32: arithmetic with them would round again."""
     return values.astype(np.float32) if values.dtype == np.float16 else values
 
 
-def _decode(path: Path, passes: Collection[str], without: Collection[str]) -> list[tuple[str, dict[str, Array]]]:
+def _decode_with_numpy(
+    path: Path, passes: Collection[str], without: Collection[str]
+) -> list[tuple[str, dict[str, Array]]]:
     """The same in numpy, for what Blender writes."""
-    return _read_file(path, lambda foreign: list(decode_parts(_cut(foreign.content(), passes, without))))
+    return _read_file(path, lambda foreign: list(decode_parts(_drop_passes(foreign.content(), passes, without))))
 
 
 @contextmanager
@@ -239,7 +248,7 @@ def _make_smaller_file(path: Path, passes: Collection[str], without: Collection[
         _read_file(path, check_decodable)
         yield str(path)
         return
-    data = _read_file(path, lambda foreign: _cut(foreign.content(), passes, without))
+    data = _read_file(path, lambda foreign: _drop_passes(foreign.content(), passes, without))
     # A file, since older versions of the OpenEXR package read no stream.
     with scratch_folder() as folder:
         file = folder / path.name
@@ -247,23 +256,23 @@ def _make_smaller_file(path: Path, passes: Collection[str], without: Collection[
         yield str(file)
 
 
-def _cut(data: bytes, passes: Collection[str], without: Collection[str]) -> bytes:
+def _drop_passes(data: bytes, passes: Collection[str], without: Collection[str]) -> bytes:
     if passes:
-        return only_passes(data, passes)
-    return without_passes(data, without) if without else data
+        return keep_passes(data, passes)
+    return remove_passes(data, without) if without else data
 
 
-def _find(channels: _Channels, layer: str, pass_name: str, component: str, path: Path) -> Array:
+def _find_channel(channels: _Channels, layer: str, pass_name: str, component: str, path: Path) -> Array:
     try:
         return channels[layer, pass_name, component]
     except KeyError:
         raise IcyMoonError(f"{path} has no channel {layer}.{pass_name}.{component}; {_FIX}.") from None
 
 
-def _normal(channels: _Channels, path: Path) -> Array | None:
+def _find_normals(channels: _Channels, path: Path) -> Array | None:
     """Normals of facets. The materials of the user's own objects do not write these; there it is the shading normal."""
     found = [
-        [_find(channels, TRUTH, name, axis, path) for axis in components]
+        [_find_channel(channels, TRUTH, name, axis, path) for axis in components]
         for name, components in ((NORMAL_AOV, "RGB"), (NORMAL_AOV, "XYZ"), ("Normal", "XYZ"))
         if (TRUTH, name, components[0]) in channels
     ]
@@ -277,13 +286,13 @@ def _normal(channels: _Channels, path: Path) -> Array | None:
     return normal
 
 
-def _instances(channels: _Channels) -> Array | None:
+def _find_instances(channels: _Channels) -> Array | None:
     """Labels of objects and of rocks; each rock has its own label and no object index."""
-    objects, rocks = _labels(channels, ("Object Index", "IndexOB")), _labels(channels, (INSTANCE_AOV,))
+    objects, rocks = _find_labels(channels, ("Object Index", "IndexOB")), _find_labels(channels, (INSTANCE_AOV,))
     return objects if rocks is None or objects is None else np.where(rocks > 0, rocks, objects)
 
 
-def _labels(channels: _Channels, passes: tuple[str, ...]) -> Array | None:
+def _find_labels(channels: _Channels, passes: tuple[str, ...]) -> Array | None:
     for name in passes:
         for layer in (TRUTH, BEAUTY):  # with the light, of a pair that has no other truth
             if (layer, name, "X") in channels:

@@ -12,7 +12,7 @@ from ...formats.exr_parts import Piece, assemble, keep_rows, read_pieces, strip_
 from ...support.labels import GROUP_PASSES, IMAGE_PASS
 
 
-def only_passes(data: bytes, passes: Collection[str]) -> bytes:
+def keep_passes(data: bytes, passes: Collection[str]) -> bytes:
     """The EXR file ``data`` with only those parts that contain ``passes`` (``LAYER.PASS``); with all if none does.
 
     The light groups stand for an image that is not stored beside them. Raises ValueError, KeyError or OverBudgetError
@@ -21,37 +21,37 @@ def only_passes(data: bytes, passes: Collection[str]) -> bytes:
     parts = read_pieces(data)
     wanted = {*passes, *(GROUP_PASSES if IMAGE_PASS in passes and not _has_image(parts) else ())}
     layers = {name.split(".")[0] for name in passes}
-    return _only_parts(data, parts, lambda name: _pass_of(name) in wanted or name in layers)
+    return _keep_parts(data, parts, lambda name: _pass_name(name) in wanted or name in layers)
 
 
-def without_passes(data: bytes, passes: Collection[str]) -> bytes:
+def remove_passes(data: bytes, passes: Collection[str]) -> bytes:
     """The EXR file ``data`` without the parts that contain one of ``passes`` (``LAYER.PASS``) and nothing else.
 
-    The light groups stay in a file without the image that is their sum. Raises as ``only_passes`` does.
+    The light groups stay in a file without the image that is their sum. Raises as ``keep_passes`` does.
     """
     parts = read_pieces(data)
     unwanted = set(passes) - set(() if _has_image(parts) else GROUP_PASSES)
-    return _only_parts(data, parts, lambda name: _pass_of(name) not in unwanted)
+    return _keep_parts(data, parts, lambda name: _pass_name(name) not in unwanted)
 
 
-def _pass_of(name: str) -> str:
+def _pass_name(name: str) -> str:
     """The pass or layer that a part is named after, in some versions with "-VIEW" at the end."""
     return name.split("-")[0]
 
 
 def _has_image(parts: Sequence[Piece]) -> bool:
-    return any(_pass_of(part.name) == IMAGE_PASS for part in parts)
+    return any(_pass_name(part.name) == IMAGE_PASS for part in parts)
 
 
-def _only_parts(data: bytes, parts: Sequence[Piece], is_wanted: Callable[[str], bool]) -> bytes:
+def _keep_parts(data: bytes, parts: Sequence[Piece], is_wanted: Callable[[str], bool]) -> bytes:
     wanted = [part for part in parts if is_wanted(part.name)]
     return data if len(wanted) in (0, len(parts)) else assemble(wanted)
 
 
-def only_rows(data: bytes, rows: range) -> tuple[bytes, int]:
+def keep_row_chunks(data: bytes, rows: range) -> tuple[bytes, int]:
     """The EXR file ``data`` with only those chunks that contain some of ``rows``, and how many rows come before them.
 
-    Raises as ``only_passes`` does, and ValueError for a file of parts that are not cut alike, or without these rows.
+    Raises as ``keep_passes`` does, and ValueError for a file of parts that are not cut alike, or without these rows.
     """
     cut = [keep_rows(part, rows) for part in read_pieces(data)]
     if len({before for _, before in cut}) != 1:

@@ -10,9 +10,9 @@ import numpy as np
 
 from ...render.pairs.pair_folder import Pair, read_pair
 from ...support.arrays import Array
-from .develop import grey
+from .develop import average_bands
 from .exr import read_light
-from .image_files import encoded, read_picture, write_bytes
+from .image_files import encode_image, read_picture, write_bytes
 
 SCREEN_GAMMA = 1 / 2.2
 #: JPEG qualities of a sheet; the first that gives a small enough file is taken.
@@ -28,8 +28,8 @@ def write_picture(pair_folder: Path, file: Path, stops: float = 0.0) -> None:
     """
     pair = read_pair(pair_folder)
     radiance = read_radiance(pair)
-    shown = for_screen(radiance, automatic_white(radiance, pair) / 2.0**stops)
-    write_bytes(file, encoded(shown, ".jpg", 92))
+    shown = to_screen_picture(radiance, find_automatic_white(radiance, pair) / 2.0**stops)
+    write_bytes(file, encode_image(shown, ".jpg", 92))
 
 
 def read_radiance(pair: Pair) -> Array:
@@ -37,13 +37,13 @@ def read_radiance(pair: Pair) -> Array:
     return read_light(pair.image("left"), "left", groups=False).radiance
 
 
-def automatic_white(radiance: Array, pair: Pair) -> float:
+def find_automatic_white(radiance: Array, pair: Pair) -> float:
     """The radiance that is white at the automatic exposure of the pair's camera."""
     sensor = pair.settings.sensor
-    return float(np.quantile(grey(radiance), sensor.auto_percentile)) / sensor.auto_target
+    return float(np.quantile(average_bands(radiance), sensor.auto_percentile)) / sensor.auto_target
 
 
-def for_screen(radiance: Array, white: float) -> Array:
+def to_screen_picture(radiance: Array, white: float) -> Array:
     """Radiance (H, W, 3) as a picture for screens, uint8, blue first."""
     shown = np.clip(radiance / max(white, 1e-30), 0.0, 1.0) ** SCREEN_GAMMA
     return np.rint(255 * shown[..., ::-1]).astype(np.uint8)
@@ -61,29 +61,32 @@ def write_sheet(
     A picture is a file, or uint8 grey (H, W) or BGR (H, W, 3); each is ``cell_px`` wide. Raises IcyMoonError if one
     cannot be read.
     """
-    images = [_scaled(each if isinstance(each, np.ndarray) else read_picture(each), cell_px) for each, _, _ in pictures]
+    images = [
+        _scale_to_width(each if isinstance(each, np.ndarray) else read_picture(each), cell_px)
+        for each, _, _ in pictures
+    ]
     height = max(image.shape[0] for image in images)
     cells = [
-        np.vstack([np.pad(image, ((0, height - image.shape[0]), (0, 0), (0, 0))), _caption(title, line, cell_px)])
+        np.vstack([np.pad(image, ((0, height - image.shape[0]), (0, 0), (0, 0))), _draw_caption(title, line, cell_px)])
         for image, (_, title, line) in zip(images, pictures, strict=True)
     ]
     columns = min(columns, len(cells))
     cells += [np.zeros_like(cells[0])] * (-len(cells) % columns)
     sheet = np.vstack([np.hstack(cells[k : k + columns]) for k in range(0, len(cells), columns)])
     for quality in _QUALITIES:
-        content = encoded(sheet, ".jpg", quality)
+        content = encode_image(sheet, ".jpg", quality)
         if len(content) <= most_bytes:
             break
     write_bytes(file, content)
 
 
-def _scaled(image: Array, width: int) -> Array:
+def _scale_to_width(image: Array, width: int) -> Array:
     image = np.repeat(image[..., None], 3, axis=-1) if image.ndim == 2 else image[..., :3]
     height = max(1, round(image.shape[0] * width / image.shape[1]))
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
 
 
-def _caption(title: str, line: str, width: int) -> Array:
+def _draw_caption(title: str, line: str, width: int) -> Array:
     caption = np.zeros((_CAPTION_PX, width, 3), np.uint8)
     for text, row, size in ((title, 18, 0.5), (line, 38, 0.4)):
         cv2.putText(caption, text, (6, row), cv2.FONT_HERSHEY_SIMPLEX, size, (235, 235, 235), 1, cv2.LINE_AA)

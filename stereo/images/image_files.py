@@ -14,7 +14,7 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.files import write_atomically
 from ...support.foreign_bytes import ForeignBytes, RefusedError, read
-from .image_headers import MOST_IMAGE_MEMORY, Encoded, check_size, parse_picture, parse_png
+from .image_headers import MOST_IMAGE_MEMORY, EncodedImage, check_size, parse_picture, parse_png
 
 #: Of an npz: half the time of numpy's own level, 6, for a fifth more bytes.
 _LEVEL = 4
@@ -24,30 +24,30 @@ _MOST_OWN_PIXELS = 2**29
 _MOST_PFM_HEADER, _LONGEST_NUMBER = 4096, 24
 _SPACES = b" \t\r\n\v\f"
 _AGAIN = "make it again"
-Decode = Callable[[Encoded], Array]
+Decode = Callable[[EncodedImage], Array]
 
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file atomically."""
-    write_atomically(path, lambda part: _fill(part, content))
+    write_atomically(path, lambda part: _write_part(part, content))
 
 
-def _fill(part: Path, content: bytes) -> None:
+def _write_part(part: Path, content: bytes) -> None:
     part.write_bytes(content)
 
 
 def write_png(path: Path, image: Array) -> None:
     """Write uint8 or uint16 grey (H, W) or BGR (H, W, 3) as PNG, atomically."""
-    write_bytes(path, encoded(image, ".png"))
+    write_bytes(path, encode_image(image, ".png"))
 
 
-def encoded(image: Array, suffix: str, quality: int = 85) -> bytes:
+def encode_image(image: Array, suffix: str, quality: int = 85) -> bytes:
     """The bytes of an image file of the format ``suffix``; ``quality`` is for JPEG only."""
     parameters = [cv2.IMWRITE_JPEG_QUALITY, quality] if suffix == ".jpg" else []
     return bytes(cv2.imencode(suffix, image, parameters)[1].tobytes())
 
 
-def decode_here(image: Encoded) -> Array:
+def decode_in_this_process(image: EncodedImage) -> Array:
     """The pixels of an image, decoded by OpenCV in this process, which is for files of ours.
 
     Those of others are decoded by ``bounded_decoding.decode``. Raises ValueError if it is damaged.
@@ -64,20 +64,20 @@ def decode_here(image: Encoded) -> Array:
 def read_png(path: Path, decode: Decode | None = None) -> Array:
     """A PNG file as uint8 or uint16, grey (H, W), BGR (H, W, 3) or BGRA (H, W, 4).
 
-    ``decode`` is for files of others, see ``decode_here``. Raises IcyMoonError if it is missing, not a PNG, damaged,
+    ``decode`` is for files of others, see ``decode_in_this_process``. Raises IcyMoonError if it is missing, not a PNG, damaged,
     or too large; OpenCV would fill a truncated image with black.
     """
     most = None if decode else _MOST_OWN_PIXELS
     return read(
         path,
-        lambda foreign: (decode or decode_here)(parse_png(foreign, most)),
+        lambda foreign: (decode or decode_in_this_process)(parse_png(foreign, most)),
         "a whole PNG image",
         _AGAIN,
         memory=MOST_IMAGE_MEMORY if decode else 8 * _MOST_OWN_PIXELS,
     )
 
 
-def read_picture(path: Path, decode: Decode = decode_here) -> Array:
+def read_picture(path: Path, decode: Decode = decode_in_this_process) -> Array:
     """A PNG, JPEG or WebP file, as from ``read_png``. Raises IcyMoonError if it is another, damaged or too large."""
     return read(path, lambda foreign: decode(parse_picture(foreign)), "a whole image", _AGAIN, memory=MOST_IMAGE_MEMORY)
 
@@ -104,7 +104,7 @@ def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> Array:
         raise RefusedError("is not a grey PFM image; its first line must be Pf.")
     words, end = [], 2
     for _ in range(3):
-        start = _after_spaces(head, end)
+        start = _skip_spaces(head, end)
         end = next((at for at in range(start, len(head)) if head[at] in _SPACES), len(head))
         if start == end or end - start > _LONGEST_NUMBER or not start > 2:
             raise ValueError("its header has no width, height and scale")
@@ -116,12 +116,12 @@ def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> Array:
         raise ValueError("its scale is no number")
     shape = (height, width, 3) if kind == b"PF" else (height, width)
     count = 4 * check_size(width, height) * (3 if kind == b"PF" else 1)
-    body = foreign.cursor(_start_of_body(foreign, head, end, count), foreign.budget.charge(count, "pixels"))
+    body = foreign.cursor(_find_pfm_body(foreign, head, end, count), foreign.budget.charge(count, "pixels"))
     values = body.numbers("<f4" if words[2].startswith(b"-") else ">f4", count // 4)
     return values.reshape(shape)[::-1].astype(np.float32)
 
 
-def _after_spaces(head: bytes, at: int) -> int:
+def _skip_spaces(head: bytes, at: int) -> int:
     """The place of the next word of a header; lines that begin with # are comments."""
     while at < len(head):
         if head[at] in _SPACES:
@@ -133,7 +133,7 @@ def _after_spaces(head: bytes, at: int) -> int:
     return at
 
 
-def _start_of_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> int:
+def _find_pfm_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> int:
     """Where the last ``count`` bytes of a PFM begin: after one blank, or a line end with comments, and perhaps with a
     line end behind them. ``end`` is where the last word of the header ends.
 
@@ -144,7 +144,7 @@ def _start_of_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> 
     found = []
     for behind in (b"", b"\n", b"\r\n"):
         start = foreign.size - len(behind) - count
-        if last.endswith(behind) and end < start <= len(head) and _is_gap(head[end:start], windows):
+        if last.endswith(behind) and end < start <= len(head) and _is_header_gap(head[end:start], windows):
             found.append(start)
     if len(found) > 1:
         raise RefusedError(
@@ -156,7 +156,7 @@ def _start_of_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> 
     return found[0]
 
 
-def _is_gap(gap: bytes, windows: bool) -> bool:
+def _is_header_gap(gap: bytes, windows: bool) -> bool:
     """Whether bytes may stand between the header of a PFM and its body; of a file with lines as of Windows, a single
     carriage return is half of a line end."""
     if len(gap) == 1:

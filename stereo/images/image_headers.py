@@ -46,7 +46,7 @@ _ALONE = {0x01, *range(0xD0, 0xD8)}  # markers without a length
 
 
 @dataclass(frozen=True)
-class Encoded:
+class EncodedImage:
     """An image before it is decoded: the input of a decoder, and the limits of its output."""
 
     content: bytes
@@ -73,7 +73,7 @@ def check_size(width: int, height: int, most_pixels: int | None = None) -> int:
     return width * height
 
 
-def parse_picture(foreign: ForeignBytes) -> Encoded:
+def parse_picture(foreign: ForeignBytes) -> EncodedImage:
     """A PNG, JPEG or WebP image. Raises RefusedError for another file, and as the parsers below do."""
     start = foreign.part(0, min(12, foreign.size))
     if start.startswith(PNG):
@@ -85,7 +85,7 @@ def parse_picture(foreign: ForeignBytes) -> Encoded:
     raise RefusedError("is no image that is read here; save it as PNG, JPEG, TIFF or WebP.")
 
 
-def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> Encoded:
+def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> EncodedImage:
     """A PNG image, without what does not change its pixels.
 
     Raises ValueError if it is torn, RefusedError and OverBudgetError if it is too large.
@@ -97,7 +97,7 @@ def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> Encoded:
         raise ValueError("it does not begin with its size")
     width, height, depth, colour = head.unpack(">IIBB")
     pixels = check_size(width, height, most_pixels)
-    most = _charge(foreign, pixels * (1 if colour == _PNG_GREY else 4) * (2 if depth == 16 else 1))
+    most = _charge_pixels(foreign, pixels * (1 if colour == _PNG_GREY else 4) * (2 if depth == 16 else 1))
     cursor = foreign.cursor(8)
     kept, orientation = [PNG], UPRIGHT
     for _ in range(_MOST_PNG_PARTS):
@@ -115,22 +115,22 @@ def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> Encoded:
         elif not kind[0] & 0x20:  # a capital letter: nobody may leave it out
             raise ValueError(f"an unknown part {kind!r}")
         if kind == b"IEND":
-            return Encoded(b"".join(kept), width, height, most, orientation)
+            return EncodedImage(b"".join(kept), width, height, most, orientation)
     raise ValueError(f"more than {_MOST_PNG_PARTS} parts")
 
 
-def parse_jpeg(foreign: ForeignBytes) -> Encoded:
+def parse_jpeg(foreign: ForeignBytes) -> EncodedImage:
     """A JPEG image up to its end mark; phones and drones write more behind it.
 
     Raises ValueError if it is torn, RefusedError and OverBudgetError if it is too large.
     """
-    data = _packed(foreign)
+    data = _read_bounded_content(foreign)
     cursor, values = Cursor(data, foreign.budget), np.frombuffer(data, np.uint8)
     cursor.skip(2)
     frame: tuple[int, int, int] | None = None
     scans, packs_blocks, orientation = 0, True, UPRIGHT
     for _ in range(_MOST_SEGMENTS):
-        kind = _next_marker(cursor)
+        kind = _find_next_marker(cursor)
         if kind in _ALONE:
             continue
         if kind == _END_OF_IMAGE:
@@ -139,12 +139,12 @@ def parse_jpeg(foreign: ForeignBytes) -> Encoded:
             width, height, _ = frame
             if packs_blocks and cursor.at < width * height / _PIXELS_PER_BYTE:
                 raise ValueError(f"it has {cursor.at} bytes, fewer than its size needs")
-            return Encoded(data[: cursor.at], *frame, orientation)
+            return EncodedImage(data[: cursor.at], *frame, orientation)
         length = cursor.number(">H") - 2
         if kind in _FRAMES:
             if frame:
                 raise ValueError("it states its size twice")
-            frame, packs_blocks = _frame(cursor.take(length), foreign), kind <= _LAST_OF_HUFFMAN
+            frame, packs_blocks = _read_frame_header(cursor.take(length), foreign), kind <= _LAST_OF_HUFFMAN
             continue
         if kind == _EXIF and orientation == UPRIGHT:
             orientation = parse_orientation(cursor.take(length))
@@ -154,20 +154,20 @@ def parse_jpeg(foreign: ForeignBytes) -> Encoded:
             scans += 1
             if frame is None or scans > _MOST_SCANS:
                 raise ValueError(f"more than {_MOST_SCANS} scans" if frame else "pixels before their size")
-            cursor.skip_to(_end_of_scan(values, cursor.at))
+            cursor.skip_to(_find_end_of_scan(values, cursor.at))
         elif kind == _START_OF_IMAGE:
             raise ValueError("an image within an image")
     raise ValueError(f"more than {_MOST_SEGMENTS} segments")
 
 
-def _frame(body: bytes, foreign: ForeignBytes) -> tuple[int, int, int]:
+def _read_frame_header(body: bytes, foreign: ForeignBytes) -> tuple[int, int, int]:
     """Width, height and most bytes of the pixels, from the content of a frame header."""
     depth, height, width, bands = struct.unpack_from(">BHHB", body)
     pixels = check_size(width, height)
-    return width, height, _charge(foreign, pixels * (1 if bands == 1 else 4) * (1 if depth == 8 else 2))
+    return width, height, _charge_pixels(foreign, pixels * (1 if bands == 1 else 4) * (1 if depth == 8 else 2))
 
 
-def _next_marker(cursor: Cursor) -> int:
+def _find_next_marker(cursor: Cursor) -> int:
     if cursor.take(1) != b"\xff":
         raise ValueError(f"no marker at byte {cursor.at - 1}")
     for _ in range(_MOST_FILL):
@@ -177,7 +177,7 @@ def _next_marker(cursor: Cursor) -> int:
     raise ValueError(f"no marker at byte {cursor.at - 1}")
 
 
-def _end_of_scan(values: Array, at: int) -> int:
+def _find_end_of_scan(values: Array, at: int) -> int:
     """Position of the first marker after ``at`` that is neither a stuffed byte nor a restart.
 
     Raises ValueError if no marker follows: the file was cut off.
@@ -191,12 +191,12 @@ def _end_of_scan(values: Array, at: int) -> int:
     raise ValueError("it ends within its pixels")
 
 
-def parse_webp(foreign: ForeignBytes) -> Encoded:
+def parse_webp(foreign: ForeignBytes) -> EncodedImage:
     """A WebP image, without what does not change its pixels.
 
     Raises ValueError if it is torn, RefusedError for an animation, and as ``parse_png`` does if it is too large.
     """
-    outer = Cursor(_packed(foreign), foreign.budget)
+    outer = Cursor(_read_bounded_content(foreign), foreign.budget)
     if outer.take(4) != b"RIFF":
         raise ValueError("it does not begin as WebP")
     cursor = Cursor(outer.take(outer.number("<I")), foreign.budget)
@@ -225,12 +225,12 @@ def parse_webp(foreign: ForeignBytes) -> Encoded:
     if not sizes or len(set(sizes)) > 1:
         raise ValueError("it states no size, or two")
     width, height = sizes[0]
-    most = _charge(foreign, 4 * check_size(width, height))
+    most = _charge_pixels(foreign, 4 * check_size(width, height))
     content = b"WEBP" + b"".join(kept)
-    return Encoded(b"RIFF" + struct.pack("<I", len(content)) + content, width, height, most, orientation)
+    return EncodedImage(b"RIFF" + struct.pack("<I", len(content)) + content, width, height, most, orientation)
 
 
-def _packed(foreign: ForeignBytes) -> bytes:
+def _read_bounded_content(foreign: ForeignBytes) -> bytes:
     """The content of a file whose size in pixels is known only when it is read."""
     if foreign.size > _MOST_PACKED:
         raise RefusedError(
@@ -240,7 +240,7 @@ def _packed(foreign: ForeignBytes) -> bytes:
     return foreign.content()
 
 
-def _charge(foreign: ForeignBytes, count: int) -> int:
+def _charge_pixels(foreign: ForeignBytes, count: int) -> int:
     """The bytes of all pixels, charged; RefusedError if the file is far larger than they are."""
     if foreign.size > count + _MOST_BESIDE:
         raise RefusedError(f"has {foreign.size / 1e6:.0f} MB, far more than its pixels need; save it again.")

@@ -29,17 +29,17 @@ class Lens:
 
     def distort(self, radiance: Array) -> Array:
         """The radiance on the sensor, from rendered radiance; 0 beyond the edges of the render."""
-        seen = _remapped(radiance, self.sensor_in_rendered, cubic=True)
+        seen = _remap(radiance, self.sensor_in_rendered, cubic=True)
         return np.maximum(np.nan_to_num(seen), 0.0)
 
     def rectify(self, numbers: Array) -> Array:
         """The rectified image, from the sensor's numbers (H, W) and of their type; 0 where the sensor has none."""
-        seen = _remapped(numbers.astype(np.float32), self.rectified_in_sensor)
+        seen = _remap(numbers.astype(np.float32), self.rectified_in_sensor)
         return np.rint(np.nan_to_num(seen)).astype(numbers.dtype)
 
     def rectify_radiance(self, radiance: Array) -> Array:
         """Rendered radiance, of any number of bands, on the pixels of the rectified image; 0 where unknown."""
-        return np.nan_to_num(_remapped(radiance, self.rectified_in_rendered))
+        return np.nan_to_num(_remap(radiance, self.rectified_in_rendered))
 
     def depth_of_sensor(self, depth: Array) -> Array:
         """The planar depth at the sensor's pixels, from a rendered ``depth`` (H, W); NaN outside and where it is NaN.
@@ -48,7 +48,7 @@ class Lens:
         rendered pixel counts, never a mean.
         """
         height, width = depth.shape
-        inside = _inside(self.sensor_in_rendered, (width, height), 0.5)
+        inside = _find_inside(self.sensor_in_rendered, (width, height), 0.5)
         place = np.where(inside[..., None], self.sensor_in_rendered, 0).astype(np.float64)
         column, row = np.clip(np.rint(place).astype(np.intp), 0, [width - 1, height - 1]).transpose(2, 0, 1)
         nearest = np.where(inside, depth[row, column], np.nan)
@@ -61,30 +61,30 @@ class Lens:
             (1 - right_share) * inverse[line, left] + right_share * inverse[line, left + 1] for line in (top, top + 1)
         )
         between = (1 - bottom_share) * upper + bottom_share * lower
-        usable = inside & _within_surfaces(inverse)[top, left] & (between > 0)
+        usable = inside & _find_unbroken_cells(inverse)[top, left] & (between > 0)
         return np.where(usable, 1 / np.where(usable, between, 1.0), nearest)
 
     @property
     def sees(self) -> Array:
         """Boolean (H, W): the sensor sees this pixel of the rectified image."""
         height, width = self.sensor_in_rendered.shape[:2]
-        return _inside(self.rectified_in_sensor, (width, height), 0.0) & _inside(
+        return _find_inside(self.rectified_in_sensor, (width, height), 0.0) & _find_inside(
             self.rectified_in_rendered, self.rendered_px, 0.0
         )
 
 
-def lens_of(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
+def make_lens(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
     """The lens of an eye with the distortion in the ``rig`` settings; None if all three images are the same, except for
     margins.
 
     Raises IcyMoonError if the coefficients fold the image.
     """
     k = coefficients(rig)
-    return _lens(camera, k, eye) if any(k) or camera.toe_in_deg else None
+    return _make_lens(camera, k, eye) if any(k) or camera.toe_in_deg else None
 
 
 @lru_cache(maxsize=2)  # both eyes: maps are large
-def _lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
+def _make_lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
     pixels = np.stack(np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5), axis=-1)
     principal, margin = np.array([camera.cx_px, camera.cy_px]), np.array([camera.margin_x_px, camera.margin_y_px])
     points = (pixels - principal) / camera.focal_px
@@ -93,7 +93,7 @@ def _lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
     def columns_and_rows(normalised: Array, beside: Numbers = 0.0) -> Array:
         return (normalised * camera.focal_px + principal - 0.5 + beside).astype(np.float32)
 
-    rectified = _turned(points, camera.eye_rotation(eye), k) if camera.toe_in_deg else points
+    rectified = _turn_and_distort(points, camera.eye_rotation(eye), k) if camera.toe_in_deg else points
     return Lens(
         columns_and_rows(undistort(points, k), margin),
         columns_and_rows(distort(rectified, k)),
@@ -102,7 +102,7 @@ def _lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
     )
 
 
-def _turned(points: Array, rotation: Array, k: tuple[float, ...]) -> Array:
+def _turn_and_distort(points: Array, rotation: Array, k: tuple[float, ...]) -> Array:
     """Normalised points (H, W, 2) of the parallel rig in the pinhole image of the toed-in eye; NaN for points behind
     it and beyond the fold of its lens."""
     rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1) @ rotation.T
@@ -117,14 +117,14 @@ def _turned(points: Array, rotation: Array, k: tuple[float, ...]) -> Array:
 _STEEPER, _UNEVEN = 2.0, 0.01
 
 
-def _within_surfaces(inverse: Array) -> Array:
+def _find_unbroken_cells(inverse: Array) -> Array:
     """Boolean (H - 1, W - 1): the pixel, the one to its right and the two below are of one surface, by inverse depths
     (H, W), NaN where unknown."""
-    across, down = _are_continued(inverse), _are_continued(inverse.T).T
+    across, down = _find_continued_steps(inverse), _find_continued_steps(inverse.T).T
     return across[:-1] & across[1:] & down[:, :-1] & down[:, 1:]
 
 
-def _are_continued(inverse: Array) -> Array:
+def _find_continued_steps(inverse: Array) -> Array:
     """Boolean (H, W - 1): the step to the next pixel of a row is like the smaller one of the steps before and behind
     it, as on a plane; false for NaN."""
     step = np.abs(np.diff(inverse, axis=1))
@@ -133,13 +133,13 @@ def _are_continued(inverse: Array) -> Array:
     return step <= _STEEPER * beside + _UNEVEN * np.fmin(inverse[:, 1:], inverse[:, :-1])
 
 
-def _inside(where: Array, size: tuple[int, int], reach: float) -> Array:
+def _find_inside(where: Array, size: tuple[int, int], reach: float) -> Array:
     """Which places of a map lie in an image of (columns, rows), or at most ``reach`` beyond its outermost pixel
     centres."""
     return np.asarray(((where >= -reach) & (where <= np.array(size) - 1 + reach)).all(axis=-1))
 
 
-def _remapped(image: Array, where: Array, cubic: bool = False) -> Array:
+def _remap(image: Array, where: Array, cubic: bool = False) -> Array:
     """``image`` (H, W) or (H, W, bands) at the places of a map, interpolated linearly or with cubics; NaN beyond its
     outermost pixel centres."""
     import cv2  # here, for Blender has no OpenCV and develops pairs without distortion and toe-in
@@ -153,5 +153,5 @@ def _remapped(image: Array, where: Array, cubic: bool = False) -> Array:
         cv2.INTER_CUBIC if cubic else cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    found[~_inside(where, (width, height), 0.0)] = np.nan
+    found[~_find_inside(where, (width, height), 0.0)] = np.nan
     return np.asarray(found)

@@ -85,11 +85,11 @@ def draw_text(text: str, height_px: float) -> Array:
         x, y = points[:, 0] * unit, (_TOP + 0.5 - points[:, 1]) * unit
         for k in range(max(1, len(points) - 1)):
             end = min(k + 1, len(points) - 1)
-            _stroke(covered, (x[k], y[k]), (x[end], y[end]), 0.5 * max(unit, 1.0))
+            _draw_stroke(covered, (x[k], y[k]), (x[end], y[end]), 0.5 * max(unit, 1.0))
     return covered
 
 
-def _stroke(covered: Array, start: tuple[float, float], end: tuple[float, float], radius: float) -> None:
+def _draw_stroke(covered: Array, start: tuple[float, float], end: tuple[float, float], radius: float) -> None:
     """Draw a round-ended line of a radius, with soft edges one pixel wide."""
     (x0, y0), (x1, y1), reach = start, end, radius + 1
     left, right = max(0, int(min(x0, x1) - reach)), int(max(x0, x1) + reach) + 1
@@ -113,6 +113,6 @@ def put_text(picture: Array, text: str, left: int, baseline: int, height_px: flo
     part[:] = np.rint(part + share * (level - part.astype(np.float32)))
 
 
-def text_width(text: str, height_px: float) -> int:
+def measure_text_width_px(text: str, height_px: float) -> int:
     """Columns that a text takes."""
     return int(draw_text(text, height_px).shape[1])

@@ -14,9 +14,9 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.labels import GROUP_PASSES
 from . import exr
-from .disparity_and_occlusion import scene_depth
+from .disparity_and_occlusion import find_scene_depth
 from .exr import Light, Truth, View, read_light, read_truth, read_view
-from .lens import lens_of
+from .lens import make_lens
 
 _Images = TypeVar("_Images", Light, Truth, View)
 
@@ -31,14 +31,14 @@ def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light
     if image == truth:
         view = read_view(image, eye, without)
         _check_size(pair, image, view.depth)
-        return view, _cropped(view, pair)
+        return view, _crop_margins(view, pair)
     light = read_light(image, eye, groups=not set(GROUP_PASSES) <= set(without))
     real = read_truth(truth, eye, without)
     _check_size(pair, image, light.radiance)
     _check_size(pair, truth, real.depth)
-    real = _cropped(real, pair)
+    real = _crop_margins(real, pair)
     return light, View(
-        *_on_parallel_rig(light, pair, eye), real.depth, real.normal, real.instance, real.semantic, real.hidden
+        *_turn_light_to_parallel(light, pair, eye), real.depth, real.normal, real.instance, real.semantic, real.hidden
     )
 
 
@@ -60,14 +60,14 @@ def read_sensor_depth(pair: Pair, eye: str, rig: RigSettings) -> Array:
     """Read the depth at the pixels of an eye's sensor, along the eye's own axis: metres, float32 (H, W), NaN for
     none."""
     path = pair.truth_of_image(eye)
-    depth = scene_depth(read_truth(path, eye))
+    depth = find_scene_depth(read_truth(path, eye))
     _check_size(pair, path, depth)
-    lens = lens_of(pair.camera, rig, eye)
+    lens = make_lens(pair.camera, rig, eye)
     seen = pair.camera.cropped(depth) if lens is None else lens.depth_of_sensor(depth)
     return np.asarray(seen.astype(np.float32))
 
 
-def _on_parallel_rig(light: Light, pair: Pair, eye: str) -> tuple[Array, dict[str, Array]]:
+def _turn_light_to_parallel(light: Light, pair: Pair, eye: str) -> tuple[Array, dict[str, Array]]:
     turn = _turn_to_parallel(pair, eye)
     return turn(light.radiance), {group: turn(radiance) for group, radiance in light.groups.items()}
 
@@ -75,11 +75,11 @@ def _on_parallel_rig(light: Light, pair: Pair, eye: str) -> tuple[Array, dict[st
 def _turn_to_parallel(pair: Pair, eye: str) -> Callable[[Array], Array]:
     """A function that puts an image of an eye's rendered pixels on the parallel rig."""
     plain = RigSettings.from_values({f"distortion_{name}": 0.0 for name in ("k1", "k2", "p1", "p2", "k3")})
-    lens = lens_of(pair.camera, plain, eye)
+    lens = make_lens(pair.camera, plain, eye)
     return pair.camera.cropped if lens is None else lens.rectify_radiance
 
 
-def _cropped(images: _Images, pair: Pair) -> _Images:
+def _crop_margins(images: _Images, pair: Pair) -> _Images:
     """``images`` with all of its arrays cropped to the image without margins."""
 
     def crop(value: Any) -> Any:

@@ -34,36 +34,36 @@ _WEIGHTS, _RESAMPLES, _MOST_ELEMENTS, _FEWEST_DRAWS = 10_000, 2000, 4_000_000, 1
 _ROUNDING = 1e-12
 
 
-def scene_means(values: Array, scenes: Array) -> Array:
+def average_by_scene(values: Array, scenes: Array) -> Array:
     """The mean (scenes, K) over the pairs of each scene, of each column of ``values`` (pairs, K); NaN is undefined.
 
     ``scenes`` is a whole number per pair.
     """
-    sums, counts = _sums(values, scenes)
+    sums, counts = _sum_by_scene(values, scenes)
     return np.divide(sums, counts, out=np.full(sums.shape, np.nan), where=counts > 0)
 
 
-def intervals(values: Array, scenes: Array, shares: Array) -> Array:
+def find_mean_intervals(values: Array, scenes: Array, shares: Array) -> Array:
     """Lower and upper 95 % bound (K, 2) of the mean over pairs of each column of ``values`` (pairs, K).
 
     Columns where ``shares`` (K,) is true are from 0 to 1. A bound is NaN if there are too few scenes for it: fewer than
     two, or than ``FEWEST_FOR_MEAN`` of what is no share.
     """
-    sums, counts = _sums(values, scenes)
+    sums, counts = _sum_by_scene(values, scenes)
     number = (counts > 0).sum(axis=0)
     bounds = np.full((values.shape[1], 2), np.nan)
     if (bounded := shares & (number >= 2)).any():
-        bounds[bounded] = _share_bounds(sums[:, bounded], counts[:, bounded])
+        bounds[bounded] = _bound_shares(sums[:, bounded], counts[:, bounded])
     signed = (sums < 0).any(axis=0)
     for positive in (True, False):
         those = ~shares & (number >= FEWEST_FOR_MEAN) & (signed != positive)
         if those.any():
             sample = _bootstrap_t(sums[:, those], counts[:, those], 0, positive)
-            bounds[those] = sample.bounds(_quantile(sample.t))
+            bounds[those] = sample.bounds(_quantile_of_resamples(sample.t))
     return bounds
 
 
-def simultaneous_intervals(values: Array, seed: int) -> Array:
+def find_simultaneous_intervals(values: Array, seed: int) -> Array:
     """Bounds (K, 2) of the means over scenes of the columns of ``values`` (scenes, K), which all hold at once in about
     95 % of data sets, by the largest |t| of a resample. NaN for columns with fewer than ``FEWEST_FOR_MEAN`` scenes."""
     known = ~np.isnan(values)
@@ -71,11 +71,13 @@ def simultaneous_intervals(values: Array, seed: int) -> Array:
     bounds = np.full((values.shape[1], 2), np.nan)
     if told.any():
         sample = _bootstrap_t(np.where(known, values, 0.0)[:, told], known[:, told].astype(float), seed, False)
-        bounds[told] = sample.bounds(np.full(told.sum(), _quantile(sample.t.max(axis=1, keepdims=True))[0]))
+        bounds[told] = sample.bounds(
+            np.full(told.sum(), _quantile_of_resamples(sample.t.max(axis=1, keepdims=True))[0])
+        )
     return bounds
 
 
-def _sums(values: Array, scenes: Array) -> tuple[Array, Array]:
+def _sum_by_scene(values: Array, scenes: Array) -> tuple[Array, Array]:
     """Sums and numbers (scenes, K) of the defined values of each scene."""
     label, scene = np.unique(scenes, return_inverse=True)
     defined = ~np.isnan(values)
@@ -85,27 +87,30 @@ def _sums(values: Array, scenes: Array) -> tuple[Array, Array]:
     return sums, counts
 
 
-def _draws(most: int, scenes: int) -> int:
+def _choose_draw_count(most: int, scenes: int) -> int:
     return max(_FEWEST_DRAWS, min(most, _MOST_ELEMENTS // scenes))
 
 
 @lru_cache(maxsize=1)
-def _weights(scenes: int) -> Array:
+def _draw_weights(scenes: int) -> Array:
     """Random weights (draws, 1 + scenes), not divided by their sum; the first is of the scene that is added."""
-    return generator(0, "statistics", 1).standard_exponential((_draws(_WEIGHTS, scenes), 1 + scenes))
+    return generator(0, "statistics", 1).standard_exponential((_choose_draw_count(_WEIGHTS, scenes), 1 + scenes))
 
 
 @lru_cache(maxsize=1)
-def _resamples(scenes: int, seed: int) -> Array:
+def _draw_resamples(scenes: int, seed: int) -> Array:
     """How often each resample contains each scene (draws, scenes)."""
     random = generator(seed, "statistics", 2)
     return np.stack(
-        [np.bincount(random.integers(0, scenes, scenes), minlength=scenes) for _ in range(_draws(_RESAMPLES, scenes))]
+        [
+            np.bincount(random.integers(0, scenes, scenes), minlength=scenes)
+            for _ in range(_choose_draw_count(_RESAMPLES, scenes))
+        ]
     ).astype(float)
 
 
-def _share_bounds(sums: Array, counts: Array) -> Array:
-    weights = _weights(len(sums))
+def _bound_shares(sums: Array, counts: Array) -> Array:
+    weights = _draw_weights(len(sums))
     own, number = weights[:, 1:] @ sums, weights[:, 1:] @ counts
     added = weights[:, :1] * counts.max(axis=0)
     outside = (1 - LEVEL) / 2
@@ -142,9 +147,9 @@ def _bootstrap_t(sums: Array, counts: Array, seed: int, logarithmic: bool) -> _B
     1, so that rounding is alike."""
     size = np.abs(sums).max(axis=0)
     sums = sums / np.where(size > 0, size, 1.0)
-    resamples = _resamples(len(sums), seed)
-    mean, error = _ratios(np.ones((1, len(sums))), sums, counts)
-    means, errors = _ratios(resamples, sums, counts)
+    resamples = _draw_resamples(len(sums), seed)
+    mean, error = _resample_ratios(np.ones((1, len(sums))), sums, counts)
+    means, errors = _resample_ratios(resamples, sums, counts)
     error = np.where(error > _ROUNDING, error, 0.0)
     if logarithmic:
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -156,7 +161,7 @@ def _bootstrap_t(sums: Array, counts: Array, seed: int, logarithmic: bool) -> _B
     return _Bootstrap(mean[0] * size, error[0] * size, t, logarithmic)
 
 
-def _ratios(times: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
+def _resample_ratios(times: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
     """The ratio of sums over scenes (resamples, K), with each scene as often as ``times`` (resamples, scenes) states,
     and its standard error."""
     told, alike = (counts > 0).sum(axis=0), bool((counts == counts[:1]).all())
@@ -171,7 +176,7 @@ def _ratios(times: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
         return mean, np.sqrt(np.maximum(square, 0.0) * told / (told - 1)) / number
 
 
-def _quantile(t: Array) -> Array:
+def _quantile_of_resamples(t: Array) -> Array:
     """The |t| (K,) that ``LEVEL`` of the resamples (resamples, K) do not exceed; those without a value are infinite."""
     ascending = np.sort(np.where(np.isnan(t), np.inf, t), axis=0)
     return np.asarray(ascending[math.ceil(LEVEL * len(t)) - 1])

@@ -22,7 +22,7 @@ import numpy as np
 
 from ...physics.random_numbers.seeds import generator
 from ...support.arrays import Array
-from .walsh_averages import WalshSums, on_grid
+from .walsh_averages import WalshSums, round_to_grid
 
 #: The share of flips that may reach an observed statistic where it is called different. It is less than the 5 % that
 #: the product states, because skewed differences have up to 2 points more errors: see ``docs/theory/inference.md``.
@@ -42,7 +42,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class Family:
+class ComparisonFamily:
     """The comparisons of one family, an array element per comparison.
 
     ``typical`` is the typical difference; ``low`` and ``high`` are its bounds. All hold at once in at least 93 % of the
@@ -65,7 +65,7 @@ class Family:
         return self.p <= LIMIT + 1e-12
 
 
-def scenes_needed(comparisons: int) -> int:
+def count_scenes_needed(comparisons: int) -> int:
     """The fewest scenes from which on so many comparisons can have a verdict.
 
     With n scenes, two of 2^n choices of signs are as extreme as equal signs, and each comparison may have signs of its
@@ -74,34 +74,36 @@ def scenes_needed(comparisons: int) -> int:
     return math.ceil(math.log2(2 * max(comparisons, 1) / LIMIT))
 
 
-def scenes_for_methods(methods: int) -> int:
+def count_scenes_for_methods(methods: int) -> int:
     """The fewest scenes from which on so many methods can have a verdict."""
-    return scenes_needed(methods * (methods - 1) // 2)
+    return count_scenes_needed(methods * (methods - 1) // 2)
 
 
-def compare(differences: Array, seed: int) -> Family:
+def compare_in_typical_scene(differences: Array, seed: int) -> ComparisonFamily:
     """Which columns of ``differences`` (scenes, comparisons) have a typical difference that is not zero.
 
     NaN is undefined. A column with fewer than ``needed`` scenes is outside the family. The same seed makes the same
     flips.
     """
-    columns = [_Column(differences[~np.isnan(differences[:, k]), k]) for k in range(differences.shape[1])]
+    columns = [_Differences(differences[~np.isnan(differences[:, k]), k]) for k in range(differences.shape[1])]
     scenes = np.array([len(column.sums.values) for column in columns], int)
     low, high, p, detectable = np.full((4, len(columns)), np.nan)
-    found = Family(
+    found = ComparisonFamily(
         scenes,
         np.array([column.typical for column in columns], float),
         low,
         high,
         p,
         detectable,
-        scenes_needed(len(columns)),
+        count_scenes_needed(len(columns)),
     )
     tested = np.flatnonzero(scenes >= found.needed)
     if not tested.size:
         return found
     norms = np.array([columns[k].norm for k in tested])
-    maxima = _flip(_centred_ranks(differences[:, tested], [columns[k] for k in tested]), seed) / norms
+    maxima = (
+        _flip_statistics(_rank_centred_differences(differences[:, tested], [columns[k] for k in tested]), seed) / norms
+    )
     observed = np.array([columns[k].evidence for k in tested]) / norms
     largest = np.sort(maxima.max(axis=1))
     reached = len(largest) - np.searchsorted(largest, observed * _TIE)
@@ -120,11 +122,11 @@ def subtract(one: Array, other: Array, logarithmic: bool = False) -> Array:
     return np.where(alike, 0.0, apart)
 
 
-class _Column:
+class _Differences:
     """The differences of one comparison, finite (n,)."""
 
     def __init__(self, values: Array) -> None:
-        ascending, self.unit = on_grid(values)
+        ascending, self.unit = round_to_grid(values)
         self.sums = WalshSums(ascending)
         self.centre = self.sums.twice_median() if len(values) else 0  # four times the typical difference
         self.typical = self.centre * self.unit / 4 if len(values) else math.nan
@@ -138,7 +140,7 @@ class _Column:
     @property
     def evidence(self) -> int:
         """The signed-rank statistic of the side that has more; averages of zero count for the other side."""
-        return self.sums.count - 2 * min(self.sums.up_to(0), self.sums.count - self.sums.up_to(-1))
+        return self.sums.count - 2 * min(self.sums.count_up_to(0), self.sums.count - self.sums.count_up_to(-1))
 
     def bounds(self, limit: float) -> tuple[float, float]:
         """The typical differences at which the signed-rank statistic is at most ``limit``."""
@@ -148,7 +150,7 @@ class _Column:
         return (self.sums.at(outside - 1) * self.unit / 2, self.sums.at(self.sums.count - outside) * self.unit / 2)
 
 
-def _centred_ranks(differences: Array, columns: list[_Column]) -> Array:
+def _rank_centred_differences(differences: Array, columns: list[_Differences]) -> Array:
     """The signed ranks (scenes, comparisons) of the differences from the typical one, 0 where undefined."""
     units = np.array([column.unit for column in columns])
     known = ~np.isnan(differences)
@@ -161,9 +163,9 @@ def _centred_ranks(differences: Array, columns: list[_Column]) -> Array:
     return np.where(known, np.where(apart < 0, -ranks, ranks), 0.0)
 
 
-def _flip(ranks: Array, seed: int) -> Array:
+def _flip_statistics(ranks: Array, seed: int) -> Array:
     """The absolute statistics (flips, comparisons) of random signs of the scenes of signed ranks."""
-    used, signs = ranks.astype(np.float32 if len(ranks) < _MOST_SINGLE else np.float64), _signs(len(ranks), seed)
+    used, signs = ranks.astype(np.float32 if len(ranks) < _MOST_SINGLE else np.float64), _draw_signs(len(ranks), seed)
     return np.concatenate(
         [
             np.abs(np.matmul(signs[start : start + _AT_ONCE].astype(used.dtype), used))
@@ -173,7 +175,7 @@ def _flip(ranks: Array, seed: int) -> Array:
 
 
 @lru_cache(maxsize=1)
-def _signs(scenes: int, seed: int) -> Array:
+def _draw_signs(scenes: int, seed: int) -> Array:
     """The signs of all flips, int8 (flips, scenes). The first scene keeps its sign, as the statistics do not change if
     all signs do."""
     if scenes <= _MOST_EXACT:
@@ -183,7 +185,7 @@ def _signs(scenes: int, seed: int) -> Array:
     return (1 - 2 * flipped).astype(np.int8)
 
 
-def ranks(better: Array) -> list[tuple[int, int]]:
+def find_rank_ranges(better: Array) -> list[tuple[int, int]]:
     """The best and the worst possible rank of each method, from a boolean (methods, methods): the row's method is
     significantly better than the column's.
 
@@ -193,6 +195,6 @@ def ranks(better: Array) -> list[tuple[int, int]]:
     return [(1 + int(better[:, k].sum()), count - int(better[k].sum())) for k in range(count)]
 
 
-def pairs_of(count: int) -> list[tuple[int, int]]:
+def list_comparisons(count: int) -> list[tuple[int, int]]:
     """The comparisons of so many methods."""
     return list(itertools.combinations(range(count), 2))

@@ -19,7 +19,7 @@ _MOST_LISTED = 200
 _MOST_PICKED = 4000
 
 
-def on_grid(values: Array) -> tuple[Array, float]:
+def round_to_grid(values: Array) -> tuple[Array, float]:
     """The finite ``values`` (n,) in ascending order as whole numbers, int64, and the size of their unit."""
     most = float(np.abs(values).max(initial=0.0))
     unit = float(np.ldexp(1.0, max(int(np.frexp(most)[1]) - _BITS, _LEAST))) if most > 0 else 1.0
@@ -37,7 +37,7 @@ class WalshSums:
             one, other = np.triu_indices(len(ascending))
             self._listed = np.sort(ascending[one] + ascending[other])
 
-    def up_to(self, limit: int) -> int:
+    def count_up_to(self, limit: int) -> int:
         """How many sums are at most ``limit``."""
         if self._listed is not None:
             return int(np.searchsorted(self._listed, limit, side="right"))
@@ -51,7 +51,7 @@ class WalshSums:
         low, high, below, reached = 2 * int(self.values[0]) - 1, 2 * int(self.values[-1]), 0, self.count
         while reached - below > _MOST_PICKED and high - low > 1:
             middle = (low + high) // 2
-            if (count := self.up_to(middle)) > place:
+            if (count := self.count_up_to(middle)) > place:
                 high, reached = middle, count
             else:
                 low, below = middle, count

@@ -34,7 +34,7 @@ from ...support.printer import show_controls
 from ...support.suggestions import nearest
 from ..images.image_values import describe_size, to_8_bit, to_grey
 from ..measure.costs import COSTS
-from .options import resolve
+from .options import resolve_options
 from .result import Result
 from .search_range import SearchRange
 
@@ -52,23 +52,23 @@ def matcher_names() -> tuple[str, ...]:
     return tuple(find_plugins().usable)
 
 
-def title_of(method: str) -> str:
+def matcher_title(method: str) -> str:
     """What readers see instead of the name of a matcher, in tables, charts, sentences and in the window."""
-    return _text_of(method, "TITLE") or method
+    return _literal_text(method, "TITLE") or method
 
 
-def needs_of(method: str) -> str:
+def matcher_needs(method: str) -> str:
     """What a matcher needs beside the evaluator, in words; empty if nothing."""
-    return _text_of(method, "NEEDS")
+    return _literal_text(method, "NEEDS")
 
 
-def titles() -> dict[str, str]:
+def matcher_titles() -> dict[str, str]:
     """The titles, by name, of Icy Moon's matchers that run without being set up by the user."""
     found = find_plugins().usable.items()
-    return {name: title for name, plugin in found if plugin.built_in and (title := _text_of(name, "TITLE"))}
+    return {name: title for name, plugin in found if plugin.built_in and (title := _literal_text(name, "TITLE"))}
 
 
-def set_ups() -> list[tuple[str, tuple[int, str, str, str]]]:
+def list_set_ups() -> list[tuple[str, tuple[int, str, str, str]]]:
     """The matchers that the user sets up, with their ``SET_UP``, in the order of its numbers."""
     found = {name: fact_of(plugin, "SET_UP") for name, plugin in find_plugins().usable.items() if plugin.built_in}
     return sorted(((name, stated) for name, stated in found.items() if stated), key=lambda entry: entry[1])
@@ -80,7 +80,7 @@ def uses_one_processor(method: str) -> bool:
     return plugin is not None and fact_of(plugin, "ONE_PROCESSOR") is True
 
 
-def _text_of(method: str, fact: str) -> str:
+def _literal_text(method: str, fact: str) -> str:
     plugin = find_plugins().usable.get(method)
     stated = fact_of(plugin, fact) if plugin else ""
     return show_controls(stated) if isinstance(stated, str) else ""
@@ -113,7 +113,7 @@ def match_checked(
     ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey (H, W) or colour
     (H, W, 3 or 4; BGR as OpenCV reads it; matchers without colour get the mean of the bands, or the grey that their
     option ``grey`` names). A program of the user's may ask for the ``camera``.
-    ``ranges`` are the search ranges that options may name, see ``search_range.known_ranges``. Returns
+    ``ranges`` are the search ranges that options may name, see ``search_range.find_known_ranges``. Returns
 
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
@@ -126,7 +126,7 @@ def match_checked(
     """
     module = load_matcher(method)
     complete = dict(options)
-    prepare = _rgb if getattr(module, "COLOUR", False) else GREYS[complete.get("grey", "mean")]
+    prepare = _to_rgb if getattr(module, "COLOUR", False) else GREYS[complete.get("grey", "mean")]
     left, right = prepare(_check_image(left, "left")), prepare(_check_image(right, "right"))
     if left.shape[:2] != right.shape[:2]:
         raise IcyMoonError(
@@ -138,14 +138,14 @@ def match_checked(
         complete, search = settle(complete, ranges or {}, left.shape)
     if load := getattr(module, "load", None):
         load(complete)
-    cpu, wall = _cpu_seconds(), time.perf_counter()
+    cpu, wall = _read_cpu_seconds(), time.perf_counter()
     result: Result = module.compute(left, right, complete, camera)
-    costs = {"seconds": _cpu_seconds() - cpu, "wall_seconds": time.perf_counter() - wall}
+    costs = {"seconds": _read_cpu_seconds() - cpu, "wall_seconds": time.perf_counter() - wall}
     valid = (result.disparity > 0) & np.isfinite(result.disparity)
     if not valid.any() and not getattr(module, "SPARSE", False):
         what = "a positive number" if np.isfinite(result.disparity).any() else "a number"
         raise IcyMoonError(
-            f"{title_of(method)} gave no pixel {what}; its checkpoint or program is damaged, "
+            f"{matcher_title(method)} gave no pixel {what}; its checkpoint or program is damaged, "
             "or writes disparities with the wrong sign or unit."
         )
     return (
@@ -179,7 +179,7 @@ def check_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
 def complete_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """The same, without checking that files and programs exist."""
     module = load_matcher(method)
-    return resolve(method, module.OPTIONS, module.PRESETS, options)
+    return resolve_options(method, module.OPTIONS, module.PRESETS, options)
 
 
 def option_keys(method: str) -> list[str]:
@@ -191,7 +191,7 @@ def option_keys(method: str) -> list[str]:
     ]
 
 
-def files_of(method: str, options: Mapping[str, Any]) -> list[str]:
+def list_option_files(method: str, options: Mapping[str, Any]) -> list[str]:
     """Words of complete options that may be files which the result depends on: the arguments of a command."""
     named = getattr(load_matcher(method), "files", None)
     return list(named(options)) if named else []
@@ -209,7 +209,7 @@ def describe_matcher(method: str) -> str:
     return "\n".join(lines)
 
 
-def release_of(method: str) -> str:
+def plugin_release(method: str) -> str:
     """Package and version of the plug-in that a matcher is from; empty for one of ours."""
     plugin = find_plugins().added.get(method)
     return plugin.release if plugin else ""
@@ -219,14 +219,14 @@ def load_matcher(method: str) -> Any:
     """The matcher, with the interface of a module of this package. Raises IcyMoonError for an unknown one."""
     found = find_plugins()
     if method in found.usable:
-        return _load(found.usable[method])
+        return _load_plugin(found.usable[method])
     if method in found.refused:
         raise IcyMoonError(found.refused[method])
     raise IcyMoonError(f"Unknown matcher {method!r}, {nearest(method, found.usable)}")
 
 
 @lru_cache(maxsize=64)
-def _load(plugin: Plugin) -> Any:
+def _load_plugin(plugin: Plugin) -> Any:
     if plugin.built_in and not hasattr(loaded := load(plugin), "match"):
         return loaded
     from .plug_in import PluginMatcher  # not at the top: it needs OpenCV
@@ -234,7 +234,7 @@ def _load(plugin: Plugin) -> Any:
     return PluginMatcher(plugin)
 
 
-def _cpu_seconds() -> float:
+def _read_cpu_seconds() -> float:
     """CPU seconds of this process and of the programs that it has waited for (Windows does not count these)."""
     children = os.times()
     return time.process_time() + children.children_user + children.children_system
@@ -249,7 +249,7 @@ def _check_image(image: Array, name: str) -> Array:
     return image
 
 
-def _luminance(image: Array) -> Array:
+def _to_luminance(image: Array) -> Array:
     """uint8 (H, W): 0.299 red, 0.587 green and 0.114 blue, in OpenCV's rounding, after the scaling to 8 bits."""
     import cv2  # not at the top: the window lists the matchers, and Blender has no OpenCV
 
@@ -258,9 +258,9 @@ def _luminance(image: Array) -> Array:
 
 
 #: Functions that turn an image grey, by the value of a matcher's option ``grey``.
-GREYS = {"mean": to_grey, "luminance": _luminance}
+GREYS = {"mean": to_grey, "luminance": _to_luminance}
 
 
-def _rgb(image: Array) -> Array:
+def _to_rgb(image: Array) -> Array:
     """uint8 (H, W, 3), red first."""
     return to_8_bit(np.repeat(image[..., None], 3, axis=-1) if image.ndim == 2 else image[..., 2::-1])

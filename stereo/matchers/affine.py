@@ -24,7 +24,7 @@ _LARGEST_SLANT = 0.75  # disparity change per pixel; beyond it the right image i
 _SETTLED_PX = 0.05  # a fit whose last step was longer has not converged
 
 
-def refine(left: Array, right: Array, disparity: Array, window: int, steps: int) -> Array:
+def refine_subpixel(left: Array, right: Array, disparity: Array, window: int, steps: int) -> Array:
     """Refine a disparity that is right to about half a pixel; float64 (H, W) px, NaN where invalid.
 
     ``left`` and ``right`` are (H, W) images, ``window`` the odd side of the square that is fitted. Where no fit is
@@ -34,13 +34,13 @@ def refine(left: Array, right: Array, disparity: Array, window: int, steps: int)
     height, width = disparity.shape
     gradient = cv2.Sobel(left.astype(np.float32), cv2.CV_32F, 1, 0, ksize=1, scale=0.5)
     inverse = _inverse_normal_matrices(gradient, half)
-    fine = _resampled(right.astype(np.float32))
+    fine = _interpolate_rows(right.astype(np.float32))
     result = disparity.astype(np.float64)
     columns = slice(half + 1, width - half - 1)
     for top in range(half, height - half, _ROWS):
         rows = slice(top, min(top + _ROWS, height - half))
         if np.isfinite(disparity[rows, columns]).any():
-            result[rows, columns] = _fit(
+            result[rows, columns] = _fit_affine_windows(
                 left.astype(np.float32),
                 gradient,
                 fine,
@@ -77,7 +77,7 @@ def _inverse_normal_matrices(gradient: Array, half: int) -> Array:
     return np.where(usable, cofactors / np.where(usable, determinant, 1), np.nan).astype(np.float32)
 
 
-def _resampled(image: Array) -> Array:
+def _interpolate_rows(image: Array) -> Array:
     """(H, W * _FINE): the rows of an image at _FINE points per pixel, by the Lanczos kernel."""
     height, width = image.shape
     padded = np.pad(image, ((0, 0), (_TAPS - 1, _TAPS)), mode="edge")
@@ -90,7 +90,7 @@ def _resampled(image: Array) -> Array:
     return fine.reshape(height, width * _FINE)
 
 
-def _fit(
+def _fit_affine_windows(
     left: Array,
     gradient: Array,
     fine: Array,

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
-from .opencv import SEARCH_RANGE, extended, inside_right, require_room, run_matcher, settle_range
+from .opencv import SEARCH_RANGE, drop_matches_outside_right, extend_left, require_room, run_matcher, settle_range
 from .options import Option
 from .result import Result
 from .search_range import SearchRange
@@ -137,8 +137,10 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     columns, rows = (reach + (0 if extension else margin), width + extension - margin), (margin, height - margin)
     room = columns[1] - (extension + margin if extension else columns[0])  # for whole windows
     require_room("bm", left, room > 0 and rows[0] < rows[1])
-    disparity = run_matcher("bm", matcher, extended(left, extension), extended(right, extension), least, columns, rows)
+    disparity = run_matcher(
+        "bm", matcher, extend_left(left, extension), extend_left(right, extension), least, columns, rows
+    )
     if options["rounding"] == "even":
         disparity -= np.float32(_ROUNDED_UP)
     disparity = disparity[:, extension:]
-    return Result(inside_right(disparity) if extension else disparity)
+    return Result(drop_matches_outside_right(disparity) if extension else disparity)

@@ -35,14 +35,17 @@ OPTIONS = learned.OPTIONS | {
 PRESETS = {"guiss": {"crop_height": 384, "crop_width": 640}}
 
 
-def _build(max_disparity: int) -> nn.Module:
+def _build_network(max_disparity: int) -> nn.Module:
     from ..networks.dsmnet import DSMNet
 
     return DSMNet(max_disparity)
 
 
 NETWORK = learned.Network(
-    "dsmnet", "the model trained on mixed data (mixed_epoch_6.pth)", "https://github.com/feihuzhang/DSMNet", _build
+    "dsmnet",
+    "the model trained on mixed data (mixed_epoch_6.pth)",
+    "https://github.com/feihuzhang/DSMNet",
+    _build_network,
 )
 
 
@@ -62,17 +65,20 @@ def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict
     model, facts = learned.load(NETWORK, options)
     device = next(model.parameters()).device
     (top, height), (near, width) = (
-        _span(size, options[f"crop_{side}"]) for size, side in zip(left.shape, ("height", "width"), strict=False)
+        _crop_span(size, options[f"crop_{side}"]) for size, side in zip(left.shape, ("height", "width"), strict=False)
     )
     with learned.guard_inference("dsmnet"):
-        eyes = (learned.batch(_framed(_normalised(image), top, height, near, width), device) for image in (left, right))
+        eyes = (
+            learned.to_batch(_crop_or_pad(_normalise(image), top, height, near, width), device)
+            for image in (left, right)
+        )
         seen = model(*eyes)[0].cpu().numpy()
     disparity = np.full(left.shape[:2], np.nan, np.float32)
     disparity[max(top, 0) : top + height, max(near, 0) : near + width] = seen[max(-top, 0) :, max(-near, 0) :]
     return disparity, facts
 
 
-def _span(size: int, crop: int) -> tuple[int, int]:
+def _crop_span(size: int, crop: int) -> tuple[int, int]:
     """(first, count) of the rows or columns used: the middle ones; beginning outside the image if it has too few."""
     from ..networks.dsmnet import SIZE_STEP
 
@@ -81,13 +87,13 @@ def _span(size: int, crop: int) -> tuple[int, int]:
     return ((size - count) // 2 if size > count else size - count), count
 
 
-def _normalised(image: Array) -> Array:
+def _normalise(image: Array) -> Array:
     """Every channel with mean 0 and variance 1 over the whole image; 0 if it is constant."""
     spread = image.std(axis=(0, 1))
     return (image - image.mean(axis=(0, 1))) / np.where(spread > 0, spread, 1)
 
 
-def _framed(image: Array, top: int, height: int, near: int, width: int) -> Array:
+def _crop_or_pad(image: Array, top: int, height: int, near: int, width: int) -> Array:
     frame = np.zeros((height, width, 3), np.float32)
     part = image[max(top, 0) : top + height, max(near, 0) : near + width]
     frame[max(-top, 0) :, max(-near, 0) :] = part

@@ -25,12 +25,12 @@ from ...support.errors import IcyMoonError
 from ...support.scratch import scratch_folder
 from ...support.suggestions import nearest
 from ...support.system import kill_all, start
-from ..adapters.icymoon_serve import as_disparity
+from ..adapters.icymoon_serve import to_disparity_map
 from ..images.image_files import read_pfm, read_png, write_png
 from .command_lines import require_program, split_arguments
 from .options import Option
 from .result import Result
-from .written_arrays import last_words, read_array
+from .written_arrays import read_array, read_last_line
 
 SET_UP = (
     0,
@@ -61,7 +61,7 @@ _FIELD = re.compile(r"\{(\w+)\}")
 
 def check(options: dict[str, Any]) -> None:
     """Raise IcyMoonError unless the command can be run."""
-    arguments = _arguments(options)
+    arguments = _split_command(options)
     fields = {field for argument in arguments for field in _FIELD.findall(argument)}
     for field in sorted(fields - {*_IMAGES, "calibration", *_CAMERA}):
         raise IcyMoonError(
@@ -90,10 +90,10 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
             Path(values["calibration"]).write_text(
                 f"{numbers}\n{values['baseline_m']}\n", encoding="ascii", newline="\n"
             )
-        arguments = _arguments(options)
+        arguments = _split_command(options)
         if camera is None and any(field not in values for argument in arguments for field in _FIELD.findall(argument)):
             raise IcyMoonError("external.command asks for the camera, which is not known; give --camera PAIR.")
-        _run(
+        _run_program(
             [_FIELD.sub(lambda field: values[field[1]], argument) for argument in arguments],
             options["timeout_s"],
             folder / "errors.txt",
@@ -103,14 +103,14 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
 
 def files(options: dict[str, Any]) -> list[str]:
     """Paths that may be files that the result depends on: the program and its arguments."""
-    return _arguments(options)
+    return _split_command(options)
 
 
-def _arguments(options: dict[str, Any]) -> list[str]:
+def _split_command(options: dict[str, Any]) -> list[str]:
     return split_arguments("external.command", options["command"], "external.command='PROGRAM {left} {right} {out}'")
 
 
-def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
+def _run_program(arguments: list[str], timeout_s: int, errors: Path) -> None:
     """Run a program to its end within the time; then end everything that it started."""
     try:
         with errors.open("wb") as stream:
@@ -128,7 +128,7 @@ def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
         kill_all(process)  # also when interrupted: Ctrl-C does not reach a process in another session
     if status:
         raise IcyMoonError(
-            f"external.command ended with status {status} ({last_words(errors) or 'no message'}); run "
+            f"external.command ended with status {status} ({read_last_line(errors) or 'no message'}); run "
             "it by hand on two images."
         )
 
@@ -145,7 +145,7 @@ def _read_disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any])
     else:
         disparity = read_pfm(path) if options["format"] == "pfm" else _read_npy(path, shape)
     try:
-        return as_disparity(disparity, shape)
+        return to_disparity_map(disparity, shape)
     except ValueError as error:
         raise IcyMoonError(f"external.command wrote a disparity map that cannot be used: {error}.") from None
 

@@ -48,13 +48,13 @@ OPTIONS = learned.OPTIONS | {
 PRESETS = {"guiss": {"iterations": 256, "max_disparity": 256}}
 
 
-def _build(max_disparity: int) -> nn.Module:
+def _build_network(max_disparity: int) -> nn.Module:
     from ..networks.igev import IGEVStereo
 
     return IGEVStereo(max_disparity)
 
 
-NETWORK = learned.Network("igev", "sceneflow.pth", "https://github.com/gangweiX/IGEV", _build)
+NETWORK = learned.Network("igev", "sceneflow.pth", "https://github.com/gangweiX/IGEV", _build_network)
 
 
 def check(options: Mapping[str, Any]) -> None:
@@ -85,7 +85,7 @@ def match(left: Array, right: Array, context: MatchContext) -> tuple[Array, dict
     top, near = down // 2, across // 2
     with learned.guard_inference("igev"), torch.autocast(device.type, torch.bfloat16, enabled=half_precision):
         eyes = (
-            F.pad(learned.batch(image, device), (near, across - near, top, down - top), mode="replicate")
+            F.pad(learned.to_batch(image, device), (near, across - near, top, down - top), mode="replicate")
             for image in (left, right)
         )
         disparity = model(*eyes, options["iterations"])[0, 0, top : top + height, near : near + width]

@@ -50,19 +50,19 @@ def band_pass(image: Array, level: int) -> tuple[Array, int]:
     """
     rim = 0
     for _ in range(level - 1):
-        image = _halved(_without_rim((_sums(image, 3) * _MEAN_OF_9) >> _BITS, 1)).astype(np.uint8)
+        image = _halve(_blank_rim((_sum_windows(image, 3) * _MEAN_OF_9) >> _BITS, 1)).astype(np.uint8)
         rim = (rim + 2) >> 1
     if level == 0:
-        detail, margin = (image.astype(np.int32) << _BITS) - _sums(image, 9) * _MEAN_OF_81, 4
+        detail, margin = (image.astype(np.int32) << _BITS) - _sum_windows(image, 9) * _MEAN_OF_81, 4
     else:
-        detail, margin = _sums(image, 3) * _MEAN_OF_9 - _sums(image, 11) * _MEAN_OF_121, 5
-    filtered = _without_rim(np.clip(detail + _HALF_LEVEL, 0, 255 << _BITS) >> _BITS, margin).astype(np.uint8)
+        detail, margin = _sum_windows(image, 3) * _MEAN_OF_9 - _sum_windows(image, 11) * _MEAN_OF_121, 5
+    filtered = _blank_rim(np.clip(detail + _HALF_LEVEL, 0, 255 << _BITS) >> _BITS, margin).astype(np.uint8)
     if level == 0:
         return filtered, margin
-    return _halved(filtered), (rim + margin + 1) >> 1
+    return _halve(filtered), (rim + margin + 1) >> 1
 
 
-def search(left: Array, right: Array, least: int, most: int, window: int, rim: int) -> Search:
+def search_disparities(left: Array, right: Array, least: int, most: int, window: int, rim: int) -> Search:
     """Compare windows of uint8 (h, w) images over the disparities ``least`` to ``most``.
 
     The searched part excludes ``rim`` and half a window on every side. The lowest score wins, and among equal scores
@@ -72,7 +72,11 @@ def search(left: Array, right: Array, least: int, most: int, window: int, rim: i
     inside = slice(margin, left.shape[0] - margin)
     shape = left.shape[0] - 2 * margin, left.shape[1] - 2 * margin
     # 16 bits hold the sums of up to 16 x 16 differences.
-    depth, worst = (cv2.CV_16U, _filled(shape, np.uint16)) if window < 16 else (cv2.CV_32S, _filled(shape, np.int32))
+    depth, worst = (
+        (cv2.CV_16U, _fill_with_largest(shape, np.uint16))
+        if window < 16
+        else (cv2.CV_32S, _fill_with_largest(shape, np.int32))
+    )
     score, score_right, before, after = worst, worst.copy(), worst.copy(), worst.copy()
     previous = worst.copy()
     won: Array = np.zeros(shape, np.uint8)
@@ -95,7 +99,7 @@ def search(left: Array, right: Array, least: int, most: int, window: int, rim: i
     return Search(best, best_right, score, before, after)
 
 
-def judge(found: Search, least: int, most: int, window: int, uncertainty: int) -> tuple[Array, Array]:
+def judge_matches(found: Search, least: int, most: int, window: int, uncertainty: int) -> tuple[Array, Array]:
     """(disparity, int32 in 1/256 px or NO_DATA; flags, uint8) of a search.
 
     The disparity is refined by a parabola through three scores. If ``uncertainty`` is above 0, it is the largest
@@ -133,19 +137,19 @@ def find_blobs(disparity: Array, smallest: int) -> Array:
     return measured & (centred == NO_DATA)
 
 
-def _filled(shape: tuple[int, int], kind: type[np.integer[Any]]) -> Array:
+def _fill_with_largest(shape: tuple[int, int], kind: type[np.integer[Any]]) -> Array:
     return np.full(shape, np.iinfo(kind).max, kind)
 
 
-def _sums(image: Array, side: int) -> Array:
+def _sum_windows(image: Array, side: int) -> Array:
     return cv2.boxFilter(image, cv2.CV_32S, (side, side), normalize=False)
 
 
-def _without_rim(image: Array, width: int) -> Array:
+def _blank_rim(image: Array, width: int) -> Array:
     kept = np.zeros_like(image)
     kept[width:-width, width:-width] = image[width:-width, width:-width]
     return kept
 
 
-def _halved(image: Array) -> Array:
+def _halve(image: Array) -> Array:
     return np.ascontiguousarray(image[::2, ::2])

@@ -17,7 +17,7 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from . import jpl_correlator as jpl
-from .affine import refine
+from .affine import refine_subpixel
 from .opencv import require_room
 from .options import Option
 from .result import Result
@@ -117,11 +117,11 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     (seen_left, rim), (seen_right, _) = (jpl.band_pass(image, level) for image in (left, right))
     margin = rim + window // 2
     require_room("jplv", left, 2 * margin < min(seen_left.shape), "window or jplv.pyramid_level")
-    found = jpl.search(seen_left, seen_right, least, most, window, rim)
+    found = jpl.search_disparities(seen_left, seen_right, least, most, window, rim)
     fixed, flags = (
         np.pad(part, margin, constant_values=outside)
         for part, outside in zip(
-            jpl.judge(found, least, most, window, options["uncertainty"]), (jpl.NO_DATA, jpl.BOUND), strict=True
+            jpl.judge_matches(found, least, most, window, options["uncertainty"]), (jpl.NO_DATA, jpl.BOUND), strict=True
         )
     )
     size = options["blob_size"]
@@ -129,15 +129,15 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     fixed[blobs], flags[blobs] = jpl.NO_DATA, jpl.BLOB
     disparity = np.where(flags == jpl.ACCEPT, fixed / jpl.ONE, np.nan)
     if options["subpixel"] == "affine":
-        disparity = refine(seen_left, seen_right, disparity, options["affine_window"], _AFFINE_STEPS)
+        disparity = refine_subpixel(seen_left, seen_right, disparity, options["affine_window"], _AFFINE_STEPS)
     return Result(
-        _enlarged(disparity, level, left.shape),
+        _enlarge_disparity(disparity, level, left.shape),
         {"jpl_disparity": fixed.astype(np.int32), "flags": flags},
         {name: int((flags == flag).sum()) for flag, name in enumerate(jpl.FLAGS)},
     )
 
 
-def _enlarged(disparity: Array, level: int, shape: tuple[int, ...]) -> Array:
+def _enlarge_disparity(disparity: Array, level: int, shape: tuple[int, ...]) -> Array:
     """Disparity (H, W), px, from the disparity of images halved ``level`` times.
 
     Pixel i of a halved image is pixel i 2^level of the full one. Between four measured pixels of one surface the
@@ -146,7 +146,8 @@ def _enlarged(disparity: Array, level: int, shape: tuple[int, ...]) -> Array:
     if level == 0:
         return disparity
     (top, bottom, down), (near, far, along) = (
-        _around(np.arange(size) / 2**level, last - 1) for size, last in zip(shape, disparity.shape, strict=True)
+        _neighbouring_places(np.arange(size) / 2**level, last - 1)
+        for size, last in zip(shape, disparity.shape, strict=True)
     )
     corners = np.stack([disparity[np.ix_(rows, columns)] for rows in (top, bottom) for columns in (near, far)])
     weights = np.stack([np.outer(a, b) for a in (1 - down, down) for b in (1 - along, along)])
@@ -155,7 +156,7 @@ def _enlarged(disparity: Array, level: int, shape: tuple[int, ...]) -> Array:
     return np.where(smooth, np.sum(weights * corners, axis=0), nearest) * 2**level
 
 
-def _around(place: Array, last: int) -> tuple[Array, Array, Array]:
+def _neighbouring_places(place: Array, last: int) -> tuple[Array, Array, Array]:
     """The whole places around fractional ones (the same twice for a whole one), and the weight of the second."""
     before, after = np.floor(place).astype(int), np.ceil(place).astype(int)
     return before, np.minimum(after, last), place - before

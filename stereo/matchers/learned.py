@@ -21,7 +21,7 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import parse_path, sha256
-from . import title_of
+from . import matcher_title
 
 if TYPE_CHECKING:
     import torch
@@ -105,14 +105,14 @@ def guard_inference(method: str) -> Iterator[None]:
             yield
     except torch.OutOfMemoryError:
         raise IcyMoonError(
-            f"{title_of(method)} needs more memory than the CUDA device has; lower "
+            f"{matcher_title(method)} needs more memory than the CUDA device has; lower "
             f"{method}.max_disparity, use {method}.device=cpu or render smaller images."
         ) from None
     except RuntimeError as error:  # such as no memory on the CPU
-        raise IcyMoonError(f"{title_of(method)} failed in PyTorch ({_first_line(error)}).") from None
+        raise IcyMoonError(f"{matcher_title(method)} failed in PyTorch ({_first_line(error)}).") from None
 
 
-def batch(image: Array, device: torch.device) -> torch.Tensor:
+def to_batch(image: Array, device: torch.device) -> torch.Tensor:
     """A float tensor (1, 3, H, W) on ``device`` from (H, W, 3)."""
     import torch
 
@@ -176,7 +176,7 @@ def _fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, method
     ]
     if wrong:
         raise IcyMoonError(
-            f"{path} is no checkpoint of {title_of(method)}: {len(wrong)} of its parameters do not fit, {min(wrong)}."
+            f"{path} is no checkpoint of {matcher_title(method)}: {len(wrong)} of its parameters do not fit, {min(wrong)}."
         )
     model.load_state_dict(given, strict=True)
 

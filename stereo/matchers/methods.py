@@ -11,7 +11,7 @@ from typing import Any
 from ...settings.topics.trust_boundary import OWN, OWN_NAME, listed, split_option
 from ...support.errors import IcyMoonError
 from ...support.suggestions import nearest
-from . import check_options, matcher_names, option_keys, title_of
+from . import check_options, matcher_names, matcher_title, option_keys
 
 #: Separator of the options in a label.
 _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
@@ -32,7 +32,7 @@ class Method:
 
 
 @dataclass(frozen=True)
-class Stated:
+class StatedMethod:
     """A method as the user states it: the options are texts, and some of the matcher's."""
 
     label: str
@@ -54,7 +54,7 @@ def parse_key_value(text: str, where: str) -> tuple[str, str]:
 
 def names_method(text: str, name: str) -> bool:
     """Whether a comma-separated list of methods has a matcher, with or without options. ``name`` may be own:NAME."""
-    return any(_is_of(entry, name) for entry in text.split(","))
+    return any(_names_matcher(entry, name) for entry in text.split(","))
 
 
 def describe_method(label: str) -> str:
@@ -63,26 +63,26 @@ def describe_method(label: str) -> str:
     Files keep the label, by which programs find a method.
     """
     name, *options = _NEXT_OPTION.split(label)
-    return " ".join((title_of(name), *options))
+    return " ".join((matcher_title(name), *options))
 
 
 def toggle_method(text: str, name: str) -> str:
     """The list without a matcher that it has, or else with it at its end. Other methods keep their options."""
     entries = [entry.strip() for entry in text.split(",") if entry.strip()]
-    kept = [entry for entry in entries if not _is_of(entry, name)]
+    kept = [entry for entry in entries if not _names_matcher(entry, name)]
     return ",".join(kept if len(kept) < len(entries) else [*entries, name])
 
 
-def _is_of(entry: str, name: str) -> bool:
+def _names_matcher(entry: str, name: str) -> bool:
     return f"{entry.strip()}:".startswith(f"{name}:")
 
 
-def parse_own_matchers(texts: Sequence[str]) -> dict[str, Stated]:
+def parse_own_matchers(texts: Sequence[str]) -> dict[str, StatedMethod]:
     """The user's own matchers by name, from a ``NAME:METHOD:KEY=VALUE`` for each option, or ``NAME:METHOD``.
 
     Raises IcyMoonError for any other text.
     """
-    found: dict[str, Stated] = {}
+    found: dict[str, StatedMethod] = {}
     for text in texts:
         name, method, option = (*text.split(":", 2), "", "")[:3]
         if not (OWN_NAME.fullmatch(name) and method in matcher_names()):
@@ -90,7 +90,7 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, Stated]:
                 f"--own {text}: write it as NAME:METHOD:KEY=VALUE, as in "
                 "mine:external:command=PROGRAM; a name has letters, digits, - and _."
             )
-        known = found.setdefault(name, Stated(f"{OWN}:{name}", method))
+        known = found.setdefault(name, StatedMethod(f"{OWN}:{name}", method))
         if known.name != method:
             raise IcyMoonError(f"--own {text}: {name} is already {known.name}; give it one method.")
         if option:
@@ -99,13 +99,13 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, Stated]:
     return found
 
 
-def parse_named_methods(texts: Sequence[str]) -> list[Stated]:
+def parse_named_methods(texts: Sequence[str]) -> list[StatedMethod]:
     """Methods with names of the user's, from ``NAME=MATCHER`` or ``NAME=MATCHER:KEY=VALUE:KEY=VALUE`` for each.
 
     An option ends where a colon and the next known option follow, so a command may contain commas and colons. Raises
     IcyMoonError for any other text, and for a name that is a matcher's or given twice.
     """
-    found: list[Stated] = []
+    found: list[StatedMethod] = []
     for text in texts:
         name, equals, rest = (part.strip() for part in text.partition("="))
         matcher, _, options = (part.strip() for part in rest.partition(":"))
@@ -119,7 +119,7 @@ def parse_named_methods(texts: Sequence[str]) -> list[Stated]:
         if name in (method.label for method in found):
             raise IcyMoonError(f"--method names {name} twice; give each method a name of its own.")
         parts = re.split(rf":(?=(?:{'|'.join(option_keys(matcher))})\s*=)", options) if options else []
-        found.append(Stated(name, matcher, dict(parse_key_value(part, f"--method {name}") for part in parts)))
+        found.append(StatedMethod(name, matcher, dict(parse_key_value(part, f"--method {name}") for part in parts)))
     return found
 
 
@@ -141,9 +141,9 @@ def parse_methods(
         if name == OWN:
             base = _find_own_matcher(given.pop(0) if given else "", owned)
         else:
-            base = Stated(name, name, shared.get(name, {}))
+            base = StatedMethod(name, name, shared.get(name, {}))
         chosen = base.options | dict(parse_key_value(part, "--methods") for part in given)
-        method = Stated(label, base.name, chosen).parsed()
+        method = StatedMethod(label, base.name, chosen).parsed()
         if label in (other.label for other in methods):
             raise IcyMoonError(f"--methods names {label} twice; leave one out.")
         methods.append(method)
@@ -173,7 +173,7 @@ def _parse_shared_options(options: Sequence[str]) -> dict[str, dict[str, str]]:
     return shared
 
 
-def _find_own_matcher(name: str, owned: Mapping[str, Stated]) -> Stated:
+def _find_own_matcher(name: str, owned: Mapping[str, StatedMethod]) -> StatedMethod:
     if name not in owned:
         known = f"known are {', '.join(owned)}" if owned else "none is set up"
         raise IcyMoonError(

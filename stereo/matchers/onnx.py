@@ -139,7 +139,7 @@ class _Network:
 
 def check(options: dict[str, Any]) -> None:
     """Raise IcyMoonError unless the file and ONNX Runtime exist."""
-    path = _path(options)
+    path = _model_path(options)
     if not path.is_file():
         raise IcyMoonError(f"onnx.model names {path}, which is no file; correct it.")
     if importlib.util.find_spec("onnxruntime") is None:
@@ -148,44 +148,44 @@ def check(options: dict[str, Any]) -> None:
 
 def load(options: dict[str, Any]) -> None:
     """Read the file and test the network, so that a run with the same options need not."""
-    _load(options)
+    _load_network(options)
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images, everywhere."""
-    network = _load(options)
-    return Result(*_run(network, left, right, options))
+    network = _load_network(options)
+    return Result(*_run_network(network, left, right, options))
 
 
-def _path(options: dict[str, Any]) -> Path:
+def _model_path(options: dict[str, Any]) -> Path:
     return parse_path(options["model"], "onnx.model")
 
 
-def _load(options: dict[str, Any]) -> _Network:
-    changed = _path(options).stat()
-    loaded = _load_once(tuple(options.items()), (changed.st_mtime_ns, changed.st_size))
+def _load_network(options: dict[str, Any]) -> _Network:
+    changed = _model_path(options).stat()
+    loaded = _load_tested_network(tuple(options.items()), (changed.st_mtime_ns, changed.st_size))
     if isinstance(loaded, str):
         raise IcyMoonError(loaded)
     return loaded
 
 
 @lru_cache(maxsize=4)
-def _load_once(items: tuple[tuple[str, Any], ...], changed: tuple[int, int]) -> _Network | str:
+def _load_tested_network(items: tuple[tuple[str, Any], ...], changed: tuple[int, int]) -> _Network | str:
     """The tested network of complete options, or its fault in words; ``changed`` identifies the version of its file."""
     options = dict(items)
     try:
-        network = _open(options)
+        network = _open_network(options)
         if options["test"] == "shift":
-            _test(network, options)
+            _test_network(network, options)
     except IcyMoonError as error:  # kept too, or it would be found out again for every pair
         return str(error)
     return network
 
 
-def _open(options: dict[str, Any]) -> _Network:
+def _open_network(options: dict[str, Any]) -> _Network:
     import onnxruntime
 
-    path = _path(options)
+    path = _model_path(options)
     there = onnxruntime.get_available_providers()
     if options["device"] == "cuda" and "CUDAExecutionProvider" not in there:
         raise IcyMoonError(
@@ -221,7 +221,7 @@ def _find_inputs(path: Path, declared: Sequence[Any]) -> tuple[_Input, ...]:
     """The images that each input of a network takes. Raises IcyMoonError if this is not plain."""
     if len(declared) not in (1, 2, 4):
         raise IcyMoonError(
-            f"{path} has {len(declared)} inputs ({_describe(declared)}); a stereo network has 1, 2 or "
+            f"{path} has {len(declared)} inputs ({_describe_declared(declared)}); a stereo network has 1, 2 or "
             "4: export it with these."
         )
     return tuple(_read_input(path, each, k, len(declared)) for k, each in enumerate(declared))
@@ -236,15 +236,17 @@ def _read_input(path: Path, declared: onnxruntime.NodeArg, place: int, count: in
     channels = (shape[3] if last else shape[1]) if known else None
     if channels not in allowed:
         raise IcyMoonError(
-            f"{path} has the input {_describe([declared])}, which is no batch of one image or of both; "
+            f"{path} has the input {_describe_declared([declared])}, which is no batch of one image or of both; "
             "export it with inputs of 1 or 3 channels each."
         )
     height, width = shape[1:3] if last else shape[2:]
     if count == 4 and not (height and width):
-        raise IcyMoonError(f"{path} has 4 inputs without a size ({_describe([declared])}); export it with fixed sizes.")
+        raise IcyMoonError(
+            f"{path} has 4 inputs without a size ({_describe_declared([declared])}); export it with fixed sizes."
+        )
     if (height or 1) * (width or 1) > _MOST_PIXELS:
         raise IcyMoonError(
-            f"{path} has the input {_describe([declared])}, and {_MOST_PIXELS} pixels are the most that "
+            f"{path} has the input {_describe_declared([declared])}, and {_MOST_PIXELS} pixels are the most that "
             "is computed; export it with smaller ones."
         )
     name = declared.name.lower()
@@ -260,7 +262,7 @@ def _read_input(path: Path, declared: onnxruntime.NodeArg, place: int, count: in
     )
 
 
-def _run(
+def _run_network(
     network: _Network, left: Array, right: Array, options: dict[str, Any]
 ) -> tuple[Array, dict[str, Any], dict[str, Any], dict[str, Any]]:
     """The disparity, arrays, counts and facts of a ``Result``."""
@@ -273,23 +275,25 @@ def _run(
             eye: np.pad(image, ((0, run_height - height), (0, run_width - width), (0, 0)), mode="edge")
             for eye, image in images.items()
         }
-    given = {each.name: _tensor(each, images, options) for each in network.inputs}
+    given = {each.name: _make_input_tensor(each, images, options) for each in network.inputs}
     most_s = options["timeout_s"] * max(1.0, run_height * run_width / _TIMED_PIXELS)
     try:
         outputs = _run_bounded(network.session, given, most_s)
     except TimeoutError:
         raise IcyMoonError(
-            f"onnx.model {_path(options).name} was stopped after {most_s:.0f} s for {run_width} x "
+            f"onnx.model {_model_path(options).name} was stopped after {most_s:.0f} s for {run_width} x "
             f"{run_height} px; if it is only slow, give a larger onnx.timeout_s than "
             f"{options['timeout_s']:g}; if it has a loop without end, export it again without."
         ) from None
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(
-            f"onnx.model {_path(options).name} failed in ONNX Runtime ({_first_line(error)}); try "
+            f"onnx.model {_model_path(options).name} failed in ONNX Runtime ({_first_line(error)}); try "
             f"onnx.multiple, {multiple}, onnx.device=cpu or smaller images."
         ) from None
     factor = options["scale"] * (-1 if options["sign"] == "negative" else 1)
-    disparity = _plane(network, outputs, options, (run_height, run_width)).astype(np.float32) * np.float32(factor)
+    disparity = _select_output_map(network, outputs, options, (run_height, run_width)).astype(np.float32) * np.float32(
+        factor
+    )
     if network.fixed is None:
         disparity = disparity[:height, :width]
     elif network.fixed != (height, width):
@@ -299,7 +303,7 @@ def _run(
     return disparity, {}, {}, {**network.facts, "input_height": run_height, "input_width": run_width}
 
 
-def _tensor(each: _Input, images: dict[str, Array], options: dict[str, Any]) -> Array:
+def _make_input_tensor(each: _Input, images: dict[str, Array], options: dict[str, Any]) -> Array:
     """The values of an input: a batch of one image or of both."""
     found = []
     for eye in each.eyes:
@@ -308,12 +312,12 @@ def _tensor(each: _Input, images: dict[str, Array], options: dict[str, Any]) -> 
         if size != image.shape[:2]:
             shrinks = size[0] < image.shape[0]
             image = cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
-        found.append(_numbers(image, each, options))
+        found.append(_normalise_image(image, each, options))
     tensor = np.concatenate(found, axis=-1)
     return np.ascontiguousarray(tensor if each.channels_last else tensor.transpose(2, 0, 1))[None].astype(each.dtype)
 
 
-def _numbers(image: Array, each: _Input, options: dict[str, Any]) -> Array:
+def _normalise_image(image: Array, each: _Input, options: dict[str, Any]) -> Array:
     """float32 (H, W, channels) of uint8 RGB (H, W, 3)."""
     values = image.astype(np.float32)
     if options["numbers"] != "byte":
@@ -327,7 +331,9 @@ def _numbers(image: Array, each: _Input, options: dict[str, Any]) -> Array:
     return values[..., ::-1] if options["order"] == "bgr" else values
 
 
-def _plane(network: _Network, outputs: Sequence[Array], options: dict[str, Any], shape: tuple[int, int]) -> Array:
+def _select_output_map(
+    network: _Network, outputs: Sequence[Array], options: dict[str, Any], shape: tuple[int, int]
+) -> Array:
     """The map (H, W) in the output that is chosen: the first channel of the first image."""
     place, declared = options["output"], network.session.get_outputs()
     found = np.asarray(outputs[place]) if place < len(outputs) else None
@@ -339,20 +345,20 @@ def _plane(network: _Network, outputs: Sequence[Array], options: dict[str, Any],
         if found.shape == shape:
             return found
     raise IcyMoonError(
-        f"onnx.output is {place}, and the network's outputs are {_describe(declared)}; choose the one "
+        f"onnx.output is {place}, and the network's outputs are {_describe_declared(declared)}; choose the one "
         f"with the disparities of the whole image, {shape[1]} x {shape[0]} px."
     )
 
 
-def _test(network: _Network, options: dict[str, Any]) -> None:
+def _test_network(network: _Network, options: dict[str, Any]) -> None:
     """Raise IcyMoonError unless the network finds the shift of a texture."""
     found = _find_shifts(network, options)
     if _are_shifts(found):
         return
     listed, shifts = (" and ".join(f"{each:.4g}" for each in values) for values in (found, _SHIFTS_PX))
     raise IcyMoonError(
-        f"onnx.model {_path(options).name} finds {listed} px where the images are shifted by {shifts} "
-        f"px; {_advise(network, found, options)}."
+        f"onnx.model {_model_path(options).name} finds {listed} px where the images are shifted by {shifts} "
+        f"px; {_advise_on_shifts(network, found, options)}."
     )
 
 
@@ -370,7 +376,7 @@ def _find_shifts(network: _Network, options: dict[str, Any]) -> tuple[float, ...
     found = []
     for shift in _SHIFTS_PX:
         # A point at column x of the left image is at x less the shift of the right one.
-        disparity = _run(network, image[:, :width], image[:, shift : shift + width], options)[0]
+        disparity = _run_network(network, image[:, :width], image[:, shift : shift + width], options)[0]
         inner = disparity[height // 8 : height - height // 8, width // 8 : width - width // 8]
         found.append(float(np.median(inner)))
     return tuple(found)
@@ -380,7 +386,7 @@ def _are_shifts(found: Sequence[float], factor: float = 1.0) -> bool:
     return all(abs(factor * each - shift) <= _TOLERANCE_PX for each, shift in zip(found, _SHIFTS_PX, strict=True))
 
 
-def _advise(network: _Network, found: Sequence[float], options: dict[str, Any]) -> str:
+def _advise_on_shifts(network: _Network, found: Sequence[float], options: dict[str, Any]) -> str:
     """What to change, as a clause, where a network finds other shifts."""
     if _are_shifts(found, -1.0):
         return f"give onnx.sign={'positive' if options['sign'] == 'negative' else 'negative'}"
@@ -398,7 +404,7 @@ def _advise(network: _Network, found: Sequence[float], options: dict[str, Any]) 
     return "look at onnx.numbers, onnx.order, onnx.output and onnx.swap"
 
 
-def _describe(declared: Sequence[Any]) -> str:
+def _describe_declared(declared: Sequence[Any]) -> str:
     return ", ".join(f"{each.name} {'x'.join(map(str, each.shape))}" for each in declared)
 
 

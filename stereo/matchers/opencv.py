@@ -12,7 +12,7 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..images.image_values import describe_size
-from . import title_of
+from . import matcher_title
 from .options import Option
 from .search_range import AUTO, STATED, STEP_PX, TRUTH, SearchRange, require_range
 
@@ -68,7 +68,7 @@ def require_room(method: str, image: Array, enough: bool, option: str = "") -> N
     if not enough:
         option = option or f"disparities or {method}.window"
         raise IcyMoonError(
-            f"The images, {describe_size(image)}, are too small for {title_of(method)}: its search range "
+            f"The images, {describe_size(image)}, are too small for {matcher_title(method)}: its search range "
             f"and window do not fit; lower {method}.{option}, or render larger images."
         )
 
@@ -93,7 +93,7 @@ def run_matcher(
         fixed = matcher.compute(left, right)
     except (cv2.error, MemoryError) as error:
         raise IcyMoonError(
-            f"OpenCV's {title_of(method)} failed ({getattr(error, 'err', error)}); try other options."
+            f"OpenCV's {matcher_title(method)} failed ({getattr(error, 'err', error)}); try other options."
         ) from None
     disparity = np.full(left.shape, np.nan, np.float32)
     inside = (slice(*rows), slice(*columns))
@@ -102,15 +102,15 @@ def run_matcher(
     return disparity
 
 
-def extended(image: Array, columns: int) -> Array:
+def extend_left(image: Array, columns: int) -> Array:
     """The image, extended to the left by repeating its border.
 
     OpenCV skips every column that cannot be searched over the whole range; these are a seventh of the GUISS paper's
-    images. An extended image has no such column. A match in the extension is no match, see ``inside_right``.
+    images. An extended image has no such column. A match in the extension is no match, see ``drop_matches_outside_right``.
     """
     return cv2.copyMakeBorder(image, 0, 0, columns, 0, cv2.BORDER_REPLICATE)
 
 
-def inside_right(disparity: Array) -> Array:
+def drop_matches_outside_right(disparity: Array) -> Array:
     """The disparity, NaN where the match would lie to the left of the right image."""
     return np.where(disparity <= np.arange(disparity.shape[1]), disparity, np.nan)

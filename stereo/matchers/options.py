@@ -49,7 +49,7 @@ class Option:
         return ", ".join((*self.words, numbers))
 
 
-def resolve(
+def resolve_options(
     method: str, declared: Sequence[Option], presets: Mapping[str, Mapping[str, Any]], given: Mapping[str, Any]
 ) -> dict[str, Any]:
     """All options of a matcher: the defaults, overridden by a ``preset``, then by the other ``given`` options.

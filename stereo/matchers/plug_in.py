@@ -19,7 +19,7 @@ from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
 from .opencv import SEARCH_RANGE, settle_range
-from .options import Option, resolve
+from .options import Option, resolve_options
 from .result import Result
 from .search_range import SearchRange
 
@@ -84,7 +84,9 @@ class PluginMatcher:
             else {key: float(getattr(camera, key)) for key in ("focal_px", "cx_px", "cy_px", "baseline_m")}
         )
         with explained(self.plugin):
-            found = self._match(left.copy(), right.copy(), MatchContext(_own(options), least, most, **known))
+            found = self._match(
+                left.copy(), right.copy(), MatchContext(_declared_options(options), least, most, **known)
+            )
             found, facts = found if isinstance(found, tuple) else (found, {})
             facts = parse_json(json.dumps(dict(facts), allow_nan=False))
         if not self.plugin.built_in:
@@ -93,24 +95,24 @@ class PluginMatcher:
 
     def check(self, options: dict[str, Any]) -> None:
         """Raise IcyMoonError with the sentence that the plug-in's own ``check`` returns if it cannot run here."""
-        if fault := self._call("check", options):
+        if fault := self._call_function("check", options):
             raise IcyMoonError(f"{self.plugin.title} cannot run here: {show_controls(str(fault))}")
 
     def load(self, options: dict[str, Any]) -> None:
         """Call the plug-in's ``load``, if it has one, before a pair is matched and timed."""
-        self._call("load", options)
+        self._call_function("load", options)
 
-    def _call(self, name: str, options: dict[str, Any]) -> object:
+    def _call_function(self, name: str, options: dict[str, Any]) -> object:
         act = getattr(self.loaded, name, None)
         with explained(self.plugin):
-            return act(_own(options)) if callable(act) else None
+            return act(_declared_options(options)) if callable(act) else None
 
     def files(self, options: dict[str, Any]) -> list[str]:
         """The files that the result depends on: the source of an installed plug-in; ours has Icy Moon's version."""
         return [] if self.plugin.built_in else source_files(self.loaded)
 
 
-def _own(options: Mapping[str, Any]) -> Mapping[str, Any]:
+def _declared_options(options: Mapping[str, Any]) -> Mapping[str, Any]:
     """The options that a plug-in declared."""
     return MappingProxyType({key: value for key, value in options.items() if key not in _RESERVED})
 
@@ -144,7 +146,7 @@ def read_presets(plugin: Plugin, options: Sequence[Option], stated: object) -> d
         )
     presets = {}
     for name, chosen in stated.items():
-        complete = resolve(plugin.name, options, {}, chosen)
+        complete = resolve_options(plugin.name, options, {}, chosen)
         presets[str(name)] = {key: complete[key] for key in chosen}
     return presets
 

@@ -37,7 +37,7 @@ PRESETS: dict[str, dict[str, Any]] = {}
 
 def check(options: dict[str, Any]) -> None:
     """Raise IcyMoonError unless the command can be run."""
-    require_program("resident.command", _arguments(options)[0])
+    require_program("resident.command", _split_command(options)[0])
 
 
 def settle(
@@ -50,22 +50,22 @@ def settle(
 
 def load(options: dict[str, Any]) -> None:
     """Start the program, if it does not run yet."""
-    start_resident(_program(options))
+    start_resident(_make_program(options))
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images as the program answers it."""
-    return ask_resident(_program(options), left, right, camera, options.get("range_px"))
+    return ask_resident(_make_program(options), left, right, camera, options.get("range_px"))
 
 
 def files(options: dict[str, Any]) -> list[str]:
     """Paths that may be files that the result depends on: the program and its arguments."""
-    return _arguments(options)
+    return _split_command(options)
 
 
-def _program(options: dict[str, Any]) -> Program:
-    return Program("resident.command", tuple(_arguments(options)), options["start_s"], options["timeout_s"])
+def _make_program(options: dict[str, Any]) -> Program:
+    return Program("resident.command", tuple(_split_command(options)), options["start_s"], options["timeout_s"])
 
 
-def _arguments(options: dict[str, Any]) -> list[str]:
+def _split_command(options: dict[str, Any]) -> list[str]:
     return split_arguments("resident.command", options["command"], "--method 'NAME=resident:command=PROGRAM'")

@@ -36,10 +36,10 @@ from ...support.file_shapes import is_number
 from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
 from ...support.scratch import make_scratch_folder
-from ..adapters.icymoon_serve import PROTOCOL, as_disparity
+from ..adapters.icymoon_serve import PROTOCOL, to_disparity_map
 from ..measure.costs import COSTS
 from .result import Result
-from .written_arrays import last_words, read_array
+from .written_arrays import read_array, read_last_line
 
 #: Where a program finds ``icymoon_serve``.
 ADAPTERS = Path(__file__).parents[1] / "adapters"
@@ -87,7 +87,7 @@ class _Resident:
         except OSError as error:
             system.remove_folder(self._folder)
             raise _ProgramError(f"cannot be run ({error.strerror}); check {program.command[0]}.") from None
-        self._reader = threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True)
+        self._reader = threading.Thread(target=self._queue_lines, args=(self._process.stdout,), daemon=True)
         self._reader.start()
         try:
             hello = self._wait_for("hello", program.start_s)
@@ -99,7 +99,7 @@ class _Resident:
         except BaseException:
             self.stop(0.0)
             raise
-        self.facts = {**_texts(hello, "name"), "start_seconds": round(time.monotonic() - begun, 3)}
+        self.facts = {**_text_entries(hello, "name"), "start_seconds": round(time.monotonic() - begun, 3)}
         self._warm = False
 
     def compute(self, left: Array, right: Array, camera: StereoCamera | None, range_px: Sequence[int] | None) -> Result:
@@ -125,7 +125,7 @@ class _Resident:
         costs.setdefault("seconds", costs["wall_seconds"])
         return Result(
             disparity,
-            facts={**self.facts, **stated, **_texts(answer, "gpu")},
+            facts={**self.facts, **stated, **_text_entries(answer, "gpu")},
             costs={key: value for key, value in costs.items() if value is not None},
         )
 
@@ -150,7 +150,7 @@ class _Resident:
                 "range": range_px,
             }
             begun = time.monotonic()
-            self._write(request)
+            self._write_request(request)
             answer = self._wait_for("id", limit_s)
             waited = time.monotonic() - begun
             if answer.get("ok") is not True:
@@ -162,7 +162,7 @@ class _Resident:
                 with suppress(OSError):  # the program may have made a folder there; it goes with the others
                     system.remove(path)
 
-    def _write(self, request: Mapping[str, Any]) -> None:
+    def _write_request(self, request: Mapping[str, Any]) -> None:
         assert self._process.stdin is not None
         with suppress(OSError):  # a program that has ended is noticed where its answer is read
             self._process.stdin.write(json.dumps(request).encode("ascii") + b"\n")
@@ -180,7 +180,7 @@ class _Resident:
                 line = b""  # a child of it keeps its output open
             if not line:
                 raise _ProgramError(self._describe_end("it was ready" if key == "hello" else "it had answered"))
-            message = _parse(line)
+            message = _parse_message(line)
             if message is None or key not in message:
                 self._stray = show_controls(line.decode("utf-8", "replace").strip()) or self._stray
             elif key == "hello" or _is_number(message["id"], self._id):
@@ -202,11 +202,11 @@ class _Resident:
 
     def _last_words(self) -> str:
         """The last line of its standard error, or else of its output that is no message."""
-        return last_words(self._folder / "errors.txt") or self._stray[:300] or "no message"
+        return read_last_line(self._folder / "errors.txt") or self._stray[:300] or "no message"
 
     def _read_disparity(self, path: Path, shape: tuple[int, ...]) -> Array:
         try:
-            return as_disparity(read_array(path, shape), shape)
+            return to_disparity_map(read_array(path, shape), shape)
         except FileNotFoundError:
             raise IcyMoonError(
                 f"{self._program.name} answered that the pair is done, but wrote no disparity map; save "
@@ -218,7 +218,7 @@ class _Resident:
                 f"{' '.join(str(error).split())[:300].rstrip('.')}."
             ) from None
 
-    def _read(self, stream: IO[bytes]) -> None:
+    def _queue_lines(self, stream: IO[bytes]) -> None:
         with suppress(OSError, ValueError), stream:  # it was closed
             while line := stream.readline(_LONGEST_LINE):
                 self._lines.put(line)  # waits, and so makes a program wait that prints without end
@@ -257,7 +257,7 @@ def start_resident(program: Program) -> None:
         try:
             _running[program] = _Resident(program)
         except _ProgramError as failure:
-            raise _noted(program, failure) from None
+            raise _note_failure(program, failure) from None
 
 
 def ask_resident(
@@ -276,12 +276,12 @@ def ask_resident(
         result = _running[program].compute(left, right, camera, range_px)
     except _ProgramError as failure:
         _running.pop(program).stop(0.0)
-        raise _noted(program, failure) from None
+        raise _note_failure(program, failure) from None
     _failed.pop(program, None)
     return result
 
 
-def _noted(program: Program, failure: _ProgramError) -> IcyMoonError:
+def _note_failure(program: Program, failure: _ProgramError) -> IcyMoonError:
     _failed[program] = _failed.get(program, (0, ""))[0] + 1, str(failure)
     return IcyMoonError(f"{program.name} {failure}")
 
@@ -306,12 +306,12 @@ def _is_number(value: object, number: int) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and value == number
 
 
-def _texts(message: Mapping[str, Any], key: str) -> dict[str, str]:
+def _text_entries(message: Mapping[str, Any], key: str) -> dict[str, str]:
     value = message.get(key)
     return {key: value[:200]} if isinstance(value, str) else {}
 
 
-def _parse(line: bytes) -> dict[str, Any] | None:
+def _parse_message(line: bytes) -> dict[str, Any] | None:
     try:
         message = parse_json(line.decode("utf-8", "replace"))
     except ValueError:

@@ -53,7 +53,7 @@ class SearchRange:
         return float(np.mean((known < self.least_px - 0.5) | (known > self.most_px + 0.5)))
 
 
-def rig_range(settings: Settings, described: bool = True) -> SearchRange | None:
+def find_rig_range(settings: Settings, described: bool = True) -> SearchRange | None:
     """The disparities that the rig of the settings can see, from its pose; None if it sees no ground.
 
     If the settings describe the whole scene, the near end follows from the described ground and rocks (SETTINGS).
@@ -63,20 +63,20 @@ def rig_range(settings: Settings, described: bool = True) -> SearchRange | None:
     bounds = disparity_range_px(rig)
     greatest = greatest_disparity_px(settings, focal_px(rig)) if described else None
     if greatest is not None:
-        return _enclosing(bounds[0] if bounds else 0.0, greatest, int(rig.width_px), SETTINGS)
-    return None if bounds is None else _enclosing(*bounds, int(rig.width_px), RIG)
+        return _enclose_disparities(bounds[0] if bounds else 0.0, greatest, int(rig.width_px), SETTINGS)
+    return None if bounds is None else _enclose_disparities(*bounds, int(rig.width_px), RIG)
 
 
-def true_range(true_disparity: Array) -> SearchRange | None:
+def find_true_range(true_disparity: Array) -> SearchRange | None:
     """The range that encloses all true disparities (H, W), px; None if all are unknown."""
     known = true_disparity[np.isfinite(true_disparity)]
     if not known.size:
         return None
     # One more to either side: the sub-pixel fit needs neighbours.
-    return _enclosing(float(known.min()) - 1, float(known.max()) + 1, true_disparity.shape[1], TRUTH)
+    return _enclose_disparities(float(known.min()) - 1, float(known.max()) + 1, true_disparity.shape[1], TRUTH)
 
 
-def known_ranges(
+def find_known_ranges(
     settings: Settings | None, true_disparity: Array | None, by_hand: bool = False
 ) -> dict[str, SearchRange]:
     """The ranges of AUTO and TRUTH, as far as they are known, for ``match``.
@@ -85,8 +85,8 @@ def known_ranges(
     ``true_disparity`` is NaN where only one eye sees the point.
     """
     found = {
-        AUTO: rig_range(settings, not by_hand) if settings is not None else None,
-        TRUTH: true_range(true_disparity) if true_disparity is not None else None,
+        AUTO: find_rig_range(settings, not by_hand) if settings is not None else None,
+        TRUTH: find_true_range(true_disparity) if true_disparity is not None else None,
     }
     return {name: each for name, each in found.items() if each is not None}
 
@@ -103,7 +103,7 @@ def require_range(method: str, word: str, option: str, ranges: Mapping[str, Sear
     raise IcyMoonError(f"{method}.{option} is {word}, but no true disparity is known here; give auto or a number.")
 
 
-def _enclosing(low_px: float, high_px: float, width_px: int, source: str) -> SearchRange:
+def _enclose_disparities(low_px: float, high_px: float, width_px: int, source: str) -> SearchRange:
     """Disparities from a multiple of STEP_PX on, as many as a multiple of it, that enclose two; none as wide as the
     image matches anything."""
     high = min(math.ceil(high_px), width_px - 1)

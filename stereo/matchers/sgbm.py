@@ -12,7 +12,15 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from .opencv import SEARCH_RANGE, SUBPIXELS, extended, inside_right, require_room, run_matcher, settle_range
+from .opencv import (
+    SEARCH_RANGE,
+    SUBPIXELS,
+    drop_matches_outside_right,
+    extend_left,
+    require_room,
+    run_matcher,
+    settle_range,
+)
 from .options import Option
 from .result import Result
 from .search_range import SearchRange
@@ -91,7 +99,7 @@ def settle(
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 (H, W) images, float32 px, NaN where invalid."""
     least = options["min_disparity"]
-    matcher = semi_global("sgbm", options)
+    matcher = make_semi_global_matcher("sgbm", options)
     matcher.setUniquenessRatio(options["uniqueness"])
     matcher.setSpeckleWindowSize(options["speckle_window"])
     matcher.setSpeckleRange(options["speckle_range"])
@@ -101,15 +109,15 @@ def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCa
     height, width = left.shape
     # OpenCV 5 refuses a smaller image; older versions give random results.
     require_room("sgbm", left, width + extension - reach > options["window"] // 2)
-    left, right = extended(left, extension), extended(right, extension)
+    left, right = extend_left(left, extension), extend_left(right, extension)
     # Unlike StereoBM it compares windows that extend over the border.
     disparity = run_matcher(
-        "sgbm", InStrips(matcher, options["mode"]), left, right, least, (reach, width + extension), (0, height)
+        "sgbm", StripMatcher(matcher, options["mode"]), left, right, least, (reach, width + extension), (0, height)
     )[:, extension:]
-    return Result(inside_right(evenly_rounded(disparity)))
+    return Result(drop_matches_outside_right(remove_rounding_bias(disparity)))
 
 
-def semi_global(method: str, options: dict[str, Any]) -> cv2.StereoSGBM:
+def make_semi_global_matcher(method: str, options: dict[str, Any]) -> cv2.StereoSGBM:
     """OpenCV's matcher with the options of ``SEARCH``; it rejects no match."""
     area = options["window"] ** 2
     small_step, large_step = options["p1"] or 8 * area, options["p2"] or 32 * area
@@ -128,7 +136,7 @@ def semi_global(method: str, options: dict[str, Any]) -> cv2.StereoSGBM:
 
 
 @dataclass(frozen=True)
-class InStrips:
+class StripMatcher:
     """A semi-global matcher that sees a large image in strips of rows, so that its costs fit into memory."""
 
     matcher: cv2.StereoMatcher
@@ -149,7 +157,7 @@ class InStrips:
         return np.vstack(parts)
 
 
-def evenly_rounded(disparity: Array) -> Array:
+def remove_rounding_bias(disparity: Array) -> Array:
     """Disparity without the bias of OpenCV's rounding.
 
     The sub-pixel offset, in 1/16 px, is the integer quotient (16 a + b) / 2b, which C++ truncates toward zero. So

@@ -16,11 +16,11 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from .opencv import SUBPIXELS, extended, inside_right, require_room, settle_range
+from .opencv import SUBPIXELS, drop_matches_outside_right, extend_left, require_room, settle_range
 from .options import Option
 from .result import Result
 from .search_range import SearchRange
-from .sgbm import SEARCH, InStrips, evenly_rounded, semi_global
+from .sgbm import SEARCH, StripMatcher, make_semi_global_matcher, remove_rounding_bias
 
 TITLE = "SGBM with WLS"
 ONE_PROCESSOR = True
@@ -58,30 +58,30 @@ def settle(
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 (H, W) images; the array ``confidence``, uint8, is 0 where the disparity was filled in."""
     cv2.setNumThreads(1)
-    matcher = semi_global("sgbm_wls", options)
+    matcher = make_semi_global_matcher("sgbm_wls", options)
     filtering = cv2.ximgproc.createDisparityWLSFilter(matcher)
     backwards = cv2.ximgproc.createRightMatcher(matcher)
     filtering.setLambda(options["smoothness"])
     filtering.setSigmaColor(options["edge"])
     extension = options["min_disparity"] + options["disparities"]
     require_room("sgbm_wls", left, left.shape[1] > options["window"] // 2)
-    left, right = extended(left, extension), extended(right, extension)
+    left, right = extend_left(left, extension), extend_left(right, extension)
     try:
         # The filter takes floats too, so that nothing is rounded in between.
         smooth = filtering.filter(
-            _match(matcher, options["mode"], left, right),
+            _match_in_mode(matcher, options["mode"], left, right),
             left,
-            disparity_map_right=_match(backwards, options["mode"], right, left),
+            disparity_map_right=_match_in_mode(backwards, options["mode"], right, left),
         )
     except cv2.error as error:
         raise IcyMoonError(f"OpenCV's sgbm_wls failed ({error.err}); try other options.") from None
     confidence = np.rint(filtering.getConfidenceMap()[:, extension:]).clip(0, 255).astype(np.uint8)
-    disparity = inside_right(smooth[:, extension:] / SUBPIXELS)
+    disparity = drop_matches_outside_right(smooth[:, extension:] / SUBPIXELS)
     return Result(np.where(confidence >= options["min_confidence"], disparity, np.nan), {"confidence": confidence})
 
 
-def _match(matcher: cv2.StereoMatcher, mode: str, image: Array, other: Array) -> Array:
+def _match_in_mode(matcher: cv2.StereoMatcher, mode: str, image: Array, other: Array) -> Array:
     """Disparities in OpenCV's 1/16 px, float32; where matching failed, OpenCV's mark, which its filter needs."""
-    fixed = InStrips(matcher, mode).compute(image, other)
+    fixed = StripMatcher(matcher, mode).compute(image, other)
     measured = fixed >= matcher.getMinDisparity() * SUBPIXELS
-    return np.where(measured, evenly_rounded(fixed / SUBPIXELS) * SUBPIXELS, fixed).astype(np.float32)
+    return np.where(measured, remove_rounding_bias(fixed / SUBPIXELS) * SUBPIXELS, fixed).astype(np.float32)

@@ -47,27 +47,29 @@ def check(options: dict[str, Any]) -> None:
         if not options[key]:
             raise IcyMoonError(f"stereo_matching.{key} is empty; give it, as in {key}={example}.")
     require_program("stereo_matching.python", options["python"])
-    if options["checkpoint"] and not _checkpoint(options).is_file():
-        raise IcyMoonError(f"stereo_matching.checkpoint names {_checkpoint(options)}, which is no file; correct it.")
+    if options["checkpoint"] and not _checkpoint_path(options).is_file():
+        raise IcyMoonError(
+            f"stereo_matching.checkpoint names {_checkpoint_path(options)}, which is no file; correct it."
+        )
 
 
 def load(options: dict[str, Any]) -> None:
     """Start the program, if it does not run yet."""
-    start_resident(_program(options))
+    start_resident(_make_program(options))
 
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images, everywhere."""
-    return ask_resident(_program(options), left, right, camera)
+    return ask_resident(_make_program(options), left, right, camera)
 
 
-def _checkpoint(options: dict[str, Any]) -> Path:
+def _checkpoint_path(options: dict[str, Any]) -> Path:
     return parse_path(options["checkpoint"], "stereo_matching.checkpoint")
 
 
-def _program(options: dict[str, Any]) -> Program:
+def _make_program(options: dict[str, Any]) -> Program:
     command = [options["python"], str(ADAPTERS / "run_stereo_matching.py"), options["model"]]
-    command += ["--checkpoint", str(_checkpoint(options))] if options["checkpoint"] else []
+    command += ["--checkpoint", str(_checkpoint_path(options))] if options["checkpoint"] else []
     command += ["--height", str(options["height"])] if options["height"] else []
     command += ["--device", options["device"]] if options["device"] != "auto" else []
     return Program(

@@ -30,7 +30,7 @@ def read_array(path: Path, shape: tuple[int, ...]) -> Array:
     )
 
 
-def last_words(path: Path) -> str:
+def read_last_line(path: Path) -> str:
     """The last line of a text that a program has written, such as its errors; empty for no text."""
     try:
         lines = read_end(path, _LONGEST_WORDS).decode("utf-8", "replace").splitlines()

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.labels import LANDER, ROCK, TERRAIN
-from .metrics import usable
+from .metrics import is_usable
 
 #: Sums over the pixels of a class: the number with a true depth; the number of these that are measured; over the
 #: measured ones |depth error| (m), |disparity error| (px), the numbers wrong by more than 1 px and by more than 10 cm,
@@ -71,7 +71,7 @@ _LEAST_BLOCKED = 13
 _CELLS = tuple(1 + len(factor.classes) for factor in FACTORS)
 
 
-def texture(grey: Array) -> Array:
+def measure_texture(grey: Array) -> Array:
     """Root mean square of the gradient along the rows around each pixel, grey levels per px, float64 (H, W).
 
     Matching depends on this gradient: the variance of a disparity is at least 2 σ² / Σ gradient², where σ is the noise
@@ -85,7 +85,7 @@ def texture(grey: Array) -> Array:
     return np.sqrt(np.maximum(mean, 0.0))  # rounding in running sums may give a value below zero
 
 
-def in_shadow(grey: Array, normal: Array, toward_sun: Sequence[float], semantic: Array) -> Array:
+def find_shadow(grey: Array, normal: Array, toward_sun: Sequence[float], semantic: Array) -> Array:
     """Boolean (H, W): no sunlight reaches the pixel.
 
     Facets that face away from the Sun are in shadow. Other facets are in shadow if their radiance is below _SHADOW_PART
@@ -103,7 +103,7 @@ def in_shadow(grey: Array, normal: Array, toward_sun: Sequence[float], semantic:
     return np.asarray(shadow)
 
 
-def classify(
+def classify_pixels(
     truth: Array,
     visible: Array,
     gradient: Array,
@@ -115,7 +115,7 @@ def classify(
 ) -> dict[str, Array]:
     """The class of every pixel by every factor, int8 (H, W), -1 where it has no class or an argument is None.
 
-    ``gradient`` is ``texture`` of the left image that matchers get, ``grey`` its radiance; ``normal`` is in world axes.
+    ``gradient`` is ``measure_texture`` of the left image that matchers get, ``grey`` its radiance; ``normal`` is in world axes.
     ``blocked`` is the light that deposits on the lens block, of 255; None without deposits.
     """
     nowhere = np.full(truth.shape, -1, np.int8)
@@ -137,18 +137,18 @@ def classify(
             [semantic == k for k in (TERRAIN, ROCK, LANDER)], [np.int8(0), np.int8(1), np.int8(2)], np.int8(-1)
         )
     if normal is not None and semantic is not None and toward_sun is not None:
-        found[SHADOW.key] = in_shadow(grey, normal, toward_sun, semantic).astype(np.int8)
+        found[SHADOW.key] = find_shadow(grey, normal, toward_sun, semantic).astype(np.int8)
     return found
 
 
-class Cells:
+class ClassCells:
     """The pixels with a true depth, grouped by their classes by all factors together.
 
     So a number is summed once over the pixels, and not once for each factor.
     """
 
     def __init__(self, classes: Mapping[str, Array], known: Array) -> None:
-        """``classes``: see ``classify``; ``known``, Boolean (H, W), the pixels that have a true depth."""
+        """``classes``: see ``classify_pixels``; ``known``, Boolean (H, W), the pixels that have a true depth."""
         cell = np.zeros(int(known.sum()), np.int32)
         for factor, count in zip(FACTORS, _CELLS, strict=True):
             cell *= count
@@ -161,18 +161,18 @@ class Cells:
 
 
 def sums_by_class(
-    cells: Cells,
+    cells: ClassCells,
     depth: Array,
     truth: Array,
     disparity: Array,
     true_disparity: Array,
     doffs_px: float = 0.0,
 ) -> dict[str, dict[str, list[float]]]:
-    """SUMS per class of every factor of ``classify``: {factor: {sum: a number per class}}.
+    """SUMS per class of every factor of ``classify_pixels``: {factor: {sum: a number per class}}.
 
     The arrays (pixels,) are of the pixels of ``cells``. ``doffs_px``: see ``StereoCamera``.
     """
-    measured = usable(depth)
+    measured = is_usable(depth)
     place, true, true_px = cells.place[measured], truth[measured], true_disparity[measured]
     error_m, error_px = np.abs(depth[measured] - true), np.abs(disparity[measured].astype(np.float64) - true_px)
     fine = error_px <= 1
@@ -209,6 +209,6 @@ def add_sums(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> dict[st
     }  # an earlier version had fewer factors
 
 
-def mean(sums: Mapping[str, Sequence[float]], key: str, over: str = "n") -> list[float | None]:
+def mean_by_class(sums: Mapping[str, Sequence[float]], key: str, over: str = "n") -> list[float | None]:
     """Per class, the mean of ``key`` over the pixels that the sum ``over`` counts; None if there is no pixel."""
     return [part / whole if whole else None for part, whole in zip(sums[key], sums[over], strict=True)]

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from .metrics import BAD, L1_RATES, usable
-from .prepare import Prepared, none_for_nan
+from .metrics import BAD, L1_RATES, is_usable
+from .prepare import PreparedPair, none_if_not_finite
 
 #: The metrics, all means over pixels or made of such means; ``metrics`` defines them.
 METRICS = ("l1_m", "rmse_m", "l1_rate_10", "si_rmse", "epe_px", "bad_1", "d1")
@@ -23,29 +23,31 @@ REGIONS = {"": "all of them", "visible_": "those that the right eye sees too"}
 NUMBERS = tuple(prefix + key for prefix in REGIONS for key in ("n", *METRICS))
 
 
-def common_numbers(prepared: Prepared, disparities: Mapping[str, Array]) -> dict[str, dict[str, dict[str, Any]]]:
+def measure_common_pixels(
+    prepared: PreparedPair, disparities: Mapping[str, Array]
+) -> dict[str, dict[str, dict[str, Any]]]:
     """``NUMBERS`` of each method on the pixels that it shares with each other method, by the labels of both.
 
     An undefined number is None.
     """
-    known = usable(prepared.truth)
+    known = is_usable(prepared.truth)
     visible = prepared.visible[known] & prepared.occlusion_known
-    measured = {label: usable(disparity[known]) for label, disparity in disparities.items()}
+    measured = {label: is_usable(disparity[known]) for label, disparity in disparities.items()}
     found: dict[str, dict[str, dict[str, Any]]] = {}
     for label, disparity in disparities.items():
-        terms = _terms(prepared, disparity[known], prepared.truth[known], measured[label])
+        terms = _make_error_terms(prepared, disparity[known], prepared.truth[known], measured[label])
         found[label] = {}
         for other in (other for other in measured if other != label):
             both = measured[label] & measured[other]
             found[label][other] = {
                 prefix + key: value
                 for prefix, pixels in (("", both), ("visible_", both & visible))
-                for key, value in _means(terms, pixels).items()
+                for key, value in _average_terms(terms, pixels).items()
             }
     return found
 
 
-def _terms(prepared: Prepared, disparity: Array, truth: Array, measured: Array) -> Array:
+def _make_error_terms(prepared: PreparedPair, disparity: Array, truth: Array, measured: Array) -> Array:
     """The terms that are averaged over pixels (terms, pixels); 0 where nothing was measured."""
     camera = prepared.pair.camera
     true_disparity = camera.disparity(truth)
@@ -64,10 +66,10 @@ def _terms(prepared: Prepared, disparity: Array, truth: Array, measured: Array) 
     return terms
 
 
-def _means(terms: Array, pixels: Array) -> dict[str, Any]:
+def _average_terms(terms: Array, pixels: Array) -> dict[str, Any]:
     n = int(pixels.sum())
     if not n:
         return {"n": 0, **dict.fromkeys(METRICS)}
     error, square, rate, ratio, ratio_square, epe, bad, d1 = (terms @ pixels.astype(np.float64) / n).tolist()
     numbers = (error, math.sqrt(square), rate, math.sqrt(max(0.0, ratio_square - ratio**2)), epe, bad, d1)
-    return {"n": n, **{key: none_for_nan(value) for key, value in zip(METRICS, numbers, strict=True)}}
+    return {"n": n, **{key: none_if_not_finite(value) for key, value in zip(METRICS, numbers, strict=True)}}

@@ -54,10 +54,10 @@ class TrueOrder:
         """``truth`` (pixels,) contains positive finite depths."""
         self._rule = tolerance, antisymmetric
         self._order = np.argsort(truth)
-        depth, rank, size = _ranked(truth[self._order])
-        start = _starts(size)
+        depth, rank, size = _rank_depths(truth[self._order])
+        start = _prefix_sums(size)
         # Of each pixel in the order of depth, how many are nearer by more than the tolerance, and how many not farther.
-        self._nearer, self._not_farther = (start[ends][rank] for ends in _thresholds(depth, *self._rule))
+        self._nearer, self._not_farther = (start[ends][rank] for ends in _find_thresholds(depth, *self._rule))
 
     def disagreements(self, prediction: Array, measured: Array, *regions: Array) -> list[float]:
         """``depth_order_disagreement`` of the pixels that are ``measured``, then of those that are in a region too.
@@ -65,19 +65,19 @@ class TrueOrder:
         ``prediction`` (pixels,) is a positive finite depth where ``measured``; masks are Boolean (pixels,).
         """
         counted = measured[self._order]
-        pixels, before = self._order[counted], _starts(counted)
+        pixels, before = self._order[counted], _prefix_sums(counted)
         nearer, not_farther = before.take(self._nearer[counted]), before.take(self._not_farther[counted])
         predicted = prediction.take(pixels)
         order = np.argsort(predicted)
-        depth, ascending, size = _ranked(predicted.take(order))
+        depth, ascending, size = _rank_depths(predicted.take(order))
         rank = np.empty_like(ascending)
         rank[order] = ascending
-        plus, upto = (ends.take(rank) for ends in _thresholds(depth, *self._rule))
+        plus, upto = (ends.take(rank) for ends in _find_thresholds(depth, *self._rule))
         members = [region[pixels] for region in regions]
         counts = _PrefixCounts(rank, size, members)
         counted_in = [np.ones(pixels.size, bool), *members]
-        in_true = [_starts(own) for own in counted_in]
-        in_predicted = [_starts(np.bincount(rank[own], minlength=depth.size)) for own in counted_in]
+        in_true = [_prefix_sums(own) for own in counted_in]
+        in_predicted = [_prefix_sums(np.bincount(rank[own], minlength=depth.size)) for own in counted_in]
         totals = [0] * len(counted_in)
         for start in range(0, pixels.size, _AT_ONCE):
             some = slice(start, start + _AT_ONCE)
@@ -99,31 +99,31 @@ class TrueOrder:
         ]
 
 
-def _starts(sizes: Array) -> Array:
+def _prefix_sums(sizes: Array) -> Array:
     return np.concatenate([[0], np.cumsum(sizes)])
 
 
-def _ranked(ascending: Array) -> tuple[Array, Array, Array]:
+def _rank_depths(ascending: Array) -> tuple[Array, Array, Array]:
     """Of sorted depths: the distinct ones, the place of each depth among them, and the number of times each occurs."""
     first = np.ones(ascending.size, bool)
     np.not_equal(ascending[1:], ascending[:-1], out=first[1:])
     return ascending[first], np.cumsum(first) - 1, np.diff(np.append(np.flatnonzero(first), ascending.size))
 
 
-def _thresholds(depths: Array, tolerance: float, antisymmetric: bool) -> tuple[Array, Array]:
+def _find_thresholds(depths: Array, tolerance: float, antisymmetric: bool) -> tuple[Array, Array]:
     """For each of the ascending distinct depths v, the number of depths x with ord(v, x) = 1, and of those with
     ord(v, x) not -1."""
     with np.errstate(over="ignore", under="ignore"):
         nearer = np.searchsorted(depths, depths / (1 + tolerance))
-        nearer = _corrected(nearer, depths, lambda v, x: v / x > 1 + tolerance)
+        nearer = _correct_rounding(nearer, depths, lambda v, x: v / x > 1 + tolerance)
         if antisymmetric:
             guess = np.searchsorted(depths, depths * (1 + tolerance))
-            return nearer, _corrected(guess, depths, lambda v, x: ~(x / v > 1 + tolerance))
+            return nearer, _correct_rounding(guess, depths, lambda v, x: ~(x / v > 1 + tolerance))
         guess = np.searchsorted(depths, depths / (1 - tolerance))
-        return nearer, _corrected(guess, depths, lambda v, x: ~(v / x < 1 - tolerance))
+        return nearer, _correct_rounding(guess, depths, lambda v, x: ~(v / x < 1 - tolerance))
 
 
-def _corrected(guess: Array, depths: Array, holds: Callable[[Array, Array], Array]) -> Array:
+def _correct_rounding(guess: Array, depths: Array, holds: Callable[[Array, Array], Array]) -> Array:
     """Move each prefix length, which is right except for rounding, to where ``holds(v, x)`` ends."""
     last = depths.size - 1
     while True:
@@ -134,7 +134,7 @@ def _corrected(guess: Array, depths: Array, holds: Callable[[Array, Array], Arra
         guess = guess - too_long + too_short
 
 
-def sampled_disagreement(
+def sample_disagreement(
     prediction: Array, truth: Array, pairs: int, random: np.random.Generator, tolerance: float = TOLERANCE
 ) -> float:
     """The disagreement among ``pairs`` random ordered pairs of two different pixels: unbiased, and much faster.
@@ -157,12 +157,13 @@ def pair_disagreement(
         return float("nan")
     return float(
         np.mean(
-            _order(prediction[first], prediction[second], tolerance) != _order(truth[first], truth[second], tolerance)
+            _order_labels(prediction[first], prediction[second], tolerance)
+            != _order_labels(truth[first], truth[second], tolerance)
         )
     )
 
 
-def _order(a: Array, b: Array, tolerance: float) -> Array:
+def _order_labels(a: Array, b: Array, tolerance: float) -> Array:
     with np.errstate(over="ignore", under="ignore"):
         ratio = a / b
     return (ratio > 1 + tolerance).astype(np.int8) - (ratio < 1 - tolerance)
@@ -190,7 +191,7 @@ class _PrefixCounts:
     """
 
     def __init__(self, values: Array, sizes: Array, regions: Sequence[Array]) -> None:
-        starts, limits = _starts(sizes), np.arange(sizes.size + 1)
+        starts, limits = _prefix_sums(sizes), np.arange(sizes.size + 1)
         most = max(2, _MOST_ENTRIES // (values.size // _GROUP + 1))
         levels = next(count for count in range(1, 64) if most**count > sizes.size)
         base = next(base for base in range(int(sizes.size ** (1 / levels)), most + 1) if base**levels > sizes.size)
@@ -230,7 +231,7 @@ class _DigitCounts:
         groups = digits.size // _GROUP + 1
         self._columns = base + 2
         place = np.arange(_GROUP, dtype=np.int64)
-        ascending = np.sort(_in_groups(digits, groups, base) * _GROUP + place, axis=1)
+        ascending = np.sort(_pad_into_groups(digits, groups, base) * _GROUP + place, axis=1)
         place = ascending % _GROUP
         self._words = np.zeros((groups, _GROUP + 1), np.uint64)
         np.cumsum(np.uint64(1) << place.astype(np.uint64), axis=1, out=self._words[:, 1:])
@@ -238,7 +239,7 @@ class _DigitCounts:
         cells = (row * (base + 1) + ascending // _GROUP).ravel()
         first = np.flatnonzero(np.diff(cells, prepend=-1))
         where = (row * _GROUP + place).ravel()
-        inside = [_in_groups(region, groups, False) for region in regions]
+        inside = [_pad_into_groups(region, groups, False) for region in regions]
         members = [np.ones(cells.size, np.uint8), *(each.ravel()[where].astype(np.uint8) for each in inside)]
         self._tables = [self._table(groups, cells[first], np.add.reduceat(each, first)) for each in members]
         self._regions = [(each.astype(np.uint64) << np.arange(_GROUP, dtype=np.uint64)).sum(axis=1) for each in inside]
@@ -271,7 +272,7 @@ class _DigitCounts:
 _LOWEST = (np.uint64(1) << np.arange(_GROUP, dtype=np.uint64)) - np.uint64(1)
 
 
-def _in_groups(values: Array, groups: int, rest: int) -> Array:
+def _pad_into_groups(values: Array, groups: int, rest: int) -> Array:
     """The values (groups, 64), with ``rest`` after the last one."""
     padded = np.full(groups * _GROUP, rest, values.dtype)
     padded[: values.size] = values

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...support.arrays import Array
-from .metrics import usable
+from .metrics import is_usable
 
 #: Bounds of the bins of the signed error, px. Errors beyond are in the first and the last number.
 ERROR_PX = np.linspace(-2.0, 2.0, 81)
@@ -27,27 +27,27 @@ LENGTHS = {"error": len(ERROR_PX) + 1, "part": PARTS, "true_part": PARTS, "fine"
 Histograms = dict[str, list[float]]
 
 
-def histograms_of(disparity: Array, true_disparity: Array) -> Histograms:
+def make_histograms(disparity: Array, true_disparity: Array) -> Histograms:
     """The histograms of a disparity map, px, NaN where there is no disparity."""
-    both = usable(disparity) & usable(true_disparity)
+    both = is_usable(disparity) & is_usable(true_disparity)
     measured, true = disparity[both].astype(np.float64), true_disparity[both].astype(np.float64)
-    error, part = measured - true, _part(true)
+    error, part = measured - true, _bin_of_fraction(true)
     fine = np.abs(error) < _FINE_PX
     below = [np.count_nonzero(error < bound) for bound in ERROR_PX]  # far faster than to sort, or to look up each error
     return {
         "error": np.diff(below, prepend=0, append=error.size).tolist(),
-        "part": np.bincount(_part(measured), minlength=PARTS).tolist(),
+        "part": np.bincount(_bin_of_fraction(measured), minlength=PARTS).tolist(),
         "true_part": np.bincount(part, minlength=PARTS).tolist(),
         "fine": np.bincount(part[fine], minlength=PARTS).tolist(),
         "fine_error_px": np.bincount(part[fine], error[fine], minlength=PARTS).tolist(),
     }
 
 
-def _part(disparity: Array) -> Array:
+def _bin_of_fraction(disparity: Array) -> Array:
     """Bin of the part of a pixel. The remainder is taken first: a disparity may be larger than any integer."""
     return np.asarray(np.rint(disparity % 1.0 * PARTS).astype(np.intp) & PARTS - 1)
 
 
-def add(total: Mapping[str, Sequence[float]] | None, more: Mapping[str, Sequence[float]]) -> Histograms:
+def add_histograms(total: Mapping[str, Sequence[float]] | None, more: Mapping[str, Sequence[float]]) -> Histograms:
     """The sum of two sets of histograms; ``total`` may be None."""
     return {key: np.add(total[key] if total else 0.0, more[key]).tolist() for key in LENGTHS}

@@ -19,7 +19,7 @@ import numpy as np
 from ...physics.camera.occlusion import matching_column, warped
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
-from .jackknife import jackknife, tile_sums
+from .jackknife import jackknife, sum_over_tiles
 
 #: Shifts of the right image, px, that are tried along the rows and across them.
 SHIFTS_PX = np.arange(-3.0, 3.01, 0.5)
@@ -95,7 +95,7 @@ class LightOffsets:
     tiles: float = 0.0  # effective number of tiles that it is based on
 
 
-def truth_offsets(left_depth: Array, right_depth: Array, camera: StereoCamera) -> TruthOffsets:
+def measure_truth_offsets(left_depth: Array, right_depth: Array, camera: StereoCamera) -> TruthOffsets:
     """Compare the planar depths (H, W) of both eyes, in m, NaN for sky."""
     rows = slice(None, None, max(1, len(left_depth) // _ENOUGH_ROWS))
     disparity, other = camera.disparity(left_depth[rows]), camera.disparity(right_depth)
@@ -104,8 +104,8 @@ def truth_offsets(left_depth: Array, right_depth: Array, camera: StereoCamera) -
         inside = (column >= 1) & (column <= column.shape[1] - 2)
     if inside.sum() < FEWEST:
         return TruthOffsets()
-    matching = _Columns(column, inside)
-    along, down = (matching.of(slope) for slope in (_slope(other[rows].T).T, _slope(other)[rows]))
+    matching = _ColumnSampler(column, inside)
+    along, down = (matching.of(slope) for slope in (_row_slope(other[rows].T).T, _row_slope(other)[rows]))
     difference = matching.of(other[rows]) - disparity
     with np.errstate(invalid="ignore"):
         known = inside & (np.abs(difference) < _SAME_POINT_PX) & (np.abs(along) < _STEP) & (np.abs(down) < 3 * _STEP)
@@ -122,7 +122,7 @@ def truth_offsets(left_depth: Array, right_depth: Array, camera: StereoCamera) -
     return TruthOffsets(**{name: estimate for name, (estimate, _) in fits.items()}, likeliest=likeliest)
 
 
-class _Columns:
+class _ColumnSampler:
     """The fractional columns (H, W) at which images are interpolated linearly."""
 
     def __init__(self, column: Array, inside: Array) -> None:
@@ -138,7 +138,7 @@ class _Columns:
         return np.asarray(before + self._weight * (after - before))
 
 
-def _slope(image: Array) -> Array:
+def _row_slope(image: Array) -> Array:
     """Central differences from row to row, NaN in the outermost rows and beside unknown values."""
     slope = np.full_like(image, np.nan)
     slope[1:-1] = (image[2:] - image[:-2]) / 2
@@ -180,7 +180,7 @@ def _robust_fit(
         weight *= 1 / scale
         np.maximum(np.subtract(1.0, np.multiply(weight, weight, out=weight), out=weight), 0.0, out=weight)
         weight *= weight
-        sums = tile_sums(weight * product, weight * square)
+        sums = sum_over_tiles(weight * product, weight * square)
         (new,), (error,) = jackknife(lambda total: total[..., :1] / total[..., 1:], sums)
         done = not abs(new - value) > 1e-6
         value = float(new)
@@ -190,55 +190,61 @@ def _robust_fit(
     return Estimate(value, float(np.hypot(error, rounding_px / steepness))), left
 
 
-def light_offsets(left: Array, right: Array, column: Array, visible: Array) -> LightOffsets:
+def measure_light_offsets(left: Array, right: Array, column: Array, visible: Array) -> LightOffsets:
     """Compare the radiance (H, W) of both eyes: the left one where ``visible``, with the right one at ``column``."""
     width = column.shape[1]
     with np.errstate(invalid="ignore"):
         where = visible & (column >= 1) & (column <= width - 2)
     if where.sum() < FEWEST:
         return LightOffsets()
-    own, shifted = _Contrasts(_single(left), where), _Shifted(_single(right), np.where(where, column, 0.0))
+    own, shifted = (
+        _Contrasts(_blur_and_scale(left), where),
+        _ShiftedImage(_blur_and_scale(right), np.where(where, column, 0.0)),
+    )
 
     @cache
     def products(shift_px: float, rows: float) -> Array:
         return own.products(shifted.by(shift_px, int(rows)))
 
-    shift, gain, correlation = _best(lambda step: products(step, 0.0), SHIFTS_PX)
-    rows, rows_gain, _ = _best(lambda step: products(0.0, step), ROWS_PX)
+    shift, gain, correlation = _find_best_step(lambda step: products(step, 0.0), SHIFTS_PX)
+    rows, rows_gain, _ = _find_best_step(lambda step: products(0.0, step), ROWS_PX)
     energy = products(0.0, 0.0)[:, 1]
     held = float(energy.sum() ** 2 / max((energy**2).sum(), 1e-300))
     return LightOffsets(shift, rows, correlation.value, gain, rows_gain, held)
 
 
-def light_correlation(image: Array, other: Array, column: Array, visible: Array) -> Estimate:
+def measure_light_correlation(image: Array, other: Array, column: Array, visible: Array) -> Estimate:
     """Correlation of one eye's image with the ``other`` eye's image at ``column``: 1 if they agree fully."""
     with np.errstate(invalid="ignore"):
         where = visible & (column >= 1) & (column <= column.shape[1] - 2)
     if where.sum() < FEWEST:
         return Estimate()
-    own, shifted = _Contrasts(_single(image), where), _Shifted(_single(other), np.where(where, column, 0.0))
+    own, shifted = (
+        _Contrasts(_blur_and_scale(image), where),
+        _ShiftedImage(_blur_and_scale(other), np.where(where, column, 0.0)),
+    )
     sums = own.products(shifted.by(0.0, 0))
     (value,), (error,) = jackknife(lambda total: _correlation(total)[..., None], sums)
     return Estimate(float(value), float(error))
 
 
-def _finite(image: Array) -> Array:
+def _zero_if_not_finite(image: Array) -> Array:
     """In double precision; black where the render is not a finite number."""
     return np.nan_to_num(image.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def _blurred(image: Array) -> Array:
-    return np.asarray(cv2.GaussianBlur(_finite(image), (0, 0), _BLUR_PX))
+def _blur(image: Array) -> Array:
+    return np.asarray(cv2.GaussianBlur(_zero_if_not_finite(image), (0, 0), _BLUR_PX))
 
 
-def _single(image: Array) -> Array:
+def _blur_and_scale(image: Array) -> Array:
     """The blurred image in single precision, 1 where it is brightest: a contrast does not depend on the brightness,
     and its rounding errors are far below the noise of a render."""
-    blurred = _blurred(image)
+    blurred = _blur(image)
     return np.asarray(blurred / max(float(blurred.max()), 1e-300), np.float32)
 
 
-class _Shifted:
+class _ShiftedImage:
     """An image at the fractional columns that match the pixels of another image, and beside them."""
 
     def __init__(self, image: Array, column: Array) -> None:
@@ -265,20 +271,20 @@ class _Contrasts:
     """The local contrast of a first image, and of other images over the same pixels to compare with it."""
 
     def __init__(self, image: Array, where: Array) -> None:
-        self._where, self._count = where.astype(image.dtype), int(where.sum())
-        self._share = np.maximum(_smoothed(self._where, _CONTRAST_PX), 1e-9)
+        self._count_text, self._count = where.astype(image.dtype), int(where.sum())
+        self._share = np.maximum(_smooth(self._count_text, _CONTRAST_PX), 1e-9)
         self.own = self.of(image)
-        self._energy = tile_sums(self.own**2)[:, 0]
+        self._energy = sum_over_tiles(self.own**2)[:, 0]
 
     def of(self, image: Array) -> Array:
         """Brightness of a pixel above the mean around it, in standard deviations of the surroundings, limited to 1; 0
         where no pixel counts."""
-        light = image * self._where
+        light = image * self._count_text
         light /= max(float(light.sum(dtype=np.float64)) / self._count, float(np.finfo(light.dtype).tiny))
-        mean = _smoothed(light, _CONTRAST_PX)
+        mean = _smooth(light, _CONTRAST_PX)
         mean /= self._share
-        above = np.multiply(np.subtract(light, mean, out=light), self._where, out=light)
-        spread = _smoothed(above * above, _CONTRAST_PX)
+        above = np.multiply(np.subtract(light, mean, out=light), self._count_text, out=light)
+        spread = _smooth(above * above, _CONTRAST_PX)
         np.sqrt(np.divide(spread, self._share, out=spread), out=spread)
         spread += _FLOOR * mean + _DARK
         return np.asarray(np.tanh(np.divide(above, spread, out=above), out=above))
@@ -286,11 +292,11 @@ class _Contrasts:
     def products(self, image: Array) -> Array:
         """The sums (tiles, 3) that ``_correlation`` needs."""
         other = self.of(image)
-        both, energy = tile_sums(self.own * other, other * other).T
+        both, energy = sum_over_tiles(self.own * other, other * other).T
         return np.stack([both, self._energy, energy], axis=1)
 
 
-def _smoothed(image: Array, width_px: float) -> Array:
+def _smooth(image: Array, width_px: float) -> Array:
     """Weighted sums around each pixel, with 0 beyond the border. A Gaussian, since the running sums of a box leave
     rounding errors where it is dark."""
     return np.asarray(cv2.GaussianBlur(image, (0, 0), width_px, borderType=cv2.BORDER_CONSTANT))
@@ -301,7 +307,7 @@ def _correlation(sums: Array) -> Array:
     return np.asarray(sums[..., 0] / (np.sqrt(sums[..., 1] * sums[..., 2]) + 1e-6))
 
 
-def _best(products: Callable[[float], Array], steps: Array) -> tuple[Estimate, Estimate, Estimate]:
+def _find_best_step(products: Callable[[float], Array], steps: Array) -> tuple[Estimate, Estimate, Estimate]:
     """The step with the best correlation, its gain over step 0, and the correlation.
 
     ``products`` gives the sums (tiles, 3) at a step. In a sound pair the images fit, and best at step 0, whichever tile
@@ -318,14 +324,14 @@ def _best(products: Callable[[float], Array], steps: Array) -> tuple[Estimate, E
     def value(totals: Array) -> Array:
         curve = _correlation(totals.reshape(*totals.shape[:-1], len(tried), 3))
         best = curve.max(axis=-1)
-        return np.stack([_peak(curve, tried), best - curve[..., zero], best], axis=-1)
+        return np.stack([_interpolate_peak(curve, tried), best - curve[..., zero], best], axis=-1)
 
     numbers, errors = jackknife(value, sums.reshape(len(sums), -1))
     shift, gain, best = (Estimate(float(a), float(b)) for a, b in zip(numbers, errors, strict=True))
     return shift, gain, best
 
 
-def _peak(curve: Array, steps: Array) -> Array:
+def _interpolate_peak(curve: Array, steps: Array) -> Array:
     """The peak of curves (..., steps), by the parabola through the three points around it."""
     middle = np.clip(curve.argmax(axis=-1), 1, len(steps) - 2)
     before, at, after = (np.take_along_axis(curve, (middle + k)[..., None], -1)[..., 0] for k in (-1, 0, 1))
@@ -337,7 +343,7 @@ def _peak(curve: Array, steps: Array) -> Array:
     return steps[middle] + np.where(bend > 0, np.clip(np.nan_to_num(step), -left, right), 0.0)
 
 
-def foreign_share(left: Array, right: Array, disparity: Array, visible: Array) -> Estimate:
+def measure_foreign_share(left: Array, right: Array, disparity: Array, visible: Array) -> Estimate:
     """Of the places of the left image (H, W) that are surely found in the right one, the share that is not at the
     true ``disparity``.
 
@@ -345,13 +351,18 @@ def foreign_share(left: Array, right: Array, disparity: Array, visible: Array) -
     """
     step = max(1, round(left.shape[1] / _SMALL_PX))
     left, right, true, seen = (
-        _reduced(image, step)
-        for image in (_finite(left), _finite(right), np.where(visible, disparity, 0.0) / step, visible)
+        _reduce(image, step)
+        for image in (
+            _zero_if_not_finite(left),
+            _zero_if_not_finite(right),
+            np.where(visible, disparity, 0.0) / step,
+            visible,
+        )
     )
     where, column = seen > 0.999, matching_column(true)
     if where.sum() < FEWEST:
         return Estimate()
-    left, right = _blurred(left), _blurred(right)
+    left, right = _blur(left), _blur(right)
     contrasts = _Contrasts(left, where)
     fits = np.stack(
         [
@@ -365,7 +376,7 @@ def foreign_share(left: Array, right: Array, disparity: Array, visible: Array) -
     )
     here = fits[np.abs(_SEARCH_PX) <= 1].max(axis=0)
     found = where & (fits.max(axis=0) > _FOUND)
-    sums = tile_sums(found & (fits.max(axis=0) > here + _BETTER), found)
+    sums = sum_over_tiles(found & (fits.max(axis=0) > here + _BETTER), found)
     if np.count_nonzero(sums[:, 1]) < FEWEST_TILES:
         return Estimate()
     (value,), (error,) = jackknife(lambda total: total[..., :1] / total[..., 1:], sums)
@@ -375,12 +386,12 @@ def foreign_share(left: Array, right: Array, disparity: Array, visible: Array) -
 def _local_correlation(contrast: Array, other: Array, where: Array) -> Array:
     """Correlation around each pixel over the pixels where both are known; 0 if these are few or have no contrast."""
     share, first, second = where.astype(np.float64), contrast * where, other * where
-    energy, other_energy, both = (_smoothed(image, _PLACE_PX) for image in (first**2, second**2, first * second))
-    told = (_smoothed(share, _PLACE_PX) > 0.5) & (np.minimum(energy, other_energy) > _TEXTURED)
+    energy, other_energy, both = (_smooth(image, _PLACE_PX) for image in (first**2, second**2, first * second))
+    told = (_smooth(share, _PLACE_PX) > 0.5) & (np.minimum(energy, other_energy) > _TEXTURED)
     return np.where(told, both / np.sqrt(np.where(told, energy * other_energy, 1.0)), 0.0)
 
 
-def _reduced(image: Array, step: int) -> Array:
+def _reduce(image: Array, step: int) -> Array:
     """Means of squares of ``step`` pixels."""
     height, width = (size // step for size in image.shape)
     return np.asarray(image[: height * step, : width * step].reshape(height, step, width, step).mean(axis=(1, 3)))

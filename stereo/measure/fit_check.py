@@ -57,7 +57,7 @@ _ZOOMS = tuple(math.exp(0.03 * k) for k in range(-26, 27) if abs(k) > 3)
 
 
 @dataclass(frozen=True)
-class Fault:
+class FitFault:
     """A reading that fits where the stated one does not, or the fact that no reading fits.
 
     ``kind`` is a key of ``KINDS``, or "nothing" if no reading fits. The numbers are ``factor`` times too large.
@@ -93,7 +93,7 @@ TURNS: dict[str, Callable[[Array], Array]] = {
 
 
 @dataclass(frozen=True)
-class Places:
+class MatchedPlaces:
     """Disparities in px (H, W) at which pixels of the left image are found in the right one, NaN elsewhere, and the
     same with the images exchanged, all on images that are ``step`` times smaller."""
 
@@ -101,7 +101,7 @@ class Places:
     swapped: Array
     step: int
 
-    def enough(self) -> bool:
+    def are_enough(self) -> bool:
         """Whether there are enough places of either order to state anything."""
         return any(
             _is_spread(np.isfinite(each)) and np.isfinite(each).mean() >= _LEAST_SHARE
@@ -109,57 +109,57 @@ class Places:
         )
 
 
-def find_places(left: Array, right: Array) -> Places:
+def find_places(left: Array, right: Array) -> MatchedPlaces:
     """Places that grey images (H, W) of any range have in common, by block matching in both directions."""
     step = max(1, math.ceil(left.shape[1] / _COLUMNS))
-    small = [_as_8_bit(_reduced(image, step)) for image in (left, right)]
-    return Places(_matched(small[0], small[1]), _matched(small[1], small[0]), step)
+    small = [_to_8_bit(_reduce(image, step)) for image in (left, right)]
+    return MatchedPlaces(_match_both_ways(small[0], small[1]), _match_both_ways(small[1], small[0]), step)
 
 
-def known_places(disparity: Array) -> Places:
+def make_known_places(disparity: Array) -> MatchedPlaces:
     """The true disparity (H, W) of a pair, NaN where unknown, as places that are known."""
     step = max(1, math.ceil(disparity.shape[1] / _COLUMNS))
     thinned = disparity[step // 2 :: step, step // 2 :: step] / step
-    return Places(thinned, np.full_like(thinned, np.nan), step)
+    return MatchedPlaces(thinned, np.full_like(thinned, np.nan), step)
 
 
-def find_fault(values: Array, kind: str, camera: StereoCamera, places: Places) -> Fault | None:
+def find_fault(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> FitFault | None:
     """The fault of a map ``values`` (H, W) of "depth" (m) or "disparity" (px), NaN where unknown; None if it fits, or
     if the images do not tell."""
-    if not places.enough():
+    if not places.are_enough():
         return None
-    stated = _reading(values, kind, camera)
-    here = _share(stated, places.left, places.step)
-    best: Fault | None = None
-    for name, disparity, found in _other_readings(values, kind, camera, places):
-        if not _is_spread(np.isfinite(found) & np.isfinite(_thinned(disparity, places.step))):
+    stated = _read_as_disparity(values, kind, camera)
+    here = _agreeing_share(stated, places.left, places.step)
+    best: FitFault | None = None
+    for name, disparity, found in _list_other_readings(values, kind, camera, places):
+        if not _is_spread(np.isfinite(found) & np.isfinite(_thin(disparity, places.step))):
             continue
-        share = _share(disparity, found, places.step)
-        if share >= _FITS and _is_clearer(disparity, stated, found, places) and (best is None or share > best.share):
-            best = Fault(name, 1.0, here, share)
+        share = _agreeing_share(disparity, found, places.step)
+        if share >= _FITS and _explains_more(disparity, stated, found, places) and (best is None or share > best.share):
+            best = FitFault(name, 1.0, here, share)
     if best is None:
         best = _find_factor(stated, places, here, kind)
     if (
         best is None
         and here < _FITS_NOT
-        and _is_spread(np.isfinite(places.left) & np.isfinite(_thinned(stated, places.step)))
+        and _is_spread(np.isfinite(places.left) & np.isfinite(_thin(stated, places.step)))
     ):
-        return Fault("nothing", 1.0, here)
+        return FitFault("nothing", 1.0, here)
     return best
 
 
-def find_misfit(values: Array, kind: str, camera: StereoCamera, places: Places) -> Fault | None:
+def find_misfit(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> FitFault | None:
     """A small fault of a map that ``find_fault`` does not find: a "scale" that is off by 4 % or more, so that the
     numbers are ``factor`` times too large; or a "zoom", the map of a camera of another focal length at the same place,
     whose ``factor`` is that focal length over the stated one. None if neither is found."""
-    if not places.enough():
+    if not places.are_enough():
         return None
-    thinned = _thinned(_reading(values, kind, camera), places.step) / places.step
+    thinned = _thin(_read_as_disparity(values, kind, camera), places.step) / places.step
     scale = _find_scale(thinned, places.left)
     if scale is not None:
-        return Fault("scale", scale if kind == "depth" else 1 / scale)
+        return FitFault("scale", scale if kind == "depth" else 1 / scale)
     zoom = _find_zoom(thinned, camera, places)
-    return None if zoom is None else Fault("zoom", zoom)
+    return None if zoom is None else FitFault("zoom", zoom)
 
 
 def _find_scale(stated: Array, found: Array) -> float | None:
@@ -172,7 +172,7 @@ def _find_scale(stated: Array, found: Array) -> float | None:
         known = np.isfinite(ratio) & (np.abs(ratio) < _RATIO)
     if not _is_spread(known):
         return None
-    gathered = np.array([_half_sample_mode(ratio[tile][known[tile]]) for tile in _tiles_with(known)])
+    gathered = np.array([_half_sample_mode(ratio[tile][known[tile]]) for tile in _find_filled_tiles(known)])
     off, disparity = float(np.median(gathered)), float(np.median(found[known]))
     if disparity < _SCALED_PX or abs(off) < _OFF_SHARE or abs(off) * disparity < _OFF_PX:
         return None
@@ -190,7 +190,7 @@ def _half_sample_mode(values: Array) -> float:
     return float(np.median(ordered))
 
 
-def _find_zoom(stated: Array, camera: StereoCamera, places: Places) -> float | None:
+def _find_zoom(stated: Array, camera: StereoCamera, places: MatchedPlaces) -> float | None:
     """Focal length of the map as a multiple of the camera's, if a map enlarged or reduced by it fits clearly better."""
     rows, columns = np.mgrid[: stated.shape[0], : stated.shape[1]].astype(np.float32)
     first = places.step // 2 + 0.5
@@ -216,16 +216,19 @@ def _find_zoom(stated: Array, camera: StereoCamera, places: Places) -> float | N
     return best
 
 
-def is_confirmed(values: Array, kind: str, camera: StereoCamera, places: Places) -> bool:
+def is_confirmed(values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces) -> bool:
     """Whether the images have enough places, and most of them are where a map ``values`` (H, W) of "depth" (m) or
     "disparity" (px), NaN where unknown, puts them."""
-    return places.enough() and _share(_reading(values, kind, camera), places.left, places.step) >= _FITS
+    return (
+        places.are_enough()
+        and _agreeing_share(_read_as_disparity(values, kind, camera), places.left, places.step) >= _FITS
+    )
 
 
-def are_seen(where: Array, disparity_px: float, places: Places) -> bool:
+def are_seen_at_disparity(where: Array, disparity_px: float, places: MatchedPlaces) -> bool:
     """Whether the images show most of the pixels ``where`` (H, W) at one disparity, as of a wall that faces them."""
-    inside = _thinned(where.astype(np.float64), places.step) > 0
-    there = _share(np.where(where, disparity_px, np.nan), places.left, places.step)
+    inside = _thin(where.astype(np.float64), places.step) > 0
+    there = _agreeing_share(np.where(where, disparity_px, np.nan), places.left, places.step)
     return bool(there >= _FITS and (inside & np.isfinite(places.left)).sum() >= _FITS * inside.sum())
 
 
@@ -237,7 +240,7 @@ def ray_lengths(camera: StereoCamera) -> Array:
     )
 
 
-def _reading(values: Array, kind: str, camera: StereoCamera) -> Array:
+def _read_as_disparity(values: Array, kind: str, camera: StereoCamera) -> Array:
     """Disparities in px of depths in m or disparities in px, both NaN where unknown."""
     if kind == "disparity":
         return values
@@ -245,23 +248,23 @@ def _reading(values: Array, kind: str, camera: StereoCamera) -> Array:
         return np.where(values > 0, camera.disparity(values), np.nan)
 
 
-def _other_readings(
-    values: Array, kind: str, camera: StereoCamera, places: Places
+def _list_other_readings(
+    values: Array, kind: str, camera: StereoCamera, places: MatchedPlaces
 ) -> Iterator[tuple[str, Array, Array]]:
     """Names of readings, their disparities (H, W), and the places that they are held against."""
-    stated = _reading(values, kind, camera)
+    stated = _read_as_disparity(values, kind, camera)
     other = "depth" if kind == "disparity" else "disparity"
-    yield other, _reading(values, other, camera), places.left
+    yield other, _read_as_disparity(values, other, camera), places.left
     yield "inverse", values * camera.focal_baseline_px_m - camera.doffs_px, places.left
     if kind == "depth":
-        yield "ray", _reading(values / ray_lengths(camera), kind, camera), places.left
+        yield "ray", _read_as_disparity(values / ray_lengths(camera), kind, camera), places.left
     for name, turn in TURNS.items():
         yield name, turn(stated), places.left
-    yield "right_eye", seen_from_other(stated, "right"), places.left
+    yield "right_eye", warp_to_other_eye(stated, "right"), places.left
     yield "swapped", stated, places.swapped
 
 
-def seen_from_other(disparity: Array, eye: str) -> Array:
+def warp_to_other_eye(disparity: Array, eye: str) -> Array:
     """The disparities (H, W), px, that the map of ``eye`` gives the other eye. Where two points meet, the nearer one
     counts; NaN where no point falls."""
     column = matching_column(np.nan_to_num(disparity), eye)
@@ -272,9 +275,9 @@ def seen_from_other(disparity: Array, eye: str) -> Array:
     return np.where(np.isfinite(found), found, np.nan)
 
 
-def _find_factor(stated: Array, places: Places, here: float, kind: str) -> Fault | None:
+def _find_factor(stated: Array, places: MatchedPlaces, here: float, kind: str) -> FitFault | None:
     """The factor that most places agree on, if these are enough."""
-    thinned = _thinned(stated, places.step) / places.step
+    thinned = _thin(stated, places.step) / places.step
     with np.errstate(invalid="ignore", divide="ignore"):
         both = np.isfinite(thinned) & (places.left > 2 * _NEAR_PX) & (thinned > 0)
     if not _is_spread(both):
@@ -286,18 +289,18 @@ def _find_factor(stated: Array, places: Places, here: float, kind: str) -> Fault
     middle = (edges[near.argmax()] + edges[near.argmax() + 1]) / 2
     middle = float(np.median(ratio[np.abs(ratio - middle) <= 1.5 * _NEAR_SHARE]))
     scaled = stated * math.exp(middle)
-    share = _share(scaled, places.left, places.step)
-    if share < _FITS or not _is_clearer(scaled, stated, places.left, places):
+    share = _agreeing_share(scaled, places.left, places.step)
+    if share < _FITS or not _explains_more(scaled, stated, places.left, places):
         return None
-    return Fault("factor", math.exp(middle if kind == "depth" else -middle), here, share)
+    return FitFault("factor", math.exp(middle if kind == "depth" else -middle), here, share)
 
 
-def _is_clearer(disparity: Array, stated: Array, found: Array, places: Places) -> bool:
+def _explains_more(disparity: Array, stated: Array, found: Array, places: MatchedPlaces) -> bool:
     """Whether another reading explains clearly more of the places at which it differs from the stated one."""
     if found is not places.left:  # places of the images in another order
-        here = _share(stated, places.left, places.step)
+        here = _agreeing_share(stated, places.left, places.step)
         return not here >= _FITS_NOT
-    one, other = (_thinned(each, places.step) / places.step for each in (stated, disparity))
+    one, other = (_thin(each, places.step) / places.step for each in (stated, disparity))
     with np.errstate(invalid="ignore"):
         differs = np.isfinite(found) & (np.abs(one - other) > _DIFFERENT_PX)
     return _is_nearer(other, one, found, differs)
@@ -311,13 +314,13 @@ def _is_nearer(other: Array, one: Array, found: Array, differs: Array) -> bool:
     if differs.sum() < _DIFFERENT_SHARE * np.isfinite(found).sum():
         return False
     missed, left = np.abs(one - found), np.abs(other - found)
-    nearer = [bool(np.mean((left < missed)[tile][differs[tile]]) > 0.5) for tile in _tiles_with(differs)]
+    nearer = [bool(np.mean((left < missed)[tile][differs[tile]]) > 0.5) for tile in _find_filled_tiles(differs)]
     return bool(np.mean(nearer) >= _NEARER and np.median(left[differs]) <= _LESS * np.median(missed[differs]))
 
 
-def _share(disparity: Array, found: Array, step: int) -> float:
+def _agreeing_share(disparity: Array, found: Array, step: int) -> float:
     """The share of places at which a disparity (H, W) agrees with the ``found`` one; NaN if the places are too few."""
-    thinned = _thinned(disparity, step) / step
+    thinned = _thin(disparity, step) / step
     with np.errstate(invalid="ignore"):
         both = np.isfinite(found) & ~np.isnan(thinned)
         if both.sum() < _FEWEST:
@@ -329,7 +332,7 @@ def _tolerance(found: Array) -> Array:
     return np.maximum(_NEAR_PX, _NEAR_SHARE * np.abs(found))
 
 
-def _thinned(values: Array, step: int) -> Array:
+def _thin(values: Array, step: int) -> Array:
     """The values in the middle of squares of ``step`` pixels."""
     height, width = (size // step * step for size in values.shape)
     return values[step // 2 : height : step, step // 2 : width : step]
@@ -338,7 +341,7 @@ def _thinned(values: Array, step: int) -> Array:
 Tile = tuple[slice, slice]
 
 
-def _tiles_with(where: Array) -> list[Tile]:
+def _find_filled_tiles(where: Array) -> list[Tile]:
     """The tiles of an image that have enough pixels."""
     height, width = (math.ceil(size / _TILES) for size in where.shape)
     tiles = [
@@ -353,30 +356,30 @@ def _is_spread(where: Array) -> bool:
     """Whether there are enough pixels in enough parts of an image, across and along it."""
     if where.sum() < _FEWEST:
         return False
-    tiles = _tiles_with(where)
+    tiles = _find_filled_tiles(where)
     return len(tiles) >= _FEWEST_TILES and all(
         len({tile[axis].start for tile in tiles}) >= _FEWEST_BANDS for axis in (0, 1)
     )
 
 
-def _reduced(image: Array, step: int) -> Array:
+def _reduce(image: Array, step: int) -> Array:
     """Means of squares of ``step`` pixels."""
     height, width = (size // step for size in image.shape)
     cut = np.nan_to_num(image[: height * step, : width * step].astype(np.float32), posinf=0.0, neginf=0.0)
     return np.asarray(cut.reshape(height, step, width, step).mean(axis=(1, 3)))
 
 
-def _as_8_bit(image: Array) -> Array:
+def _to_8_bit(image: Array) -> Array:
     """An image whose 99.5 % darkest pixels fill the range of 8 bits, with the square root of light as eyes see it."""
     level = image / max(float(np.quantile(image, 0.995)), 1e-9)
     return np.rint(255 * np.sqrt(np.clip(level, 0, 1))).astype(np.uint8)
 
 
-def _matched(left: Array, right: Array) -> Array:
+def _match_both_ways(left: Array, right: Array) -> Array:
     """Disparities (H, W) of pixels of 8-bit images that block matching finds in both directions, NaN elsewhere."""
     width = left.shape[1]
     count = 16 * math.ceil((_SEARCHED * width + _BEYOND_PX) / 16)
-    there, back = _matched_one_way(left, right, count), _matched_one_way(right[:, ::-1], left[:, ::-1], count)[:, ::-1]
+    there, back = _match_one_way(left, right, count), _match_one_way(right[:, ::-1], left[:, ::-1], count)[:, ::-1]
     column = np.rint(matching_column(np.nan_to_num(there))).astype(np.int64)
     inside = (column >= 0) & (column < width)
     other = np.take_along_axis(back, np.clip(column, 0, width - 1), axis=1)
@@ -389,7 +392,7 @@ def _matched(left: Array, right: Array) -> Array:
     return np.where(steps == -32768, np.nan, there)
 
 
-def _matched_one_way(left: Array, right: Array, count: int) -> Array:
+def _match_one_way(left: Array, right: Array, count: int) -> Array:
     least, beside = -_BEYOND_PX, count - _BEYOND_PX  # columns at which OpenCV finds nothing
     padded = [
         cv2.copyMakeBorder(np.ascontiguousarray(image), 0, 0, beside, -least, cv2.BORDER_REPLICATE)

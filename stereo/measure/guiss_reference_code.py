@@ -34,7 +34,9 @@ METRICS = (
 _EDGE, _STEP, _COARSE_STEP = 5000, 100, 1000  # of the lattice
 
 
-def reference_metrics(disparity: Array, truth: Array, bm_min_disparity: int | None = None) -> dict[str, float | int]:
+def compute_reference_metrics(
+    disparity: Array, truth: Array, bm_min_disparity: int | None = None
+) -> dict[str, float | int]:
     """The numbers METRICS of the reference code, for a disparity map (px) and the true depth (m), both (H, W).
 
     For StereoBM give its least disparity, ``bm_min_disparity``: failed matches (NaN) then get its mark, and columns are
@@ -47,10 +49,10 @@ def reference_metrics(disparity: Array, truth: Array, bm_min_disparity: int | No
         columns = slice(width * 125 // 640, width * 600 // 640)
     shift = disparity[rows, columns].astype(np.float32) + np.float32(1e-4)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return depth_map_metrics(np.float32(CONSTANT_PX_M) / shift, truth[rows, columns])
+        return compute_depth_map_metrics(np.float32(CONSTANT_PX_M) / shift, truth[rows, columns])
 
 
-def depth_map_metrics(prediction: Array, truth: Array) -> dict[str, float | int]:
+def compute_depth_map_metrics(prediction: Array, truth: Array) -> dict[str, float | int]:
     """The same numbers for a depth map, without the constant and the cuts."""
     prediction, truth = prediction.astype(np.float32), truth.astype(np.float32)
     counted = (prediction >= 0.01) & (prediction <= 100) & (truth > 0.05) & (truth <= 100)  # False for NaN
@@ -68,12 +70,12 @@ def depth_map_metrics(prediction: Array, truth: Array) -> dict[str, float | int]
         "guiss_rmse_m": float(np.sqrt(np.mean(distance**2))),
         **{f"guiss_l1_rate_{cm}": float(np.mean(distance > np.float32(cm / 100))) for cm in (10, 30, 100)},
         "guiss_si_rmse": si_rmse,
-        "guiss_dod": pair_disagreement(predicted, true, *lattice(n)),
+        "guiss_dod": pair_disagreement(predicted, true, *choose_lattice_pairs(n)),
         "guiss_n": n,
     }
 
 
-def lattice(count: int) -> tuple[Array, Array]:
+def choose_lattice_pairs(count: int) -> tuple[Array, Array]:
     """The pairs of indices i < j, among ``count`` pixels, whose order of depths the reference code compares.
 
     It skips the first 5000 and the last 5000 pixels. Counted from pixel 5000, one index of a pair is a multiple of 1000

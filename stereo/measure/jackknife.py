@@ -19,25 +19,25 @@ from ...support.arrays import Array
 DOWN, ACROSS = 6, 8
 
 
-def tile_sums(*images: Array) -> Array:
+def sum_over_tiles(*images: Array) -> Array:
     """Sums (DOWN * ACROSS, K), float64, over the tiles of K images (H, W) of numbers or booleans; no pixel may be NaN.
 
     Images in single precision are added up in it.
     """
-    return np.stack([_add_tiles(image) for image in images], axis=1).astype(np.float64)
+    return np.stack([_sum_tiles(image) for image in images], axis=1).astype(np.float64)
 
 
-def _add_tiles(image: Array) -> Array:
+def _sum_tiles(image: Array) -> Array:
     if image.dtype != np.float32:
         image = np.asarray(image, np.float64)
     down, across = (
-        _membership(size, count, image.dtype.char) for size, count in zip(image.shape, (DOWN, ACROSS), strict=True)
+        _part_membership(size, count, image.dtype.char) for size, count in zip(image.shape, (DOWN, ACROSS), strict=True)
     )
     return np.asarray((down @ image @ across.T).ravel())
 
 
 @lru_cache(maxsize=8)
-def _membership(size: int, count: int, kind: str) -> Array:
+def _part_membership(size: int, count: int, kind: str) -> Array:
     """Which of ``count`` equal parts each of ``size`` rows or columns belongs to, as 1 and 0 (count, size)."""
     return (np.arange(size) * count // size == np.arange(count)[:, None]).astype(kind)
 
@@ -45,7 +45,7 @@ def _membership(size: int, count: int, kind: str) -> Array:
 def jackknife(value: Callable[..., Array], *sums: Array) -> tuple[Array, Array]:
     """Numbers of whole images, and their standard errors.
 
-    ``sums`` are arrays (..., tiles, K) of ``tile_sums``. ``value`` computes the numbers from their totals (..., K); it
+    ``sums`` are arrays (..., tiles, K) of ``sum_over_tiles``. ``value`` computes the numbers from their totals (..., K); it
     must accept one more axis before the last, over the tiles that are left out. An undefined number is NaN. The error
     is NaN if fewer than two tiles contain anything.
     """

@@ -11,9 +11,9 @@ from ...physics.random_numbers.seeds import generator
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
-from .depth_order import depth_order_disagreement, sampled_disagreement
-from .guiss_reference_code import depth_map_metrics, reference_metrics
-from .metrics import depth_metrics, disparity_metrics, total_metrics, usable
+from .depth_order import depth_order_disagreement, sample_disagreement
+from .guiss_reference_code import compute_depth_map_metrics, compute_reference_metrics
+from .metrics import compute_depth_metrics, compute_disparity_metrics, compute_total_metrics, is_usable
 
 SAMPLED_PAIRS = 300_000
 #: Entry of an npz of ``match`` by which the numbers of the reference code know StereoBM.
@@ -56,32 +56,40 @@ def measure_files(
         )
     if guiss and true.ndim != 2:
         raise IcyMoonError(f"{truth} has the shape {true.shape}; --guiss needs images, rows and columns.")
-    depth = given if focal_baseline is None or disparity is None else _converted(given, focal_baseline)
-    result: dict[str, float] = dict(depth_metrics(depth, true))
-    both = usable(depth) & usable(true)
+    depth = given if focal_baseline is None or disparity is None else _convert_depth_disparity(given, focal_baseline)
+    result: dict[str, float] = dict(compute_depth_metrics(depth, true))
+    both = is_usable(depth) & is_usable(true)
     result |= {
         "dod_antisymmetric": depth_order_disagreement(depth[both], true[both], antisymmetric=True),
-        "dod_sampled": sampled_disagreement(depth[both], true[both], SAMPLED_PAIRS, generator(0, "statistics")),
+        "dod_sampled": sample_disagreement(depth[both], true[both], SAMPLED_PAIRS, generator(0, "statistics")),
     }
     if focal_baseline is not None:
-        pixels = given if disparity is not None else _converted(given, focal_baseline)
-        true_pixels = _converted(true, focal_baseline)
-        result |= disparity_metrics(pixels, true_pixels)
-        totals = total_metrics(depth, true, pixels, true_pixels, result["dod"])
+        pixels = given if disparity is not None else _convert_depth_disparity(given, focal_baseline)
+        true_pixels = _convert_depth_disparity(true, focal_baseline)
+        result |= compute_disparity_metrics(pixels, true_pixels)
+        totals = compute_total_metrics(depth, true, pixels, true_pixels, result["dod"])
         result |= {f"total_{key}": value for key, value in totals.items()}
     if guiss:
-        least = _bm_min_disparity(disparity) if bm_min_disparity is None and disparity is not None else bm_min_disparity
-        result |= reference_metrics(given, true, least) if disparity is not None else depth_map_metrics(given, true)
+        least = (
+            _read_bm_min_disparity(disparity)
+            if bm_min_disparity is None and disparity is not None
+            else bm_min_disparity
+        )
+        result |= (
+            compute_reference_metrics(given, true, least)
+            if disparity is not None
+            else compute_depth_map_metrics(given, true)
+        )
     return result
 
 
-def _converted(values: Array, focal_baseline: float) -> Array:
+def _convert_depth_disparity(values: Array, focal_baseline: float) -> Array:
     """Depth from disparity, or disparity from depth; NaN for invalid values."""
-    good = usable(values)
+    good = is_usable(values)
     return np.where(good, focal_baseline / np.where(good, values, 1.0), np.nan)
 
 
-def _bm_min_disparity(path: Path) -> int | None:
+def _read_bm_min_disparity(path: Path) -> int | None:
     """The least disparity that the command match has written for StereoBM into an npz; None for any other file."""
 
     def parse(foreign: ForeignBytes) -> int | None:

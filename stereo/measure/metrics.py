@@ -44,7 +44,7 @@ DISPARITY_METRICS = ("epe_px", *BAD, "d1", *QUANTILES)
 TOTAL_METRICS = ("median_m", "l1_rate_10", "l1_rate_30", "l1_rate_100", "dod", *BAD, "d1", *QUANTILES)
 
 
-def usable(depth: Array) -> Array:
+def is_usable(depth: Array) -> Array:
     """Where a depth or disparity is finite and positive. Boolean, of the same shape."""
     return np.isfinite(depth) & (depth > 0)
 
@@ -53,8 +53,8 @@ class Errors:
     """The errors of a prediction where it and the truth are usable: two arrays of the same shape."""
 
     def __init__(self, prediction: Array, truth: Array) -> None:
-        known = usable(truth)
-        both = known & usable(prediction)
+        known = is_usable(truth)
+        both = known & is_usable(prediction)
         self.total = int(known.sum())  # pixels that have a truth
         self.predicted, self.true = (np.asarray(values, np.float64)[both] for values in (prediction, truth))
         self.error = self.predicted - self.true
@@ -73,7 +73,7 @@ class Errors:
         return int(np.count_nonzero((self.distance > 3) & (self.distance > 0.05 * self.true)))
 
 
-def depth_metrics(prediction: Array, truth: Array) -> dict[str, float | int]:
+def compute_depth_metrics(prediction: Array, truth: Array) -> dict[str, float | int]:
     """Metrics of planar depths in metres; two arrays of the same shape, NaN where there is no depth.
 
     With e = prediction - truth and d = ln prediction - ln truth on V, N = |V|:
@@ -87,11 +87,11 @@ def depth_metrics(prediction: Array, truth: Array) -> dict[str, float | int]:
     * ``coverage`` N / number of true pixels, ``n`` N.
     """
     errors = Errors(prediction, truth)
-    return metrics_of_depth(errors, depth_order_disagreement(errors.predicted, errors.true))
+    return depth_metrics_of_errors(errors, depth_order_disagreement(errors.predicted, errors.true))
 
 
-def metrics_of_depth(errors: Errors, dod: float) -> dict[str, float | int]:
-    """``depth_metrics`` of errors in metres; ``dod``, which takes most of the time, is given."""
+def depth_metrics_of_errors(errors: Errors, dod: float) -> dict[str, float | int]:
+    """``compute_depth_metrics`` of errors in metres; ``dod``, which takes most of the time, is given."""
     n, distance, true = errors.error.size, errors.distance, errors.true
     result: dict[str, float | int] = dict.fromkeys(DEPTH_METRICS, float("nan"))
     result |= {"n": n, "coverage": n / errors.total if errors.total else float("nan")}
@@ -114,18 +114,18 @@ def metrics_of_depth(errors: Errors, dod: float) -> dict[str, float | int]:
     return result
 
 
-def disparity_metrics(prediction: Array, truth: Array) -> dict[str, float]:
+def compute_disparity_metrics(prediction: Array, truth: Array) -> dict[str, float]:
     """Metrics of disparities in px; two arrays of the same shape. With e = prediction - truth on V:
 
     ``epe_px`` mean |e|; ``bad_0_5``, ``bad_1``, ``_2``, ``_3`` share of |e| > 0.5, 1, 2, 3 px; ``d1`` share of
     |e| > 3 px and > 5 % of the true disparity (KITTI 2015); ``a50_px``, ``a90_px``, ``a95_px``, ``a99_px`` the 50, 90,
     95 and 99 % quantiles of |e| (Middlebury).
     """
-    return metrics_of_disparity(Errors(prediction, truth))
+    return disparity_metrics_of_errors(Errors(prediction, truth))
 
 
-def metrics_of_disparity(errors: Errors) -> dict[str, float]:
-    """``disparity_metrics`` of errors in px."""
+def disparity_metrics_of_errors(errors: Errors) -> dict[str, float]:
+    """``compute_disparity_metrics`` of errors in px."""
     n = errors.distance.size
     if not n:
         return dict.fromkeys(DISPARITY_METRICS, float("nan"))
@@ -133,11 +133,11 @@ def metrics_of_disparity(errors: Errors) -> dict[str, float]:
         "epe_px": float(errors.distance.mean()),
         **{key: (n - errors.within(step)) / n for key, step in BAD.items()},
         "d1": errors.wrong_by_kitti() / n,
-        **_named_quantiles(errors, n),
+        **_quantiles_by_name(errors, n),
     }
 
 
-def total_metrics(
+def compute_total_metrics(
     depth: Array, true_depth: Array, disparity: Array, true_disparity: Array, dod: float
 ) -> dict[str, float]:
     """TOTAL_METRICS over all true pixels, where a missing measurement counts as wrong (Middlebury's "totbad").
@@ -146,11 +146,11 @@ def total_metrics(
     so a quantile is infinite if too many are missing. For ``dod`` every pair with a missing pixel disagrees; the
     argument ``dod`` is the one among the measured pixels. NaN if there is no true pixel.
     """
-    return metrics_in_total(Errors(depth, true_depth), Errors(disparity, true_disparity), dod)
+    return total_metrics_of_errors(Errors(depth, true_depth), Errors(disparity, true_disparity), dod)
 
 
-def metrics_in_total(errors_m: Errors, errors_px: Errors, dod: float) -> dict[str, float]:
-    """``total_metrics`` of errors of depth and disparity."""
+def total_metrics_of_errors(errors_m: Errors, errors_px: Errors, dod: float) -> dict[str, float]:
+    """``compute_total_metrics`` of errors of depth and disparity."""
     total, measured = errors_m.total, errors_m.error.size
     if not total:
         return dict.fromkeys(TOTAL_METRICS, float("nan"))
@@ -162,11 +162,11 @@ def metrics_in_total(errors_m: Errors, errors_px: Errors, dod: float) -> dict[st
         "median_m": _quantiles(errors_m, [0.5], total)[0],
         **{key: 1 - count / total for key, count in right.items()},
         "dod": 1 - agreeing / (total * (total - 1)) if total > 1 else float("nan"),
-        **_named_quantiles(errors_px, total),
+        **_quantiles_by_name(errors_px, total),
     }
 
 
-def _named_quantiles(errors: Errors, total: int) -> dict[str, float]:
+def _quantiles_by_name(errors: Errors, total: int) -> dict[str, float]:
     return dict(zip(QUANTILES, _quantiles(errors, list(QUANTILES.values()), total), strict=True))
 
 
@@ -182,23 +182,23 @@ def _quantiles(errors: Errors, shares: Sequence[float], total: int) -> list[floa
     return [found.get(rank, float("inf")) for rank in ranks]
 
 
-def error_curve(prediction: Array, truth: Array) -> list[float]:
+def compute_error_curve(prediction: Array, truth: Array) -> list[float]:
     """Share of all true pixels that are measured with an error within each of ERROR_STEPS_M; NaN without truth.
 
     A missing measurement is within none of them, so the curve ends at the coverage: it shows coverage and accuracy
     together.
     """
-    return curve_of_errors(Errors(prediction, truth))
+    return error_curve_of_errors(Errors(prediction, truth))
 
 
-def curve_of_errors(errors: Errors) -> list[float]:
-    """``error_curve`` of errors in metres."""
+def error_curve_of_errors(errors: Errors) -> list[float]:
+    """``compute_error_curve`` of errors in metres."""
     if not errors.total:
         return [float("nan")] * len(ERROR_STEPS_M)
     return [errors.within(step) / errors.total for step in ERROR_STEPS_M]
 
 
-def by_confidence(confidence: Array) -> Array:
+def sort_by_confidence(confidence: Array) -> Array:
     """The indices of all pixels, the most confident ones first; pixels of equal confidence in the image's order.
 
     It is taken in single precision: its bits are sorted in two halves, four times as fast as numbers are.
@@ -210,10 +210,10 @@ def by_confidence(confidence: Array) -> Array:
     return np.asarray(order[np.argsort((descending >> 16).astype(np.uint16)[order], kind="stable")])
 
 
-def sparsification(error_px: Array) -> list[float]:
+def compute_sparsification(error_px: Array) -> list[float]:
     """Mean |error| of the most confident measurements, for each share of SHARES that is kept; NaN if all are missing.
 
-    ``error_px`` (pixels,) is in the order of ``by_confidence``, and NaN where nothing was measured. In ascending order
+    ``error_px`` (pixels,) is in the order of ``sort_by_confidence``, and NaN where nothing was measured. In ascending order
     it gives the best possible curve.
     """
     errors = error_px[np.isfinite(error_px)]

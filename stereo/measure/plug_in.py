@@ -14,9 +14,9 @@ from ...plugins.installed import Found, Plugin, explained, find, function_of, lo
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import read_checksum
-from .metrics import usable
-from .prepare import Prepared, none_for_nan
-from .row_metrics import NUMBERS, depth_of
+from .metrics import is_usable
+from .prepare import PreparedPair, none_if_not_finite
+from .row_metrics import NUMBERS, disparity_to_depth
 
 #: Units of a metric; % is for shares from 0 to 1.
 UNITS = ("", "%", "px", "m", "cm", "mm", "s", "deg", "1/m")
@@ -50,12 +50,12 @@ class MeasuredMap:
     baseline_m: float
 
 
-def map_for_plugins(prepared: Prepared, disparity: Array) -> MeasuredMap:
+def make_measured_map(prepared: PreparedPair, disparity: Array) -> MeasuredMap:
     """A disparity map and the truth of its pair, as copies: nothing that a plug-in does reaches ours."""
-    found, camera = np.where(usable(disparity), disparity, np.nan).astype(np.float64), prepared.pair.camera
+    found, camera = np.where(is_usable(disparity), disparity, np.nan).astype(np.float64), prepared.pair.camera
     return MeasuredMap(
         found,
-        depth_of(prepared, found),
+        disparity_to_depth(prepared, found),
         np.array(camera.disparity(prepared.truth)),
         np.array(prepared.truth),
         np.array(prepared.visible),
@@ -87,7 +87,7 @@ class PluginMetric:
                 f"{self.plugin.title} returned {type(value).__name__}; return a number, or NaN where "
                 "the metric is undefined."
             )
-        return none_for_nan(float(value))
+        return none_if_not_finite(float(value))
 
     def to_json(self) -> dict[str, Any]:
         """The report's entry about the metric."""
@@ -106,33 +106,33 @@ class PluginMetric:
         return [self.plugin.name, self.plugin.release, [read_checksum(Path(file)) for file in files]]
 
 
-def metrics_of_plugins() -> tuple[list[PluginMetric], list[str]]:
+def load_plugin_metrics() -> tuple[list[PluginMetric], list[str]]:
     """The metrics that can be measured, and a sentence about each that cannot."""
     found = find_plugins()
     metrics, faults = [], list(found.refused.values())
     for plugin in found.usable.values():
         try:
-            metrics.append(_metric(plugin))
+            metrics.append(_load_metric(plugin))
         except IcyMoonError as error:
             faults.append(f"{error} It is left out.")
     return metrics, faults
 
 
 @lru_cache(maxsize=64)
-def _metric(plugin: Plugin) -> PluginMetric:
+def _load_metric(plugin: Plugin) -> PluginMetric:
     return PluginMetric(plugin)
 
 
-def plugin_numbers(prepared: Prepared, disparity: Array) -> dict[str, Any]:
+def measure_plugin_metrics(prepared: PreparedPair, disparity: Array) -> dict[str, Any]:
     """The part of a row that is from plug-ins: ``plug_ins``, a number or None by name, and ``plug_in_faults``, a
     sentence by name where one failed."""
     measured: dict[str, float | None] = {}
     faults: dict[str, str] = {}
-    metrics, _ = metrics_of_plugins()
+    metrics, _ = load_plugin_metrics()
     for metric in metrics:
         name = metric.plugin.name
         try:
-            measured[name] = metric.measure(map_for_plugins(prepared, disparity))
+            measured[name] = metric.measure(make_measured_map(prepared, disparity))
         except IcyMoonError as error:
             measured[name], faults[name] = None, str(error)
     return {"plug_ins": measured, "plug_in_faults": faults} if metrics else {}

@@ -21,30 +21,30 @@ from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
 from ...support.labels import BAKED_ERROR_PASSES, GROUP_PASSES, LIGHT_GROUPS, NOT_SEEN
 from ..images import colours
-from ..images.develop import Channels, Images, develop, exposure_facts, grey, scaled_radiance
-from ..images.disparity_and_occlusion import ESTIMATED, RAYS, scene_depth
+from ..images.develop import Channels, DevelopedImages, average_bands, describe_exposure, develop, scaled_radiance
+from ..images.disparity_and_occlusion import ESTIMATED, RAYS, find_scene_depth
 from ..images.exr import NORMAL_PASSES, OBJECT_PASSES, Light, View
-from ..images.lens import lens_of
+from ..images.lens import make_lens
 from ..images.views import read_baked_error, read_eye
-from .by_pixel_class import Cells, classify, texture
+from .by_pixel_class import ClassCells, classify_pixels, measure_texture
 from .depth_order import TrueOrder
-from .metrics import by_confidence, usable
-from .render_noise import render_noise
-from .self_check import Eye, SelfCheck, self_check, visibility
+from .metrics import is_usable, sort_by_confidence
+from .render_noise import judge_render_noise
+from .self_check import Eye, SelfCheck, find_visibility, run_self_check
 
 #: Entries of pair.json on how the pair was rendered, which the report shows.
 _REPEATED = ("versions", "device", "denoiser", "osl", "platform", "edited_by_hand", "seeds")
 
 
 @dataclass(frozen=True)
-class Loaded:
+class LoadedPair:
     """A pair that was checked, read and developed, with its truth; the dicts have an entry per eye."""
 
     pair: Pair
     settings: Settings
     light: dict[str, Light]  # as it falls into the eyes, see views.read_eye
     views: dict[str, View]  # on the parallel rig; the labels are NOT_SEEN where the sensor sees nothing
-    images: Images
+    images: DevelopedImages
     depth: dict[str, Array]  # float64 (H, W), planar metres, NaN for sky and outside the sensor's view
     visible: dict[str, Array]  # bool (H, W), seen by the other eye too
     check: SelfCheck
@@ -70,7 +70,7 @@ class MeasuredPair(Protocol):
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedPair:
     """The data of a pair that all methods need."""
 
     pair: MeasuredPair
@@ -84,17 +84,17 @@ class Prepared:
     scale: colours.Scale  # for pictures of depth
     facts: dict[str, Any]  # about the pair, for the report
     occlusion_known: bool = True  # otherwise ``visible`` only leaves out points outside the right image
-    images: Images | None = None  # as developed; None for a pair that was not rendered here
+    images: DevelopedImages | None = None  # as developed; None for a pair that was not rendered here
 
     @cached_property
     def known(self) -> Array:
         """Boolean (H, W): the pixel has a true depth."""
-        return usable(self.truth)
+        return is_usable(self.truth)
 
     @cached_property
-    def cells(self) -> Cells:
+    def cells(self) -> ClassCells:
         """The ``known`` pixels by their ``classes``."""
-        return Cells(self.classes, self.known)
+        return ClassCells(self.classes, self.known)
 
     @cached_property
     def true_order(self) -> TrueOrder:
@@ -104,7 +104,7 @@ class Prepared:
     @cached_property
     def by_texture(self) -> Array:
         """The indices of all pixels, those with the largest ``gradient`` first."""
-        return by_confidence(self.gradient)
+        return sort_by_confidence(self.gradient)
 
 
 def distinct_pairs(paths: Sequence[Path]) -> list[Path]:
@@ -120,7 +120,7 @@ def distinct_pairs(paths: Sequence[Path]) -> list[Path]:
     return list(found.values())
 
 
-def load(folder: Path, response: Mapping[str, Mapping[str, Any]], measuring: bool = False) -> Loaded:
+def load_pair(folder: Path, response: Mapping[str, Mapping[str, Any]], measuring: bool = False) -> LoadedPair:
     """Check, read and develop one pair; ``response`` overrides settings that need no new render.
 
     For ``measuring``, what only exports contain is not read, which is faster.
@@ -128,56 +128,56 @@ def load(folder: Path, response: Mapping[str, Mapping[str, Any]], measuring: boo
     """
     pair = read_unchanged_pair(folder)
     settings = merged(pair.settings, response)
-    eyes = {eye: read_eye(pair, eye, _unneeded(eye, settings) if measuring else ()) for eye in EYES}
+    eyes = {eye: read_eye(pair, eye, _unneeded_passes(eye, settings) if measuring else ()) for eye in EYES}
     light, views = ({eye: taken for eye, (taken, _) in eyes.items()}, {eye: flat for eye, (_, flat) in eyes.items()})
     images = develop(pair, light["left"], light["right"], settings)
-    left, right = eyes_of(pair, settings, views)
-    views = {name: _labelled(views[name], eye.seen) for name, eye in (("left", left), ("right", right))}
+    left, right = make_check_eyes(pair, settings, views)
+    views = {name: _label_unseen(views[name], eye.seen) for name, eye in (("left", left), ("right", right))}
     depth = {name: np.where(eye.seen, eye.depth, np.nan) for name, eye in (("left", left), ("right", right))}
-    visible = visibility(left, right, pair.camera)
-    check = self_check(left, right, visible, pair.camera)
-    return Loaded(pair, settings, light, views, images, depth, visible, check)
+    visible = find_visibility(left, right, pair.camera)
+    check = run_self_check(left, right, visible, pair.camera)
+    return LoadedPair(pair, settings, light, views, images, depth, visible, check)
 
 
-def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
-    """Load one pair and compute what matchers and metrics need; see ``load``."""
-    loaded = load(folder, response, measuring=True)
+def prepare_pair(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> PreparedPair:
+    """Load one pair and compute what matchers and metrics need; see ``load_pair``."""
+    loaded = load_pair(folder, response, measuring=True)
     view, truth, visible = loaded.views["left"], loaded.depth["left"], loaded.visible["left"]
     left, right = loaded.images.for_matchers()
-    gradient = texture(left)
+    gradient = measure_texture(left)
     sun = loaded.pair.sun
-    classes = classify(
+    classes = classify_pixels(
         truth,
         visible,
         gradient,
-        grey(view.radiance),
+        average_bands(view.radiance),
         view.normal,
         view.semantic,
         sun.direction.tolist() if sun else None,
         loaded.images.blocked.get("left"),
     )
-    scale = colours.depth_scale(truth)
-    facts = _facts(loaded.pair, loaded.settings, loaded.images, truth, visible)
-    noise = render_noise(
-        noise_free_level(loaded, "left"),
-        noise_free_level(loaded, "right"),
+    scale = colours.make_depth_scale(truth)
+    facts = _describe_pair(loaded.pair, loaded.settings, loaded.images, truth, visible)
+    noise = judge_render_noise(
+        compute_noise_free_level(loaded, "left"),
+        compute_noise_free_level(loaded, "right"),
         loaded.pair.camera.disparity(truth),
         visible,
-        baked_error(loaded),
+        find_baked_error_level(loaded),
     )
     facts |= {
         "depth_scale_m": [scale.low, scale.high],
         "self_check": loaded.check.to_json(),
         "noise": noise.to_json(),
         "occlusion": ESTIMATED if view.hidden is None else RAYS,
-        "baked": _baked_facts(loaded.pair),
+        "baked": _describe_baked_light(loaded.pair),
     }
-    return Prepared(
+    return PreparedPair(
         loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts, images=loaded.images
     )
 
 
-def _baked_facts(pair: Pair) -> dict[str, float] | None:
+def _describe_baked_light(pair: Pair) -> dict[str, float] | None:
     """Noise of baked light over all light, its share of it, and the bound that was asked for; None if none is baked."""
     stated = pair.data.get("indirect")
     if not isinstance(stated, dict) or stated.get("method") != "BAKED":
@@ -189,7 +189,7 @@ def _baked_facts(pair: Pair) -> dict[str, float] | None:
     }
 
 
-def _unneeded(eye: str, settings: Settings) -> tuple[str, ...]:
+def _unneeded_passes(eye: str, settings: Settings) -> tuple[str, ...]:
     """The passes of an eye that are not needed for measuring, or are read by themselves. Light groups are only needed
     to scale them."""
     scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
@@ -201,19 +201,19 @@ def _unneeded(eye: str, settings: Settings) -> tuple[str, ...]:
     )
 
 
-def baked_error(loaded: Loaded) -> Numbers | None:
+def find_baked_error_level(loaded: LoadedPair) -> Numbers | None:
     """Grey levels of 255 that a possible error of baked light, as large as the actual one, adds to the left image of
     the matchers: 0 if no light is baked, None if the pair does not contain the error."""
-    if _baked_facts(loaded.pair) is None:
+    if _describe_baked_light(loaded.pair) is None:
         return 0.0
     errors = read_baked_error(loaded.pair, "left")
     if not errors or not all(np.isfinite(error).all() for error in errors.values()):
         return None
     error = np.sum([loaded.settings.light[LIGHT_GROUPS[group]] * each for group, each in errors.items()], axis=0)
-    return noise_free_level(loaded, "left", error) - noise_free_level(loaded, "left")
+    return compute_noise_free_level(loaded, "left", error) - compute_noise_free_level(loaded, "left")
 
 
-def noise_free_level(loaded: Loaded, eye: str, more: Numbers = 0.0) -> Array:
+def compute_noise_free_level(loaded: LoadedPair, eye: str, more: Numbers = 0.0) -> Array:
     """An eye's image as the matchers see it, with ``more`` light (H, W) in all bands, in grey levels of 255, without
     noise and rounding of the sensor."""
     settings = loaded.settings
@@ -225,27 +225,32 @@ def noise_free_level(loaded: Loaded, eye: str, more: Numbers = 0.0) -> Array:
     return np.asarray(255 * (np.sqrt(level) if loaded.images.encoding == "SQUARE_ROOT" else level))
 
 
-def none_for_nan(value: float) -> float | None:
+def none_if_not_finite(value: float) -> float | None:
     """The number, or None, which is JSON's null, where it is not finite."""
     return value if math.isfinite(value) else None
 
 
-def eyes_of(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[Eye, Eye]:
+def make_check_eyes(pair: Pair, settings: Settings, views: Mapping[str, View]) -> tuple[Eye, Eye]:
     """The left and the right eye of a pair for its self-check, from the views of ``views.read_eye``."""
     left, right = (
-        Eye(grey(views[eye].radiance), scene_depth(views[eye]), _sees(pair, settings, eye), views[eye].hidden)
+        Eye(
+            average_bands(views[eye].radiance),
+            find_scene_depth(views[eye]),
+            _find_sensor_view(pair, settings, eye),
+            views[eye].hidden,
+        )
         for eye in EYES
     )
     return left, right
 
 
-def _sees(pair: Pair, settings: Settings, eye: str) -> Array:
+def _find_sensor_view(pair: Pair, settings: Settings, eye: str) -> Array:
     """Boolean (H, W): the sensor sees this pixel. A toed-in eye does not see all that a parallel one does."""
-    lens = lens_of(pair.camera, settings.rig, eye) if pair.camera.toe_in_deg else None
+    lens = make_lens(pair.camera, settings.rig, eye) if pair.camera.toe_in_deg else None
     return np.ones((pair.camera.height_px, pair.camera.width_px), bool) if lens is None else lens.sees
 
 
-def _labelled(view: View, seen: Array) -> View:
+def _label_unseen(view: View, seen: Array) -> View:
     """The view, with NOT_SEEN as its label where nothing is ``seen``."""
     if seen.all():
         return view
@@ -256,7 +261,9 @@ def _labelled(view: View, seen: Array) -> View:
     )
 
 
-def _facts(pair: Pair, settings: Settings, images: Images, truth: Array, visible: Array) -> dict[str, Any]:
+def _describe_pair(
+    pair: Pair, settings: Settings, images: DevelopedImages, truth: Array, visible: Array
+) -> dict[str, Any]:
     known = np.isfinite(truth)
     some = bool(known.any())
     return {
@@ -265,7 +272,7 @@ def _facts(pair: Pair, settings: Settings, images: Images, truth: Array, visible
         "height_px": pair.camera.height_px,
         "focal_baseline_px_m": pair.camera.focal_baseline_px_m,
         "baseline_m": pair.camera.baseline_m,
-        **exposure_facts(images),
+        **describe_exposure(images),
         "true": float(known.mean()),
         "visible": float(visible.sum() / known.sum()) if some else None,
         "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))] if some else None,

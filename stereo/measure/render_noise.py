@@ -49,7 +49,7 @@ _MAD = 1.4826
 
 
 @dataclass(frozen=True)
-class Part:
+class LightPart:
     """The pixels in light or in shadow."""
 
     share: float  # of the pixels that could be compared
@@ -65,8 +65,8 @@ class RenderNoise:
 
     verdict: str | None
     larger: str | None  # RENDER or BAKE, the source of most of the noise that hides most; None if nothing is hidden
-    lit: Part
-    shadow: Part
+    lit: LightPart
+    shadow: LightPart
     #: Share of the pixels that noise may make wrong or missing, or right if it is fixed to the ground: smaller
     #: differences of methods tell nothing.
     doubt: float | None
@@ -74,14 +74,14 @@ class RenderNoise:
     @property
     def hidden(self) -> float | None:
         """The share that noise hides in light or in shadow, whichever is more, if that is a twentieth of the image."""
-        return _worst(self.lit, self.shadow)[0] if self.verdict else None
+        return _find_worst_part(self.lit, self.shadow)[0] if self.verdict else None
 
     def to_json(self) -> dict[str, Any]:
         """For the facts of a pair."""
         return asdict(self)
 
 
-def render_noise(
+def judge_render_noise(
     left: Array,
     right: Array,
     disparity: Array,
@@ -93,19 +93,19 @@ def render_noise(
     ``baked`` (H, W) is the change of the left image, in the same levels, by a possible error as large as its baked
     light's: 0 if no light is baked, None if the error is unknown.
     """
-    error, known = _noise(left, right, disparity, visible)
+    error, known = _measure_noise(left, right, disparity, visible)
     if not known.any():
-        nothing = Part(0.0, None, None, None, None)
+        nothing = LightPart(0.0, None, None, None, None)
         return RenderNoise(None, None, nothing, nothing, None)
     fixed = np.broadcast_to(np.asarray(0.0 if baked is None else baked, np.float64), left.shape)
-    noise, of_bake = _mean_around(error * error, known), _mean_around(_variance(fixed), known)
+    noise, of_bake = _mean_around(error * error, known), _mean_around(_local_variance(fixed), known)
     ratio = _texture_over_noise(left, noise + of_bake)
     shadow = _find_shadow(left, known)
     lit, dark = (
-        _part(error, None if baked is None else fixed, ratio, of_bake > noise, known & where, int(known.sum()))
+        _judge_part(error, None if baked is None else fixed, ratio, of_bake > noise, known & where, int(known.sum()))
         for where in (~shadow, shadow)
     )
-    hidden, by_bake = _worst(lit, dark)
+    hidden, by_bake = _find_worst_part(lit, dark)
     verdict = next((name for most, name in SHARES if hidden <= most), DECIDES)
     if baked is None and verdict != DECIDES:
         verdict = UNKNOWN
@@ -114,14 +114,14 @@ def render_noise(
     return RenderNoise(verdict, larger, lit, dark, float(np.mean(wrong - _WRONG_WITHOUT)))
 
 
-def hidden_by(difference: Array, converged: Array, visible: Array) -> float | None:
+def measure_hidden_share(difference: Array, converged: Array, visible: Array) -> float | None:
     """The share of pixels that the noise of a render truly hides, where a converged render of it is known: what the
     verdict estimates from the render alone. None if nothing is ``visible``.
 
     ``difference`` (H, W) is the render less the ``converged`` one, in grey levels. Around a hidden pixel it varies more
     than the converged image does. A difference that is the same all around changes no pattern, and so no match.
     """
-    shadow, hidden = _find_shadow(converged, visible), _variance(difference) > _variance(converged)
+    shadow, hidden = _find_shadow(converged, visible), _local_variance(difference) > _local_variance(converged)
     return max(
         (
             float(hidden[part].mean())
@@ -140,14 +140,14 @@ def _find_shadow(left: Array, known: Array) -> Array:
     return np.asarray(blurred < _SHADOW_PART * np.quantile(blurred[known], _SHADOW_QUANTILE))
 
 
-def _worst(*parts: Part) -> tuple[float, float]:
+def _find_worst_part(*parts: LightPart) -> tuple[float, float]:
     """The largest share of hidden pixels of a part that is large enough, and how much of it is by baked light."""
     return max(
         (part.hidden, part.by_bake or 0.0) for part in parts if part.hidden is not None and part.share >= _LEAST_SHARE
     )
 
 
-def _noise(left: Array, right: Array, disparity: Array, visible: Array) -> tuple[Array, Array]:
+def _measure_noise(left: Array, right: Array, disparity: Array, visible: Array) -> tuple[Array, Array]:
     """The noise of one eye (H, W), and where it is known."""
     filled = np.where(visible, disparity, 0.0)
     down, along = np.gradient(filled) if min(filled.shape) > 1 else np.zeros((2, *filled.shape))
@@ -158,7 +158,7 @@ def _noise(left: Array, right: Array, disparity: Array, visible: Array) -> tuple
     known = cv2.erode(
         known.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=(0,)
     ).astype(bool)
-    weights = _cubic(column - whole)
+    weights = _cubic_weights(column - whole)
     # In columns that are not known, whatever is fetched does not count.
     place = np.arange(right.shape[0])[:, None] * width + np.clip(whole, 1, max(1, width - 3))
     taps = (np.take(right, place + k, mode="clip") for k in (-1, 0, 1, 2))
@@ -167,7 +167,7 @@ def _noise(left: Array, right: Array, disparity: Array, visible: Array) -> tuple
     return difference / np.sqrt(1 + sum(weight**2 for weight in weights)), known
 
 
-def _cubic(t: Array) -> tuple[Array, ...]:
+def _cubic_weights(t: Array) -> tuple[Array, ...]:
     """Weights of the four columns around a fractional one (Catmull and Rom)."""
     return (
         t * (-0.5 + t * (1 - 0.5 * t)),
@@ -177,7 +177,7 @@ def _cubic(t: Array) -> tuple[Array, ...]:
     )
 
 
-def _variance(image: Array) -> Array:
+def _local_variance(image: Array) -> Array:
     """Variance (H, W) around each pixel."""
     values = image.astype(np.float64)
     mean, square = (
@@ -201,24 +201,24 @@ def _texture_over_noise(left: Array, noise: Array) -> Array:
 
     Pixels with neither texture nor noise are not counted against the noise.
     """
-    texture = np.maximum(_variance(left) - noise, 0.0)
+    texture = np.maximum(_local_variance(left) - noise, 0.0)
     return np.sqrt(np.divide(texture, noise, out=np.full(noise.shape, np.inf), where=noise > _NO_NOISE_DN**2))
 
 
-def _part(error: Array, baked: Array | None, ratio: Array, is_bake: Array, where: Array, known: int) -> Part:
+def _judge_part(error: Array, baked: Array | None, ratio: Array, is_bake: Array, where: Array, known: int) -> LightPart:
     count = int(where.sum())
     if not count:
-        return Part(0.0, None, None, None, None)
+        return LightPart(0.0, None, None, None, None)
     hidden = where & (ratio < 1)
-    return Part(
+    return LightPart(
         count / known,
-        _spread(error[where]),
+        _robust_deviation(error[where]),
         float(hidden.sum() / count),
-        None if baked is None else _spread(baked[where]),
+        None if baked is None else _robust_deviation(baked[where]),
         float(is_bake[hidden].mean()) if hidden.any() else None,
     )
 
 
-def _spread(values: Array) -> float:
+def _robust_deviation(values: Array) -> float:
     """The standard deviation of values that few others are far from."""
     return float(_MAD * np.median(np.abs(values - np.median(values))))

@@ -10,22 +10,22 @@ import numpy as np
 from ...support.arrays import Array
 from .by_pixel_class import sums_by_class
 from .costs import COSTS
-from .disparity_histograms import histograms_of
+from .disparity_histograms import make_histograms
 from .guiss_reference_code import METRICS as GUISS_METRICS
-from .guiss_reference_code import reference_metrics
+from .guiss_reference_code import compute_reference_metrics
 from .metrics import (
     DEPTH_METRICS,
     DISPARITY_METRICS,
     TOTAL_METRICS,
     Errors,
-    curve_of_errors,
-    metrics_in_total,
-    metrics_of_depth,
-    metrics_of_disparity,
-    sparsification,
-    usable,
+    compute_sparsification,
+    depth_metrics_of_errors,
+    disparity_metrics_of_errors,
+    error_curve_of_errors,
+    is_usable,
+    total_metrics_of_errors,
 )
-from .prepare import Prepared, none_for_nan
+from .prepare import PreparedPair, none_if_not_finite
 
 METRICS = (*DEPTH_METRICS, *DISPARITY_METRICS)
 #: Prefix of metrics -> the pixels that they are computed over, in words.
@@ -45,51 +45,53 @@ NUMBERS = (
 )
 
 
-def depth_of(prepared: Prepared, disparity: Array) -> Array:
+def disparity_to_depth(prepared: PreparedPair, disparity: Array) -> Array:
     """Planar depth in m, float64, of a disparity map; NaN where there is no valid disparity."""
-    return np.where(usable(disparity), prepared.pair.camera.depth(disparity), np.nan)
+    return np.where(is_usable(disparity), prepared.pair.camera.depth(disparity), np.nan)
 
 
-def own_numbers(prepared: Prepared, disparity: Array, bm_min_disparity: int | None = None) -> dict[str, Any]:
+def measure_row_numbers(
+    prepared: PreparedPair, disparity: Array, bm_min_disparity: int | None = None
+) -> dict[str, Any]:
     """NUMBERS except COSTS, and ``error_curve``, ``sparsification``, ``strata`` and ``histograms``, of a
     disparity map.
 
-    ``bm_min_disparity``: see ``guiss_reference_code.reference_metrics``.
+    ``bm_min_disparity``: see ``guiss_reference_code.compute_reference_metrics``.
     """
-    disparity = np.where(usable(disparity), disparity, np.nan)
-    depth, truth = depth_of(prepared, disparity), prepared.truth
+    disparity = np.where(is_usable(disparity), disparity, np.nan)
+    depth, truth = disparity_to_depth(prepared, disparity), prepared.truth
     true_disparity = prepared.pair.camera.disparity(truth)
     known = prepared.known
     visible = prepared.visible[known]
     depths, true_depths = depth[known], truth[known]
     disparities, true_disparities = disparity[known], true_disparity[known]
-    order, visible_order = prepared.true_order.disagreements(depths, usable(depths), visible)
+    order, visible_order = prepared.true_order.disagreements(depths, is_usable(depths), visible)
     errors_m, errors_px = Errors(depths, true_depths), Errors(disparities, true_disparities)
-    result = metrics_of_depth(errors_m, order) | metrics_of_disparity(errors_px)
-    result |= {f"total_{key}": value for key, value in metrics_in_total(errors_m, errors_px, order).items()}
-    seen = metrics_of_depth(Errors(depths[visible], true_depths[visible]), visible_order) | metrics_of_disparity(
-        Errors(disparities[visible], true_disparities[visible])
-    )
+    result = depth_metrics_of_errors(errors_m, order) | disparity_metrics_of_errors(errors_px)
+    result |= {f"total_{key}": value for key, value in total_metrics_of_errors(errors_m, errors_px, order).items()}
+    seen = depth_metrics_of_errors(
+        Errors(depths[visible], true_depths[visible]), visible_order
+    ) | disparity_metrics_of_errors(Errors(disparities[visible], true_disparities[visible]))
     result |= {f"visible_{key}": value if prepared.occlusion_known else float("nan") for key, value in seen.items()}
-    result |= reference_metrics(disparity, truth, bm_min_disparity)
+    result |= compute_reference_metrics(disparity, truth, bm_min_disparity)
     error = np.abs(np.where(prepared.visible, disparity - true_disparity, np.nan)).ravel()
-    return _json(result) | {
+    return _to_json_numbers(result) | {
         "true_pixels": errors_m.total,
-        "error_curve": _list(curve_of_errors(errors_m)),
+        "error_curve": _to_json_list(error_curve_of_errors(errors_m)),
         "sparsification": {
-            "texture": _list(sparsification(error[prepared.by_texture])),
-            "best": _list(sparsification(np.sort(error))),
+            "texture": _to_json_list(compute_sparsification(error[prepared.by_texture])),
+            "best": _to_json_list(compute_sparsification(np.sort(error))),
         },
         "strata": sums_by_class(
             prepared.cells, depths, true_depths, disparities, true_disparities, prepared.pair.camera.doffs_px
         ),
-        "histograms": histograms_of(disparities, true_disparities),
+        "histograms": make_histograms(disparities, true_disparities),
     }
 
 
-def _json(numbers: Mapping[str, float]) -> dict[str, float | None]:
-    return {key: none_for_nan(value) for key, value in numbers.items()}
+def _to_json_numbers(numbers: Mapping[str, float]) -> dict[str, float | None]:
+    return {key: none_if_not_finite(value) for key, value in numbers.items()}
 
 
-def _list(numbers: list[float]) -> list[float | None]:
-    return [None if (value := none_for_nan(number)) is None else float(f"{value:.7g}") for number in numbers]
+def _to_json_list(numbers: list[float]) -> list[float | None]:
+    return [None if (value := none_if_not_finite(number)) is None else float(f"{value:.7g}") for number in numbers]

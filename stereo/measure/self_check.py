@@ -17,7 +17,7 @@ import numpy as np
 from ...physics.camera.occlusion import matching_column, warped
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
-from ..images.disparity_and_occlusion import visible_in_left, visible_in_right
+from ..images.disparity_and_occlusion import find_visible_in_left, find_visible_in_right
 from .eye_offsets import (
     FEWEST,
     FEWEST_TILES,
@@ -25,10 +25,10 @@ from .eye_offsets import (
     Estimate,
     LightOffsets,
     TruthOffsets,
-    foreign_share,
-    light_correlation,
-    light_offsets,
-    truth_offsets,
+    measure_foreign_share,
+    measure_light_correlation,
+    measure_light_offsets,
+    measure_truth_offsets,
 )
 
 #: Largest offsets between the truth of both eyes: px, relative f·B, rows. In sound pairs they are below 1e-4 px.
@@ -82,12 +82,12 @@ class SelfCheck:
         return {"ok": self.ok, **asdict(self), "problems": list(self.problems)}
 
 
-def visibility(left: Eye, right: Eye, camera: StereoCamera) -> dict[str, Array]:
+def find_visibility(left: Eye, right: Eye, camera: StereoCamera) -> dict[str, Array]:
     """Per eye, Boolean (H, W): it sees a point that the other eye sees too."""
     first, second = (np.where(eye.seen, eye.depth, np.nan) for eye in (left, right))
     found = {
-        "left": visible_in_right(first, second, camera, left.hidden),
-        "right": visible_in_left(first, second, camera, right.hidden),
+        "left": find_visible_in_right(first, second, camera, left.hidden),
+        "right": find_visible_in_left(first, second, camera, right.hidden),
     }
     for name, own, other in (("left", first, right), ("right", second, left)):
         if not other.seen.all():
@@ -95,18 +95,18 @@ def visibility(left: Eye, right: Eye, camera: StereoCamera) -> dict[str, Array]:
     return found
 
 
-def self_check(left: Eye, right: Eye, visible: dict[str, Array], camera: StereoCamera) -> SelfCheck:
-    """Check a pair; ``visible``: see ``visibility``."""
+def run_self_check(left: Eye, right: Eye, visible: dict[str, Array], camera: StereoCamera) -> SelfCheck:
+    """Check a pair; ``visible``: see ``find_visibility``."""
     column = matching_column(camera.disparity(left.depth))
-    truth = truth_offsets(left.depth, right.depth, camera)
-    light = light_offsets(left.grey, right.grey, column, visible["left"])
-    contradictions = _contradictions(left, right, camera)
+    truth = measure_truth_offsets(left.depth, right.depth, camera)
+    light = measure_light_offsets(left.grey, right.grey, column, visible["left"])
+    contradictions = _measure_contradictions(left, right, camera)
     problems = *_truth_problems(truth), *_contradiction_problems(contradictions)
     if not problems:  # with a wrong truth the light tells nothing more
         problems = tuple(_light_problems(left, right, visible, camera, column, light))
-    offset = light.shift_px if _tells(light) else Estimate()
+    offset = light.shift_px if _determines_fit(light) else Estimate()
     return SelfCheck(
-        _disagreement(left, right, column, visible["left"]),
+        _measure_disagreement(left, right, column, visible["left"]),
         offset.number,
         None if offset.number is None else offset.error,
         truth.shift_px.number,
@@ -137,12 +137,12 @@ def _light_problems(
     shifts = [
         f"the images fit best if the right one is shifted by {estimate.value:+.2f} {unit}"
         for estimate, gain, unit in ((light.shift_px, light.gain, "px"), (light.rows_px, light.rows_gain, "rows"))
-        if _tells(light) and estimate.exceeds(LIGHT_LIMIT_PX, ERRORS) and gain.exceeds(0.0, GAIN_ERRORS)
+        if _determines_fit(light) and estimate.exceeds(LIGHT_LIMIT_PX, ERRORS) and gain.exceeds(0.0, GAIN_ERRORS)
     ]
     if light.correlation > FITTING and not shifts:
         return
-    here = light_correlation(left.grey, right.grey, column, visible["left"])
-    mirrored = light_correlation(
+    here = measure_light_correlation(left.grey, right.grey, column, visible["left"])
+    mirrored = measure_light_correlation(
         left.grey, right.grey, matching_column(camera.disparity(right.depth), "right"), visible["right"]
     )
     if mirrored.value > LEAST_CORRELATION and mirrored.value - here.value > ERRORS * np.hypot(
@@ -150,7 +150,7 @@ def _light_problems(
     ):
         yield "the images fit best with left and right exchanged"
         return
-    foreign = foreign_share(left.grey, right.grey, camera.disparity(left.depth), visible["left"])
+    foreign = measure_foreign_share(left.grey, right.grey, camera.disparity(left.depth), visible["left"])
     if foreign.value - ERRORS * foreign.error > FOREIGN_LIMIT:
         yield (
             f"{100 * foreign.value:.0f} % of the places that are found in both images are not where the depth puts them"
@@ -159,12 +159,12 @@ def _light_problems(
         yield from shifts
 
 
-def _tells(light: LightOffsets) -> bool:
+def _determines_fit(light: LightOffsets) -> bool:
     """Whether the light determines where it fits."""
     return light.correlation > LEAST_CORRELATION and light.tiles >= FEWEST_TILES
 
 
-def _disagreement(left: Eye, right: Eye, column: Array, visible: Array) -> float | None:
+def _measure_disagreement(left: Eye, right: Eye, column: Array, visible: Array) -> float | None:
     """Median relative difference of the left radiance and the right one, moved by the true disparity.
 
     In a good pair this is render noise and the part of the light that is not Lambertian. With a wrong f·B or exchanged
@@ -180,17 +180,17 @@ def _disagreement(left: Eye, right: Eye, column: Array, visible: Array) -> float
     return float(np.median(np.abs(own - other)[lit] / brightness[lit])) if lit.any() else 0.0
 
 
-def _contradictions(left: Eye, right: Eye, camera: StereoCamera) -> float | None:
+def _measure_contradictions(left: Eye, right: Eye, camera: StereoCamera) -> float | None:
     """The share of pixels that the other eye sees through, of the eye with the larger share."""
     disparity, other = camera.disparity(left.depth), camera.disparity(right.depth)
     shares = [
-        _seen_through(disparity, other, matching_column(disparity)),
-        _seen_through(other, disparity, matching_column(other, "right")),
+        _measure_seen_through(disparity, other, matching_column(disparity)),
+        _measure_seen_through(other, disparity, matching_column(other, "right")),
     ]
     return max((share for share in shares if share is not None), default=None)
 
 
-def _seen_through(disparity: Array, other: Array, column: Array) -> float | None:
+def _measure_seen_through(disparity: Array, other: Array, column: Array) -> float | None:
     """Of the pixels whose point falls into the other image, the share where both columns around the point show
     something farther."""
     with np.errstate(invalid="ignore"):

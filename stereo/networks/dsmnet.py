@@ -42,13 +42,13 @@ class DSMNet(nn.Module):
         multiples of 64.
         """
         features, features_right = self.feature(torch.cat((left, right))).chunk(2)
-        volume = concatenation(self.conv_x(features), self.conv_y(features_right), self.max_disparity // 4 + 1)
+        volume = concatenate_shifts(self.conv_x(features), self.conv_y(features_right), self.max_disparity // 4 + 1)
         refined = F.interpolate(self.conv_refine(features), left.shape[2:], mode="bilinear", align_corners=False)
         weights = self.guidance(torch.cat((self.conv_start(left), self.bn_relu(refined)), 1))
         return self.cost_agg(volume, weights)
 
 
-def concatenation(left: Tensor, right: Tensor, planes: int) -> Tensor:
+def concatenate_shifts(left: Tensor, right: Tensor, planes: int) -> Tensor:
     """(N, 2 C, planes, h, w): left features beside the right ones at every shift; 0 outside the right image."""
     count, channels, height, width = left.shape
     volume = left.new_zeros(count, 2 * channels, planes, height, width)

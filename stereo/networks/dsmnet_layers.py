@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812, its usual name
 
-from .recursive_filters import nlf, sga
+from .recursive_filters import aggregate_semi_global, filter_non_local
 
 
 class DomainNorm(nn.Module):
@@ -60,7 +60,7 @@ class BasicConv(nn.Module):
         return F.relu(x) if self.relu else x
 
 
-class Joined(nn.Module):
+class ResizeAndJoin(nn.Module):
     """Resizes to half the size, or to twice with ``deconv``, and joins the result with features of that size."""
 
     def __init__(self, inputs: int, outputs: int, deconv: bool = False, volume: bool = False) -> None:
@@ -81,7 +81,7 @@ class NLFilter(nn.Module):
         self.conv_refine = BasicConv(2 * channels, channels)
 
     def forward(self, x: Tensor) -> Tensor:
-        return self.conv_refine(torch.cat((nlf(x, self.getweights(x)), x), 1))
+        return self.conv_refine(torch.cat((filter_non_local(x, self.getweights(x)), x), 1))
 
 
 class Pyramid(nn.Module):
@@ -115,15 +115,15 @@ class Features(nn.Module):
         )
         self.conv1a, self.conv2a = BasicConv(32, 48, stride=2), BasicConv(48, 64, stride=2)
         self.conv3a, self.conv4a = BasicConv(64, 96, stride=2), BasicConv(96, 128, stride=2)
-        self.deconv4a, self.deconv4b = Joined(128, 96, deconv=True), Joined(128, 96, deconv=True)
-        self.deconv3a, self.deconv3b = Joined(96, 64, deconv=True), Joined(96, 64, deconv=True)
-        self.deconv2a, self.deconv2b = Joined(64, 48, deconv=True), Joined(64, 48, deconv=True)
-        self.deconv1a, self.deconv1b = Joined(48, 32, deconv=True), Joined(48, 32, deconv=True)
+        self.deconv4a, self.deconv4b = ResizeAndJoin(128, 96, deconv=True), ResizeAndJoin(128, 96, deconv=True)
+        self.deconv3a, self.deconv3b = ResizeAndJoin(96, 64, deconv=True), ResizeAndJoin(96, 64, deconv=True)
+        self.deconv2a, self.deconv2b = ResizeAndJoin(64, 48, deconv=True), ResizeAndJoin(64, 48, deconv=True)
+        self.deconv1a, self.deconv1b = ResizeAndJoin(48, 32, deconv=True), ResizeAndJoin(48, 32, deconv=True)
         self.conv1b, self.conv2b, self.conv3b, self.conv4b = (
-            Joined(32, 48),
-            Joined(48, 64),
-            Joined(64, 96),
-            Joined(96, 128),
+            ResizeAndJoin(32, 48),
+            ResizeAndJoin(48, 64),
+            ResizeAndJoin(64, 96),
+            ResizeAndJoin(96, 128),
         )
         self.nlf1, self.nlf2, self.nlf3 = NLFilter(32), NLFilter(32), NLFilter(32)
         self.nlf11, self.nlf12, self.nlf13, self.nlf14 = (NLFilter(48) for _ in range(4))
@@ -197,7 +197,7 @@ class SGABlock(nn.Module):
         self.conv_refine = BasicConv(channels, channels, volume=True, relu=False)
 
     def forward(self, x: Tensor, weights: Tensor) -> Tensor:
-        return F.relu(x + self.conv_refine(self.bn_relu(sga(x, weights))))
+        return F.relu(x + self.conv_refine(self.bn_relu(aggregate_semi_global(x, weights))))
 
 
 class Disparity(nn.Module):
@@ -224,9 +224,9 @@ class CostAggregation(nn.Module):
         self.conv_start = BasicConv(64, 32, volume=True, relu=False)
         self.conv1a = BasicConv(32, 48, stride=2, volume=True)
         self.conv2a = BasicConv(48, 64, stride=2, volume=True)
-        self.deconv1a, self.deconv1b = (Joined(48, 32, deconv=True, volume=True) for _ in range(2))
-        self.deconv2a, self.deconv2b = (Joined(64, 48, deconv=True, volume=True) for _ in range(2))
-        self.conv1b, self.conv2b = Joined(32, 48, volume=True), Joined(48, 64, volume=True)
+        self.deconv1a, self.deconv1b = (ResizeAndJoin(48, 32, deconv=True, volume=True) for _ in range(2))
+        self.deconv2a, self.deconv2b = (ResizeAndJoin(64, 48, deconv=True, volume=True) for _ in range(2))
+        self.conv1b, self.conv2b = ResizeAndJoin(32, 48, volume=True), ResizeAndJoin(48, 64, volume=True)
         # The first two made disparities for the training's loss; they are in every checkpoint.
         self.disp0, self.disp1, self.disp2 = (Disparity(max_disparity) for _ in range(3))
         self.sga1, self.sga2, self.sga3 = SGABlock(32), SGABlock(32), SGABlock(32)

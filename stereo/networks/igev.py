@@ -77,10 +77,10 @@ class IGEVStereo(nn.Module):
         left, right = 2 * left / 255 - 1, 2 * right / 255 - 1
         features, stem_2, matched_left = self._features(left)
         _, _, matched_right = self._features(right)
-        volume = group_correlation(matched_left, matched_right, self.max_disparity // 4)
+        volume = correlate_groups(matched_left, matched_right, self.max_disparity // 4)
         volume = self.corr_feature_att(self.corr_stem(volume), features[0])
         volume = self.cost_agg(volume, features)
-        chances = F.softmax(_exact(self.classifier(volume)), 2).squeeze(1)
+        chances = F.softmax(_to_single_precision(self.classifier(volume)), 2).squeeze(1)
         planes = torch.arange(chances.shape[1], dtype=chances.dtype, device=chances.device)[:, None, None]
         disparity = (planes * chances).sum(1, keepdim=True)
 
@@ -88,12 +88,12 @@ class IGEVStereo(nn.Module):
         for (state, seen), layer in zip(self.cnet(left), self.context_zqr_convs, strict=True):
             hidden.append(torch.tanh(state))
             context.append(tuple(layer(F.relu(seen)).split(HIDDEN, 1)))
-        look_up = LookUp(volume, matched_left, matched_right)
+        look_up = VolumeLookUp(volume, matched_left, matched_right)
         mask_features = hidden[0]
         for _ in range(iterations):
             hidden, mask_features, change = self.update_block(hidden, context, look_up(disparity), disparity)
-            disparity = disparity + _exact(change)
-        return upsampled(4 * disparity, self.spx_gru(self.spx_2_gru(mask_features, stem_2)))
+            disparity = disparity + _to_single_precision(change)
+        return upsample_convex(4 * disparity, self.spx_gru(self.spx_2_gru(mask_features, stem_2)))
 
     def _features(self, image: Tensor) -> tuple[list[Tensor], Tensor, Tensor]:
         """Features at four scales, those at half the size, and those that are matched."""
@@ -103,7 +103,7 @@ class IGEVStereo(nn.Module):
         return features, stem_2, self.desc(self.conv(features[0]))
 
 
-def group_correlation(left: Tensor, right: Tensor, planes: int) -> Tensor:
+def correlate_groups(left: Tensor, right: Tensor, planes: int) -> Tensor:
     """(N, GROUPS, planes, h, w): mean product over each group of channels at every shift; 0 outside the image."""
     count, channels, height, width = left.shape
     left, right = (x.view(count, GROUPS, channels // GROUPS, height, width) for x in (left, right))
@@ -113,14 +113,14 @@ def group_correlation(left: Tensor, right: Tensor, planes: int) -> Tensor:
     return volume
 
 
-class LookUp:
+class VolumeLookUp:
     """Samples of the geometry volume and of the correlation of all pixels of a row, around a disparity."""
 
     def __init__(self, volume: Tensor, left: Tensor, right: Tensor) -> None:
         count, groups, planes, height, width = volume.shape
-        geometry = _exact(volume).permute(0, 3, 4, 1, 2).reshape(count * height * width, groups, planes)
+        geometry = _to_single_precision(volume).permute(0, 3, 4, 1, 2).reshape(count * height * width, groups, planes)
         with torch.autocast(left.device.type, enabled=False):
-            rows = torch.einsum("nchi,nchj->nhij", _exact(left), _exact(right))
+            rows = torch.einsum("nchi,nchj->nhij", _to_single_precision(left), _to_single_precision(right))
         rows = rows.reshape(count * height * width, 1, width)
         self._pyramid = [(geometry, rows)]
         for _ in range(1, LEVELS):
@@ -151,15 +151,15 @@ def _window(lines: Tensor, centre: Tensor) -> Tensor:
     return torch.lerp(values[:, :, :-1], values[:, :, 1:], weight).flatten(1)
 
 
-def upsampled(disparity: Tensor, logits: Tensor) -> Tensor:
+def upsample_convex(disparity: Tensor, logits: Tensor) -> Tensor:
     """(N, 1, 4 h, 4 w): a weighted mean of the 3 x 3 around, weights by ``logits`` (N, 9, 4 h, 4 w); 0 outside."""
     count, _, height, width = disparity.shape
     around = F.unfold(disparity, 3, padding=1).view(count, 9, height, width)
     around = F.interpolate(around, scale_factor=4, mode="nearest")
-    return (F.softmax(_exact(logits), 1) * around).sum(1, keepdim=True)
+    return (F.softmax(_to_single_precision(logits), 1) * around).sum(1, keepdim=True)
 
 
-def _exact(x: Tensor) -> Tensor:
+def _to_single_precision(x: Tensor) -> Tensor:
     """In single precision at least.
 
     bfloat16, with 8 bits, is for features and costs; at a disparity of 64 px it has steps of half a pixel.

@@ -240,15 +240,15 @@ class UpdateBlock(nn.Module):
         self, hidden: list[Tensor], context: list[tuple[Tensor, ...]], looked_up: Tensor, disparity: Tensor
     ) -> tuple[list[Tensor], Tensor, Tensor]:
         net04, net08, net16 = hidden
-        net16 = self.gru16(net16, context[2], _halved(net08))
-        net08 = self.gru08(net08, context[1], _halved(net04), _enlarged(net16, net08))
-        net04 = self.gru04(net04, context[0], self.encoder(disparity, looked_up), _enlarged(net08, net04))
+        net16 = self.gru16(net16, context[2], _halve(net08))
+        net08 = self.gru08(net08, context[1], _halve(net04), _enlarge(net16, net08))
+        net04 = self.gru04(net04, context[0], self.encoder(disparity, looked_up), _enlarge(net08, net04))
         return [net04, net08, net16], self.mask_feat_4(net04), self.disp_head(net04)
 
 
-def _halved(x: Tensor) -> Tensor:
+def _halve(x: Tensor) -> Tensor:
     return F.avg_pool2d(x, 3, stride=2, padding=1)
 
 
-def _enlarged(x: Tensor, to: Tensor) -> Tensor:
+def _enlarge(x: Tensor, to: Tensor) -> Tensor:
     return F.interpolate(x, to.shape[2:], mode="bilinear", align_corners=True)

@@ -41,7 +41,7 @@ class _InvertedResidual(nn.Module):
         return x + y if self.residual else y
 
 
-def _stage(inputs: int, outputs: int, count: int, stride: int) -> nn.Sequential:
+def _make_stage(inputs: int, outputs: int, count: int, stride: int) -> nn.Sequential:
     return nn.Sequential(
         *(_InvertedResidual(outputs if place else inputs, outputs, 1 if place else stride) for place in range(count))
     )
@@ -55,10 +55,10 @@ class MobileNetTrunk(nn.Module):
         self.conv_stem = nn.Conv2d(3, 32, 3, 2, padding=1, bias=False)
         self.bn1 = nn.BatchNorm2d(32)
         self.block0 = nn.Sequential(nn.Sequential(_Separable(32, 16)))
-        self.block1 = nn.Sequential(_stage(16, 24, 2, stride=2))
-        self.block2 = nn.Sequential(_stage(24, 32, 3, stride=2))
-        self.block3 = nn.Sequential(_stage(32, 64, 4, stride=2), _stage(64, 96, 3, stride=1))
-        self.block4 = nn.Sequential(_stage(96, 160, 3, stride=2))
+        self.block1 = nn.Sequential(_make_stage(16, 24, 2, stride=2))
+        self.block2 = nn.Sequential(_make_stage(24, 32, 3, stride=2))
+        self.block3 = nn.Sequential(_make_stage(32, 64, 4, stride=2), _make_stage(64, 96, 3, stride=1))
+        self.block4 = nn.Sequential(_make_stage(96, 160, 3, stride=2))
 
     def pyramid(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """The features from fine to coarse."""

@@ -14,25 +14,25 @@ from torch.nn import functional as F  # noqa: N812, its usual name
 _NEIGHBOURS = ((-1, 0), (-1, -1), (-1, 1), (0, -1))
 
 
-def nlf(x: Tensor, guide: Tensor) -> Tensor:
+def filter_non_local(x: Tensor, guide: Tensor) -> Tensor:
     """(N, C, H, W): four scans, each of the previous result: down, up, to the right, to the left.
 
     A pixel becomes the mean of itself and of its already filtered neighbours, weighted by the softmax of
     the inner products of ``guide`` (N, G, H, W); a neighbour outside the image is the pixel itself.
     """
     for turned in _turns:
-        x = turned(_scan(turned(x), _scan_weights(turned(guide))))
+        x = turned(_scan_rows(turned(x), _scan_weights(turned(guide))))
     return x
 
 
-def sga(x: Tensor, weights: Tensor) -> Tensor:
+def aggregate_semi_global(x: Tensor, weights: Tensor) -> Tensor:
     """(N, C, D, H, W): the largest of four scans of a volume, down, up, to the right and to the left.
 
     ``weights`` (N, 20, H, W) are five per scan, shared by channels and disparities: of the value
     itself, of the last one at its disparity, at one less, at one more, and of the last one's maximum.
     """
     scans = [
-        turned(_aggregate(turned(x), F.normalize(turned(part), p=1.0, dim=1)))
+        turned(_aggregate_scan(turned(x), F.normalize(turned(part), p=1.0, dim=1)))
         for turned, part in zip(_turns, weights.chunk(4, 1), strict=True)
     ]
     return torch.stack(scans).amax(0)
@@ -57,7 +57,7 @@ def _left(x: Tensor) -> Tensor:
 _turns = (_down, _up, _right, _left)  # each turns its scan into one down the rows, and back
 
 
-def _shifted(x: Tensor, rows: int, columns: int) -> Tensor:
+def _shift(x: Tensor, rows: int, columns: int) -> Tensor:
     """x[r + rows, c + columns], 0 outside."""
     height, width = x.shape[-2:]
     return F.pad(x, (1, 1, 1, 1))[..., 1 + rows : 1 + rows + height, 1 + columns : 1 + columns + width]
@@ -65,14 +65,14 @@ def _shifted(x: Tensor, rows: int, columns: int) -> Tensor:
 
 def _scan_weights(guide: Tensor) -> Tensor:
     """(N, 5, H, W): weights of the pixel and its neighbours; the weight of a missing neighbour goes to the pixel."""
-    products = [(guide * guide).sum(1), *((guide * _shifted(guide, *place)).sum(1) for place in _NEIGHBOURS)]
+    products = [(guide * guide).sum(1), *((guide * _shift(guide, *place)).sum(1) for place in _NEIGHBOURS)]
     weights = F.softmax(torch.stack(products, 1), 1)
-    there = torch.stack([_shifted(torch.ones_like(products[0]), *place) for place in _NEIGHBOURS], 1)
+    there = torch.stack([_shift(torch.ones_like(products[0]), *place) for place in _NEIGHBOURS], 1)
     kept = weights[:, 1:] * there
     return torch.cat((weights[:, :1] + (weights[:, 1:] - kept).sum(1, keepdim=True), kept), 1)
 
 
-def _scan(x: Tensor, weights: Tensor) -> Tensor:
+def _scan_rows(x: Tensor, weights: Tensor) -> Tensor:
     """o[r, c] = w · (x[r, c], o[r-1, c], o[r-1, c-1], o[r-1, c+1], o[r, c-1]), all rows side by side.
 
     In order of t = c + 2 r all that a pixel needs comes earlier: 1 the left and the upper right one,
@@ -109,7 +109,7 @@ def _scan(x: Tensor, weights: Tensor) -> Tensor:
     return straight.gather(3, start.expand(count, channels, -1, -1))
 
 
-def _aggregate(x: Tensor, weights: Tensor) -> Tensor:
+def _aggregate_scan(x: Tensor, weights: Tensor) -> Tensor:
     """One scan of sga down the rows; a missing disparity is the value itself, as is all above the first row."""
     rows = x.movedim(-2, 0).contiguous()  # (H, N, C, D, W)
     weight = weights.movedim(-2, 0)[:, :, :, None, None]  # (H, N, 5, 1, 1, W)

@@ -14,16 +14,16 @@ from ...render.pairs.pair_folder import Pair, is_complete, read_pair
 from ...render.plans.planned_pair import PlannedPair
 from ...support.arrays import Array
 from ...support.labels import TERRAIN
-from ..images.gallery import automatic_white, for_screen, read_radiance, write_sheet
+from ..images.gallery import find_automatic_white, read_radiance, to_screen_picture, write_sheet
 from ..images.image_files import read_png, write_bytes
 from ..images.views import read_eye
 from ..matchers.methods import describe_method
-from ..report.by_setting import swept_settings
-from ..report.conditions import join_by_scene, name_levels, titles_of
-from ..report.pictures import typical_pair, with_gamma
+from ..report.by_setting import find_swept_settings
+from ..report.conditions import join_by_scene, make_pair_titles, name_levels
+from ..report.pictures import apply_screen_gamma, find_typical_pair
 from ..report.summary import summarise_method
 from ..report.sweep_charts import SweepCharts, draw_sweeps, write_curves
-from .results import Measured
+from .results import PaperResults
 
 #: Columns of the sheet of each figure, its title, and what it shows.
 SHEETS = {
@@ -42,19 +42,19 @@ _ALBEDO = "surface.albedo"
 _GROUND_GREY, _HUES, _TURN = 90, 180, 0.618034
 
 
-def write_qualitative(measured: Measured, sets: Mapping[str, Sequence[PlannedPair]], file: Path) -> list[str]:
+def write_qualitative(measured: PaperResults, sets: Mapping[str, Sequence[PlannedPair]], file: Path) -> list[str]:
     """Write a sheet with a typical pair of each set: image, true depth and the depth of each method. The pairs' names,
     none if no pair has a result."""
     cells: list[tuple[Path | Array, str, str]] = []
     shown = []
     for title, pairs in sets.items():
         names = {pair.id for pair in pairs}
-        number = typical_pair(measured.table, np.array([name in names for name in measured.table.pairs]))
+        number = find_typical_pair(measured.table, np.array([name in names for name in measured.table.pairs]))
         if number is None:
             continue
         facts, name = measured.facts[number], measured.table.pairs[number]
         shown.append(name)
-        cells.append((with_gamma(read_png(measured.out / facts["images"]["left"])), title.capitalize(), name))
+        cells.append((apply_screen_gamma(read_png(measured.out / facts["images"]["left"])), title.capitalize(), name))
         cells.append((measured.out / facts["images"]["true_depth"], "True depth", ""))
         for matcher in measured.table.methods:
             images = measured.row(name, matcher)["images"]
@@ -66,13 +66,13 @@ def write_qualitative(measured: Measured, sets: Mapping[str, Sequence[PlannedPai
     return shown
 
 
-def draw_albedo(measured: Measured, name: str, out: Path) -> SweepCharts | None:
+def draw_albedo(measured: PaperResults, name: str, out: Path) -> SweepCharts | None:
     """The charts of the errors against the albedo of the pairs; None if they all have the same.
 
     Writes ``NAME.png`` to ``out`` too.
     """
     places = {pair["pair"]: k for k, pair in enumerate(measured.facts)}
-    sweeps = [sweep for sweep in swept_settings(measured.facts, places) if sweep.name == _ALBEDO]
+    sweeps = [sweep for sweep in find_swept_settings(measured.facts, places) if sweep.name == _ALBEDO]
     if not sweeps:
         return None
     table = measured.table
@@ -91,27 +91,27 @@ def write_figure_sheet(name: str, pairs: Sequence[PlannedPair], dataset: Path, f
         return False
     facts = [{"pair": pair.id, "settings": pair.settings} for pair in there]
     places = {pair.id: k for k, pair in enumerate(there)}
-    sweeps = join_by_scene(swept_settings(facts, places), facts, places)
-    titles = titles_of(sweeps, name_levels(sweeps, facts, places), len(there))
+    sweeps = join_by_scene(find_swept_settings(facts, places), facts, places)
+    titles = make_pair_titles(sweeps, name_levels(sweeps, facts, places), len(there))
     rendered = [read_pair(pair.folder(dataset)) for pair in there]
-    white = max(automatic_white(read_radiance(pair), pair) for pair in rendered)
+    white = max(find_automatic_white(read_radiance(pair), pair) for pair in rendered)
     cells: list[tuple[Path | Array, str, str]] = []
     for pair, title in zip(rendered, titles, strict=True):
-        first, *rest = textwrap.wrap(_ascii(title), _LINE, max_lines=2, placeholder=" ...") or [""]
-        cells.append((for_screen(read_radiance(pair), white), first, "".join(rest)))
+        first, *rest = textwrap.wrap(_to_ascii(title), _LINE, max_lines=2, placeholder=" ...") or [""]
+        cells.append((to_screen_picture(read_radiance(pair), white), first, "".join(rest)))
         if name == "rocks":
-            cells += _masks(pair)
+            cells += _draw_masks(pair)
     columns, _, _ = SHEETS[name]
     write_sheet(cells, file, _MOST_BYTES, columns, _CELL_PX)
     return True
 
 
-def _ascii(text: str) -> str:
+def _to_ascii(text: str) -> str:
     """A text in the letters that OpenCV draws."""
     return text.replace("°", " deg").encode("ascii", "ignore").decode()
 
 
-def _masks(pair: Pair) -> list[tuple[Array, str, str]]:
+def _draw_masks(pair: Pair) -> list[tuple[Array, str, str]]:
     _, view = read_eye(pair, "left")
     return [
         (colour_labels(labels), title, "")

@@ -32,7 +32,7 @@ def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], di
     for name in names:
         own = [text for text in options if text.startswith(f"{name}.")]
         try:
-            (method,) = parse_methods(_describe(name, scale), own)
+            (method,) = parse_methods(_describe_matcher(name, scale), own)
         except IcyMoonError as error:
             if own:
                 raise
@@ -42,7 +42,7 @@ def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], di
     return found, missing
 
 
-def _describe(name: str, scale: float) -> str:
+def _describe_matcher(name: str, scale: float) -> str:
     """A matcher with the paper's options, as ``--methods`` takes it; JPLV's are not printed, so it has its own here."""
     if name == "jplv" or (scale != 1 and name == "dsmnet"):  # whose crop is for images of the paper's size
         return name

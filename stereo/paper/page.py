@@ -10,22 +10,22 @@ import numpy as np
 
 from ...support.files import write_text
 from ...support.number_text import count_of
-from ..report.charts import method_keys
+from ..report.charts import list_method_keys
 from ..report.pages import read_template
 from . import PAGE
 from .figures import SHEETS, SweepCharts, draw_albedo, write_figure_sheet, write_qualitative
 from .parts import Part
 from .printed import METHODS
-from .results import Measured, rendering_seconds
+from .results import PaperResults, measure_rendering_seconds
 from .tables import (
     RUNTIME_COLUMNS,
-    metric_columns,
-    result_rows,
-    results_csv,
-    results_latex,
-    runtime_rows,
-    runtimes_csv,
-    runtimes_latex,
+    list_metric_columns,
+    make_result_rows,
+    make_results_csv,
+    make_results_latex,
+    make_runtime_rows,
+    make_runtimes_csv,
+    make_runtimes_latex,
 )
 
 #: The set that varies the albedo at automatic exposure.
@@ -33,13 +33,13 @@ _GENERATIVE = "generative"
 
 
 def _draw_albedos(
-    parts: Mapping[str, Part], measured: Mapping[str, Measured], out: Path
+    parts: Mapping[str, Part], measured: Mapping[str, PaperResults], out: Path
 ) -> list[tuple[str, SweepCharts]]:
     """The charts of error by albedo, with their titles."""
     data = measured["data"]
     names = {pair.id for pair in parts["data"].sets[_GENERATIVE]}
     chosen = [k for k, pair in enumerate(data.facts) if pair["pair"] in names]
-    generative = Measured(
+    generative = PaperResults(
         data.table.where(np.isin(np.arange(len(data.facts)), chosen)), [data.facts[k] for k in chosen], data.out
     )
     albedo = {
@@ -54,7 +54,7 @@ def _draw_albedos(
 def write_paper(
     out: Path,
     parts: Mapping[str, Part],
-    measured: Mapping[str, Measured],
+    measured: Mapping[str, PaperResults],
     missing: Mapping[str, str],
     scale: float,
     planned: int,
@@ -65,33 +65,35 @@ def write_paper(
     run, ``scale`` the size of the images over the paper's, ``planned`` the number of pairs of the table.
     """
     data = measured["data"]
-    results = result_rows(data, with_theirs=scale == 1)
-    rendering = rendering_seconds(out / parts["data"].folder, parts["data"].pairs)
-    runtimes = runtime_rows(data, rendering)
+    results = make_result_rows(data, with_theirs=scale == 1)
+    rendering = measure_rendering_seconds(out / parts["data"].folder, parts["data"].pairs)
+    runtimes = make_runtime_rows(data, rendering)
     size = describe_size(data, scale, planned)
     lacking = [f"{method.title}: {missing[method.matcher]}" for method in METHODS if method.matcher in missing]
-    write_text(out / "results.csv", results_csv(results))
-    write_text(out / "runtimes.csv", runtimes_csv(runtimes))
+    write_text(out / "results.csv", make_results_csv(results))
+    write_text(out / "runtimes.csv", make_runtimes_csv(runtimes))
     caption = f"Results printed in the GUISS paper and measured here. {size}"
-    write_text(out / "results.tex", results_latex(results, " ".join([caption, *lacking])))
-    write_text(out / "runtimes.tex", runtimes_latex(runtimes, f"Run times printed in the paper and measured. {size}"))
+    write_text(out / "results.tex", make_results_latex(results, " ".join([caption, *lacking])))
+    write_text(
+        out / "runtimes.tex", make_runtimes_latex(runtimes, f"Run times printed in the paper and measured. {size}")
+    )
     shown = write_qualitative(data, parts["data"].sets, out / "qualitative.jpg")
     sheets = []
     for name, pairs in parts["figures"].sets.items() if "figures" in parts else ():
         file = out / f"figure_{name}.jpg"
         if write_figure_sheet(name, pairs, out / parts["figures"].folder, file):
-            sheets.append((*SHEETS[name][1:], _embed(file)))
+            sheets.append((*SHEETS[name][1:], _embed_picture(file)))
     html = read_template("paper.html.j2", Path(__file__).parent).render(
         size=size,
         results=results,
-        metrics=[ours for _, ours in metric_columns()],
+        metrics=[ours for _, ours in list_metric_columns()],
         lacking=lacking,
         with_theirs=scale == 1,
         runtime_columns=RUNTIME_COLUMNS,
         runtimes=runtimes,
-        keys=method_keys(data.table.methods),
+        keys=list_method_keys(data.table.methods),
         charts=_draw_albedos(parts, measured, out),
-        qualitative=_embed(out / "qualitative.jpg") if shown else "",
+        qualitative=_embed_picture(out / "qualitative.jpg") if shown else "",
         sheets=sheets,
         folders=[part.folder for part in parts.values()],
     )
@@ -99,7 +101,7 @@ def write_paper(
     return out / PAGE
 
 
-def describe_size(data: Measured, scale: float, planned: int) -> str:
+def describe_size(data: PaperResults, scale: float, planned: int) -> str:
     """A sentence on how many pairs of which size the numbers are from."""
     scenes = data.table.scene_count()
     own = f"{count_of(len(data.facts), 'pair')} of {planned} from {count_of(scenes, 'scene')}"
@@ -108,5 +110,5 @@ def describe_size(data: Measured, scale: float, planned: int) -> str:
     return f"{own[0].upper()}{own[1:]}, {sides} px{note}."
 
 
-def _embed(file: Path) -> str:
+def _embed_picture(file: Path) -> str:
     return f"data:image/jpeg;base64,{base64.b64encode(file.read_bytes()).decode('ascii')}"

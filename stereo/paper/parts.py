@@ -78,7 +78,7 @@ def _make_part(folder: str, plan: str, sets: Sequence[str], scale: float, overri
             f'extends = "{shipped}"',
             *([f"files = {toml_value(str(files.absolute()))}"] if files else []),
             "",
-            to_toml(merged(_scaled(read_plan(find_plan(shipped)), scale), overrides)),
+            to_toml(merged(_scale_settings(read_plan(find_plan(shipped)), scale), overrides)),
         ]
     )
     parsed = parse_plan(Path(f"{folder}.toml"), text)
@@ -89,7 +89,7 @@ def _make_part(folder: str, plan: str, sets: Sequence[str], scale: float, overri
     )
 
 
-def _scaled(plan: Plan, scale: float) -> Parts:
+def _scale_settings(plan: Plan, scale: float) -> Parts:
     """The settings of a plan that differ at another size of the images. A pixel that sees more ground gets more light,
     so an exposure that is stated is shorter."""
     if scale == 1:

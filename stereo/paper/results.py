@@ -12,19 +12,19 @@ import numpy as np
 from ...render.pairs.pair_folder import read_complete
 from ...render.plans.planned_pair import PlannedPair
 from ...support.arrays import Array
-from ..report.by_setting import scene_of
+from ..report.by_setting import name_scene
 from ..report.results import read_facts
 from ..report.row_log import RowLog
 from ..report.schema import ROW
-from ..report.summary import Table, summarise_method
+from ..report.summary import ResultTable, summarise_method
 from .printed import GROUPS
 
 
 @dataclass(frozen=True)
-class Measured:
+class PaperResults:
     """An evaluation: the numbers of its methods, the facts of its pairs, and where it is."""
 
-    table: Table
+    table: ResultTable
     facts: Sequence[Mapping[str, Any]]
     out: Path
 
@@ -45,19 +45,19 @@ class Measured:
         return RowLog(self.out / "results.jsonl", ROW).read(pair, matcher)
 
 
-def read_measured(out: Path, names: Iterable[str], matchers: Sequence[str]) -> Measured:
+def read_measured(out: Path, names: Iterable[str], matchers: Sequence[str]) -> PaperResults:
     """The evaluation of pairs by matchers in the folder ``out``. Raises IcyMoonError if it cannot be read."""
     facts = [read_facts(out, name) for name in names]
-    log, table = RowLog(out / "results.jsonl", ROW), Table(matchers, [pair["pair"] for pair in facts])
+    log, table = RowLog(out / "results.jsonl", ROW), ResultTable(matchers, [pair["pair"] for pair in facts])
     scenes: dict[str, int] = {}
     for k, pair in enumerate(facts):
-        table.scenes[k] = scenes.setdefault(scene_of(pair), len(scenes))
+        table.scenes[k] = scenes.setdefault(name_scene(pair), len(scenes))
         for matcher in matchers:
             table.add(k, log.read(pair["pair"], matcher))
-    return Measured(table, facts, out)
+    return PaperResults(table, facts, out)
 
 
-def rendering_seconds(dataset: Path, pairs: Iterable[PlannedPair]) -> dict[str, tuple[float, int]]:
+def measure_rendering_seconds(dataset: Path, pairs: Iterable[PlannedPair]) -> dict[str, tuple[float, int]]:
     """The mean processor seconds of rendering a pair with its share of bakes, and the number of pairs, by group of the
     paper's table. Groups without a rendered pair are left out."""
     seconds: dict[str, list[float]] = {}

@@ -11,7 +11,7 @@ from typing import Any
 from ...support.number_text import count_of
 from ..report.table_columns import GUISS, TOTALS, Column, format_interval, format_number
 from .printed import GROUPS, METHODS, METRICS, RENDERING_S
-from .results import Measured
+from .results import PaperResults
 
 #: What a table shows where there is no number.
 NONE = "–"
@@ -38,12 +38,12 @@ class ResultRow:
     numbers: Mapping[str, tuple[float | None, ...]]
 
 
-def metric_columns() -> list[tuple[Column, Column]]:
+def list_metric_columns() -> list[tuple[Column, Column]]:
     """The column of the paper's code and ours of each of METRICS."""
     return [next(both for both in GUISS if both[1].key == key) for key in METRICS]
 
 
-def result_rows(measured: Measured, with_theirs: bool) -> list[ResultRow]:
+def make_result_rows(measured: PaperResults, with_theirs: bool) -> list[ResultRow]:
     """The table of results: a row for each group and method, also for methods that were not run.
 
     Without ``with_theirs`` the numbers of the paper's code are left out: it knows images of the paper's size only.
@@ -55,11 +55,15 @@ def result_rows(measured: Measured, with_theirs: bool) -> list[ResultRow]:
             numbers: dict[str, tuple[float | None, ...]] = {"printed": method.results[group]}
             for k, name in enumerate(("theirs", "ours")):
                 known = summary is not None and (name == "ours" or with_theirs)
-                numbers[name] = tuple(summary[both[k].key] if known and summary else None for both in metric_columns())
-            columns = [ours for _, ours in metric_columns()]
+                numbers[name] = tuple(
+                    summary[both[k].key] if known and summary else None for both in list_metric_columns()
+                )
+            columns = [ours for _, ours in list_metric_columns()]
             bounds = summary["intervals"] if summary else {}
             texts = {
-                name: tuple(format_number({c.key: v}, _as_printed(c)) for c, v in zip(columns, values, strict=True))
+                name: tuple(
+                    format_number({c.key: v}, _round_as_printed(c)) for c, v in zip(columns, values, strict=True)
+                )
                 for name, values in numbers.items()
             }
             found.append(
@@ -69,7 +73,7 @@ def result_rows(measured: Measured, with_theirs: bool) -> list[ResultRow]:
                     texts["printed"],
                     texts["theirs"],
                     texts["ours"],
-                    tuple(format_interval(bounds.get(c.key), _as_printed(c)) for c in columns),
+                    tuple(format_interval(bounds.get(c.key), _round_as_printed(c)) for c in columns),
                     format_number(summary, TOTALS[0]) if summary else NONE,
                     summary["pairs"] if summary else 0,
                     numbers | {"coverage": (summary["coverage"] if summary else None,)},
@@ -78,12 +82,12 @@ def result_rows(measured: Measured, with_theirs: bool) -> list[ResultRow]:
     return found
 
 
-def _as_printed(column: Column) -> Column:
+def _round_as_printed(column: Column) -> Column:
     """A column with as many decimals as the paper prints."""
     return Column(column.key, column.heading, column.unit, 1 if column.unit == "%" else 2, column.doc)
 
 
-def runtime_rows(measured: Measured, rendering: Mapping[str, tuple[float, int]]) -> list[tuple[str, ...]]:
+def make_runtime_rows(measured: PaperResults, rendering: Mapping[str, tuple[float, int]]) -> list[tuple[str, ...]]:
     """The table of run times, with ``RUNTIME_COLUMNS``: the matchers, then rendering; see ``rendering_seconds``."""
     rows = []
     for method in METHODS:
@@ -113,7 +117,7 @@ def runtime_rows(measured: Measured, rendering: Mapping[str, tuple[float, int]])
     return rows
 
 
-def results_csv(rows: Sequence[ResultRow]) -> str:
+def make_results_csv(rows: Sequence[ResultRow]) -> str:
     """The table of results as CSV, a line for each number: metres and shares; unknown numbers are empty."""
     lines: list[Sequence[Any]] = [("group", "method", "metric", "printed", "paper_code", "measured", "pairs")]
     for row in rows:
@@ -121,48 +125,50 @@ def results_csv(rows: Sequence[ResultRow]) -> str:
             numbers = (row.numbers[name][k] for name in ("printed", "theirs", "ours"))
             lines.append((row.group, row.method, metric, *numbers, row.pairs))
         lines.append((row.group, row.method, "coverage", None, None, row.numbers["coverage"][0], row.pairs))
-    return _csv(lines)
+    return _make_csv(lines)
 
 
-def runtimes_csv(rows: Sequence[Sequence[str]]) -> str:
+def make_runtimes_csv(rows: Sequence[Sequence[str]]) -> str:
     """The table of run times as CSV; unknown numbers are empty."""
-    return _csv([RUNTIME_COLUMNS, *([text if text != NONE else "" for text in row] for row in rows)])
+    return _make_csv([RUNTIME_COLUMNS, *([text if text != NONE else "" for text in row] for row in rows)])
 
 
-def _csv(lines: Sequence[Sequence[Any]]) -> str:
+def _make_csv(lines: Sequence[Sequence[Any]]) -> str:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(lines)
     return text.getvalue()
 
 
-def results_latex(rows: Sequence[ResultRow], caption: str) -> str:
+def make_results_latex(rows: Sequence[ResultRow], caption: str) -> str:
     """The table of results in LaTeX, as a floating table over two columns, without packages."""
-    metrics = [ours for _, ours in metric_columns()]
+    metrics = [ours for _, ours in list_metric_columns()]
     head = [
-        " & " + " & ".join(rf"\multicolumn{{3}}{{c}}{{{latex(_as_printed(c).title)}}}" for c in metrics) + " & ",
+        " & "
+        + " & ".join(rf"\multicolumn{{3}}{{c}}{{{escape_latex(_round_as_printed(c).title)}}}" for c in metrics)
+        + " & ",
         "Method" + " & printed & its code & measured" * len(metrics) + r" & coverage (\%)",
     ]
     body = []
     for group in GROUPS:
-        body.append(rf"\multicolumn{{{2 + 3 * len(metrics)}}}{{l}}{{\textit{{{latex(group)}}}}}")
+        body.append(rf"\multicolumn{{{2 + 3 * len(metrics)}}}{{l}}{{\textit{{{escape_latex(group)}}}}}")
         for row in rows:
             if row.group == group:
                 cells = [text for each in zip(row.printed, row.theirs, row.ours, strict=True) for text in each]
-                body.append(" & ".join(map(latex, (row.method, *cells, row.coverage))))
+                body.append(" & ".join(map(escape_latex, (row.method, *cells, row.coverage))))
     return _latex_table("l" + "r" * (3 * len(metrics) + 1), head, body, caption)
 
 
-def runtimes_latex(rows: Sequence[Sequence[str]], caption: str) -> str:
+def make_runtimes_latex(rows: Sequence[Sequence[str]], caption: str) -> str:
     """The table of run times in LaTeX."""
-    head = [" & ".join(map(latex, RUNTIME_COLUMNS))]
-    return _latex_table("lrlrrr", head, [" & ".join(map(latex, row)) for row in rows], caption)
+    head = [" & ".join(map(escape_latex, RUNTIME_COLUMNS))]
+    return _latex_table("lrlrrr", head, [" & ".join(map(escape_latex, row)) for row in rows], caption)
 
 
 def _latex_table(columns: str, head: Sequence[str], body: Sequence[str], caption: str) -> str:
     end = r" \\"
     lines = [
         r"\begin{table*}",
-        rf"\caption{{{latex(caption)}}}",
+        rf"\caption{{{escape_latex(caption)}}}",
         r"\centering\footnotesize",
         rf"\begin{{tabular}}{{{columns}}}",
         r"\hline",
@@ -176,6 +182,6 @@ def _latex_table(columns: str, head: Sequence[str], body: Sequence[str], caption
     return "\n".join(lines) + "\n"
 
 
-def latex(text: str) -> str:
+def escape_latex(text: str) -> str:
     """Text as LaTeX prints it."""
     return "".join(_LATEX.get(letter, letter) for letter in text)

@@ -9,13 +9,13 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.number_text import count_of
 from .by_setting import POSES, SCENE, Sweep
-from .summary import Table
+from .summary import ResultTable
 
 #: Most settings that are named.
 _MOST_NAMED = 6
 
 
-def averaged_over(point: Array, used: Sequence[Sweep], sweeps: Sequence[Sweep], table: Table) -> str:
+def describe_averaging(point: Array, used: Sequence[Sweep], sweeps: Sequence[Sweep], table: ResultTable) -> str:
     """A sentence on the means of a chart. ``point`` (pairs,) is the point that each pair is part of, or -1.
 
     Of ``sweeps``, those in ``used`` are the same in all pairs of a point; the others are named if they differ there.
@@ -25,11 +25,11 @@ def averaged_over(point: Array, used: Sequence[Sweep], sweeps: Sequence[Sweep], 
     most = max(map(len, groups), default=0)
     if most <= 1:
         return "Each point is one pair."
-    found = [_counted(_numbers(table.scenes, groups), "scene")]
+    found = [_count_text(_range_of_distinct(table.scenes, groups), "scene")]
     poses: dict[str, int] = {}
     named = []
     for sweep in sweeps:
-        number = _numbers(sweep.values, groups) if all(sweep is not each for each in used) else (1, 1)
+        number = _range_of_distinct(sweep.values, groups) if all(sweep is not each for each in used) else (1, 1)
         if number[1] < 2 or sweep.name == SCENE:
             continue
         if sweep.name in POSES:
@@ -41,21 +41,21 @@ def averaged_over(point: Array, used: Sequence[Sweep], sweeps: Sequence[Sweep], 
         named = [*named[:_MOST_NAMED], count_of(len(named) - _MOST_NAMED, "more setting")]
     found = [*filter(None, found), *named]
     if not found:
-        return f"Each point is the mean over {_counted(_sizes(groups), 'pair')}."
+        return f"Each point is the mean over {_count_text(_range_of_sizes(groups), 'pair')}."
     return f"Each point is the mean over {' and '.join([', '.join(found[:-1]), found[-1]] if found[1:] else found)}."
 
 
-def _numbers(values: Array, groups: Sequence[Array]) -> tuple[int, int]:
+def _range_of_distinct(values: Array, groups: Sequence[Array]) -> tuple[int, int]:
     """The least and the most distinct values in a group."""
     found = [len(np.unique(values[group])) for group in groups]
     return min(found), max(found)
 
 
-def _sizes(groups: Sequence[Array]) -> tuple[int, int]:
+def _range_of_sizes(groups: Sequence[Array]) -> tuple[int, int]:
     return min(map(len, groups)), max(map(len, groups))
 
 
-def _counted(numbers: tuple[int, int], what: str) -> str:
+def _count_text(numbers: tuple[int, int], what: str) -> str:
     """How many of what a point has; empty if every point has one."""
     least, most = numbers
     if most < 2:

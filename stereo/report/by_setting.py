@@ -12,8 +12,8 @@ import numpy as np
 from ...settings.table import TOPICS, all_settings
 from ...settings.topics.declaration import Parts
 from ...support.arrays import Array
-from ..inference.scene_means import intervals
-from .summary import Table, is_share
+from ..inference.scene_means import find_mean_intervals
+from .summary import ResultTable, is_share
 
 #: Settings, as topic.key, that determine the ground; pairs that share them share a scene, in any light and camera.
 _GROUND = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "geometry"}
@@ -31,7 +31,7 @@ POSES = {"rig.heading_deg": "heading", "rig.x_m": "place", "rig.y_m": "place"}
 MOST_LEVELS = 10
 
 
-def scene_of(facts: Mapping[str, Any]) -> str:
+def name_scene(facts: Mapping[str, Any]) -> str:
     """A name for the ground of a pair, from its facts; pairs that see the same ground have the same name.
 
     A pair whose ground is not known has a name of its own.
@@ -78,7 +78,7 @@ class Sweep:
         return [str(value) for value in distinct], np.arange(len(distinct), dtype=float), level
 
 
-def swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]) -> list[Sweep]:
+def find_swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]) -> list[Sweep]:
     """The settings that differ between pairs, those with the fewest distinct values first, as these are most often set
     on purpose.
 
@@ -88,18 +88,18 @@ def swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
     first: dict[str, Any] = {}
     differing: set[str] = set()
     for pair in facts:
-        flat = _flat(pair["settings"])
+        flat = _flatten_settings(pair["settings"])
         first = first or flat
         differing |= {name for name in flat.keys() | first.keys() if flat.get(name) != first.get(name)}
     columns: dict[str, list[Any]] = {name: [None] * len(places) for name in differing}
     for pair in facts if differing else ():
-        flat = _flat(pair["settings"])
+        flat = _flatten_settings(pair["settings"])
         for name in differing:
             columns[name][places[pair["pair"]]] = flat.get(name)
     sweeps = [
         sweep
         for name, values in columns.items()
-        if len((sweep := Sweep(name, _title(name), _array(values))).levels()[0]) > 1
+        if len((sweep := Sweep(name, _sweep_title(name), _to_value_array(values))).levels()[0]) > 1
     ]
     return _join_inseparable(sorted(sweeps, key=lambda sweep: (len(np.unique(sweep.values.astype(str))), sweep.name)))
 
@@ -115,7 +115,7 @@ def _join_inseparable(sweeps: list[Sweep]) -> list[Sweep]:
 
 
 def mean_by_level(
-    sweep: Sweep, table: Table, method: int, metric: str, among: Array | None = None
+    sweep: Sweep, table: ResultTable, method: int, metric: str, among: Array | None = None
 ) -> tuple[Array, Array]:
     """The mean (levels,) of a metric over the pairs at each level of a setting, and its 95 % bounds (levels, 2), NaN
     where there are too few scenes for them.
@@ -130,17 +130,17 @@ def mean_by_level(
         at = (level == k) & known
         if at.any():
             means[k] = numbers[at].mean()
-            bounds[k] = intervals(numbers[at, None], table.scenes[at], np.array([is_share(metric)]))[0]
+            bounds[k] = find_mean_intervals(numbers[at, None], table.scenes[at], np.array([is_share(metric)]))[0]
     return means, bounds
 
 
-def decided_by_noise(sweep: Sweep, table: Table) -> Array:
+def find_noisy_levels(sweep: Sweep, table: ResultTable) -> Array:
     """Boolean (levels,): noise of the render decides the results of half of the pairs at a level, or of more."""
     names, _, level = sweep.levels()
     return np.array([bool(table.by_noise[level == k].mean() >= 0.5) for k in range(len(names))])
 
 
-def _flat(settings: Parts) -> dict[str, Any]:
+def _flatten_settings(settings: Parts) -> dict[str, Any]:
     return {
         f"{topic}.{key}": value
         for topic, values in settings.items()
@@ -149,14 +149,14 @@ def _flat(settings: Parts) -> dict[str, Any]:
     }
 
 
-def _array(values: list[Any]) -> Array:
+def _to_value_array(values: list[Any]) -> Array:
     known = [value for value in values if value is not None]
     if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in known):
         return np.array([np.nan if value is None else float(value) for value in values])
     return np.array(["" if value is None else str(value) for value in values])
 
 
-def _title(name: str) -> str:
+def _sweep_title(name: str) -> str:
     topic, key = name.split(".")
     try:
         setting = TOPICS[topic][key]

@@ -20,13 +20,13 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ...support.arrays import Array
 from ...support.printer import show_lines
-from ..inference.scene_means import scene_means
+from ..inference.scene_means import average_by_scene
 from ..matchers.methods import describe_method
 from ..measure import by_pixel_class
 from ..measure.disparity_histograms import ERROR_PX, PARTS
 from ..measure.metrics import ERROR_STEPS_M, SHARES
 from .phase_curves import PHASE_DEG
-from .summary import Table
+from .summary import ResultTable
 
 #: After Okabe and Ito, distinct for colour-blind eyes; visible on a white and on a black page.
 COLOURS = ("#2a86c8", "#d55e00", "#009e73", "#c0699a", "#c98a00", "#6f7f8f")
@@ -83,14 +83,14 @@ _FEWEST = 200
 Summary = Sequence[Mapping[str, Any]]
 
 
-def each_method(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], dict[str, Any]]]:
+def iterate_methods(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], dict[str, Any]]]:
     """(number, entry, style of its curve) of each method."""
     for k, entry in enumerate(summary):
-        colour, mark = _look(k)
+        colour, mark = _choose_look(k)
         yield k, entry, {"color": colour, "marker": mark, "label": describe_method(entry["method"])}
 
 
-def _look(k: int) -> tuple[str, str]:
+def _choose_look(k: int) -> tuple[str, str]:
     """The colour and the mark of a method; together they are distinct for 36 methods."""
     return COLOURS[k % len(COLOURS)], MARKS[(k + k // len(COLOURS)) % len(MARKS)]
 
@@ -167,10 +167,10 @@ def _write_plain_numbers(along: Axis) -> None:
 
 
 def draw_charts(
-    summary: Summary, table: Table, laws: Mapping[str, Array], comparisons: Sequence[Mapping[str, Any]]
+    summary: Summary, table: ResultTable, laws: Mapping[str, Array], comparisons: Sequence[Mapping[str, Any]]
 ) -> dict[str, list[str]]:
     """Draw all charts but those of settings that vary: for each of ``CHARTS``, the SVG texts; none if there is nothing
-    to draw. The methods have the colours and marks of ``method_keys``. ``laws``: see ``phase_curves.phase_curves``,
+    to draw. The methods have the colours and marks of ``list_method_keys``. ``laws``: see ``phase_curves.compute_phase_curves``,
     ``comparisons``: ``summary.compare_methods``."""
     with matplotlib.rc_context(STYLE):
         return {
@@ -184,16 +184,16 @@ def draw_charts(
         }
 
 
-def method_keys(methods: Sequence[str]) -> list[tuple[str, str, str]]:
+def list_method_keys(methods: Sequence[str]) -> list[tuple[str, str, str]]:
     """(method, colour, shape as an SVG path in a square of 10) of each method, for the legend of the page."""
     return [
         (describe_method(method), colour, _SHAPES[mark])
-        for method, (colour, mark) in zip(methods, map(_look, range(len(methods))), strict=True)
+        for method, (colour, mark) in zip(methods, map(_choose_look, range(len(methods))), strict=True)
     ]
 
 
 @contextmanager
-def panel(found: list[str], name: str, title: str, height: float = 3.3) -> Iterator[Axes]:
+def add_panel(found: list[str], name: str, title: str, height: float = 3.3) -> Iterator[Axes]:
     """Axes of a chart of its own, which is added to ``found``: a narrow page sets charts below each other."""
     figure, ((axis,),) = make_figure(1, width=_PANEL_WIDTH, height=height)
     yield axis
@@ -205,7 +205,7 @@ def _draw_phase_curves(laws: Mapping[str, Array]) -> list[str]:
     """Draw phase curves, near opposition and over all phase angles."""
     found: list[str] = []
     for title, last in (("Opposition", 8.0), ("All phases", PHASE_DEG[-1])) if laws else ():
-        with panel(found, "phase", title, height=3.4 + 0.22 * (len(laws) - 1)) as axis:  # with a line for each law
+        with add_panel(found, "phase", title, height=3.4 + 0.22 * (len(laws) - 1)) as axis:  # with a line for each law
             for (name, bright), colour, dash in zip(laws.items(), itertools.cycle(COLOURS), itertools.cycle(DASHES)):
                 shown = last >= PHASE_DEG
                 axis.plot(PHASE_DEG[shown], bright[shown], color=colour, linestyle=dash, label=name)
@@ -229,7 +229,7 @@ def _draw_differences(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
         ][:_MOST_COMPARED]
         if not entries:
             continue
-        with panel(
+        with add_panel(
             found, f"typical-{key}-", "Typical scene; filled: they differ", 1.2 + _COMPARED_HEIGHT * len(entries)
         ) as axis:
             for place, entry in enumerate(entries):
@@ -258,12 +258,12 @@ def _draw_front(summary: Summary) -> list[str]:
     """Draw wrong or missing pixels against time, with the front of methods that no other beats in both."""
     points = [
         (look, entry["seconds"], 100 * entry["total_bad_1"])
-        for _, entry, look in each_method(summary)
+        for _, entry, look in iterate_methods(summary)
         if entry["n"] and entry["total_bad_1"] is not None and entry["seconds"]
     ]
     found: list[str] = []
     if len(points) > 1:
-        with panel(found, "front", "Accuracy against time; line: no method is better in both") as axis:
+        with add_panel(found, "front", "Accuracy against time; line: no method is better in both") as axis:
             best: list[tuple[float, float]] = []
             for look, seconds, wrong in points:
                 axis.plot(seconds, wrong, **look, linestyle="", zorder=3)
@@ -280,14 +280,14 @@ def _draw_front(summary: Summary) -> list[str]:
     return found
 
 
-def _draw_spreads(summary: Summary, table: Table) -> list[str]:
+def _draw_spreads(summary: Summary, table: ResultTable) -> list[str]:
     """Draw the spread over scenes of what is wrong or missing, and of the error of the measured pixels."""
     found: list[str] = []
     for title, key, factor, label in (
         ("Spread over scenes", "total_bad_1", 100.0, "% missing or off by > 1 px"),
         ("Spread over scenes, measured pixels", "epe_px", 1.0, "mean disparity error (px)"),
     ):
-        columns = [scene_means(table.column(k, key)[:, None], table.scenes)[:, 0] for k in range(len(summary))]
+        columns = [average_by_scene(table.column(k, key)[:, None], table.scenes)[:, 0] for k in range(len(summary))]
         values = [
             factor * column[np.isfinite(column)] if entry["n"] else column[:0]
             for column, entry in zip(columns, summary, strict=True)
@@ -295,8 +295,8 @@ def _draw_spreads(summary: Summary, table: Table) -> list[str]:
         most = max(map(len, values), default=0)
         if most < 2:
             continue
-        with panel(found, "spread", title + _FEW * _has_bars(values, summary, key)) as axis:
-            for k, entry, look in each_method(summary):
+        with add_panel(found, "spread", title + _FEW * _has_bars(values, summary, key)) as axis:
+            for k, entry, look in iterate_methods(summary):
                 bounds = entry["intervals"].get(key)
                 if len(values[k]) < _FEWEST_IN_BOX and bounds:
                     middle, low, high = (factor * each for each in (entry[key], *bounds))
@@ -313,7 +313,7 @@ def _draw_spreads(summary: Summary, table: Table) -> list[str]:
                 _draw_spread(axis, k, values[k], look)
             axis.set_xticks(
                 range(len(summary)),
-                [look["label"][:_LONGEST_LABEL] for *_, look in each_method(summary)],
+                [look["label"][:_LONGEST_LABEL] for *_, look in iterate_methods(summary)],
                 rotation=25 if len(summary) > 4 else 0,
             )
             start_at_zero(axis)
@@ -352,13 +352,13 @@ def _draw_histograms(summary: Summary) -> list[str]:
     """Draw signed disparity errors, the parts of a pixel in the disparities, and the error by part."""
     entries = [
         (look, entry["histograms"])
-        for _, entry, look in each_method(summary)
+        for _, entry, look in iterate_methods(summary)
         if entry["histograms"] and sum(entry["histograms"]["true_part"])
     ]
     found: list[str] = []
     if not entries:
         return found
-    with panel(found, "signed", "Signed disparity error") as axis:
+    with add_panel(found, "signed", "Signed disparity error") as axis:
         middle = (ERROR_PX[1:] + ERROR_PX[:-1]) / 2
         for look, counts in entries:
             share = 100 * np.array(counts["error"]) / sum(counts["error"])
@@ -368,23 +368,23 @@ def _draw_histograms(summary: Summary) -> list[str]:
         axis.set_xlabel("measured minus true disparity (px)")
         axis.set_ylabel("% of the measured pixels in 0.05 px")
     part = np.arange(PARTS + 1) / PARTS
-    with panel(found, "signed", "Pixel locking; 1: as often as in the true disparities") as axis:
+    with add_panel(found, "signed", "Pixel locking; 1: as often as in the true disparities") as axis:
         for look, counts in entries:
-            axis.plot(part, _over_a_pixel(counts["part"], counts["true_part"]), **look)
+            axis.plot(part, _average_by_fraction(counts["part"], counts["true_part"]), **look)
         axis.axhline(1, color=_INK, linewidth=0.8)
         start_at_zero(axis)
         axis.set_xlabel("part of a pixel in the disparity")
         axis.set_ylabel("measured over true frequency")
-    with panel(found, "signed", "Bias by part of a pixel; errors below 1 px") as axis:
+    with add_panel(found, "signed", "Bias by part of a pixel; errors below 1 px") as axis:
         for look, counts in entries:
-            axis.plot(part, _over_a_pixel(counts["fine_error_px"], counts["fine"]), **look)
+            axis.plot(part, _average_by_fraction(counts["fine_error_px"], counts["fine"]), **look)
         axis.axhline(0, color=_INK, linewidth=0.8)
         axis.set_xlabel("part of a pixel in the true disparity")
         axis.set_ylabel("mean signed error (px)")
     return found
 
 
-def _over_a_pixel(sums: Sequence[float], counts: Sequence[float]) -> Array:
+def _average_by_fraction(sums: Sequence[float], counts: Sequence[float]) -> Array:
     """``sums`` over ``counts`` by the part of a pixel, from one whole pixel to the next; NaN where nothing counts."""
     ratio = np.divide(sums, counts, out=np.full(PARTS, np.nan), where=np.array(counts) > 0)
     return np.append(ratio, ratio[0])
@@ -395,15 +395,15 @@ def _draw_errors(summary: Summary) -> list[str]:
     found: list[str] = []
     if not any(entry["error_curve"] for entry in summary):
         return found
-    lines = [(entry, look | {"marker": ""}) for _, entry, look in each_method(summary)]
-    with panel(found, "errors", "Cumulative error; ends at the coverage") as axis:
+    lines = [(entry, look | {"marker": ""}) for _, entry, look in iterate_methods(summary)]
+    with add_panel(found, "errors", "Cumulative error; ends at the coverage") as axis:
         for entry, line in lines:
             if entry["error_curve"]:
                 axis.plot(ERROR_STEPS_M, 100 * np.array(entry["error_curve"]), **line)
         set_logarithmic(axis, "x")
         _set_percent_axis(axis, "% of all true pixels within it")
         axis.set_xlabel("depth error (m)")
-    with panel(found, "errors", "Error against coverage; dotted: best order") as axis:
+    with add_panel(found, "errors", "Error against coverage; dotted: best order") as axis:
         for entry, line in lines:
             if entry["sparsification"]["texture"]:
                 axis.plot(100 * np.array(SHARES), entry["sparsification"]["texture"], **line)
@@ -416,7 +416,7 @@ def _draw_errors(summary: Summary) -> list[str]:
     return found
 
 
-def _has_enough(sums: Mapping[str, Any]) -> Array:
+def _has_enough_pixels(sums: Mapping[str, Any]) -> Array:
     return np.array(sums["true"]) >= _FEWEST
 
 
@@ -434,8 +434,8 @@ def _draw_range(summary: Summary) -> list[str]:
     """Draw error against range, with the law Z² / (f·B) · σ, and coverage and wrong pixels against range."""
     entries = [
         (look, entry["strata"]["range"])
-        for _, entry, look in each_method(summary)
-        if "range" in entry["strata"] and _has_enough(entry["strata"]["range"]).any()
+        for _, entry, look in iterate_methods(summary)
+        if "range" in entry["strata"] and _has_enough_pixels(entry["strata"]["range"]).any()
     ]
     found: list[str] = []
     if not entries:
@@ -447,9 +447,9 @@ def _draw_range(summary: Summary) -> list[str]:
         set_logarithmic(axis, "x")
         axis.set_xlabel("true depth (m)")
 
-    with panel(found, "range", "Error; dashed: Z² / (f·B) · σ") as axis:
+    with add_panel(found, "range", "Error; dashed: Z² / (f·B) · σ") as axis:
         for look, sums in entries:
-            known = _has_enough(sums) & (np.array(sums["n"]) > 0)
+            known = _has_enough_pixels(sums) & (np.array(sums["n"]) > 0)
             n = np.maximum(np.array(sums["n"]), 1)
             axis.plot(middle[known], (np.array(sums["l1_m"]) / n)[known], **look)
             fine = sum(sums["fine"])
@@ -464,9 +464,9 @@ def _draw_range(summary: Summary) -> list[str]:
         ("Coverage", "% measured", _measured_percent),
         ("Wrong or missing", "% missing or off by > 1 px", _wrong_percent),
     ):
-        with panel(found, "range", title) as axis:
+        with add_panel(found, "range", title) as axis:
             for look, sums in entries:
-                known = _has_enough(sums)
+                known = _has_enough_pixels(sums)
                 axis.plot(middle[known], percent(sums)[known], **look)
             finish(axis)
             _set_percent_axis(axis, label)
@@ -478,16 +478,18 @@ def _draw_pixel_classes(summary: Summary) -> list[str]:
     found: list[str] = []
     for factor in by_pixel_class.FACTORS:
         if factor.key == "range" or not any(
-            _has_enough(entry["strata"][factor.key]).sum() > 1 for entry in summary if factor.key in entry["strata"]
+            _has_enough_pixels(entry["strata"][factor.key]).sum() > 1
+            for entry in summary
+            if factor.key in entry["strata"]
         ):
             continue
-        with panel(found, "strata", factor.title) as axis:
+        with add_panel(found, "strata", factor.title) as axis:
             places = np.arange(len(factor.classes))
             shown = np.zeros(len(places), bool)
-            for k, entry, look in each_method(summary):
+            for k, entry, look in iterate_methods(summary):
                 sums = entry["strata"].get(factor.key)
                 if sums is not None:
-                    known = _has_enough(sums)
+                    known = _has_enough_pixels(sums)
                     shown |= known
                     aside = (k - (len(summary) - 1) / 2) * 0.12 if factor.names else 0.0
                     axis.plot(

@@ -48,7 +48,9 @@ def name_levels(
     of_pairs: list[frozenset[str]] = [frozenset()] * len(places)
     for pair in facts if joined else ():
         settings = pair["settings"]
-        of_pairs[places[pair["pair"]]] = frozenset(name for name, stated in _presets() if _has(settings, stated))
+        of_pairs[places[pair["pair"]]] = frozenset(
+            name for name, stated in _read_image_presets() if _has_settings(settings, stated)
+        )
     found = []
     for sweep, (names, _, level) in zip(sweeps, levels, strict=True):
         of_levels = [[of_pairs[n] for n in np.flatnonzero(level == k)] for k in range(len(names))]
@@ -69,7 +71,7 @@ def join_by_scene(
     """
     if not sweeps:
         return []
-    for name, title, of_pair in ((SCENE, "Scene", _scene_title), (TERRAIN, "Terrain", _terrain_title)):
+    for name, title, of_pair in ((SCENE, "Scene", _find_scene_title), (TERRAIN, "Terrain", _find_terrain_title)):
         titles: list[str] = [""] * len(places)
         stated: set[str] = set()
         for pair in facts:
@@ -93,7 +95,7 @@ def join_by_scene(
     return list(sweeps)
 
 
-def conditions_of(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]]) -> list[Condition]:
+def list_conditions(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]]) -> list[Condition]:
     """The conditions of sweeps whose levels have these names, at most ``MOST``."""
     found = [
         Condition(name, level == n)
@@ -104,24 +106,24 @@ def conditions_of(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]]) -> li
     return found[:MOST]
 
 
-def titles_of(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]], count: int) -> list[str]:
+def make_pair_titles(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]], count: int) -> list[str]:
     """A title for each of ``count`` pairs, all different: its values of the settings that vary, those set on purpose
     first, and as many as tell it from the others; empty if nothing varies."""
-    texts = [_texts_of(sweep, own) for sweep, own in zip(sweeps, names, strict=True)]
+    texts = [_value_texts(sweep, own) for sweep, own in zip(sweeps, names, strict=True)]
     titles = [", ".join(filter(None, parts)) for parts in zip(*texts[:_IN_TITLE], strict=True)] or [""] * count
     for own in texts[_IN_TITLE:]:
-        for pairs in _alike(titles):
+        for pairs in _group_equal_titles(titles):
             if len({own[pair] for pair in pairs}) > 1:
                 for pair in pairs:
                     titles[pair] = ", ".join(filter(None, (titles[pair], own[pair])))
     if sweeps:
-        for pairs in _alike(titles):  # on another ground, as its seed is no setting that varies
+        for pairs in _group_equal_titles(titles):  # on another ground, as its seed is no setting that varies
             for number, pair in enumerate(pairs[1:], 2):
                 titles[pair] = f"{titles[pair]} ({number})".lstrip()
     return titles
 
 
-def _texts_of(sweep: Sweep, names: Sequence[str]) -> list[str]:
+def _value_texts(sweep: Sweep, names: Sequence[str]) -> list[str]:
     """The value of each pair in words, empty where it is not known."""
     exact = sweep.numeric and not sweep.together  # a level may stand for a range of values
     _, _, level = sweep.levels()
@@ -131,7 +133,7 @@ def _texts_of(sweep: Sweep, names: Sequence[str]) -> list[str]:
     ]
 
 
-def _alike(titles: Sequence[str]) -> list[list[int]]:
+def _group_equal_titles(titles: Sequence[str]) -> list[list[int]]:
     """The pairs of each title that several have."""
     found: defaultdict[str, list[int]] = defaultdict(list)
     for pair, title in enumerate(titles):
@@ -165,7 +167,9 @@ def _name_presets(levels: Sequence[Sequence[frozenset[str]]]) -> list[str]:
             others = frozenset().union(*(pair for other in levels if other is not own for pair in other))
             fitting = frozenset.intersection(*own) - others
             named = [
-                (len(stated), name) for name, stated in _presets() if name in fitting and name.startswith(f"{kind}/")
+                (len(stated), name)
+                for name, stated in _read_image_presets()
+                if name in fitting and name.startswith(f"{kind}/")
             ]
             found.append(max(named)[1] if named else "")
         if all(found):
@@ -173,34 +177,38 @@ def _name_presets(levels: Sequence[Sequence[frozenset[str]]]) -> list[str]:
     return []
 
 
-def preset_title(settings: Parts) -> str:
+def find_preset_title(settings: Parts) -> str:
     """The title of the shipped scene that a pair was rendered from, unchanged; empty for any other scene."""
-    matching = [(len(stated), name) for name, stated in _presets() if is_whole(name) and _has(settings, stated)]
+    matching = [
+        (len(stated), name)
+        for name, stated in _read_image_presets()
+        if is_whole(name) and _has_settings(settings, stated)
+    ]
     return preset_header(max(matching)[1])[0] if matching else ""
 
 
-def _scene_title(settings: Parts) -> tuple[str, set[str]] | None:
+def _find_scene_title(settings: Parts) -> tuple[str, set[str]] | None:
     """The title of the shipped scene whose ground and surfaces these settings have, and all settings, by any of which
     it may differ from others; None for any other scene."""
     found = []
-    for name, stated in _presets():
+    for name, stated in _read_image_presets():
         ground = {place: value for place, value in stated.items() if TOPICS[place[0]][place[1]].effect in _OF_SCENE}
-        if is_whole(name) and _has(settings, ground):
+        if is_whole(name) and _has_settings(settings, ground):
             same = sum(settings.get(topic, {}).get(key) == value for (topic, key), value in stated.items())
             found.append((same - len(stated), len(stated), name))  # of two, the one that describes light and camera too
     every = {f"{topic}.{key}" for topic, values in settings.items() for key in values}
     return (preset_header(max(found)[2])[0], every) if found else None
 
 
-def _terrain_title(settings: Parts) -> tuple[str, set[str]] | None:
+def _find_terrain_title(settings: Parts) -> tuple[str, set[str]] | None:
     """The title of the shipped terrain whose ground these settings have, and the settings that it states; None for any
     other made-up ground. The title of ground from a file is empty."""
     if settings.get("source", {}).get("kind") != "PROCEDURAL":
         return "", set()
     found = [
         (len(stated), name, stated)
-        for name, stated in _presets()
-        if name.startswith("terrains/") and _has(settings, stated)
+        for name, stated in _read_image_presets()
+        if name.startswith("terrains/") and _has_settings(settings, stated)
     ]
     if not found:
         return None
@@ -209,7 +217,7 @@ def _terrain_title(settings: Parts) -> tuple[str, set[str]] | None:
 
 
 @cache
-def _presets() -> list[tuple[str, dict[tuple[str, str], Any]]]:
+def _read_image_presets() -> list[tuple[str, dict[tuple[str, str], Any]]]:
     """The settings of each shipped preset that concern the images, without the settings of rendering."""
     return [
         (
@@ -225,5 +233,5 @@ def _presets() -> list[tuple[str, dict[tuple[str, str], Any]]]:
     ]
 
 
-def _has(settings: Parts, stated: Mapping[tuple[str, str], Any]) -> bool:
+def _has_settings(settings: Parts, stated: Mapping[tuple[str, str], Any]) -> bool:
     return bool(stated) and all(settings.get(topic, {}).get(key) == value for (topic, key), value in stated.items())

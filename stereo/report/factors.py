@@ -18,7 +18,7 @@ _CROSSED, _REPEATED = 0.9, 2
 
 
 @dataclass(frozen=True)
-class Lines:
+class FactorLines:
     """The lines that the charts of a setting have for another one, ``factor``."""
 
     factor: Sweep
@@ -27,7 +27,7 @@ class Lines:
     grouped: bool  # whether a line stands for several values
 
 
-def lines_for(sweep: Sweep, sweeps: Sequence[Sweep]) -> Lines | None:
+def choose_lines(sweep: Sweep, sweeps: Sequence[Sweep]) -> FactorLines | None:
     """The lines of the charts of ``sweep``: the values of the first other setting that was varied on purpose with it.
 
     None if there is no such setting. The poses of a camera and names beyond ``MOST_LINES`` make no lines.
@@ -37,23 +37,23 @@ def lines_for(sweep: Sweep, sweeps: Sequence[Sweep]) -> Lines | None:
     for other in sweeps:
         if other is sweep or other.name in POSES or not _is_repeated(other) or not _are_crossed(sweep, other):
             continue
-        if lines := _lines(other):
+        if lines := _make_lines(other):
             return lines
     return None
 
 
-def _known(sweep: Sweep) -> Array:
+def _find_known(sweep: Sweep) -> Array:
     return np.asarray(~np.isnan(sweep.values) if sweep.numeric else sweep.values != "")
 
 
 def _is_repeated(sweep: Sweep) -> bool:
-    known = _known(sweep)
+    known = _find_known(sweep)
     return int(known.sum()) >= _REPEATED * len(np.unique(sweep.values[known]))
 
 
 def _are_crossed(one: Sweep, other: Sweep) -> bool:
     """Whether nearly every value of one setting occurs with nearly every value of another."""
-    known = _known(one) & _known(other)
+    known = _find_known(one) & _find_known(other)
     first, second = (np.unique(sweep.values[known], return_inverse=True)[1] for sweep in (one, other))
     if not known.any() or min(first.max(), second.max()) < 1:
         return False
@@ -61,15 +61,17 @@ def _are_crossed(one: Sweep, other: Sweep) -> bool:
     return combinations >= _CROSSED * (first.max() + 1) * (second.max() + 1)
 
 
-def _lines(factor: Sweep) -> Lines | None:
-    known = _known(factor)
+def _make_lines(factor: Sweep) -> FactorLines | None:
+    known = _find_known(factor)
     values, level = np.unique(factor.values[known], return_inverse=True)
     of = np.full(len(factor.values), -1)
     if len(values) <= MOST_LINES:
         of[known] = level
-        return Lines(factor, [f"{value:g}" if factor.numeric else str(value) for value in values], of, grouped=False)
+        return FactorLines(
+            factor, [f"{value:g}" if factor.numeric else str(value) for value in values], of, grouped=False
+        )
     if not factor.numeric:
         return None
     groups = np.array_split(np.arange(len(values)), _GROUPS)
     of[known] = np.repeat(np.arange(_GROUPS), [len(group) for group in groups])[level]
-    return Lines(factor, [f"{values[group[0]]:g} to {values[group[-1]]:g}" for group in groups], of, grouped=True)
+    return FactorLines(factor, [f"{values[group[0]]:g} to {values[group[-1]]:g}" for group in groups], of, grouped=True)

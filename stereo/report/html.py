@@ -25,12 +25,19 @@ from ..inference.scene_means import FEWEST_FOR_MEAN
 from ..matchers.methods import Method, describe_method
 from ..measure.row_metrics import REGION_METRICS, REGIONS
 from .by_setting import SCENE, Sweep
-from .charts import draw_charts, method_keys
+from .charts import draw_charts, list_method_keys
 from .conditions import Condition
 from .pages import read_template
-from .phase_curves import phase_curves
-from .pictures import MOST_IN_MATRIX, MOST_PICTURES, choose_typical, embed_left, embed_picture, picture_matrix
-from .summary import Table
+from .phase_curves import compute_phase_curves
+from .pictures import (
+    MOST_IN_MATRIX,
+    MOST_PICTURES,
+    choose_typical_pairs,
+    embed_left_image,
+    embed_picture,
+    make_picture_matrix,
+)
+from .summary import ResultTable
 from .sweep_charts import MOST_SWEEPS, draw_sweeps
 from .table_columns import (
     COMPARED_COLUMNS,
@@ -41,10 +48,10 @@ from .table_columns import (
     SECONDS,
     SUMMARY,
     TOTALS,
-    columns_of_plugins,
     format_interval,
     format_number,
     format_plugin,
+    make_plugin_columns,
 )
 
 #: Most pairs shown with pictures; half of them are the worst ones. The CSV file contains all.
@@ -88,60 +95,62 @@ def write_report(
     chosen: Sequence[str],
     titles: Sequence[str],
     conditions: Sequence[Condition],
-    table: Table,
+    table: ResultTable,
     sweeps: Sequence[Sweep],
     methods: Sequence[Method],
     out: Path,
     guiss: bool,
 ) -> None:
     """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``. It contains the pictures
-    of the pairs ``chosen`` and of a typical pair of each condition. ``ranking``: see ``ranking.rank_methods``;
+    of the pairs ``chosen`` and of a typical pair of each condition. ``ranking``: see ``ranking.make_ranking_table``;
     ``titles``: of all pairs, see ``conditions``."""
     script = (_HERE / "report.js").read_text(encoding="utf-8").strip()
-    typical = choose_typical(table, conditions)
+    typical = choose_typical_pairs(table, conditions)
     names = {*chosen, *(table.pairs[pair] for _, pair in typical)}
     facts_of = {facts["pair"]: facts for facts in report["pairs"] if facts["pair"] in names}
     html = _read_template().render(
         report=report,
         ranking=ranking,
-        keys=method_keys(table.methods),
+        keys=list_method_keys(table.methods),
         regions=REGIONS,
         region_metrics=REGION_METRICS,
         metric_names=METRIC_NAMES,
         columns=SUMMARY,
         totals=(*TOTALS, SECONDS),
         measured=MEASURED,
-        compared=_comparison_rows(report["comparisons"]),
+        compared=_make_comparison_rows(report["comparisons"]),
         compared_columns=COMPARED_COLUMNS,
         compared_methods=len({entry[side] for entry in report["comparisons"] for side in "ab"}),
         fewest_for_mean=FEWEST_FOR_MEAN,
         format_number=format_number,
         format_interval=format_interval,
         guiss=GUISS if guiss else (),
-        plugin_columns=columns_of_plugins(report["plug_ins"]),
+        plugin_columns=make_plugin_columns(report["plug_ins"]),
         format_plugin=format_plugin,
-        charts=draw_charts(report["summary"], table, phase_curves(report["pairs"]), report["comparisons"]),
+        charts=draw_charts(report["summary"], table, compute_phase_curves(report["pairs"]), report["comparisons"]),
         sweeps=draw_sweeps(report["summary"], table, sweeps),
         other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
         scenes=_list_scenes(sweeps, table),
         mixed=count_values(report["pairs"]),
         warned=count_sentences(report["pairs"], "warnings"),
         told=count_sentences(report["pairs"], "notes"),
-        error_bar=_colour_bar(colours.ERROR),
+        error_bar=_describe_colour_bar(colours.ERROR),
         invalid=colours.INVALID_GREY,
         sky=colours.SKY_GREY,
-        matrix=picture_matrix(typical, table, facts_of, report["rows"], out),
+        matrix=make_picture_matrix(typical, table, facts_of, report["rows"], out),
         left_out=len(conditions) - len(typical),
-        pairs=[_pair_section(facts_of[name], report, table, out) for name in sorted(chosen, key=table.pairs.index)],
+        pairs=[
+            _make_pair_section(facts_of[name], report, table, out) for name in sorted(chosen, key=table.pairs.index)
+        ],
         titles=dict(zip(table.pairs, titles, strict=True)),
-        data=_page_data(table, titles, ranking, methods),
+        data=_make_page_data(table, titles, ranking, methods),
         script=script,
-        script_hash=_script_hash(script),
+        script_hash=_hash_script(script),
     )
     write_text(out / "report.html", html)
 
 
-def _list_scenes(sweeps: Sequence[Sweep], table: Table) -> str:
+def _list_scenes(sweeps: Sequence[Sweep], table: ResultTable) -> str:
     """The scenes of the pairs, as in "2 scenes: Enceladus suncups, Europa chaos"; empty if these are no presets."""
     names = [name for sweep in sweeps if sweep.name == SCENE for name in sweep.levels()[0]]
     if not names:
@@ -153,7 +162,7 @@ def _list_scenes(sweeps: Sequence[Sweep], table: Table) -> str:
     return f"{count}{presets}: {', '.join([*names[:_MOST_SCENES], *more])}"
 
 
-def choose_pairs(table: Table, names: Sequence[str]) -> list[str]:
+def choose_pairs(table: ResultTable, names: Sequence[str]) -> list[str]:
     """Names of the pairs to show: all or, if there are too many, the worst ones and as many others at equal steps.
 
     The worst pairs have the most wrong or missing pixels by any method that measured anything. Pairs that count in no
@@ -192,7 +201,7 @@ def count_sentences(facts: Iterable[Mapping[str, Any]], kind: str) -> list[tuple
     return sorted(found.items(), key=lambda entry: -entry[1])
 
 
-def _comparison_rows(comparisons: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def _make_comparison_rows(comparisons: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """A row for every two methods, with their comparison by each metric."""
     rows: dict[tuple[str, str], dict[str, Any]] = {}
     for entry in comparisons:
@@ -202,7 +211,9 @@ def _comparison_rows(comparisons: Sequence[Mapping[str, Any]]) -> list[dict[str,
     return list(rows.values())
 
 
-def _page_data(table: Table, titles: Sequence[str], ranking: Mapping[str, Any], methods: Sequence[Method]) -> str:
+def _make_page_data(
+    table: ResultTable, titles: Sequence[str], ranking: Mapping[str, Any], methods: Sequence[Method]
+) -> str:
     """The ranking and the table of all pairs for the script of the page: JSON that is safe inside a script element."""
     columns = [[table.column(k, key) * factor for key, _, _, factor in _PAGED] for k in range(len(methods))]
     counted, failed = table.counts.any(axis=0), table.failed.any(axis=0)
@@ -234,21 +245,23 @@ def _page_data(table: Table, titles: Sequence[str], ranking: Mapping[str, Any], 
     return text.replace("<", "\\u003c")
 
 
-def _script_hash(script: str) -> str:
+def _hash_script(script: str) -> str:
     """The hash by which the page's security policy allows its one script."""
     return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
 
 
-def _pair_section(facts: Mapping[str, Any], report: Mapping[str, Any], table: Table, out: Path) -> dict[str, Any]:
+def _make_pair_section(
+    facts: Mapping[str, Any], report: Mapping[str, Any], table: ResultTable, out: Path
+) -> dict[str, Any]:
     height = facts["height_px"]
     scale = colours.Scale(*facts["depth_scale_m"])
     start = table.pairs.index(facts["pair"]) * len(table.methods)
     rows = report["rows"][start : start + len(table.methods)]
     return {
         "facts": facts,
-        "left": embed_left(facts, out),
+        "left": embed_left_image(facts, out),
         "true_depth": embed_picture(out / facts["images"]["true_depth"], height),
-        "depth_bar": _colour_bar(scale),
+        "depth_bar": _describe_colour_bar(scale),
         "settings": to_toml(facts["settings"]),
         "methods": [
             {
@@ -265,6 +278,6 @@ def _pair_section(facts: Mapping[str, Any], report: Mapping[str, Any], table: Ta
     }
 
 
-def _colour_bar(scale: colours.Scale) -> dict[str, Any]:
+def _describe_colour_bar(scale: colours.Scale) -> dict[str, Any]:
     ticks: Sequence[tuple[float, str]] = [(100 * float(scale.position(tick)), f"{tick:g}") for tick in scale.ticks]
     return {"title": scale.title, "gradient": ", ".join(scale.gradient()), "ticks": ticks}

@@ -93,7 +93,7 @@ class Notes:
 
     def found(self) -> list[Note]:
         """The notes, the most important first."""
-        missed = (self._missed(label, found) for label, found in self._search.items())
+        missed = (self._note_missed(label, found) for label, found in self._search.items())
         from_truth = [label for label, found in self._search.items() if any(s["source"] == TRUTH for _, s in found)]
         known = (
             Note(
@@ -105,14 +105,14 @@ class Notes:
         )
         return [
             *filter(None, missed),
-            *self._noise(),
+            *self._note_noise(),
             *known,
-            *self._plugins(),
-            *self._occlusion(),
-            *self._baked_light(),
+            *self._note_plugins(),
+            *self._note_occlusion(),
+            *self._note_baked_light(),
         ]
 
-    def _plugins(self) -> Iterator[Note]:
+    def _note_plugins(self) -> Iterator[Note]:
         for fault in self._faults:
             yield Note("A metric is left out", fault, True)
         for name, sentences in self._failures.items():
@@ -120,7 +120,7 @@ class Notes:
                 f"The metric {name} failed {count_of(len(sentences), 'time')}", f"the first time, {sentences[0]}", True
             )
 
-    def _occlusion(self) -> Iterator[Note]:
+    def _note_occlusion(self) -> Iterator[Note]:
         if self._estimated:
             better = " Pairs rendered since version 0.2 with quality.truth FULL contain what rays found."
             yield Note(
@@ -128,7 +128,7 @@ class Notes:
                 f"from the depths of both eyes.{better if self._estimated_renders else ''}",
             )
 
-    def _baked_light(self) -> Iterator[Note]:
+    def _note_baked_light(self) -> Iterator[Note]:
         if not self._baked:
             return
         noise, share, _ = max(self._baked)
@@ -142,21 +142,21 @@ class Notes:
             over > 0,
         )
 
-    def _noise(self) -> Iterator[Note]:
+    def _note_noise(self) -> Iterator[Note]:
         if self._decided:
             doubt, by_bake = max(doubt for doubt, _ in self._decided), [by_bake for _, by_bake in self._decided]
             names = {"quality.bake_samples" if each else "quality.samples" for each in by_bake}
             yield Note(
-                f"{NOISE_DECIDES}{self._where(len(self._decided))}",
+                f"{NOISE_DECIDES}{self._count_text(len(self._decided))}",
                 "in light or in shadow, more than 5 % of the pixels have less texture than noise. Methods that "
                 f"differ by less than {show_rounded(100 * doubt)} % of the pixels may differ by "
                 f"noise alone; raise {' and '.join(sorted(names))} and look whether their order stays."
-                + _of_bake(by_bake),
+                + _bake_text(by_bake),
                 True,
             )
         if self._unknown:
             yield Note(
-                f"The noise of baked light is unknown{self._where(self._unknown)}",
+                f"The noise of baked light is unknown{self._count_text(self._unknown)}",
                 "it is fixed to the ground, alike in both eyes, so comparing them does not show it, and an "
                 "older version of Icy Moon kept no error of the bake. Matchers may take it for texture and look "
                 "better than they are; render these pairs again into another data set.",
@@ -164,15 +164,15 @@ class Notes:
             )
         if self._noisy:
             yield Note(
-                f"The render is noisy{self._where(len(self._noisy))}",
-                "in light or in shadow, 1 to 5 % of the pixels have less texture than noise." + _of_bake(self._noisy),
+                f"The render is noisy{self._count_text(len(self._noisy))}",
+                "in light or in shadow, 1 to 5 % of the pixels have less texture than noise." + _bake_text(self._noisy),
             )
 
-    def _where(self, count: int) -> str:
+    def _count_text(self, count: int) -> str:
         return f" in {count} of {self._pairs} pairs" if self._pairs > 1 else ""
 
     @staticmethod
-    def _missed(label: str, found: Sequence[tuple[str, Mapping[str, Any]]]) -> Note | None:
+    def _note_missed(label: str, found: Sequence[tuple[str, Mapping[str, Any]]]) -> Note | None:
         beyond = [(each["missed"], pair, each) for pair, each in found if (each["missed"] or 0.0) > MISSED]
         if not beyond:
             return None
@@ -187,7 +187,7 @@ class Notes:
         )
 
 
-def _of_bake(by_bake: Sequence[bool]) -> str:
+def _bake_text(by_bake: Sequence[bool]) -> str:
     """What readers must know of pairs in which noise of baked light is the larger part of the noise."""
     count = sum(by_bake)
     if not count:

@@ -25,11 +25,11 @@ def read_template(name: str, folder: Path = _HERE) -> jinja2.Template:
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_show,
+        finalize=_escape_controls,
     )
     environment.globals |= {"count_of": count_of, "name_of": describe_method}
     return environment.get_template(name)
 
 
-def _show(value: object) -> object:
+def _escape_controls(value: object) -> object:
     return show_lines(value) if type(value) is str else value

@@ -19,7 +19,7 @@ MOST = 6
 PHASE_DEG = 160.0 * np.linspace(0.0, 1.0, 121) ** 3
 
 
-def phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
+def compute_phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
     """Brightness (n,) at ``PHASE_DEG``, relative to that at opposition, by the name of each law in the pairs' facts."""
     found: dict[str, Array] = {}
     for pair in pairs:

@@ -12,9 +12,9 @@ import numpy as np
 
 from ...support.arrays import Array
 from ..images.gallery import SCREEN_GAMMA
-from ..images.image_files import encoded, read_png
+from ..images.image_files import encode_image, read_png
 from .conditions import Condition
-from .summary import Table
+from .summary import ResultTable
 from .table_columns import RANKING
 
 #: Most pictures in the file: as JPEG of 480 px they take about 25 kB each, and a third more as text.
@@ -32,25 +32,25 @@ def embed_picture(path: Path, height: int, linear: bool = False) -> str:
     """
     image = read_png(path)[:height]
     if linear:
-        image = with_gamma(image)
+        image = apply_screen_gamma(image)
     if image.shape[1] > _WIDTH_PX:
         size = (_WIDTH_PX, max(1, round(image.shape[0] * _WIDTH_PX / image.shape[1])))
         image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    content = base64.b64encode(encoded(image, ".jpg", _JPEG_QUALITY)).decode("ascii")
+    content = base64.b64encode(encode_image(image, ".jpg", _JPEG_QUALITY)).decode("ascii")
     return f"data:image/jpeg;base64,{content}"
 
 
-def with_gamma(image: Array) -> Array:
+def apply_screen_gamma(image: Array) -> Array:
     """The linear grey values of a sensor, uint8, as screens show them."""
     return np.asarray((255 * (image / 255.0) ** SCREEN_GAMMA).astype(np.uint8))
 
 
-def embed_left(facts: Mapping[str, Any], out: Path) -> str:
+def embed_left_image(facts: Mapping[str, Any], out: Path) -> str:
     """The left image of a pair as a data URL."""
     return embed_picture(out / facts["images"]["left"], facts["height_px"], linear=facts.get("linear", True))
 
 
-def typical_pair(table: Table, among: Array) -> int | None:
+def find_typical_pair(table: ResultTable, among: Array) -> int | None:
     """The number of the typical one of the pairs where the boolean ``among`` is true; None if none of them counts.
 
     Its share of wrong or missing pixels, averaged over the methods, is the median; of two in the middle it is the
@@ -66,7 +66,7 @@ def typical_pair(table: Table, among: Array) -> int | None:
     return int(candidates[np.argsort(means, kind="stable")[(len(candidates) - 1) // 2]])
 
 
-def choose_typical(table: Table, conditions: Sequence[Condition]) -> list[tuple[Condition, int]]:
+def choose_typical_pairs(table: ResultTable, conditions: Sequence[Condition]) -> list[tuple[Condition, int]]:
     """The conditions of the matrix, each with its typical pair: as many as there is room for, all pairs if there are no
     conditions. None if there are fewer than two pairs, as the report then shows the pair itself."""
     if len(table.pairs) < 2:
@@ -74,14 +74,14 @@ def choose_typical(table: Table, conditions: Sequence[Condition]) -> list[tuple[
     found = [
         (condition, pair)
         for condition in conditions or [Condition("All pairs", np.ones(len(table.pairs), bool))]
-        if (pair := typical_pair(table, condition.pairs & (table.scenes >= 0))) is not None
+        if (pair := find_typical_pair(table, condition.pairs & (table.scenes >= 0))) is not None
     ]
     return found[: max(1, MOST_IN_MATRIX // (1 + len(table.methods)))]
 
 
-def picture_matrix(
+def make_picture_matrix(
     typical: Sequence[tuple[Condition, int]],
-    table: Table,
+    table: ResultTable,
     facts: Mapping[str, Mapping[str, Any]],
     rows: Sequence[Mapping[str, Any]],
     out: Path,
@@ -99,7 +99,7 @@ def picture_matrix(
             {
                 "name": condition.name,
                 "pair": pair,
-                "left": embed_left(facts[pair], out),
+                "left": embed_left_image(facts[pair], out),
                 "methods": [
                     {
                         "row": row,

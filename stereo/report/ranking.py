@@ -8,7 +8,7 @@ from typing import Any
 
 from ..matchers.methods import describe_method
 from .conditions import Condition
-from .summary import Table, compare_methods, summarise_method
+from .summary import ResultTable, compare_methods, summarise_method
 from .table_columns import (
     METRIC_NAMES,
     NO_RESULT,
@@ -24,7 +24,7 @@ from .verdict_text import describe_verdicts
 
 
 @dataclass(frozen=True)
-class Ranked:
+class RankedColumn:
     """A column: where its number is in a summary, and by which comparison it is ranked ("" for no rank)."""
 
     column: Column
@@ -32,47 +32,47 @@ class Ranked:
 
 
 @dataclass(frozen=True)
-class View:
+class PixelSet:
     """A set of pixels, and the columns over it."""
 
     key: str
     name: str
     doc: str
-    columns: tuple[Ranked, ...]
+    columns: tuple[RankedColumn, ...]
 
 
-def _measured(prefix: str) -> tuple[Ranked, ...]:
+def _measured_columns(prefix: str) -> tuple[RankedColumn, ...]:
     """The columns over measured pixels, with a prefix of the numbers. They are ranked on common pixels."""
     keys = ("epe_px", "bad_1", "d1", "l1_m", "rmse_m", "l1_rate_10", "si_rmse", "dod")
     return (
-        Ranked(replace(TOTALS[0], key=f"{prefix}coverage"), f"{prefix}coverage"),
+        RankedColumn(replace(TOTALS[0], key=f"{prefix}coverage"), f"{prefix}coverage"),
         *(
-            Ranked(replace(METRIC_NAMES[key], key=prefix + key), f"common_{prefix}{key}" if key != "dod" else "")
+            RankedColumn(replace(METRIC_NAMES[key], key=prefix + key), f"common_{prefix}{key}" if key != "dod" else "")
             for key in keys
         ),
-        Ranked(SECONDS, "seconds"),
+        RankedColumn(SECONDS, "seconds"),
     )
 
 
-def _total(key: str, heading: str, doc: str) -> Ranked:
-    return Ranked(
+def _total_column(key: str, heading: str, doc: str) -> RankedColumn:
+    return RankedColumn(
         Column(f"total_{key}", heading, "%", 1, f"share of all true pixels that are missing or {doc}"), f"total_{key}"
     )
 
 
 VIEWS = (
-    View(
+    PixelSet(
         "total",
         "Missing is wrong",
         "All pixels with a true depth. One without a measurement counts as wrong, so measuring less gains nothing.",
         (
-            Ranked(TOTALS[0], "coverage"),
-            _total("bad_0_5", "> 0.5 px", "wrong by more than 0.5 px"),
-            _total("bad_1", "> 1 px", "wrong by more than 1 px"),
-            _total("bad_2", "> 2 px", "wrong by more than 2 px"),
-            _total("d1", "D1", "wrong by more than 3 px and 5 % of the disparity"),
-            _total("l1_rate_10", "> 10 cm", "wrong by more than 10 cm"),
-            Ranked(
+            RankedColumn(TOTALS[0], "coverage"),
+            _total_column("bad_0_5", "> 0.5 px", "wrong by more than 0.5 px"),
+            _total_column("bad_1", "> 1 px", "wrong by more than 1 px"),
+            _total_column("bad_2", "> 2 px", "wrong by more than 2 px"),
+            _total_column("d1", "D1", "wrong by more than 3 px and 5 % of the disparity"),
+            _total_column("l1_rate_10", "> 10 cm", "wrong by more than 10 cm"),
+            RankedColumn(
                 Column(
                     "total_dod",
                     "DOD",
@@ -82,42 +82,42 @@ VIEWS = (
                 ),
                 "total_dod",
             ),
-            Ranked(SECONDS, "seconds"),
+            RankedColumn(SECONDS, "seconds"),
         ),
     ),
-    View(
+    PixelSet(
         "measured",
         "Measured",
         "The pixels that each method measured: read the errors with the coverage. Ranks and bold compare every two "
         "methods on the pixels that both measured.",
-        _measured(""),
+        _measured_columns(""),
     ),
-    View(
+    PixelSet(
         "visible",
         "Not hidden",
         "The measured pixels that the right eye sees too. Ranks and bold compare every two methods on those of them "
         "that both measured.",
-        _measured("visible_"),
+        _measured_columns("visible_"),
     ),
 )
 #: The view and the column, by its place, that the table is sorted by at first.
 FIRST = ("total", 2)
 
 
-def rank_methods(
-    table: Table, summary: Sequence[Mapping[str, Any]], verdicts: str, conditions: Sequence[Condition], seed: int
+def make_ranking_table(
+    table: ResultTable, summary: Sequence[Mapping[str, Any]], verdicts: str, conditions: Sequence[Condition], seed: int
 ) -> dict[str, Any]:
     """The ranking table as JSON: ``views``, ``methods``, and ``conditions``, all pairs first.
 
     A condition has a note on each method, whether there are ``intervals`` and whether methods are ``ranked``, and, by
     view, method and column, ``cells``: [text, interval, rank, bold, number].
     """
-    found = [_condition("All pairs", table, summary, verdicts)]
+    found = [_make_condition("All pairs", table, summary, verdicts)]
     for condition in conditions:
         part = table.where(condition.pairs)
         comparisons, ranks = compare_methods(part, seed)
         own = [summarise_method(part, k) | {"ranks": ranks[k]} for k in range(len(part.methods))]
-        found.append(_condition(condition.name, part, own, describe_verdicts(comparisons, part)))
+        found.append(_make_condition(condition.name, part, own, describe_verdicts(comparisons, part)))
     views = [
         {
             "key": view.key,
@@ -132,31 +132,34 @@ def rank_methods(
     return {"methods": list(map(describe_method, table.methods)), "first": FIRST, "conditions": found, "views": views}
 
 
-def _condition(name: str, table: Table, summary: Sequence[Mapping[str, Any]], verdicts: str) -> dict[str, Any]:
+def _make_condition(
+    name: str, table: ResultTable, summary: Sequence[Mapping[str, Any]], verdicts: str
+) -> dict[str, Any]:
     return {
         "name": name,
         "pairs": int(table.counts.any(axis=0).sum()),
         "verdicts": verdicts,
         "intervals": any(entry["intervals"] for entry in summary),
         "ranked": any(entry["ranks"] for entry in summary),
-        "notes": [_note(entry) for entry in summary],
-        "cells": _cells(summary),
+        "notes": [_note_on_pairs(entry) for entry in summary],
+        "cells": _make_cells(summary),
     }
 
 
-def _note(entry: Mapping[str, Any]) -> str:
+def _note_on_pairs(entry: Mapping[str, Any]) -> str:
     """Which pairs of a method count in no number, and whether it has a number at all."""
     parts = [f"{entry[key]} {key}" for key in ("failed", "suspect") if entry[key]]
     return ", ".join([NO_RESULT] * (entry["n"] == 0) + parts)
 
 
-def _cells(summary: Sequence[Mapping[str, Any]]) -> dict[str, list[list[list[Any]]]]:
+def _make_cells(summary: Sequence[Mapping[str, Any]]) -> dict[str, list[list[list[Any]]]]:
     return {
-        view.key: [[_cell(entry, ranked, summary) for ranked in view.columns] for entry in summary] for view in VIEWS
+        view.key: [[_make_cell(entry, ranked, summary) for ranked in view.columns] for entry in summary]
+        for view in VIEWS
     }
 
 
-def _cell(entry: Mapping[str, Any], ranked: Ranked, summary: Sequence[Mapping[str, Any]]) -> list[Any]:
+def _make_cell(entry: Mapping[str, Any], ranked: RankedColumn, summary: Sequence[Mapping[str, Any]]) -> list[Any]:
     column = ranked.column
     text = format_result(entry, column)
     if text == "–":

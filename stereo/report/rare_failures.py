@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..matchers.methods import describe_method
-from .summary import Table
+from .summary import ResultTable
 from .table_columns import RANKING
 
 #: The sign needs at least the first share of the error in at most the second share of the pairs.
@@ -35,7 +35,7 @@ class RareFailure:
     share: float
 
 
-def find_rare_failures(table: Table) -> list[RareFailure]:
+def find_rare_failures(table: ResultTable) -> list[RareFailure]:
     """The methods that fail heavily in few pairs, by pixels that are wrong or missing."""
     measured = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
     if len(measured) < 2:
@@ -57,7 +57,7 @@ def find_rare_failures(table: Table) -> list[RareFailure]:
     return found
 
 
-def describe_rare_failures(table: Table) -> list[str]:
+def describe_rare_failures(table: ResultTable) -> list[str]:
     """A sentence for each method that fails heavily in few pairs."""
     return [
         f"{describe_method(each.method)} fails rarely but heavily: {each.failing} of {each.pairs} pairs contain "

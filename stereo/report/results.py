@@ -20,17 +20,17 @@ from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN
 from ..matchers.methods import Method
 from ..measure import common_pixels
 from ..measure.metrics import ERROR_STEPS_M, SHARES
-from ..measure.plug_in import metrics_of_plugins
+from ..measure.plug_in import load_plugin_metrics
 from ..measure.row_metrics import NUMBERS, REGIONS
-from .by_setting import scene_of, swept_settings
-from .conditions import conditions_of, join_by_scene, name_levels, preset_title, titles_of
+from .by_setting import find_swept_settings, name_scene
+from .conditions import find_preset_title, join_by_scene, list_conditions, make_pair_titles, name_levels
 from .html import choose_pairs, write_report
 from .notes import Notes
-from .ranking import rank_methods
+from .ranking import make_ranking_table
 from .rare_failures import describe_rare_failures
 from .row_log import LazyRows, Row, RowLog
 from .schema import FACTS, LONG, Comparison, Failure, Report
-from .summary import Table, compare_methods, summarise_method
+from .summary import ResultTable, compare_methods, summarise_method
 from .sweep_charts import write_curves
 from .verdict_text import describe_typical, describe_verdicts
 
@@ -56,16 +56,16 @@ def write_results(
     ``names``; return the report. ``faults`` are sentences about plug-ins that were left out."""
     labels = [method.label for method in methods]
     rows = LazyRows(
-        len(names) * len(labels), lambda k: _short_row(log.read(names[k // len(labels)], labels[k % len(labels)]))
+        len(names) * len(labels), lambda k: _shorten_row(log.read(names[k // len(labels)], labels[k % len(labels)]))
     )
     usable = [name for name in names if find_facts(out, name) is not None and not _all_failed(log, name, labels)]
     facts = LazyRows(len(usable), lambda k: read_facts(out, usable[k]))
-    table, notes = Table(labels, names), Notes(methods, faults)
+    table, notes = ResultTable(labels, names), Notes(methods, faults)
     places = {name: k for k, name in enumerate(names)}
     ran_on = _fill(table, notes, log, facts, places)
     comparisons, ranks = compare_methods(table, seed, with_means=True)
     summary = [summarise_method(table, k) | {"ranks": own} for k, own in enumerate(ranks)]
-    sweeps = join_by_scene(swept_settings(facts, places), facts, places)
+    sweeps = join_by_scene(find_swept_settings(facts, places), facts, places)
     verdicts = describe_verdicts(comparisons, table)
     report: Report = {
         "format": FORMAT,
@@ -83,28 +83,28 @@ def write_results(
         "notes": [note.sentence for note in notes.found()],
         "briefs": [note.brief for note in notes.found()],
         "doubts": [note.sentence for note in notes.found() if note.doubtful],
-        "plug_ins": [metric.to_json() for metric in metrics_of_plugins()[0]],
-        "provenance": _provenance(methods, ran_on, source, seed),
+        "plug_ins": [metric.to_json() for metric in load_plugin_metrics()[0]],
+        "provenance": _describe_provenance(methods, ran_on, source, seed),
     }
     chosen = choose_pairs(table, usable)
     _write_files(out, report, [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))])
     levels = name_levels(sweeps, facts, places)
-    titles = titles_of(sweeps, levels, len(names)) if sweeps else [_preset_title(facts)] * len(names)
-    conditions = conditions_of(sweeps, levels)
-    ranking = rank_methods(table, summary, verdicts, conditions, seed)
+    titles = make_pair_titles(sweeps, levels, len(names)) if sweeps else [_preset_title(facts)] * len(names)
+    conditions = list_conditions(sweeps, levels)
+    ranking = make_ranking_table(table, summary, verdicts, conditions, seed)
     write_report(report, ranking, chosen, titles, conditions, table, sweeps, methods, out, guiss)
     return report
 
 
 def _fill(
-    table: Table, notes: Notes, log: RowLog, facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
+    table: ResultTable, notes: Notes, log: RowLog, facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
 ) -> dict[str, list[Any]]:
     """Add the facts of all pairs and all rows to a table and to notes; return on what each method ran."""
     scenes: dict[str, int] = {}
     for pair in facts:
         place = places[pair["pair"]]
         table.by_noise[place] = notes.add_pair(pair)
-        table.scenes[place] = scenes.setdefault(pair.get("scene") or scene_of(pair), len(scenes))
+        table.scenes[place] = scenes.setdefault(pair.get("scene") or name_scene(pair), len(scenes))
     ran_on: dict[str, list[Any]] = {label: [] for label in table.methods}
     for place, name in enumerate(table.pairs):
         for label in table.methods:
@@ -127,7 +127,7 @@ def _write_files(out: Path, report: Report, shown: list[Row]) -> None:
 
 
 def _preset_title(facts: Sequence[Mapping[str, Any]]) -> str:
-    return preset_title(facts[0]["settings"]) if facts else ""
+    return find_preset_title(facts[0]["settings"]) if facts else ""
 
 
 def find_facts(out: Path, pair: str) -> dict[str, Any] | None:
@@ -147,7 +147,7 @@ def _all_failed(log: RowLog, pair: str, labels: Sequence[str]) -> bool:
     return all(log.read(pair, label)["status"] == "failed" and not log.read(pair, label)["images"] for label in labels)
 
 
-def _short_row(row: Row) -> Row:
+def _shorten_row(row: Row) -> Row:
     return {key: value for key, value in row.items() if key not in LONG}
 
 
@@ -208,7 +208,7 @@ def _write_list(stream: TextIO, entries: Iterable[Row]) -> None:
     stream.write("\n ]")
 
 
-def _provenance(
+def _describe_provenance(
     methods: Sequence[Method], facts: Mapping[str, list[Any]], source: Mapping[str, Any], seed: int
 ) -> dict[str, Any]:
     return {

@@ -40,9 +40,9 @@ class RowLog:
                 if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
                     raise OSError(errno.EINVAL, "it is no regular file", str(path))
                 stream.seek(0)
-                self._index(stream)
+                self._index_rows(stream)
 
-    def _index(self, stream: BinaryIO) -> None:
+    def _index_rows(self, stream: BinaryIO) -> None:
         start = 0
         while line := stream.readline(_LONGEST_ROW):
             length, first = len(line), line
@@ -52,7 +52,7 @@ class RowLog:
             if not line.endswith(b"\n"):
                 stream.truncate(start)
                 break
-            row = self._parsed(first) if length == len(first) else None
+            row = self._parse_row(first) if length == len(first) else None
             if row is not None:
                 self._rows[row["pair"], row["method"]] = start, row["key"]
             start += length
@@ -66,7 +66,7 @@ class RowLog:
         """The row of a pair and method, which must exist. Raises IcyMoonError if another program removed it."""
         with explain_disk_errors("read", self._path), self._path.open("rb") as stream:
             stream.seek(self._rows[pair, method][0])
-            row = self._parsed(stream.readline(_LONGEST_ROW))
+            row = self._parse_row(stream.readline(_LONGEST_ROW))
         if row is None or (row["pair"], row["method"]) != (pair, method):
             raise IcyMoonError(f"{self._path} was changed by another program while it was in use; evaluate again.")
         return row
@@ -102,7 +102,7 @@ class RowLog:
         write_atomically(self._path, fill)
         self._rows = places
 
-    def _parsed(self, line: bytes) -> Row | None:
+    def _parse_row(self, line: bytes) -> Row | None:
         try:
             row = parse_json(line)
         except ValueError:

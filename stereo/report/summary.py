@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from ..inference.scene_means import intervals, scene_means, simultaneous_intervals
-from ..inference.typical_scene import compare, pairs_of, ranks, subtract
+from ..inference.scene_means import average_by_scene, find_mean_intervals, find_simultaneous_intervals
+from ..inference.typical_scene import compare_in_typical_scene, find_rank_ranges, list_comparisons, subtract
 from ..measure import by_pixel_class, common_pixels, disparity_histograms
 from ..measure.metrics import BAD, ERROR_STEPS_M, L1_RATES, QUANTILES, SHARES
 from ..measure.row_metrics import NUMBERS, REGION_METRICS
@@ -23,7 +23,7 @@ POOLED = ("l1_m", "l1_rate_10", "bias_m", "abs_rel", "l1_rate_30", "l1_rate_100"
 
 
 @dataclass(frozen=True)
-class Compared:
+class ComparedMetric:
     """A metric by which methods are compared.
 
     ``key`` is that of the comparison; one that starts with ``common_`` is over the pixels that both methods measured.
@@ -40,14 +40,14 @@ class Compared:
 #: A method that measures little gains by neither.
 COMPARED = (
     *(
-        Compared(f"common_{prefix}{key}", key in ("l1_m", "rmse_m", "si_rmse", "epe_px"))
+        ComparedMetric(f"common_{prefix}{key}", key in ("l1_m", "rmse_m", "si_rmse", "epe_px"))
         for prefix in common_pixels.REGIONS
         for key in common_pixels.METRICS
     ),
-    *(Compared(f"total_{key}") for key in ("bad_0_5", "bad_1", "bad_2", "d1", "l1_rate_10", "dod")),
-    Compared("coverage", more_is_better=True),
-    Compared("visible_coverage", more_is_better=True),
-    Compared("seconds", ratio=True),
+    *(ComparedMetric(f"total_{key}") for key in ("bad_0_5", "bad_1", "bad_2", "d1", "l1_rate_10", "dod")),
+    ComparedMetric("coverage", more_is_better=True),
+    ComparedMetric("visible_coverage", more_is_better=True),
+    ComparedMetric("seconds", ratio=True),
 )
 #: An error or time below this is compared as if it were as large: 1 µm, 1 µpx or 1 µs, so that 0 has a logarithm.
 _LEAST = 1e-6
@@ -62,7 +62,7 @@ _SHARE_NAMES = ("coverage", *BAD, "d1", *L1_RATES, "dod")
 _COMMON_PLACE = {f"common_{key}": place for place, key in enumerate(common_pixels.NUMBERS)}
 
 
-class Table:
+class ResultTable:
     """The numbers of all rows, and sums over pairs.
 
     ``values`` is (methods, pairs, NUMBERS), NaN where undefined and in rows that count in no average. ``common`` is
@@ -105,7 +105,7 @@ class Table:
                 np.nan if (value := row["common"][other][key]) is None else value for key in common_pixels.NUMBERS
             ]
         self.strata[method] = by_pixel_class.add_sums(self.strata[method], row["strata"])
-        self.histograms[method] = disparity_histograms.add(self.histograms[method], row["histograms"])
+        self.histograms[method] = disparity_histograms.add_histograms(self.histograms[method], row["histograms"])
         for key, curve in (("error_curve", row["error_curve"]), *row["sparsification"].items()):
             if curve and None not in curve:
                 self._curves[method][key][0] += curve
@@ -115,9 +115,9 @@ class Table:
         """The number of scenes with a pair that counts."""
         return len(np.unique(self.scenes[self.counts.any(axis=0)]))
 
-    def where(self, pairs: Array) -> Table:
+    def where(self, pairs: Array) -> ResultTable:
         """The numbers of the pairs where the boolean ``pairs`` is true, without sums over pixels."""
-        part = Table(self.methods, [pair for pair, kept in zip(self.pairs, pairs, strict=True) if kept])
+        part = ResultTable(self.methods, [pair for pair, kept in zip(self.pairs, pairs, strict=True) if kept])
         part.values, part.common = self.values[:, pairs], self.common[:, :, pairs]
         part.counts, part.failed, part.scenes = self.counts[:, pairs], self.failed[:, pairs], self.scenes[pairs]
         part.by_noise = self.by_noise[pairs]
@@ -133,7 +133,7 @@ class Table:
         return list((total / count).tolist()) if count else []
 
 
-def summarise_method(table: Table, method: int) -> dict[str, Any]:
+def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
     """Summarise one method over all pairs that count.
 
     Every metric is the mean over the pairs where it is defined, each with equal weight, as in the tables of the GUISS
@@ -154,11 +154,13 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
         "scenes": len(np.unique(table.scenes[counted])),
     }
     columns = values[:, [_PLACE[key] for key in _AVERAGED]]
-    result |= {key: _number(mean) for key, mean in zip(_AVERAGED, _means(columns), strict=True)}
+    result |= {key: _none_if_not_finite(mean) for key, mean in zip(_AVERAGED, _mean_of_columns(columns), strict=True)}
     result |= {key: int(np.nansum(table.column(method, key))) for key in _COUNTS}
     with_truth = counted & (table.column(method, "true_pixels") > 0)
     result |= {key: None for key in _TOTAL_QUANTILES if np.isnan(table.column(method, key)[with_truth]).any()}
-    bounds = intervals(columns[counted], table.scenes[counted], np.array([is_share(key) for key in _AVERAGED]))
+    bounds = find_mean_intervals(
+        columns[counted], table.scenes[counted], np.array([is_share(key) for key in _AVERAGED])
+    )
     result["intervals"] = {
         key: [float(low), float(high)]
         for key, (low, high) in zip(_AVERAGED, bounds, strict=True)
@@ -168,8 +170,10 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
     for metric in POOLED:
         numbers = table.column(method, metric)
         known = ~np.isnan(numbers) & (weights > 0)
-        result[f"pooled_{metric}"] = _ratio(float((numbers * weights)[known].sum()), float(weights[known].sum()))
-    result["pooled_coverage"] = _ratio(result["n"], float(np.nansum(table.column(method, "true_pixels"))))
+        result[f"pooled_{metric}"] = _divide_or_none(
+            float((numbers * weights)[known].sum()), float(weights[known].sum())
+        )
+    result["pooled_coverage"] = _divide_or_none(result["n"], float(np.nansum(table.column(method, "true_pixels"))))
     result["error_curve"] = table.curve(method, "error_curve")
     result["sparsification"] = {key: table.curve(method, key) for key in ("texture", "best")}
     result["histograms"] = table.histograms[method] or {}
@@ -191,24 +195,24 @@ def is_share(key: str) -> bool:
 
 
 def compare_methods(
-    table: Table, seed: int, with_means: bool = False
+    table: ResultTable, seed: int, with_means: bool = False
 ) -> tuple[list[Comparison], list[dict[str, tuple[int, int]]]]:
-    """Compare every two methods by each of COMPARED; also the ``typical_scene.ranks`` of each method by metric.
+    """Compare every two methods by each of COMPARED; also the ``typical_scene.find_rank_ranges`` of each method by metric.
 
     The means over scenes have bounds if ``with_means``, and if there are scenes enough. For the typical scene see
-    ``typical_scene.Family``. What makes a scene easy or hard for both methods cancels.
+    ``typical_scene.ComparisonFamily``. What makes a scene easy or hard for both methods cancels.
 
     Methods that measured nothing are not compared. There are ranks only if there are scenes enough for a verdict.
     """
     methods = [k for k in range(len(table.methods)) if np.nansum(table.column(k, "n")) > 0]
-    chosen = [(methods[a], methods[b]) for a, b in pairs_of(len(methods))]
+    chosen = [(methods[a], methods[b]) for a, b in list_comparisons(len(methods))]
     found: list[Comparison] = []
     placed: list[dict[str, tuple[int, int]]] = [{} for _ in table.methods]
     for metric in COMPARED if chosen else ():
-        columns, pairs = zip(*(_scene_differences(table, a, b, metric) for a, b in chosen), strict=True)
+        columns, pairs = zip(*(_subtract_by_scene(table, a, b, metric) for a, b in chosen), strict=True)
         differences = np.stack(columns, axis=1)
-        family, means = compare(differences, seed), _means(differences)
-        bounds = simultaneous_intervals(differences, seed) if with_means else np.full((len(chosen), 2), np.nan)
+        family, means = compare_in_typical_scene(differences, seed), _mean_of_columns(differences)
+        bounds = find_simultaneous_intervals(differences, seed) if with_means else np.full((len(chosen), 2), np.nan)
         better = np.zeros((len(table.methods), len(table.methods)), bool)
         for k, (a, b) in enumerate(chosen):
             sign = 1 if (family.typical[k] > 0) == metric.more_is_better else -1
@@ -229,18 +233,18 @@ def compare_methods(
                     "typical_low": number(family.low),
                     "typical_high": number(family.high),
                     "detectable": number(family.detectable),
-                    "p": _number(family.p[k]),
+                    "p": _none_if_not_finite(family.p[k]),
                     "scenes_needed": family.needed,
                     "better": table.methods[a if better[a, b] else b] if family.found[k] else None,
                 }
             )
         if np.isfinite(family.p).any():
-            for k, place in zip(methods, ranks(better[np.ix_(methods, methods)]), strict=True):
+            for k, place in zip(methods, find_rank_ranges(better[np.ix_(methods, methods)]), strict=True):
                 placed[k][metric.key] = place
     return found, placed
 
 
-def _scene_differences(table: Table, a: int, b: int, metric: Compared) -> tuple[Array, int]:
+def _subtract_by_scene(table: ResultTable, a: int, b: int, metric: ComparedMetric) -> tuple[Array, int]:
     """The difference of two methods in each scene, or of the logarithms of their means, NaN where undefined; and the
     number of pairs that it is from."""
     if metric.key in _COMMON_PLACE:
@@ -250,13 +254,13 @@ def _scene_differences(table: Table, a: int, b: int, metric: Compared) -> tuple[
         one, other = table.column(a, metric.key), table.column(b, metric.key)
     both = np.stack([one, other], axis=1)
     both[np.isnan(both).any(axis=1) | ~(table.counts[a] & table.counts[b])] = np.nan
-    means = scene_means(both, table.scenes)
+    means = average_by_scene(both, table.scenes)
     if metric.ratio:
         means = np.maximum(means, _LEAST)
     return subtract(means[:, 0], means[:, 1], metric.ratio), int((~np.isnan(both[:, 0])).sum())
 
 
-def _means(columns: Array) -> Array:
+def _mean_of_columns(columns: Array) -> Array:
     known = ~np.isnan(columns)
     count = known.sum(axis=0)
     total = np.where(known, columns, 0.0).sum(axis=0)
@@ -265,21 +269,21 @@ def _means(columns: Array) -> Array:
 
 def _mean_with_interval(numbers: Array, scenes: Array) -> dict[str, Any]:
     """The ``mean`` of the numbers of pairs that are not NaN, its 95 % ``interval`` or None, and how many ``pairs``."""
-    low, high = intervals(numbers[:, None], scenes, np.array([False]))[0]
+    low, high = find_mean_intervals(numbers[:, None], scenes, np.array([False]))[0]
     return {
-        "mean": _number(_means(numbers[:, None])[0]),
+        "mean": _none_if_not_finite(_mean_of_columns(numbers[:, None])[0]),
         "pairs": int((~np.isnan(numbers)).sum()),
         "interval": [float(low), float(high)] if np.isfinite(low) else None,
     }
 
 
-def _number(value: float) -> float | None:
+def _none_if_not_finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _ratio(part: float, whole: float) -> float | None:
+def _divide_or_none(part: float, whole: float) -> float | None:
     return part / whole if whole else None
 
 
 def _number_at(place: int, turn: Callable[[float], float], values: Array) -> float | None:
-    return _number(turn(values[place]))
+    return _none_if_not_finite(turn(values[place]))

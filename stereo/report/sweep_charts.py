@@ -20,21 +20,21 @@ from ...settings.table import TOPICS
 from ...support.arrays import Array
 from ...support.files import write_atomically
 from ...support.number_text import count_of
-from .averaged import averaged_over
-from .by_setting import SCENE, Sweep, decided_by_noise, mean_by_level
+from .averaged import describe_averaging
+from .by_setting import SCENE, Sweep, find_noisy_levels, mean_by_level
 from .charts import (
     DASHES,
     MARKS,
     STYLE,
     Summary,
     add_legend,
-    each_method,
+    add_panel,
+    iterate_methods,
     make_figure,
-    panel,
     start_at_zero,
 )
-from .factors import Lines, lines_for
-from .summary import Table
+from .factors import FactorLines, choose_lines
+from .summary import ResultTable
 
 #: Metrics that are drawn against settings that vary, with factor and name.
 SWEPT = (("l1_m", 1.0, "Mean absolute depth error (m)"), ("total_bad_1", 100.0, "% missing or > 1 px"))
@@ -72,7 +72,7 @@ class SweepCharts:
     of_all: bool
 
 
-def draw_sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep]) -> list[SweepCharts]:
+def draw_sweeps(summary: Summary, table: ResultTable, sweeps: Sequence[Sweep]) -> list[SweepCharts]:
     """Draw mean error and wrong pixels against each setting that varies, with 95 % intervals.
 
     ``sweeps`` are all settings that vary; the first ``MOST_SWEEPS`` are drawn.
@@ -80,13 +80,17 @@ def draw_sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep]) -> list
     drawn = []
     with matplotlib.rc_context(STYLE):
         for sweep in sweeps[:MOST_SWEEPS]:
-            lines = _lines_of(sweep, sweeps, summary)
-            rows = _draw_apart(sweep, lines, summary, table) if lines else [_draw_together(sweep, summary, table)]
-            drawn.append(SweepCharts(_caption(sweep, lines, sweeps, table), rows, lines is None))
+            lines = _choose_sweep_lines(sweep, sweeps, summary)
+            rows = (
+                _draw_methods_apart(sweep, lines, summary, table)
+                if lines
+                else [_draw_methods_together(sweep, summary, table)]
+            )
+            drawn.append(SweepCharts(_caption_text(sweep, lines, sweeps, table), rows, lines is None))
     return drawn
 
 
-def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: Path) -> dict[str, str]:
+def write_curves(summary: Summary, table: ResultTable, sweeps: Sequence[Sweep], out: Path) -> dict[str, str]:
     """Write a picture of the mean error against each setting that varies; their paths relative to ``out`` by setting.
 
     They are for programs that show no HTML, such as Blender.
@@ -96,15 +100,15 @@ def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: P
         topic, _, key = sweep.name.partition(".")
         if topic not in TOPICS or key not in {s.key for s in TOPICS[topic].settings}:
             continue  # of another version, whose names may be no names of files
-        lines = _lines_of(sweep, sweeps, summary)
+        lines = _choose_sweep_lines(sweep, sweeps, summary)
         with matplotlib.rc_context({**STYLE, **_ON_WHITE}):
             figure, axes = make_figure(2, len(summary) if lines else 1, width=9.6, height=3.6 if lines else 4.2)
             for column, metric in zip(axes.T, SWEPT, strict=True):
                 if lines:
-                    for axis, (k, _, look) in zip(column, each_method(summary), strict=True):
+                    for axis, (k, _, look) in zip(column, iterate_methods(summary), strict=True):
                         _draw_lines(sweep, lines, axis, metric, table, k, look)
                         axis.set_title(look["label"], loc="left")
-                        axis.set_ylim(0, _highest(sweep, lines, metric, len(summary), table))
+                        axis.set_ylim(0, _find_axis_top(sweep, lines, metric, len(summary), table))
                 else:
                     _draw_sweep(sweep, column[0], metric, summary, table)
             if lines:
@@ -118,29 +122,29 @@ def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: P
     return curves
 
 
-def _lines_of(sweep: Sweep, sweeps: Sequence[Sweep], summary: Summary) -> Lines | None:
+def _choose_sweep_lines(sweep: Sweep, sweeps: Sequence[Sweep], summary: Summary) -> FactorLines | None:
     """The lines that the charts of a setting have for another one; None without such a setting or for too many
     methods."""
-    return lines_for(sweep, sweeps) if len(summary) <= _MOST_SPLIT else None
+    return choose_lines(sweep, sweeps) if len(summary) <= _MOST_SPLIT else None
 
 
-def _draw_together(sweep: Sweep, summary: Summary, table: Table) -> list[str]:
+def _draw_methods_together(sweep: Sweep, summary: Summary, table: ResultTable) -> list[str]:
     """A chart of each metric with all methods."""
     found: list[str] = []
     for metric in SWEPT:
-        with panel(found, f"sweeps-{sweep.name}-", "", height=_HEIGHT) as axis:
+        with add_panel(found, f"sweeps-{sweep.name}-", "", height=_HEIGHT) as axis:
             _draw_sweep(sweep, axis, metric, summary, table)
     return found
 
 
-def _draw_apart(sweep: Sweep, lines: Lines, summary: Summary, table: Table) -> list[list[str]]:
+def _draw_methods_apart(sweep: Sweep, lines: FactorLines, summary: Summary, table: ResultTable) -> list[list[str]]:
     """For each metric the charts of all methods, in one scale, with a line for each value of another setting."""
     rows = []
     for metric in SWEPT:
         found: list[str] = []
-        top = _highest(sweep, lines, metric, len(summary), table)
-        for k, _, look in each_method(summary):
-            with panel(found, f"sweeps-{sweep.name}-{metric[0]}-", look["label"], height=_HEIGHT + 0.5) as axis:
+        top = _find_axis_top(sweep, lines, metric, len(summary), table)
+        for k, _, look in iterate_methods(summary):
+            with add_panel(found, f"sweeps-{sweep.name}-{metric[0]}-", look["label"], height=_HEIGHT + 0.5) as axis:
                 _draw_lines(sweep, lines, axis, metric, table, k, look)
                 axis.set_ylim(0, top)
                 _add_line_legend(axis, lines)
@@ -148,13 +152,13 @@ def _draw_apart(sweep: Sweep, lines: Lines, summary: Summary, table: Table) -> l
     return rows
 
 
-def _caption(sweep: Sweep, lines: Lines | None, sweeps: Sequence[Sweep], table: Table) -> str:
+def _caption_text(sweep: Sweep, lines: FactorLines | None, sweeps: Sequence[Sweep], table: ResultTable) -> str:
     """Caption of the charts of a setting: its title, the pairs of the means, and settings that vary together."""
     point = sweep.levels()[2]
     if lines:
         point = np.where((point >= 0) & (lines.of >= 0), point * len(lines.names) + lines.of, -1)
     used = [sweep, *([lines.factor] if lines else [])]
-    parts = [f"{sweep.title}. {averaged_over(point, used, sweeps, table)}"]
+    parts = [f"{sweep.title}. {describe_averaging(point, used, sweeps, table)}"]
     if lines:
         groups = f", whose values form {len(lines.names)} groups" if lines.grouped else ""
         others = count_of(len(lines.factor.together), "more setting")
@@ -174,25 +178,25 @@ def _caption(sweep: Sweep, lines: Lines | None, sweeps: Sequence[Sweep], table: 
     return " ".join(parts)
 
 
-def _draw_sweep(sweep: Sweep, axis: Axes, metric: tuple[str, float, str], summary: Summary, table: Table) -> None:
+def _draw_sweep(sweep: Sweep, axis: Axes, metric: tuple[str, float, str], summary: Summary, table: ResultTable) -> None:
     """Draw one of ``SWEPT`` against a setting that varies, with 95 % intervals."""
-    for k, _, look in each_method(summary):
+    for k, _, look in iterate_methods(summary):
         _draw_means(sweep, axis, metric, table, k, (k, len(summary)), {**look, "linestyle": _line_style(sweep)})
-    _finish(sweep, axis, metric[2], table)
+    _finish_axis(sweep, axis, metric[2], table)
     start_at_zero(axis)
 
 
 def _draw_lines(
     sweep: Sweep,
-    lines: Lines,
+    lines: FactorLines,
     axis: Axes,
     metric: tuple[str, float, str],
-    table: Table,
+    table: ResultTable,
     method: int,
     look: dict[str, Any],
 ) -> None:
     """Draw one of ``SWEPT`` for one method, a line for each value of another setting."""
-    for n, (name, colour) in enumerate(zip(lines.names, _shades(look["color"], len(lines.names)), strict=True)):
+    for n, (name, colour) in enumerate(zip(lines.names, _make_shades(look["color"], len(lines.names)), strict=True)):
         style = {
             "color": colour,
             "marker": MARKS[n % len(MARKS)],
@@ -200,14 +204,14 @@ def _draw_lines(
             "linestyle": DASHES[n % len(DASHES)] if sweep.numeric else "",
         }
         _draw_means(sweep, axis, metric, table, method, (n, len(lines.names)), style, lines.of == n)
-    _finish(sweep, axis, metric[2], table)
+    _finish_axis(sweep, axis, metric[2], table)
 
 
 def _draw_means(
     sweep: Sweep,
     axis: Axes,
     metric: tuple[str, float, str],
-    table: Table,
+    table: ResultTable,
     method: int,
     place: tuple[int, int],
     look: dict[str, Any],
@@ -234,12 +238,12 @@ def _line_style(sweep: Sweep) -> str:
     return "-" if sweep.numeric else ""
 
 
-def _finish(sweep: Sweep, axis: Axes, label: str, table: Table) -> None:
+def _finish_axis(sweep: Sweep, axis: Axes, label: str, table: ResultTable) -> None:
     """Label the axes of a chart, and mark the values at which noise of the render decides."""
     names, places, _ = sweep.levels()
-    noisy = decided_by_noise(sweep, table)
+    noisy = find_noisy_levels(sweep, table)
     if not sweep.numeric or len(names) <= 6:
-        axis.set_xticks(places, list(map(_tick, names)))
+        axis.set_xticks(places, list(map(_wrap_tick_label, names)))
     axis.margins(x=0.08 if sweep.numeric else 0.25)
     half = 0.35 * float(np.diff(np.sort(places)).min()) if len(places) > 1 else 0.1
     for place in places[noisy]:
@@ -252,14 +256,16 @@ def _finish(sweep: Sweep, axis: Axes, label: str, table: Table) -> None:
     axis.set_ylabel(label)
 
 
-def _tick(name: str) -> str:
+def _wrap_tick_label(name: str) -> str:
     """A name below an axis, in two lines if it is long."""
     short = name if len(name) <= _LONGEST_TICK else f"{name[: _LONGEST_TICK - 1]}…"
     space = short.rfind(" ", 0, _TICK + 1)
     return short if len(short) <= _TICK or space < 0 else f"{short[:space]}\n{short[space + 1 :]}"
 
 
-def _highest(sweep: Sweep, lines: Lines, metric: tuple[str, float, str], methods: int, table: Table) -> float:
+def _find_axis_top(
+    sweep: Sweep, lines: FactorLines, metric: tuple[str, float, str], methods: int, table: ResultTable
+) -> float:
     """The top of the axis of a metric, the same for all methods."""
     key, factor, _ = metric
     tops = [0.0]
@@ -270,7 +276,7 @@ def _highest(sweep: Sweep, lines: Lines, metric: tuple[str, float, str], methods
     return 1.08 * factor * max(tops) or 1.0
 
 
-def _add_line_legend(axis: Axes, lines: Lines) -> None:
+def _add_line_legend(axis: Axes, lines: FactorLines) -> None:
     """Add a legend of the lines above the figure of a chart, with the name of the setting that they are of."""
     handles, labels = axis.get_legend_handles_labels()
     axis.figure.legend(
@@ -284,7 +290,7 @@ def _add_line_legend(axis: Axes, lines: Lines) -> None:
     )
 
 
-def _shades(colour: str, count: int) -> list[str]:
+def _make_shades(colour: str, count: int) -> list[str]:
     """``count`` shades of a colour, from a lighter one to a darker one."""
     base = np.array(to_rgb(colour))
     parts = np.linspace(_LIGHTER, -_DARKER, count) if count > 1 else np.zeros(1)

@@ -104,26 +104,26 @@ COMPARED_COLUMNS = (
 )
 
 
-def columns_of_plugins(metrics: Sequence[Mapping[str, Any]]) -> list[Column]:
+def make_plugin_columns(metrics: Sequence[Mapping[str, Any]]) -> list[Column]:
     """The columns of the metrics of plug-ins, from ``plug_ins`` of a report."""
     return [Column(m["name"], m["heading"], m["unit"], m["decimals"], m["doc"]) for m in metrics]
 
 
 def format_plugin(entry: Mapping[str, Any], column: Column) -> str:
     """The mean of a plug-in's metric in the summary of a method; a dash if it is undefined."""
-    return _format(entry["plug_ins"].get(column.key, {}).get("mean"), column)
+    return _format_value(entry["plug_ins"].get(column.key, {}).get("mean"), column)
 
 
 def format_number(entry: Mapping[str, Any], column: Column, prefix: str = "") -> str:
     """The number ``entry[prefix + key]`` without its unit; a dash if it is undefined."""
-    return _format(entry.get(prefix + column.key), column)
+    return _format_value(entry.get(prefix + column.key), column)
 
 
 def format_interval(bounds: Sequence[float | None] | None, column: Column) -> str:
     """The bounds of a mean, "low … high"; empty for an unknown bound."""
     if bounds is None or None in bounds:
         return ""
-    return " … ".join(_format(bound, column) for bound in bounds)
+    return " … ".join(_format_value(bound, column) for bound in bounds)
 
 
 def format_result(entry: Mapping[str, Any], column: Column) -> str:
@@ -149,7 +149,7 @@ def is_best(entry: Mapping[str, Any], metric: str, summary: Sequence[Mapping[str
     return ranks is not None and ranks[0] == 1 and ranks[1] < sum(metric in other["ranks"] for other in summary)
 
 
-def _format(value: float | None, column: Column) -> str:
+def _format_value(value: float | None, column: Column) -> str:
     if value is None:
         return "–"
     text = f"{100 * value if column.unit == '%' else value:.{column.decimals}f}"

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from ..inference.typical_scene import scenes_for_methods
+from ..inference.typical_scene import count_scenes_for_methods
 from ..matchers.methods import describe_method
 from .rare_failures import describe_rare_failures
-from .summary import Table
+from .summary import ResultTable
 from .table_columns import RANKING
 
 #: Metrics whose detectable difference is told, and their names in a sentence.
 _TOLD = (("common_epe_px", "EPE"), ("total_bad_1", "pixels off by more than 1 px or missing"))
 
 
-def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: Table) -> str:
+def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: ResultTable) -> str:
     """Whether the comparisons of the methods of a table have verdicts, how large a difference they would have found,
     and which methods fail so rarely and heavily that a verdict depends on chance."""
     scenes = table.scene_count()
@@ -27,14 +27,16 @@ def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: Table) ->
     tested = [entry for entry in comparisons if entry["p"] is not None]
     if not tested:
         few = "One scene: no intervals and no verdicts." if scenes == 1 else f"{scenes} scenes: no verdicts."
-        return f"{few} A verdict on {methods} methods takes {max(scenes_for_methods(methods), scenes + 1)} scenes."
+        return (
+            f"{few} A verdict on {methods} methods takes {max(count_scenes_for_methods(methods), scenes + 1)} scenes."
+        )
     count = methods * (methods - 1) // 2
     together = f", over all {count} comparisons by a metric" if count > 1 else ""
     sizes = {
         name: np.median([entry["detectable"] for entry in tested if entry["metric"] == metric] or [np.nan])
         for metric, name in _TOLD
     }
-    told = [_size(name, float(size)) for name, size in sizes.items() if np.isfinite(size)]
+    told = [_describe_size(name, float(size)) for name, size in sizes.items() if np.isfinite(size)]
     power = f" 8 of 10 such data sets would show {' or '.join(told)}." if told else ""
     rare = "".join(f" {sentence}" for sentence in (*describe_rare_failures(table), _describe_unseen(scenes)))
     return (
@@ -54,10 +56,10 @@ def describe_typical(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
         and entry["typical_low"] is not None
         and entry["typical_high"] is not None
     ]
-    return [_differs(entry) for entry in sorted(entries, key=lambda entry: entry["p"])]
+    return [_describe_difference(entry) for entry in sorted(entries, key=lambda entry: entry["p"])]
 
 
-def _differs(entry: Mapping[str, Any]) -> str:
+def _describe_difference(entry: Mapping[str, Any]) -> str:
     middle, low, high = (100 * entry[key] for key in ("typical", "typical_low", "typical_high"))
     one, other = (describe_method(entry[side]) for side in "ab")
     if middle < 0:
@@ -78,7 +80,7 @@ def _describe_unseen(scenes: int) -> str:
     )
 
 
-def _size(name: str, size: float) -> str:
+def _describe_size(name: str, size: float) -> str:
     if name != "EPE":
         return f"{100 * size:.1f} points more {name}"
     return f"an EPE {100 * (size - 1):.0f} % larger" if size < 10 else f"an EPE {size:.0f} times as large"

@@ -18,16 +18,16 @@ from ...render.pairs.pair_folder import is_complete
 from ...support.arrays import Array
 from ...support.file_shapes import COUNT, NUMBER, TEXT, Each, Maybe, read_record
 from ...support.files import write_json
-from ..images.develop import develop, grey
+from ..images.develop import average_bands, develop
 from ..matchers import match
 from ..matchers.methods import Method
-from ..matchers.search_range import known_ranges
-from ..measure.by_pixel_class import in_shadow
-from ..measure.metrics import usable
-from ..measure.prepare import Loaded, baked_error, load, noise_free_level
-from ..measure.render_noise import hidden_by, render_noise
-from ..trade.losses import baked_seconds, mean_light
-from .design import CONVERGED, Study, View
+from ..matchers.search_range import find_known_ranges
+from ..measure.by_pixel_class import find_shadow
+from ..measure.metrics import is_usable
+from ..measure.prepare import LoadedPair, compute_noise_free_level, find_baked_error_level, load_pair
+from ..measure.render_noise import judge_render_noise, measure_hidden_share
+from ..trade.losses import average_light, read_bake_seconds
+from .design import CONVERGED, Study, StudyView
 
 #: Of the measured numbers; files of another version are measured again.
 VERSION = 2
@@ -66,7 +66,7 @@ class Cell:
     mean.
     """
 
-    view: View
+    view: StudyView
     pairs: Mapping[str, str]
     tallies: Mapping[str, Mapping[str, Array]]
     noise: Mapping[str, Mapping[str, Any]]
@@ -86,7 +86,7 @@ class Cell:
 _LEAST_SHARE = 0.05
 
 
-def measured_cell(study: Study, view: View, out: Path, methods: Sequence[Method]) -> Cell | None:
+def read_or_measure_cell(study: Study, view: StudyView, out: Path, methods: Sequence[Method]) -> Cell | None:
     """The numbers of a view, read or measured; None until both halves of its converged render are whole."""
     planned = study.pairs_of(view)
     folders = {name: pair.folder(out) for name, pair in planned.items() if is_complete(pair.folder(out))}
@@ -98,7 +98,7 @@ def measured_cell(study: Study, view: View, out: Path, methods: Sequence[Method]
     if file.exists():
         data = read_record(file, _SHAPE, "remove it")
     if data is None or (data["version"], data["pairs"], data["methods"]) != (VERSION, pairs, labels):
-        data = {"version": VERSION, "pairs": pairs, "methods": labels, **_measure(study, folders, methods)}
+        data = {"version": VERSION, "pairs": pairs, "methods": labels, **_measure_view(study, folders, methods)}
         file.parent.mkdir(exist_ok=True)
         write_json(file, data)
     tallies = {
@@ -108,67 +108,67 @@ def measured_cell(study: Study, view: View, out: Path, methods: Sequence[Method]
     return Cell(view, pairs, tallies, data["noise"], data["reference_noise"], data["cpu_s"])
 
 
-def _measure(study: Study, folders: Mapping[str, Path], methods: Sequence[Method]) -> dict[str, Any]:
-    loaded = {name: load(folder, {}) for name, folder in folders.items()}
+def _measure_view(study: Study, folders: Mapping[str, Path], methods: Sequence[Method]) -> dict[str, Any]:
+    loaded = {name: load_pair(folder, {}) for name, folder in folders.items()}
     halves = [loaded[name] for name in study.reference]
-    first, light = halves[0], mean_light(halves)
+    first, light = halves[0], average_light(halves)
     true = np.where(first.visible["left"], first.pair.camera.disparity(first.depth["left"]), np.nan)
     view = first.views["left"]
     assert view.normal is not None
     assert view.semantic is not None
     assert first.pair.sun is not None
-    converged = grey(light["left"].radiance)
-    shadow = in_shadow(converged, view.normal, first.pair.sun.direction.tolist(), view.semantic)
+    converged = average_bands(light["left"].radiance)
+    shadow = find_shadow(converged, view.normal, first.pair.sun.direction.tolist(), view.semantic)
     images = {name: each.images for name, each in loaded.items()}
     images[CONVERGED] = develop(first.pair, light["left"], light["right"], first.settings)
-    ranges = known_ranges(first.pair.settings, true, bool(first.pair.data.get("edited_by_hand")))
+    ranges = find_known_ranges(first.pair.settings, true, bool(first.pair.data.get("edited_by_hand")))
     tallies = {
         name: {
-            method.label: _tally(
+            method.label: _tally_errors(
                 match(method.name, *image.for_matchers(), method.options, first.pair.camera, ranges)[0], true, shadow
             )
             for method in methods
         }
         for name, image in images.items()
     }
-    spread = float(np.var([grey(half.light["left"].radiance) for half in halves], axis=0, ddof=1).mean()) / 2
+    spread = float(np.var([average_bands(half.light["left"].radiance) for half in halves], axis=0, ddof=1).mean()) / 2
     return {
         "tallies": tallies,
-        "noise": {name: _noise(loaded[name], converged, spread) for name in study.noise if name in loaded},
+        "noise": {name: _judge_noise(loaded[name], converged, spread) for name in study.noise if name in loaded},
         "reference_noise": spread**0.5 / float(converged.mean()),
-        "cpu_s": {name: _cost(each) for name, each in loaded.items()},
+        "cpu_s": {name: _measure_cost(each) for name, each in loaded.items()},
     }
 
 
-def _tally(disparity: Array, true: Array, shadow: Array) -> list[list[int]]:
+def _tally_errors(disparity: Array, true: Array, shadow: Array) -> list[list[int]]:
     """See ``Cell.tallies``; all arrays are (H, W), ``true`` is NaN where only one eye sees."""
     known = np.isfinite(true)
-    wrong = known & ~(usable(disparity) & (np.abs(disparity - true) <= 1))
+    wrong = known & ~(is_usable(disparity) & (np.abs(disparity - true) <= 1))
     return [[int((known & part).sum()), int((wrong & part).sum())] for part in (~shadow, shadow)]
 
 
-def _noise(loaded: Loaded, converged: Array, spread: float) -> dict[str, Any]:
+def _judge_noise(loaded: LoadedPair, converged: Array, spread: float) -> dict[str, Any]:
     """The verdict on a pair's noise, and its distance from the converged radiance (H, W) with a variance ``spread``."""
-    own = grey(loaded.light["left"].radiance)
-    left, best = noise_free_level(loaded, "left"), noise_free_level(loaded, "left", converged - own)
-    noise = render_noise(
+    own = average_bands(loaded.light["left"].radiance)
+    left, best = compute_noise_free_level(loaded, "left"), compute_noise_free_level(loaded, "left", converged - own)
+    noise = judge_render_noise(
         left,
-        noise_free_level(loaded, "right"),
+        compute_noise_free_level(loaded, "right"),
         loaded.pair.camera.disparity(loaded.depth["left"]),
         loaded.visible["left"],
-        baked_error(loaded),
+        find_baked_error_level(loaded),
     )
     square = float(np.mean((own - converged) ** 2)) - spread
     mean = float(converged.mean())
     return {
         "verdict": noise.verdict,
         "hidden": noise.hidden,
-        "truly_hidden": hidden_by(left - best, best, loaded.visible["left"]),
+        "truly_hidden": measure_hidden_share(left - best, best, loaded.visible["left"]),
         "distance": max(square, 0.0) ** 0.5 / mean,
         "bias": float(own.mean()) / mean - 1,
     }
 
 
-def _cost(loaded: Loaded) -> dict[str, float]:
+def _measure_cost(loaded: LoadedPair) -> dict[str, float]:
     """Processor seconds of a pair and of the bake that it was rendered with."""
-    return {"pair": float(loaded.pair.data["cpu_seconds"]["pair"]), "bake": baked_seconds(loaded.pair)}
+    return {"pair": float(loaded.pair.data["cpu_seconds"]["pair"]), "bake": read_bake_seconds(loaded.pair)}

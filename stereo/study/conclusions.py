@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from ..inference.rank_order import kendall
-from ..inference.scene_means import intervals
-from ..inference.typical_scene import Family, compare
+from ..inference.rank_order import kendall_tau_b
+from ..inference.scene_means import find_mean_intervals
+from ..inference.typical_scene import ComparisonFamily, compare_in_typical_scene
 from .cells import LIGHTS, Cell
 from .design import CONVERGED, Hypothesis, Study
 
@@ -30,51 +30,53 @@ HOLDS, FAILS, OPEN = "holds", "fails", "open"
 Number = Callable[[Cell, str], float]
 
 
-def conclude(study: Study, cells: Sequence[Cell], methods: Sequence[str]) -> dict[str, Any]:
+def draw_conclusions(study: Study, cells: Sequence[Cell], methods: Sequence[str]) -> dict[str, Any]:
     """All conclusions as JSON: errors in points of 100; ``null`` where there are too few scenes. Views whose converged
     render has more noise than the study allows are among the ``cells``, and do not count."""
     counted = [cell for cell in cells if cell.reference_noise <= study.reference_noise]
-    numbers = _numbers(methods)
-    by_light = {f"{method}, {light}": _error(method, light) for method in methods for light in LIGHTS}
-    noise = {name: _reference_noise(study, counted, number) for name, number in (numbers | by_light).items()}
+    numbers = _list_numbers(methods)
+    by_light = {f"{method}, {light}": _error_number(method, light) for method in methods for light in LIGHTS}
+    noise = {name: _measure_reference_noise(study, counted, number) for name, number in (numbers | by_light).items()}
     comparisons = [
         {
             "of": of,
             "with": against,
-            "changes": _changes(counted, of, against, numbers, noise),
-            "by_light": _changes(counted, of, against, by_light, noise),
-            "order": _order(counted, of, against, methods),
+            "changes": _find_changes(counted, of, against, numbers, noise),
+            "by_light": _find_changes(counted, of, against, by_light, noise),
+            "order": _compare_orders(counted, of, against, methods),
         }
         for of, against in study.comparisons
     ]
     return {
         "methods": list(methods),
-        "cells": [_facts(cell, methods) | {"counts": cell.reference_noise <= study.reference_noise} for cell in cells],
+        "cells": [
+            _describe_view(cell, methods) | {"counts": cell.reference_noise <= study.reference_noise} for cell in cells
+        ],
         "comparisons": comparisons,
-        "hypotheses": [_judge(each, comparisons) for each in study.hypotheses],
-        "noise_order": _noise_order(counted),
+        "hypotheses": [_judge_hypothesis(each, comparisons) for each in study.hypotheses],
+        "noise_order": _compare_noise_orders(counted),
     }
 
 
-def _error(method: str, light: str | None = None) -> Number:
+def _error_number(method: str, light: str | None = None) -> Number:
     return lambda cell, recipe: 100 * cell.error(recipe, method, light)
 
 
-def _gap(one: str, other: str) -> Number:
+def _gap_number(one: str, other: str) -> Number:
     return lambda cell, recipe: 100 * (cell.error(recipe, other) - cell.error(recipe, one))
 
 
-def _numbers(methods: Sequence[str]) -> dict[str, Number]:
+def _list_numbers(methods: Sequence[str]) -> dict[str, Number]:
     """The error of each method, and each gap ``b - a`` between two."""
-    gaps = {f"{other} - {one}": _gap(one, other) for one, other in combinations(methods, 2)}
-    return {method: _error(method) for method in methods} | gaps
+    gaps = {f"{other} - {one}": _gap_number(one, other) for one, other in combinations(methods, 2)}
+    return {method: _error_number(method) for method in methods} | gaps
 
 
-def _difference(number: Number, of: str, against: str) -> Callable[[Cell], float]:
+def _difference_number(number: Number, of: str, against: str) -> Callable[[Cell], float]:
     return lambda cell: number(cell, of) - number(cell, against)
 
 
-def _by_ground(cells: Sequence[Cell], number: Callable[[Cell], float]) -> Array:
+def _average_by_ground(cells: Sequence[Cell], number: Callable[[Cell], float]) -> Array:
     """The mean of a number over the views of each ground, where it is known; NaN for grounds without one."""
     grounds: dict[str, list[float]] = {}
     for cell in cells:
@@ -84,23 +86,25 @@ def _by_ground(cells: Sequence[Cell], number: Callable[[Cell], float]) -> Array:
     return np.array([np.mean(values) if values else np.nan for values in grounds.values()])
 
 
-def _reference_noise(study: Study, cells: Sequence[Cell], number: Number) -> float:
+def _measure_reference_noise(study: Study, cells: Sequence[Cell], number: Number) -> float:
     """By how much noise changes a number of the converged render, in the typical scene.
 
     What noise adds falls as its variance, so the mean of two halves has half of what each has: as much as it is better
     than they are. What noise scatters is half of the difference of the halves, over the root of the grounds.
     """
     one, other = study.reference
-    added = _by_ground(cells, lambda cell: (number(cell, one) + number(cell, other)) / 2 - number(cell, CONVERGED))
-    apart = _by_ground(cells, lambda cell: (number(cell, one) - number(cell, other)) / 2)
+    added = _average_by_ground(
+        cells, lambda cell: (number(cell, one) + number(cell, other)) / 2 - number(cell, CONVERGED)
+    )
+    apart = _average_by_ground(cells, lambda cell: (number(cell, one) - number(cell, other)) / 2)
     known = np.isfinite(added)
     if not known.any():
         return math.nan
-    typical = compare(added[:, None], _SEED).typical[0]
+    typical = compare_in_typical_scene(added[:, None], _SEED).typical[0]
     return float(max(abs(typical), np.sqrt(np.mean(apart[known] ** 2) / known.sum())))
 
 
-def _changes(
+def _find_changes(
     cells: Sequence[Cell],
     of: str,
     against: str,
@@ -108,37 +112,37 @@ def _changes(
     noise: dict[str, float],
 ) -> dict[str, dict[str, Any]]:
     """The typical change of each number from a recipe to another, all held at once."""
-    columns = [_by_ground(cells, _difference(number, of, against)) for number in numbers.values()]
-    family = compare(np.stack(columns, axis=1), _SEED)
+    columns = [_average_by_ground(cells, _difference_number(number, of, against)) for number in numbers.values()]
+    family = compare_in_typical_scene(np.stack(columns, axis=1), _SEED)
     return {
-        name: _change(family, k, noise[name] if CONVERGED in (of, against) else 0.0, columns[k])
+        name: _describe_change(family, k, noise[name] if CONVERGED in (of, against) else 0.0, columns[k])
         for k, name in enumerate(numbers)
     }
 
 
-def _change(family: Family, k: int, noise: float, values: Array) -> dict[str, Any]:
+def _describe_change(family: ComparisonFamily, k: int, noise: float, values: Array) -> dict[str, Any]:
     typical, quiet = float(family.typical[k]), abs(noise) <= _QUIET * abs(float(family.typical[k]))
     return {
         "grounds": int(family.scenes[k]),
-        "typical": _known(typical),
-        "low": _known(family.low[k]),
-        "high": _known(family.high[k]),
-        "least": _known(np.nanmin(values)) if np.isfinite(values).any() else None,
-        "most": _known(np.nanmax(values)) if np.isfinite(values).any() else None,
-        "noise": _known(noise),
+        "typical": _round_or_none(typical),
+        "low": _round_or_none(family.low[k]),
+        "high": _round_or_none(family.high[k]),
+        "least": _round_or_none(np.nanmin(values)) if np.isfinite(values).any() else None,
+        "most": _round_or_none(np.nanmax(values)) if np.isfinite(values).any() else None,
+        "noise": _round_or_none(noise),
         "found": bool(family.found[k]),
         "claimed": bool(family.found[k]) and quiet,
     }
 
 
-def _known(value: float) -> float | None:
+def _round_or_none(value: float) -> float | None:
     return round(float(value), 3) if math.isfinite(value) else None
 
 
-def _order(cells: Sequence[Cell], of: str, against: str, methods: Sequence[str]) -> dict[str, Any]:
+def _compare_orders(cells: Sequence[Cell], of: str, against: str, methods: Sequence[str]) -> dict[str, Any]:
     """Kendall's tau of the methods' order by two recipes: mean over views, and the share of views with one order."""
     taus = {
-        cell.view.name: kendall(*([cell.error(recipe, method) for method in methods] for recipe in (of, against)))
+        cell.view.name: kendall_tau_b(*([cell.error(recipe, method) for method in methods] for recipe in (of, against)))
         for cell in cells
         if all(math.isfinite(cell.error(recipe, methods[0])) for recipe in (of, against))
     }
@@ -147,17 +151,17 @@ def _order(cells: Sequence[Cell], of: str, against: str, methods: Sequence[str])
     same = np.array([tau == 1 for tau in taus.values()], float)
     ground = {cell.view.name: cell.view.ground for cell in cells}
     numbered = np.unique([ground[name] for name in taus], return_inverse=True)[1]
-    low, high = intervals(same[:, None], numbered, np.array([True]))[0]
+    low, high = find_mean_intervals(same[:, None], numbered, np.array([True]))[0]
     return {
         "views": len(taus),
-        "tau": _known(float(np.nanmean(list(taus.values())))),
-        "same": _known(same.mean()),
-        "low": _known(low),
-        "high": _known(high),
+        "tau": _round_or_none(float(np.nanmean(list(taus.values())))),
+        "same": _round_or_none(same.mean()),
+        "low": _round_or_none(low),
+        "high": _round_or_none(high),
     }
 
 
-def _judge(hypothesis: Hypothesis, comparisons: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def _judge_hypothesis(hypothesis: Hypothesis, comparisons: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """The verdict on a hypothesis by the interval of its change."""
     change = next(
         each["changes"][hypothesis.what]
@@ -186,36 +190,36 @@ def _judge(hypothesis: Hypothesis, comparisons: Sequence[dict[str, Any]]) -> dic
     }
 
 
-def _noise_order(cells: Sequence[Cell]) -> dict[str, Any]:
+def _compare_noise_orders(cells: Sequence[Cell]) -> dict[str, Any]:
     """Kendall's tau between the share that noise hides by the verdict and what a converged render tells: the share that
     is truly hidden, and the distance of the light. Of the recipes in each view, their mean, and of all pairs together.
     """
-    return {key: _order_by(cells, key) for key in ("truly_hidden", "distance")}
+    return {key: _order_by_key(cells, key) for key in ("truly_hidden", "distance")}
 
 
-def _order_by(cells: Sequence[Cell], key: str) -> dict[str, Any]:
+def _order_by_key(cells: Sequence[Cell], key: str) -> dict[str, Any]:
     views = {
         cell.view.name: [
             (each["hidden"], each[key]) for each in cell.noise.values() if None not in (each["hidden"], each[key])
         ]
         for cell in cells
     }
-    taus = {name: _tau(rows) for name, rows in views.items()}
+    taus = {name: _kendall_tau(rows) for name, rows in views.items()}
     known = [tau for tau in taus.values() if tau is not None]
     together = [row for rows in views.values() for row in rows]
     return {
         "views": taus,
-        "mean": _known(float(np.mean(known))) if known else None,
-        "together": _tau(together),
+        "mean": _round_or_none(float(np.mean(known))) if known else None,
+        "together": _kendall_tau(together),
         "pairs": len(together),
     }
 
 
-def _tau(rows: Sequence[tuple[float, float]]) -> float | None:
-    return _known(kendall([row[0] for row in rows], [row[1] for row in rows]))
+def _kendall_tau(rows: Sequence[tuple[float, float]]) -> float | None:
+    return _round_or_none(kendall_tau_b([row[0] for row in rows], [row[1] for row in rows]))
 
 
-def _facts(cell: Cell, methods: Sequence[str]) -> dict[str, Any]:
+def _describe_view(cell: Cell, methods: Sequence[str]) -> dict[str, Any]:
     """The numbers of a view, for the tables."""
     tally = cell.tallies[CONVERGED][methods[0]]
     return {
@@ -223,13 +227,13 @@ def _facts(cell: Cell, methods: Sequence[str]) -> dict[str, Any]:
         "ground": cell.view.ground,
         "sun_deg": float(cell.view.settings.light.sun_elevation_deg),
         "width_px": int(cell.view.settings.rig.width_px),
-        "shadow": _known(tally[1, 0] / tally[:, 0].sum()),
+        "shadow": _round_or_none(tally[1, 0] / tally[:, 0].sum()),
         "reference_noise": round(cell.reference_noise, 5),
         "errors": {
             recipe: {
                 method: {
-                    "all": _known(100 * cell.error(recipe, method)),
-                    **{light: _known(100 * cell.error(recipe, method, light)) for light in LIGHTS},
+                    "all": _round_or_none(100 * cell.error(recipe, method)),
+                    **{light: _round_or_none(100 * cell.error(recipe, method, light)) for light in LIGHTS},
                 }
                 for method in methods
             }

@@ -60,7 +60,7 @@ _SHAPE = {
 
 
 @dataclass(frozen=True)
-class View:
+class StudyView:
     """A ground under a Sun: its name, the round in which it is rendered, complete settings without a recipe."""
 
     name: str
@@ -99,7 +99,7 @@ class Study:
     title: str
     question: str
     methods: str
-    views: tuple[View, ...]
+    views: tuple[StudyView, ...]
     recipes: tuple[Recipe, ...]
     reference: tuple[str, str]
     reference_noise: float
@@ -107,11 +107,11 @@ class Study:
     comparisons: tuple[tuple[str, str], ...]
     hypotheses: tuple[Hypothesis, ...]
 
-    def pairs_of(self, view: View) -> dict[str, PlannedPair]:
+    def pairs_of(self, view: StudyView) -> dict[str, PlannedPair]:
         """The pair of each recipe."""
         return {recipe.name: expand_headings(merged(view.settings, recipe.changes))[0] for recipe in self.recipes}
 
-    def rounds(self) -> list[list[View]]:
+    def rounds(self) -> list[list[StudyView]]:
         """The views of each round."""
         return [[view for view in self.views if view.round == k] for k in sorted({view.round for view in self.views})]
 
@@ -136,7 +136,8 @@ def read_study(path: Path) -> Study:
     check_record(data, _SHAPE, path, _FIX)
     head = data["study"]
     recipes = tuple(
-        Recipe(table["name"], table["title"], _part(table, ("name", "title"), path)) for table in data["recipe"]
+        Recipe(table["name"], table["title"], _read_settings(table, ("name", "title"), path))
+        for table in data["recipe"]
     )
     names = [recipe.name for recipe in recipes]
     if len(head["reference"]) != 2 or len(set(names)) < len(names):
@@ -154,8 +155,8 @@ def read_study(path: Path) -> Study:
         head["question"],
         head["methods"],
         tuple(
-            View(f"{name}_{sun:g}", name, k, _seen(merged(base, part, common), sun, scale))
-            for name, part, suns, scale in _grounds(data["ground"], head, path)
+            StudyView(f"{name}_{sun:g}", name, k, _set_view(merged(base, part, common), sun, scale))
+            for name, part, suns, scale in _read_grounds(data["ground"], head, path)
             for k, sun in enumerate(suns)
         ),
         recipes,
@@ -167,14 +168,14 @@ def read_study(path: Path) -> Study:
     )
 
 
-def _grounds(
+def _read_grounds(
     tables: Sequence[Mapping[str, Any]], head: Mapping[str, Any], path: Path
 ) -> list[tuple[str, Settings, list[float], float]]:
     """The name, the settings, the Suns and the scale of each ground."""
     return [
         (
             table.get("name") or table["preset"].split("/")[-1],
-            _part(table, ("name", "suns_deg", "scale"), path),
+            _read_settings(table, ("name", "suns_deg", "scale"), path),
             table["suns_deg"],
             float(table.get("scale", head.get("scale", 1.0))),
         )
@@ -182,13 +183,13 @@ def _grounds(
     ]
 
 
-def _part(table: Mapping[str, Any], known: Sequence[str], path: Path) -> Settings:
+def _read_settings(table: Mapping[str, Any], known: Sequence[str], path: Path) -> Settings:
     """The settings that a table states, over those of its preset."""
     own = check({key: value for key, value in table.items() if key not in (*known, "preset")}, str(path))
     return merged(load_preset(table["preset"]), own) if table.get("preset") else own
 
 
-def _seen(settings: Settings, sun_deg: float, scale: float) -> Settings:
+def _set_view(settings: Settings, sun_deg: float, scale: float) -> Settings:
     return scaled_view(merged(settings, {"light": {"sun_elevation_deg": float(sun_deg)}}), scale)
 
 

@@ -40,11 +40,17 @@ _ON_WHITE = dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytic
 
 def write_study(study: Study, found: Mapping[str, Any], out: Path) -> str:
     """Write all files to ``out``; return the text of the page."""
-    parts = (_header(study, found), _change_tables(found), _hypotheses(found), _orders(found), _views(study, found))
+    parts = (
+        _make_header(study, found),
+        _make_change_tables(found),
+        _make_hypothesis_table(found),
+        _make_order_table(found),
+        _make_view_table(study, found),
+    )
     lines = [line if line[:1] in "|*" else fill(line, _WIDTH) for part in parts for line in part]
     text = "\n".join(lines) + "\n"
     write_text(out / "study.json", json_text(dict(found)))
-    write_text(out / "cells.csv", _csv(found))
+    write_text(out / "cells.csv", _make_csv(found))
     write_text(out / "study.md", text)
     with matplotlib.rc_context(STYLE | _ON_WHITE):
         for name, draw in (("changes", draw_changes), ("noise", _draw_noise)):
@@ -66,7 +72,7 @@ def put_between_marks(page: Path, text: str) -> str:
     return f"{before.split(BEGIN)[0]}{BEGIN}\n\n{text}\n{END}{before.split(END)[1]}"
 
 
-def _header(study: Study, found: Mapping[str, Any]) -> list[str]:
+def _make_header(study: Study, found: Mapping[str, Any]) -> list[str]:
     cells = found["cells"]
     complete = sum(len(study.recipes) + 1 == len(cell["errors"]) for cell in cells)
     counted = [cell for cell in cells if cell["counts"]]
@@ -88,7 +94,7 @@ def _header(study: Study, found: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _change_tables(found: Mapping[str, Any]) -> list[str]:
+def _make_change_tables(found: Mapping[str, Any]) -> list[str]:
     """Changes of errors and gaps, then those in light and in shadow."""
     methods = found["methods"]
     gaps = [name for name in found["comparisons"][0]["changes"] if name not in methods]
@@ -100,18 +106,18 @@ def _change_tables(found: Mapping[str, Any]) -> list[str]:
         "converged render is below a tenth of the change. *Italic*: the interval does not contain 0, but that noise "
         "is more. The last column is the largest noise among the methods, in points.",
         "",
-        *_change_table(found, "changes", methods),
+        *_make_change_table(found, "changes", methods),
         "### Changes of the gaps between methods",
         "",
-        *_change_table(found, "changes", gaps),
+        *_make_change_table(found, "changes", gaps),
     ]
     for light, title in zip(LIGHTS, ("In the light", "In shadow"), strict=True):
         names = [f"{method}, {light}" for method in methods]
-        lines += [f"### {title}", "", *_change_table(found, "by_light", names, methods)]
+        lines += [f"### {title}", "", *_make_change_table(found, "by_light", names, methods)]
     return lines
 
 
-def _change_table(
+def _make_change_table(
     found: Mapping[str, Any], kind: str, names: Sequence[str], titles: Sequence[str] | None = None
 ) -> list[str]:
     lines = [
@@ -123,13 +129,13 @@ def _change_table(
         noise = max((abs(change["noise"] or 0.0) for change in changes), default=0.0)
         lines.append(
             f"| `{each['of']}` | `{each['with']}` | {min(change['grounds'] for change in changes)} | "
-            + " | ".join(map(_interval, changes))
+            + " | ".join(map(_format_interval, changes))
             + f" | {f'{noise:.2f}' if CONVERGED in (each['of'], each['with']) else _NONE} |"
         )
     return [*lines, ""]
 
 
-def _interval(change: Mapping[str, Any]) -> str:
+def _format_interval(change: Mapping[str, Any]) -> str:
     if change["typical"] is None:
         return _NONE
     typical = f"{change['typical']:+.1f}"
@@ -139,7 +145,7 @@ def _interval(change: Mapping[str, Any]) -> str:
     return f"{mark}{typical}{mark} ({change['low']:+.1f} to {change['high']:+.1f})"
 
 
-def _hypotheses(found: Mapping[str, Any]) -> list[str]:
+def _make_hypothesis_table(found: Mapping[str, Any]) -> list[str]:
     if not found["hypotheses"]:
         return []
     lines = ["### Hypotheses", "", "| hypothesis | change | verdict |", "|---|---|---|"]
@@ -151,7 +157,7 @@ def _hypotheses(found: Mapping[str, Any]) -> list[str]:
     return [*lines, ""]
 
 
-def _orders(found: Mapping[str, Any]) -> list[str]:
+def _make_order_table(found: Mapping[str, Any]) -> list[str]:
     lines = [
         "### Order of the methods",
         "",
@@ -183,7 +189,7 @@ def _orders(found: Mapping[str, Any]) -> list[str]:
     return [*lines, ""]
 
 
-def _views(study: Study, found: Mapping[str, Any]) -> list[str]:
+def _make_view_table(study: Study, found: Mapping[str, Any]) -> list[str]:
     """What was run: errors on the converged render, its noise, and tau of the noise verdict in each view."""
     methods = found["methods"]
     lines = [
@@ -210,7 +216,7 @@ def _views(study: Study, found: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _csv(found: Mapping[str, Any]) -> str:
+def _make_csv(found: Mapping[str, Any]) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(

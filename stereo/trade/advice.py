@@ -10,7 +10,7 @@ from ...render.cost.tolerance import Tolerance, all_hold
 from ...render.cost.variants import SHAPES
 from ..matchers.methods import describe_method
 from .decisions import decisions_text
-from .losses import number_at, pareto_front
+from .losses import find_pareto_front, number_at
 
 #: Tolerances of extra disparity error, px, for which advice is given.
 TOLERANCES_PX = (0.01, 0.02, 0.05, 0.1)
@@ -27,13 +27,13 @@ Row = Mapping[str, Any]
 def variant_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
     """The cheapest variant within each tolerance for each matcher, and what each group saves, in words."""
     scene = next(row for row in rows if row["group"] == "scene")
-    margin = _margin(rows)
+    margin = _find_time_margin(rows)
     return [
-        line for name, each in _subjects(methods) for line in _matcher_advice(name, each, rows, scene, margin)
+        line for name, each in _list_subjects(methods) for line in _matcher_advice(name, each, rows, scene, margin)
     ] + _group_advice(rows, scene, methods, margin)
 
 
-def _subjects(methods: Sequence[str]) -> list[tuple[str, Sequence[str]]]:
+def _list_subjects(methods: Sequence[str]) -> list[tuple[str, Sequence[str]]]:
     """Whom advice is for, and their methods: all matchers if there are several, then each."""
     several = [("all matchers", methods)] if len(methods) > 1 else []
     return [*several, *((describe_method(method), [method]) for method in methods)]
@@ -45,15 +45,15 @@ def decision_advice(rows: Sequence[Row], methods: Sequence[str], references: Seq
     alike = [row for row in rows if row["group"] not in SHAPES and row["cpu_s"] is not None and row["decisions"]]
     if not alike:
         return [reference["undecided"] for reference in references[:1] if reference["undecided"]]
-    scene, margin = next(row for row in rows if row["group"] == "scene"), _margin(rows)
-    return [_decision_line(name, each, alike, scene, margin, references[0]) for name, each in _subjects(methods)]
+    scene, margin = next(row for row in rows if row["group"] == "scene"), _find_time_margin(rows)
+    return [_decision_line(name, each, alike, scene, margin, references[0]) for name, each in _list_subjects(methods)]
 
 
 def _decision_line(
     name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float, reference: Row
 ) -> str:
     same = {row["key"]: all_hold(row["decisions"][method]["same"] for method in methods) for row in rows}
-    best = _cheapest([row for row in rows if same[row["key"]]], margin)
+    best = _find_cheapest([row for row in rows if same[row["key"]]], margin)
     if best is not None:
         differs = decisions_text(best["decisions"][methods[0]]) if len(methods) == 1 else ""
         idle = [describe_method(method) for method in methods if best["decisions"][method]["taken"] == 0]
@@ -71,39 +71,42 @@ def _decision_line(
     return f"{name}: no variant leads to the same decisions as the reference; give more samples."
 
 
-def pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list[Row]]:
+def find_pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list[Row]]:
     """For the radiance and for each matcher, the variants that no other beats in both cost and error, cheapest first.
 
     Without variants of another shape, whose errors are relative to another image; for matchers also without variants
     with other light.
     """
     alike = [row for row in rows if row["group"] not in SHAPES]
-    shown = [row for row in rows if _shows(row)]
+    shown = [row for row in rows if _shows_this_scene(row)]
     return {
-        "radiance": [alike[k] for k in pareto_front(alike, "cpu_s", ("rmse",))],
-        **{method: [shown[k] for k in pareto_front(shown, "cpu_s", ("loss", method, "epe_px"))] for method in methods},
+        "radiance": [alike[k] for k in find_pareto_front(alike, "cpu_s", ("rmse",))],
+        **{
+            method: [shown[k] for k in find_pareto_front(shown, "cpu_s", ("loss", method, "epe_px"))]
+            for method in methods
+        },
     }
 
 
-def distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
+def find_distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
     """The variants of a front that are surely better than those before; the others differ by noise."""
     kept: list[Row] = []
     for row in found:
-        if not kept or _error(kept[-1], label)[0] - _error(row, label)[0] > math.hypot(
-            _error(kept[-1], label)[1], _error(row, label)[1]
+        if not kept or _front_error(kept[-1], label)[0] - _front_error(row, label)[0] > math.hypot(
+            _front_error(kept[-1], label)[1], _front_error(row, label)[1]
         ):
             kept.append(row)
     return kept
 
 
-def _error(row: Row, label: str) -> tuple[float, float]:
+def _front_error(row: Row, label: str) -> tuple[float, float]:
     """The error of a variant on a front, and the change of it that noise may make; a tenth for the radiance."""
     if label == "radiance":
         return row["rmse"], 0.1 * row["rmse"]
     return row["loss"][label]["epe_px"], row["loss_doubt"][label]["epe_px"] or 0.0
 
 
-def _margin(rows: Sequence[Row]) -> float:
+def _find_time_margin(rows: Sequence[Row]) -> float:
     """Share of the time by which two variants must differ: twice the standard deviation of a difference of repeats."""
     spreads = [
         math.log(row["cpu_range"][1] / row["cpu_range"][0]) ** 2 / 2
@@ -119,7 +122,7 @@ def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scen
     that may be."""
     lines: list[str] = []
     hidden, before = [], None
-    shown = [row for row in rows if _shows(row)]
+    shown = [row for row in rows if _shows_this_scene(row)]
     for px in TOLERANCES_PX:
         keeps = {
             row["key"]: all_hold(
@@ -127,14 +130,14 @@ def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scen
             )
             for row in shown
         }
-        best = _cheapest([row for row in shown if keeps[row["key"]]], margin)
-        perhaps = _cheapest(
+        best = _find_cheapest([row for row in shown if keeps[row["key"]]], margin)
+        perhaps = _find_cheapest(
             [
                 row
                 for row in shown
                 if keeps[row["key"]] is None
                 and all((number_at(row, "loss", method, "epe_px") or 0.0) <= px for method in methods)
-                and (best is None or _cheaper(row, best, margin))
+                and (best is None or _is_cheaper(row, best, margin))
             ],
             margin,
         )
@@ -166,14 +169,14 @@ def _worst_loss_text(row: Row, methods: Sequence[str]) -> str:
     return f"at most {loss}, of {describe_method(worst)}" if len(methods) > 1 else loss
 
 
-def _cheapest(rows: Sequence[Row], margin: float) -> Row | None:
+def _find_cheapest(rows: Sequence[Row], margin: float) -> Row | None:
     """The cheapest row. Among rows with the same time, within the ``margin``, the first: the scene as described comes
     first, then the least changed variants."""
     least = min(rows, key=lambda row: row["cpu_s"], default=None)
-    return least and next(row for row in rows if not _cheaper(least, row, margin))
+    return least and next(row for row in rows if not _is_cheaper(least, row, margin))
 
 
-def _shows(row: Row) -> bool:
+def _shows_this_scene(row: Row) -> bool:
     """Whether a variant shows the shape and the light of this scene."""
     return row["group"] not in SHAPES and row["cpu_s"] is not None and abs(row["bias"]) <= _RECOMMENDED
 
@@ -197,9 +200,9 @@ def coverage_text(loss: Mapping[str, float | None], doubt: Mapping[str, float | 
 
 
 def _ratio_text(scene: Row, best: Row, margin: float) -> str:
-    if _cheaper(best, scene, margin):
+    if _is_cheaper(best, scene, margin):
         return f" ({scene['cpu_s'] / best['cpu_s']:.1f} times less than as described)"
-    return f" ({best['cpu_s'] / scene['cpu_s']:.1f} times as much)" if _cheaper(scene, best, margin) else ""
+    return f" ({best['cpu_s'] / scene['cpu_s']:.1f} times as much)" if _is_cheaper(scene, best, margin) else ""
 
 
 def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margin: float) -> list[str]:
@@ -218,10 +221,10 @@ def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margi
             for row in own
             if abs(row["bias"]) <= max(_UNSEEN, min(row["bias_doubt"] or 0.0, _RECOMMENDED))
             and (row["depth_px"] or 0.0) <= TOLERANCES_PX[0]
-            and (group in SHAPES or not any(_worse(row, scene, method) for method in methods))
+            and (group in SHAPES or not any(_is_worse(row, scene, method) for method in methods))
         ]
-        best = _cheapest(same, margin)
-        if best is not None and _cheaper(best, scene, margin):
+        best = _find_cheapest(same, margin)
+        if best is not None and _is_cheaper(best, scene, margin):
             added = "" if group in SHAPES else ", adds no measurable disparity error,"
             lines.append(
                 f"{group}: “{best['name']}” changes {_light_text(best, None)}{added} and "
@@ -238,7 +241,7 @@ def _group_advice(rows: Sequence[Row], scene: Row, methods: Sequence[str], margi
     return lines
 
 
-def _worse(row: Row, scene: Row, method: str) -> bool:
+def _is_worse(row: Row, scene: Row, method: str) -> bool:
     """Whether a matcher surely has larger errors, or measures less, than on the scene as described."""
     if row is scene:
         return False
@@ -250,7 +253,7 @@ def _worse(row: Row, scene: Row, method: str) -> bool:
     return False
 
 
-def _cheaper(row: Row, other: Row, margin: float) -> bool:
+def _is_cheaper(row: Row, other: Row, margin: float) -> bool:
     """Whether a variant surely takes less time than another."""
     return bool(row["cpu_s"] and other["cpu_s"] and row["cpu_s"] < (1 - margin) * other["cpu_s"])
 
@@ -266,10 +269,10 @@ def _time_text(row: Row, scene: Row, margin: float) -> str:
     if not scene["cpu_s"]:
         return "takes an unknown time"
     ratio = row["cpu_s"] / scene["cpu_s"]
-    if _cheaper(row, scene, margin):
+    if _is_cheaper(row, scene, margin):
         return f"saves {100 * (1 - ratio):.0f} % of the time"
     return (
         f"takes {ratio:.1f} times the time"
-        if _cheaper(scene, row, margin)
+        if _is_cheaper(scene, row, margin)
         else (f"takes as long, within {100 * margin:.0f} %")
     )

@@ -16,7 +16,7 @@ from ...settings.toml_text import to_toml
 from ...support.files import explain_disk_errors, write_text
 from ...support.system import remove
 from ..environment import packages
-from .measure_variants import Bench, RenderCounter, check_abilities, render_all, render_once
+from .measure_variants import RenderCounter, TradeBench, check_abilities, render_all, render_once
 
 if TYPE_CHECKING:
     from ..matchers.methods import Method
@@ -30,7 +30,7 @@ _LIGHT, _SAVED = 0.01, 0.05
 _ALWAYS_WRITTEN = ("samples", "denoiser", "noise_threshold")
 
 
-def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
+def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, Any]:
     """Find the cheapest quality whose stereo error is within ``tolerance`` of the error of an image without noise, for
     every matcher, in 19 of 20 cases. Write it to ``auto.toml`` in ``bench.out``, with everything that was tried.
 
@@ -40,7 +40,7 @@ def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     and ``tried``: for each candidate its name, seconds, renders, losses with their doubts, ``bias``, and whether it is
     ``within`` (None: noise leaves that open). Raises IcyMoonError if a render fails.
     """
-    packages.require(*packages.PACKAGES)
+    packages.require_modules(*packages.PACKAGES)
     from ..matchers.methods import describe_method, parse_methods
     from .losses import read_reference
 
@@ -54,7 +54,9 @@ def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     file = bench.out / "auto.toml"
     with explain_disk_errors("write to", bench.out):
         remove(file)  # of an earlier search
-    search = _Search(bench, read_reference(render_all(best, bench, counter), methods, {}), methods, tolerance, counter)
+    search = _QualitySearch(
+        bench, read_reference(render_all(best, bench, counter), methods, {}), methods, tolerance, counter
+    )
     chosen = next((variant for variant in ladder if search.try_variant(variant)), None)
     if chosen is None:
         return {
@@ -83,8 +85,8 @@ def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
 
 
 @dataclass
-class _Search:
-    bench: Bench
+class _QualitySearch:
+    bench: TradeBench
     truth: Reference
     methods: list[Method]
     tolerance: Tolerance
@@ -93,16 +95,16 @@ class _Search:
 
     def try_variant(self, variant: Variant) -> bool:
         """Render and measure a variant: whether it is surely within the tolerance. Render again while that may show."""
-        from .losses import measure
+        from .losses import measure_variant
 
         folders: list[Path] = []
         for count in range(1, _MOST_RENDERS + 1):
             self.counter.total += count > 1
             folders += render_once(variant, count - 1, self.bench, self.counter)
-            found = measure(folders, self.truth, self.methods, self.bench.images)
-            verdict = self._verdict(found, 1.0)
+            found = measure_variant(folders, self.truth, self.methods, self.bench.images)
+            verdict = self._judge_losses(found, 1.0)
             # At best, noise falls with the square root of the number of renders.
-            if verdict is not None or self._verdict(found, (count / _MOST_RENDERS) ** 0.5) is None:
+            if verdict is not None or self._judge_losses(found, (count / _MOST_RENDERS) ** 0.5) is None:
                 break
         self.tried.append(
             {
@@ -114,7 +116,7 @@ class _Search:
         )
         return verdict is True
 
-    def _verdict(self, found: dict[str, Any], share: float) -> bool | None:
+    def _judge_losses(self, found: dict[str, Any], share: float) -> bool | None:
         """Whether all matchers are within the tolerance if the doubts were reduced to this share."""
         return all_hold(
             self.tolerance.allows(

@@ -21,10 +21,10 @@ from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules
 from ..decisions.scores import score_sites
 from ..decisions.sites import Sites
-from ..decisions.workspace import Workspace, decide, open_workspace
-from ..measure.jackknife import jackknife, tile_sums
-from ..measure.prepare import none_for_nan, prepare
-from ..measure.row_metrics import depth_of
+from ..decisions.workspace import Workspace, decide_from_depth, open_workspace
+from ..measure.jackknife import jackknife, sum_over_tiles
+from ..measure.prepare import none_if_not_finite, prepare_pair
+from ..measure.row_metrics import disparity_to_depth
 
 #: Decisions are the same if at most so many of the cells in reach are decided otherwise, if those that are unsafe but
 #: taken for safe are as many but for this share of the cells, both with their doubts, and if the chosen site costs no
@@ -38,7 +38,7 @@ RULE = (
 
 
 @dataclass(frozen=True)
-class Matched:
+class MatchedRender:
     """What matchers found on the images of one render: the left one as they see it, and disparities (H, W) by label."""
 
     left: Array
@@ -46,21 +46,21 @@ class Matched:
 
 
 @dataclass(frozen=True)
-class Deciding:
+class DecisionReference:
     """The workspace of a reference, and what each matcher decides on it from the reference's images."""
 
     workspace: Workspace
     sites: dict[str, Sites]
 
-    def decide(self, matched: Matched) -> dict[str, Sites]:
+    def decide(self, matched: MatchedRender) -> dict[str, Sites]:
         """What each matcher decides on the images of a render."""
         seen = replace(self.workspace, prepared=replace(self.workspace.prepared, left=matched.left))
         return {
-            label: decide(seen, depth_of(seen.prepared, disparity)).sites
+            label: decide_from_depth(seen, disparity_to_depth(seen.prepared, disparity)).sites
             for label, disparity in matched.disparities.items()
         }
 
-    def compare(self, renders: Sequence[Matched]) -> dict[str, dict[str, Any]]:
+    def compare(self, renders: Sequence[MatchedRender]) -> dict[str, dict[str, Any]]:
         """By matcher, how the decisions of renders of one variant differ from the reference's, see ``_compare``."""
         found = [self.decide(matched) for matched in renders]
         return {label: self._compare([each[label] for each in found], own) for label, own in self.sites.items()}
@@ -71,37 +71,40 @@ class Deciding:
         of the chosen site and ``regret``, by how much its regret is larger; means over renders, None where undefined;
         ``taken``: the share of them that is taken for safe on the reference; ``same``: whether the decisions are by
         RULE, None where noise leaves it open."""
-        truth, among = self.workspace.truth, self._among
+        truth, among = self.workspace.truth, self._judged_cells
         danger = among & ~truth.sites.safe
         sums = np.stack(
-            [tile_sums(among, among & (each.safe != own.safe), danger & each.safe, danger & own.safe) for each in found]
+            [
+                sum_over_tiles(among, among & (each.safe != own.safe), danger & each.safe, danger & own.safe)
+                for each in found
+            ]
         )
-        values, errors = jackknife(_shares, sums)
+        values, errors = jackknife(_compute_shares, sums)
         result: dict[str, Any] = {
-            "otherwise": none_for_nan(float(values[0])),
-            "unsafe": none_for_nan(float(values[1])),
-            "otherwise_doubt": none_for_nan(2 * float(errors[0])),
-            "unsafe_doubt": none_for_nan(2 * float(errors[1])),
+            "otherwise": none_if_not_finite(float(values[0])),
+            "unsafe": none_if_not_finite(float(values[1])),
+            "otherwise_doubt": none_if_not_finite(2 * float(errors[0])),
+            "unsafe_doubt": none_if_not_finite(2 * float(errors[1])),
             "taken": float((among & own.safe).sum() / among.sum()),
         }
         result |= self._compare_choices(found, own)
         return result | {
             "same": all_hold(
                 (
-                    _within(result["otherwise"], result["otherwise_doubt"], MOST_OTHERWISE),
-                    _within(result["unsafe"], result["unsafe_doubt"], MOST_UNSAFE),
+                    _is_within(result["otherwise"], result["otherwise_doubt"], MOST_OTHERWISE),
+                    _is_within(result["unsafe"], result["unsafe_doubt"], MOST_UNSAFE),
                     result.pop("as_good"),
                 )
             )
         }
 
     @property
-    def _among(self) -> Array:
+    def _judged_cells(self) -> Array:
         return np.asarray(self.workspace.reached & self.workspace.truth.dem.known)
 
     def _compare_choices(self, found: Sequence[Sites], own: Sites) -> dict[str, Any]:
         """The chosen site's ``shift_m`` and ``regret``, and whether it is ``as_good``."""
-        first, *others = (score_sites(each, self.workspace.truth.sites, self._among) for each in (own, *found))
+        first, *others = (score_sites(each, self.workspace.truth.sites, self._judged_cells) for each in (own, *found))
         if any((each["chosen"] is None) != (first["chosen"] is None) for each in others):
             return {"shift_m": None, "regret": None, "as_good": False}
         if first["chosen"] is None:
@@ -114,7 +117,7 @@ class Deciding:
         return {"shift_m": float(shift), "regret": regret, "as_good": regret <= MOST_REGRET}
 
 
-def _shares(total: Array) -> Array:
+def _compute_shares(total: Array) -> Array:
     """The shares (..., 2) that are decided otherwise, and that are unsafe but taken beyond those of the reference,
     means over renders, from sums (renders, ..., 4): of cells, those decided otherwise, those taken but unsafe
     by both."""
@@ -122,11 +125,11 @@ def _shares(total: Array) -> Array:
     return np.asarray(shares.mean(axis=0))
 
 
-def open_deciding(folder: Path, matched: Matched, rules: Rules) -> Deciding | str:
+def open_decision_reference(folder: Path, matched: MatchedRender, rules: Rules) -> DecisionReference | str:
     """What the reference decides on the pair in ``folder``, from ``matched`` images; a sentence where it can decide
     nothing."""
     try:
-        workspace = open_workspace(prepare(folder, {}), rules)
+        workspace = open_workspace(prepare_pair(folder, {}), rules)
     except IcyMoonError as error:
         return f"Decisions are not compared: {error}"
     if not (workspace.reached & workspace.truth.dem.known).any():
@@ -134,11 +137,11 @@ def open_deciding(folder: Path, matched: Matched, rules: Rules) -> Deciding | st
             "Decisions are not compared: no cell of the workspace whose height is known is in reach; move the "
             "workspace, the arm or the camera."
         )
-    deciding = Deciding(workspace, {})
+    deciding = DecisionReference(workspace, {})
     return replace(deciding, sites=deciding.decide(matched))
 
 
-def _within(value: float | None, doubt: float | None, most: float) -> bool | None:
+def _is_within(value: float | None, doubt: float | None, most: float) -> bool | None:
     """Whether a share is within a bound to either side, with its doubt; None if that cannot be told."""
     if value is None or doubt is None:
         return None
@@ -149,12 +152,12 @@ def decisions_text(found: Mapping[str, Any]) -> str:
     """How the decisions of a variant differ, in words."""
     site = "" if found["shift_m"] is None else f", its site {found['shift_m']:.2f} m away"
     return (
-        f"{_percent(found, 'otherwise', '')} of the cells otherwise, {_percent(found, 'unsafe', '+')} unsafe ones "
+        f"{_format_percent(found, 'otherwise', '')} of the cells otherwise, {_format_percent(found, 'unsafe', '+')} unsafe ones "
         f"taken{site}"
     )
 
 
-def _percent(found: Mapping[str, Any], key: str, sign: str) -> str:
+def _format_percent(found: Mapping[str, Any], key: str, sign: str) -> str:
     if found[key] is None:
         return "an unknown share"
     doubt = found[f"{key}_doubt"]

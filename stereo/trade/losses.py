@@ -24,15 +24,15 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules
-from ..images.develop import develop, grey
+from ..images.develop import average_bands, develop
 from ..images.exr import Light
 from ..matchers import match_checked
 from ..matchers.methods import Method
-from ..matchers.search_range import known_ranges
-from ..measure.jackknife import jackknife, tile_sums
-from ..measure.metrics import usable
-from ..measure.prepare import Loaded, load, none_for_nan
-from .decisions import Deciding, Matched, open_deciding
+from ..matchers.search_range import find_known_ranges
+from ..measure.jackknife import jackknife, sum_over_tiles
+from ..measure.metrics import is_usable
+from ..measure.prepare import LoadedPair, load_pair, none_if_not_finite
+from .decisions import DecisionReference, MatchedRender, open_decision_reference
 
 #: The numbers of a matcher, over pixels that both eyes see: the share that is measured; of the measured ones the mean
 #: disparity error, px, and the share wrong by more than 1 px; the share that is missing or wrong by more than 1 px.
@@ -55,19 +55,19 @@ class Reference:
     visible: Array  # bool (H, W)
     noise: float  # standard deviation over mean radiance, of the mean of the renders
     cpu_s: float | None  # of all renders
-    tallies: dict[str, Array]  # per matcher, (1 + renders, tiles, 4) of ``tally``: of the mean, of each render
-    deciding: Deciding | str  # what matchers decide on the mean of the renders, or why nothing
+    tallies: dict[str, Array]  # per matcher, (1 + renders, tiles, 4) of ``tally_errors``: of the mean, of each render
+    deciding: DecisionReference | str  # what matchers decide on the mean of the renders, or why nothing
     own_decisions: dict[str, dict[str, Any]]  # how the decisions on each render differ from these
 
     @property
     def stereo(self) -> dict[str, dict[str, float | None]]:
         """The STEREO numbers of each matcher on the images of the reference."""
-        return {label: _named(stereo_numbers(sums[0].sum(axis=0))) for label, sums in self.tallies.items()}
+        return {label: _name_numbers(stereo_numbers(sums[0].sum(axis=0))) for label, sums in self.tallies.items()}
 
     @property
     def own(self) -> dict[str, dict[str, float | None]]:
         """How much the noise of the reference makes these numbers worse."""
-        return {label: _named(_noise_loss(sums.sum(axis=1))) for label, sums in self.tallies.items()}
+        return {label: _name_numbers(_loss_by_noise(sums.sum(axis=1))) for label, sums in self.tallies.items()}
 
 
 def read_reference(
@@ -80,35 +80,35 @@ def read_reference(
 
     Raises IcyMoonError if a render cannot be read, or if the scene is black.
     """
-    renders = [load(folder, response) for folder in folders]
-    first, light = renders[0], mean_light(renders)
-    mean = float(grey(light["left"].radiance).mean())
+    renders = [load_pair(folder, response) for folder in folders]
+    first, light = renders[0], average_light(renders)
+    mean = float(average_bands(light["left"].radiance).mean())
     if not mean > 0:
         raise IcyMoonError(f"{folders[0]} is black, so nothing can be compared; put the Sun above the horizon.")
     exposed = merged(first.settings, {"sensor": {"auto_exposure": False, "exposure_s": first.images.exposure_s}})
-    cost = _cost(renders)["cpu_s"]
+    cost = _measure_cost(renders)["cpu_s"]
     untallied = Reference(
         first.pair,
         exposed,
         light,
         first.depth["left"],
         first.visible["left"],
-        _noise(renders) / len(renders) ** 0.5 / mean,
+        _measure_noise(renders) / len(renders) ** 0.5 / mean,
         cost and len(renders) * cost,
         {},
         "Decisions were not asked for.",
         {},
     )
     matched = _match_images(untallied, [light, *(render.light for render in renders if len(renders) > 1)], methods)
-    tallied = replace(untallied, tallies=_tally(untallied, matched, methods))
+    tallied = replace(untallied, tallies=_tally_matches(untallied, matched, methods))
     if rules is None:
         return tallied
-    deciding = open_deciding(folders[0], matched[0], rules)
+    deciding = open_decision_reference(folders[0], matched[0], rules)
     own = {} if isinstance(deciding, str) or len(matched) < 2 else deciding.compare(matched[1:])
     return replace(tallied, deciding=deciding, own_decisions=own)
 
 
-def mean_light(renders: Sequence[Loaded]) -> dict[str, Light]:
+def average_light(renders: Sequence[LoadedPair]) -> dict[str, Light]:
     """The mean of renders of the same view, by eye, without its light groups."""
     return {
         eye: replace(
@@ -122,7 +122,7 @@ def mean_light(renders: Sequence[Loaded]) -> dict[str, Light]:
     }
 
 
-def measure(
+def measure_variant(
     folders: Sequence[Path], reference: Reference, methods: Sequence[Method], images: int = 1
 ) -> dict[str, Any]:
     """Measure one variant, from its renders, against the reference. ``images`` share what is baked.
@@ -139,80 +139,85 @@ def measure(
       image without noise, see the module.
     * ``bias_doubt``, ``loss_doubt``: uncertainty of these from noise, in 19 of 20 cases: two standard errors over tiles
       of the image (``jackknife``) and, for a loss, the uncertainty of what is subtracted for the reference's noise.
-    * ``decisions``: per matcher how its decisions differ from those on the reference, see ``decisions.Deciding``; empty
+    * ``decisions``: per matcher how its decisions differ from those on the reference, see ``decisions.DecisionReference``; empty
       where they are not compared.
     * ``cpu_range``: the smallest and the largest ``cpu_s``.
 
     All are fractions unless a unit is named. Raises IcyMoonError if a render cannot be read or shows another view.
     """
-    renders = [load(folder, {}) for folder in folders]
+    renders = [load_pair(folder, {}) for folder in folders]
     for render in renders:
         if render.pair.camera != reference.pair.camera:
             raise IcyMoonError(
                 f"{render.pair.folder} and {reference.pair.folder} have different cameras; render both again."
             )
     matched = _match_images(reference, [render.light for render in renders], methods)
-    tallies = _tally(reference, matched, methods)
-    losses = {label: _loss(sums, reference.tallies[label]) for label, sums in tallies.items()}
+    tallies = _tally_matches(reference, matched, methods)
+    losses = {label: _loss_of_variant(sums, reference.tallies[label]) for label, sums in tallies.items()}
     return {
-        **_cost(renders, images),
-        **_radiance(renders, reference),
-        **_depth(renders[0], reference),
-        "stereo": {label: _named(stereo_numbers(sums.sum(axis=1)).mean(axis=0)) for label, sums in tallies.items()},
-        "loss": {label: _named(loss) for label, (loss, _) in losses.items()},
-        "loss_doubt": {label: _named(doubt) for label, (_, doubt) in losses.items()},
+        **_measure_cost(renders, images),
+        **_compare_radiance(renders, reference),
+        **_compare_depth(renders[0], reference),
+        "stereo": {
+            label: _name_numbers(stereo_numbers(sums.sum(axis=1)).mean(axis=0)) for label, sums in tallies.items()
+        },
+        "loss": {label: _name_numbers(loss) for label, (loss, _) in losses.items()},
+        "loss_doubt": {label: _name_numbers(doubt) for label, (_, doubt) in losses.items()},
         "decisions": {} if isinstance(reference.deciding, str) else reference.deciding.compare(matched),
     }
 
 
-def _cost(renders: Sequence[Loaded], images: int = 1) -> dict[str, Any]:
+def _measure_cost(renders: Sequence[LoadedPair], images: int = 1) -> dict[str, Any]:
     facts = [render.pair.data for render in renders]
     cpu = [
-        sum(pair.data["cpu_seconds"].values()) + baked_seconds(pair) / images_per_bake(pair.settings, images)
+        sum(pair.data["cpu_seconds"].values()) + read_bake_seconds(pair) / images_per_bake(pair.settings, images)
         for pair in (render.pair for render in renders)
         if "cpu_seconds" in pair.data
     ]
     return {
-        "cpu_s": _mean(cpu),
+        "cpu_s": _mean_of_known(cpu),
         "cpu_range": [min(cpu), max(cpu)] if cpu else None,
-        "wall_s": _mean([sum(each.get("seconds", {}).values()) for each in facts]),
+        "wall_s": _mean_of_known([sum(each.get("seconds", {}).values()) for each in facts]),
         "memory_mib": max((each["peak_memory_mib"] for each in facts if each.get("peak_memory_mib")), default=None),
-        "megabytes": _mean(
+        "megabytes": _mean_of_known(
             [sum(file["bytes"] for file in each["files"].values()) / 1e6 for each in facts if each.get("files")]
         ),
     }
 
 
-def baked_seconds(pair: Pair) -> float:
+def read_bake_seconds(pair: Pair) -> float:
     """Processor seconds of baking the light that a pair was rendered with."""
     lights = pair.data.get("indirect", {}).get("lights", {})
     return sum(float(light["cpu_seconds_of_bake"]) for light in lights.values())
 
 
-def _radiance(renders: Sequence[Loaded], reference: Reference) -> dict[str, float | None]:
-    true = grey(reference.light["left"].radiance)
+def _compare_radiance(renders: Sequence[LoadedPair], reference: Reference) -> dict[str, float | None]:
+    true = average_bands(reference.light["left"].radiance)
     mean = float(true.mean())
-    lights = [grey(render.light["left"].radiance) for render in renders]
+    lights = [average_bands(render.light["left"].radiance) for render in renders]
     square = float(np.mean([np.mean((light - true) ** 2) for light in lights])) / mean**2 - reference.noise**2
-    noise = _noise(renders) / mean if len(renders) > 1 else None
-    _, error = jackknife(lambda sums: sums[..., :1] / sums[..., 1:] - 1, tile_sums(np.mean(lights, axis=0), true))
+    noise = _measure_noise(renders) / mean if len(renders) > 1 else None
+    _, error = jackknife(lambda sums: sums[..., :1] / sums[..., 1:] - 1, sum_over_tiles(np.mean(lights, axis=0), true))
     return {
         "bias": float(np.mean(lights)) / mean - 1,
-        "bias_doubt": none_for_nan(2 * float(error[0])),
+        "bias_doubt": none_if_not_finite(2 * float(error[0])),
         "rmse": max(square, 0.0) ** 0.5,
         "noise": noise,
         "structure": max(square - noise**2, 0.0) ** 0.5 if noise is not None else None,
     }
 
 
-def _noise(renders: Sequence[Loaded]) -> float:
+def _measure_noise(renders: Sequence[LoadedPair]) -> float:
     """Standard deviation of the radiance of a pixel between renders, root mean square over the left image."""
     if len(renders) < 2:
         return 0.0
-    return float(np.mean(np.var([grey(render.light["left"].radiance) for render in renders], axis=0, ddof=1))) ** 0.5
+    return (
+        float(np.mean(np.var([average_bands(render.light["left"].radiance) for render in renders], axis=0, ddof=1)))
+        ** 0.5
+    )
 
 
-def _depth(render: Loaded, reference: Reference) -> dict[str, float | None]:
+def _compare_depth(render: LoadedPair, reference: Reference) -> dict[str, float | None]:
     depth = render.depth["left"]
     both = np.isfinite(depth) & np.isfinite(reference.depth)
     if not both.any():
@@ -227,16 +232,16 @@ def _depth(render: Loaded, reference: Reference) -> dict[str, float | None]:
 
 def _match_images(
     reference: Reference, lights: Sequence[Mapping[str, Light]], methods: Sequence[Method]
-) -> list[Matched]:
+) -> list[MatchedRender]:
     """What the matchers find on images with the exposure of the reference."""
     images = [
         develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers() for light in lights
     ]
-    ranges = known_ranges(
+    ranges = find_known_ranges(
         reference.pair.settings, _true_disparity(reference), bool(reference.pair.data.get("edited_by_hand"))
     )
     return [
-        Matched(
+        MatchedRender(
             left,
             {
                 method.label: match_checked(method.name, left, right, method.options, reference.pair.camera, ranges)[0]
@@ -247,11 +252,14 @@ def _match_images(
     ]
 
 
-def _tally(reference: Reference, matched: Sequence[Matched], methods: Sequence[Method]) -> dict[str, Array]:
-    """Per matcher, sums (images, tiles, 4), see ``tally``, against the depth of the reference where both eyes see."""
+def _tally_matches(
+    reference: Reference, matched: Sequence[MatchedRender], methods: Sequence[Method]
+) -> dict[str, Array]:
+    """Per matcher, sums (images, tiles, 4), see ``tally_errors``, against the depth of the reference where both eyes see."""
     true = _true_disparity(reference)
     return {
-        method.label: np.stack([tally(each.disparities[method.label], true) for each in matched]) for method in methods
+        method.label: np.stack([tally_errors(each.disparities[method.label], true) for each in matched])
+        for method in methods
     }
 
 
@@ -259,23 +267,23 @@ def _true_disparity(reference: Reference) -> Array:
     return np.where(reference.visible, reference.pair.camera.disparity(reference.depth), np.nan)
 
 
-def tally(disparity: Array, true: Array) -> Array:
+def tally_errors(disparity: Array, true: Array) -> Array:
     """Sums (tiles, 4) over the tiles of an image, from disparities (H, W) in px, NaN where there is none: the number of
     true pixels, of measured ones among these, their disparity error in px, and the number wrong by more than 1 px."""
     known = np.isfinite(true)
-    measured = known & usable(disparity)
+    measured = known & is_usable(disparity)
     error = np.where(measured, np.abs(disparity - true), 0.0)
-    return tile_sums(known, measured, error, error > 1)
+    return sum_over_tiles(known, measured, error, error > 1)
 
 
 def stereo_numbers(sums: Array) -> Array:
-    """The STEREO numbers (..., 4) from sums (..., 4) of ``tally``; NaN where undefined."""
+    """The STEREO numbers (..., 4) from sums (..., 4) of ``tally_errors``; NaN where undefined."""
     known, measured, error, bad = np.moveaxis(sums, -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.stack([measured / known, error / measured, bad / measured, 1 - (measured - bad) / known], axis=-1)
 
 
-def _noise_loss(sums: Array) -> Array:
+def _loss_by_noise(sums: Array) -> Array:
     """How much its own noise makes a reference worse, from sums (1 + renders, ..., 4); see the module."""
     if len(sums) < 3:
         return np.zeros_like(sums[0])
@@ -283,26 +291,26 @@ def _noise_loss(sums: Array) -> Array:
     return _WORSE * (np.mean(each, axis=0) - whole) / (len(each) - 1)
 
 
-def _loss(sums: Array, reference: Array) -> tuple[Array, Array]:
+def _loss_of_variant(sums: Array, reference: Array) -> tuple[Array, Array]:
     """How much worse a variant is than an image without noise, (4,), and the uncertainty of that."""
 
     def loss_of(own: Array, best: Array) -> Array:
-        return _WORSE * (stereo_numbers(own).mean(axis=0) - stereo_numbers(best[0])) + _noise_loss(best)
+        return _WORSE * (stereo_numbers(own).mean(axis=0) - stereo_numbers(best[0])) + _loss_by_noise(best)
 
     loss, error = jackknife(loss_of, sums, reference)
-    return loss, np.hypot(2 * error, _LAW_DOUBT * _noise_loss(reference.sum(axis=1)))
+    return loss, np.hypot(2 * error, _LAW_DOUBT * _loss_by_noise(reference.sum(axis=1)))
 
 
-def _named(numbers: Array) -> dict[str, float | None]:
-    return {key: none_for_nan(float(value)) for key, value in zip(STEREO, numbers, strict=True)}
+def _name_numbers(numbers: Array) -> dict[str, float | None]:
+    return {key: none_if_not_finite(float(value)) for key, value in zip(STEREO, numbers, strict=True)}
 
 
-def _mean(values: Sequence[float | None]) -> float | None:
+def _mean_of_known(values: Sequence[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
 
 
-def pareto_front(rows: Sequence[Mapping[str, Any]], cost: str, error: Sequence[str]) -> list[int]:
+def find_pareto_front(rows: Sequence[Mapping[str, Any]], cost: str, error: Sequence[str]) -> list[int]:
     """Indices of the rows that no other beats in both cost and error, cheapest first.
 
     ``error`` is a path such as ("loss", "sgbm", "epe_px"); rows without a number there are left out.

@@ -33,7 +33,7 @@ Event = Callable[[dict[str, Any]], None]
 
 
 @dataclass(frozen=True)
-class Bench:
+class TradeBench:
     """Where and how the variants are rendered and measured."""
 
     settings: Settings  # complete
@@ -66,19 +66,19 @@ def _reference_entry(best: Variant, truth: Reference, settings: Settings) -> dic
         "cpu_s": truth.cpu_s,
         "own_decisions": truth.own_decisions,
         "undecided": truth.deciding if isinstance(truth.deciding, str) else "",
-        "changed": _changed(best.settings, settings),
+        "changed": _list_changes(best.settings, settings),
     }
 
 
-def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
+def run_trade(bench: TradeBench, groups: Sequence[str] = ()) -> dict[str, Any]:
     """Render and measure all variants in ``groups``, and write the report to ``bench.out``; see ``write_trade``.
 
     Raises IcyMoonError with the error of Blender's process if a render fails.
     """
-    packages.require(*packages.PACKAGES)
+    packages.require_modules(*packages.PACKAGES)
     from ..decisions.rules import read_rules
     from ..matchers.methods import parse_methods
-    from .losses import measure, read_reference
+    from .losses import measure_variant, read_reference
     from .report import write_trade
 
     methods = parse_methods(bench.methods, own=bench.own)
@@ -97,21 +97,23 @@ def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
             folders[variant.key] += render_once(variant, repeat, bench, counter)
     rows = []
     for variant in chosen:
-        found = measure(folders[variant.key], truths[variant.group in SHAPES], methods, bench.images)
+        found = measure_variant(folders[variant.key], truths[variant.group in SHAPES], methods, bench.images)
         rows.append(
             {
                 "group": variant.group,
                 "name": variant.name,
                 "key": variant.key,
-                "changed": _changed(variant.settings, bench.settings),
+                "changed": _list_changes(variant.settings, bench.settings),
                 **found,
             }
         )
     references = [_reference_entry(bests[fine], truth, bench.settings) for fine, truth in truths.items()]
-    return write_trade(rows, [method.label for method in methods], references, GROUPS, _provenance(bench), bench.out)
+    return write_trade(
+        rows, [method.label for method in methods], references, GROUPS, _describe_provenance(bench), bench.out
+    )
 
 
-def check_abilities(bench: Bench, settings: Settings) -> Abilities:
+def check_abilities(bench: TradeBench, settings: Settings) -> Abilities:
     """Find out the abilities of the bench's Blender, and warn about variants that are left out.
 
     Raises IcyMoonError if it cannot render these settings.
@@ -147,12 +149,12 @@ class RenderCounter:
         )
 
 
-def render_all(variant: Variant, bench: Bench, counter: RenderCounter) -> list[Path]:
+def render_all(variant: Variant, bench: TradeBench, counter: RenderCounter) -> list[Path]:
     """Render a variant as often as it asks; return the pair folders. See ``render_once``."""
     return [folder for repeat in range(variant.repeats) for folder in render_once(variant, repeat, bench, counter)]
 
 
-def render_once(variant: Variant, repeat: int, bench: Bench, counter: RenderCounter) -> list[Path]:
+def render_once(variant: Variant, repeat: int, bench: TradeBench, counter: RenderCounter) -> list[Path]:
     """Render a variant once, in a separate process, unless this is already done; return the pair folder.
 
     Raises IcyMoonError with the name of the variant and the error of Blender's process.
@@ -174,18 +176,18 @@ def render_once(variant: Variant, repeat: int, bench: Bench, counter: RenderCoun
     return folders
 
 
-def _changed(settings: Settings, scene: Settings) -> dict[str, Any]:
+def _list_changes(settings: Settings, scene: Settings) -> dict[str, Any]:
     return {
         f"{topic}.{key}": value for topic, values in changed(settings, scene).items() for key, value in values.items()
     }
 
 
-def _provenance(bench: Bench) -> dict[str, Any]:
+def _describe_provenance(bench: TradeBench) -> dict[str, Any]:
     return {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "icymoon": version(),
         "platform": platform.platform(),
         "processor": platform.processor(),
         "packages": packages.find_versions(),
-        "differs_from_defaults": _changed(bench.settings, defaults()),
+        "differs_from_defaults": _list_changes(bench.settings, defaults()),
     }

@@ -18,7 +18,7 @@ from ..matchers.methods import describe_method
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg, set_logarithmic, set_logarithmic_beyond
 from ..report.pages import read_template
 from ..report.table_columns import Column, format_number
-from .advice import decision_advice, distinct_steps, loss_text, pareto_fronts, variant_advice
+from .advice import decision_advice, find_distinct_steps, find_pareto_fronts, loss_text, variant_advice
 from .decisions import MOST_REGRET, RULE
 from .losses import STEREO, number_at
 
@@ -72,11 +72,11 @@ def write_trade(
 ) -> dict[str, Any]:
     """Write ``trade.json``, ``trade.csv`` and ``trade.html`` to ``out``; return the content of the JSON.
 
-    ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and the result of ``losses.measure``.
+    ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and the result of ``losses.measure_variant``.
     ``references``: per reference ``name``, ``noise``, ``cpu_s``, ``stereo``, ``own``, ``own_decisions`` and
     ``undecided``. ``groups``: a description of each group of variants, by its key.
     """
-    best = pareto_fronts(rows, methods)
+    best = find_pareto_fronts(rows, methods)
     report = {
         "format": FORMAT,
         "version": VERSION,
@@ -101,7 +101,7 @@ def write_trade(
         decided=[row for row in rows if row["decisions"]],
         chart=_draw_chart(rows, methods, best),
         lost=_loss_text,
-        fronts={label: distinct_steps(found, label) for label, found in best.items()},
+        fronts={label: find_distinct_steps(found, label) for label, found in best.items()},
         best={row["key"] for found in best.values() for row in found},
         tables=_tables(rows, groups),
         settings=json.dumps(provenance, indent=1),
@@ -110,7 +110,7 @@ def write_trade(
     return report
 
 
-def _errors(methods: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
+def _list_errors(methods: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
     """The errors that are drawn: their names and their paths in a row."""
     return [("radiance", ("rmse",)), *((method, ("loss", method, "epe_px")) for method in methods)]
 
@@ -162,7 +162,7 @@ def _draw_chart(
 ) -> str:
     """Draw every variant by cost and error, with its uncertainty; a line joins those on the front."""
     groups = list(dict.fromkeys(row["group"] for row in rows))
-    errors = _errors(methods)
+    errors = _list_errors(methods)
     with matplotlib.rc_context(STYLE):
         figure, axes = make_figure(2, (len(errors) + 1) // 2, height=3.4)
         for axis in axes.flat[len(errors) :]:

@@ -8,7 +8,7 @@ from icymoon.formats import ply
 from icymoon.nodes import measured_surface
 from icymoon.operators import results
 from icymoon.stereo.export.points import write_points
-from icymoon.stereo.measure.prepare import prepare
+from icymoon.stereo.measure.prepare import prepare_pair
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from mathutils import Vector
@@ -21,7 +21,7 @@ def shown(tmp_path_factory):
     """A rendered pair, its scene, and the file of a surface that a perfect and a wrong matcher measured."""
     folder = tmp_path_factory.mktemp("points")
     pair, built = render(folder)
-    prepared = prepare(pair.folder, {})
+    prepared = prepare_pair(pair.folder, {})
     true = pair.camera.disparity(prepared.truth)
     # A quarter too far, a quarter too near, a quarter right and a quarter missing.
     quarters = true * np.repeat([0.9, 1.1, 1.0, np.nan], true.shape[1] // 4)

@@ -15,7 +15,7 @@ from icymoon.settings.blender import scene_properties
 from icymoon.stereo.ground_errors import COARSE, MEASURED, MISSING, UNSEEN, read_depth_errors
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.images.image_files import write_disparity
-from icymoon.stereo.measure.prepare import prepare
+from icymoon.stereo.measure.prepare import prepare_pair
 from icymoon.support.errors import IcyMoonError
 from mathutils import Vector
 from rendering import render
@@ -32,7 +32,7 @@ def shown(tmp_path_factory):
     """A rendered pair, its scene, and files of depths that are 10 % too far on the left and missing on the right."""
     folder = tmp_path_factory.mktemp("painted")
     pair, built = render(folder, SCENE)
-    truth = prepare(pair.folder, {}).truth
+    truth = prepare_pair(pair.folder, {}).truth
     there = np.arange(truth.shape[1]) < truth.shape[1] // 2
     files = folder / "evaluation_scene" / "pairs" / pair.id
     files.mkdir(parents=True)
@@ -177,7 +177,7 @@ def test_the_users_own_colours_are_active_again_afterwards(shown):
 
 def test_a_ground_of_wide_triangles_is_refused_and_one_of_both_kinds_says_so(shown):
     pair, built, _ = shown
-    scene, known = bpy.context.scene, np.isfinite(prepare(pair.folder, {}).truth)
+    scene, known = bpy.context.scene, np.isfinite(prepare_pair(pair.folder, {}).truth)
     paint(shown)
     lines = dict(line.split(": ") for line, _ in painted_errors.legend(scene) if ": " in line)
     assert sum(float(lines[key].removesuffix(" %")) for key in lines if "Triangles" not in key) == pytest.approx(

@@ -19,7 +19,7 @@ from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import CLASSES, menu, sidebar
 from icymoon.settings.table import TOPICS, all_settings
 from icymoon.settings.topics.declaration import ELSEWHERE
-from icymoon.stereo.matchers import titles
+from icymoon.stereo.matchers import matcher_titles
 from icymoon.stereo.report.table_columns import RANKING
 from panel_drawing import Layout, drawn, texts
 from stand_ins import stand_in
@@ -247,7 +247,7 @@ def test_the_matchers_of_plug_ins_have_a_tick_once_check_has_found_them(scene):
 
 def test_the_matchers_there_are_stand_in_the_tooltip():
     told = TOPICS["dataset"]["methods"].description
-    assert ", ".join(titles()) in told
+    assert ", ".join(matcher_titles()) in told
     assert "own:NAME" in told  # by which a scene names one that is set up
 
 
@@ -532,7 +532,7 @@ def test_matchers_are_ticked_and_keep_their_options(scene):
         for entry in drawn(sidebar.ICYMOON_PT_evaluation)
         if entry[:2] == ("operator", "icymoon.toggle_matcher")
     }
-    assert ticked == set(titles().values())
+    assert ticked == set(matcher_titles().values())
     assert bpy.ops.icymoon.toggle_matcher(matcher="igev") == {"FINISHED"}
     assert group.methods == "bm,sgbm:window=7,igev"
     assert "PyTorch" in texts(drawn(sidebar.ICYMOON_PT_evaluation))

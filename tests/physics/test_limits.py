@@ -24,16 +24,16 @@ from icymoon.physics.surfaces import hapke, photometry, principled
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS
-from icymoon.stereo.images.disparity_and_occlusion import visible_in_left, visible_in_right
-from icymoon.stereo.images.lens import lens_of
+from icymoon.stereo.images.disparity_and_occlusion import find_visible_in_left, find_visible_in_right
+from icymoon.stereo.images.lens import make_lens
 from icymoon.stereo.measure.metrics import (
-    by_confidence,
-    depth_metrics,
-    disparity_metrics,
-    error_curve,
-    sparsification,
-    total_metrics,
-    usable,
+    compute_depth_metrics,
+    compute_disparity_metrics,
+    compute_error_curve,
+    compute_sparsification,
+    compute_total_metrics,
+    is_usable,
+    sort_by_confidence,
 )
 from icymoon.support.errors import IcyMoonError
 
@@ -99,9 +99,9 @@ def made(make, *arguments):
 def test_metrics_are_shares_or_nothing(data):
     truth = data.draw(images())
     prediction = data.draw(images(*truth.shape))
-    known, both = usable(truth), usable(truth) & usable(prediction)
-    depth, disparity = depth_metrics(prediction, truth), disparity_metrics(prediction, truth)
-    total = total_metrics(prediction, truth, prediction, truth, depth["dod"])
+    known, both = is_usable(truth), is_usable(truth) & is_usable(prediction)
+    depth, disparity = compute_depth_metrics(prediction, truth), compute_disparity_metrics(prediction, truth)
+    total = compute_total_metrics(prediction, truth, prediction, truth, depth["dod"])
     assert depth["n"] == both.sum()
     shares = ("l1_rate_10", "l1_rate_30", "l1_rate_100", "bad_0_5", "bad_1", "bad_2", "bad_3", "d1", "dod")
     for numbers, defined in (({**depth, **disparity}, both.any()), (total, known.any())):
@@ -113,10 +113,10 @@ def test_metrics_are_shares_or_nothing(data):
             if key not in ("n", "bias_m") and not math.isnan(value):
                 assert value >= -1e-12, key
     assert math.isnan(depth["coverage"]) or depth["coverage"] == pytest.approx(both.sum() / known.sum())
-    curve = error_curve(prediction, truth)
+    curve = compute_error_curve(prediction, truth)
     assert np.isnan(curve).all() or (np.all(np.diff(curve) >= 0) and curve[-1] <= depth["coverage"] + 1e-12)
     error = np.abs(np.where(both, prediction, np.nan) - np.where(both, truth, np.nan))
-    kept = sparsification(error.ravel()[by_confidence(np.nan_to_num(prediction))])
+    kept = compute_sparsification(error.ravel()[sort_by_confidence(np.nan_to_num(prediction))])
     assert np.isnan(kept).all() != both.any()
 
 
@@ -124,11 +124,14 @@ def test_metrics_are_shares_or_nothing(data):
 @given(images(), st.floats(1e-4, 100.0), st.sampled_from([1.0, 341.3, 8.2e7]))
 def test_what_an_eye_sees_of_the_other_is_ground(depth, baseline_m, focal_px):
     """A pixel without depth is seen by nobody, whatever the depths."""
-    depth = np.where(usable(depth), depth, np.nan)
+    depth = np.where(is_usable(depth), depth, np.nan)
     rows, columns = depth.shape
     camera = StereoCamera(columns, rows, focal_px, columns / 2, rows / 2, baseline_m)
     left, right = depth, depth[::-1]
-    for visible, own in ((visible_in_right(left, right, camera), left), (visible_in_left(left, right, camera), right)):
+    for visible, own in (
+        (find_visible_in_right(left, right, camera), left),
+        (find_visible_in_left(left, right, camera), right),
+    ):
         assert visible.shape == depth.shape
         assert not visible[np.isnan(own)].any()
 
@@ -248,7 +251,7 @@ def test_a_lens_is_refused_or_of_numbers(settings):
     image = np.ones(camera.rendered_px[::-1])
 
     def taken():
-        lens = lens_of(camera, rig, "left")
+        lens = make_lens(camera, rig, "left")
         return camera.cropped(image) if lens is None else lens.distort(image)
 
     seen = made(taken)

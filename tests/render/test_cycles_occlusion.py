@@ -13,7 +13,7 @@ from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.exr import read_truth, read_view
-from icymoon.stereo.measure.prepare import load
+from icymoon.stereo.measure.prepare import load_pair
 from other_rays import cast_from_other_eye, tree_of_scene
 from rendering import complete, empty_scene
 
@@ -54,7 +54,7 @@ def test_hidden_pixels_are_those_of_another_ray_caster(tmp_path):
 
 def test_masks_are_what_the_rays_found(tmp_path):
     pair = shoot(tmp_path, ROCKS, {"rig": {"width_px": 96, "height_px": 72}})
-    loaded = load(pair.folder, {})
+    loaded = load_pair(pair.folder, {})
     for eye in EYES:
         view = read_view(pair.truth(eye), eye)
         column = matching_column(pair.camera.disparity(view.depth), eye)
@@ -72,10 +72,10 @@ def test_a_blurred_image_with_margins_has_them_in_the_truth_of_the_sharp_rig(tmp
         assert abs(turned.mean() - sharp.mean()) < 0.01  # of eyes that are turned in, about the same points
         assert sharp.shape == pair.camera.rendered_px[::-1]
         assert sharp.any()
-    assert load(pair.folder, {}).visible["left"].shape == (72, 96)
+    assert load_pair(pair.folder, {}).visible["left"].shape == (72, 96)
 
 
 def test_depth_alone_has_no_rays(tmp_path):
     pair = shoot(tmp_path, ROCKS, {"rig": {"width_px": 48, "height_px": 36}, "quality": {"truth": "DEPTH"}})
     assert read_view(pair.truth("left"), "left").hidden is None
-    assert load(pair.folder, {}).visible["left"].any()
+    assert load_pair(pair.folder, {}).visible["left"].any()

@@ -22,7 +22,7 @@ from icymoon.settings.table import TOPICS, all_settings
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import prepare
+from icymoon.stereo.measure.prepare import prepare_pair
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import PLANET, TERRAIN
 from rendering import empty_scene
@@ -183,7 +183,7 @@ def test_no_limit_of_the_response_breaks_an_image(tmp_path):
             value = int(value) if setting.kind == "int" else value
             prepared, said = None, ""
             try:
-                prepared = prepare(pair.folder, {topic: {setting.key: value}})
+                prepared = prepare_pair(pair.folder, {topic: {setting.key: value}})
             except IcyMoonError as refusal:
                 said = str(refusal)
             if prepared is None:

@@ -15,7 +15,7 @@ from icymoon.physics.rocks.shapes import icosphere
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
-from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
+from icymoon.stereo.images.disparity_and_occlusion import find_visible_in_right
 from icymoon.stereo.images.exr import View, read_view
 from icymoon.support.arrays import Array
 from icymoon.support.labels import FIRST_OBJECT_INSTANCE, FIRST_ROCK_INSTANCE, LANDER, ROCK, TERRAIN, TERRAIN_INSTANCE
@@ -115,7 +115,7 @@ def test_left_labels_are_right_labels_where_the_true_depth_leads(tmp_path):
     )
     left, right = views(pair).values()
     camera = pair.camera
-    visible = visible_in_right(left.depth, right.depth, camera)
+    visible = find_visible_in_right(left.depth, right.depth, camera)
     rows, columns = np.nonzero(visible)
     disparity = camera.disparity(left.depth[visible])
     x = columns - disparity

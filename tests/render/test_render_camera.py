@@ -22,7 +22,7 @@ from icymoon.stereo.export.layouts import export
 from icymoon.stereo.images.exr import read_light, read_truth
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import load
+from icymoon.stereo.measure.prepare import load_pair
 from icymoon.stereo.reexpose import reexpose
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
@@ -168,7 +168,7 @@ def test_toed_in_eyes_see_where_their_poses_say(toed):
 def test_eyes_that_are_toed_in_by_six_degrees_count_in_the_averages(tmp_path):
     """What the one eye does not see is no surface that the other one sees through, and nothing that it shows."""
     pair, _ = render(tmp_path / "data", {"rig": {"toe_in_deg": 6.0}, "light": {"sun_elevation_deg": 2.0}})
-    loaded = load(pair.folder, {})
+    loaded = load_pair(pair.folder, {})
     unseen = np.isnan(loaded.depth["right"])
     assert 0.05 < unseen.mean() < 0.6  # 6 degrees of a field of view of 86
     assert loaded.check.contradictions < 1e-3
@@ -187,7 +187,7 @@ def test_eyes_that_are_toed_in_by_six_degrees_count_in_the_averages(tmp_path):
 
 
 def test_rectified_toed_in_images_lie_on_the_truth_of_the_parallel_rig(toed):
-    loaded = load(toed.folder, {})
+    loaded = load_pair(toed.folder, {})
     assert loaded.check.ok
     assert abs(loaded.check.photometric_offset_px) < 0.05
     left, right = loaded.images.for_matchers()
@@ -235,7 +235,7 @@ def test_opencv_rectifies_the_raw_export_with_its_calibration(toed, tmp_path):
         maps = cv2.initUndistortRectifyMap(held[f"M{k}"], held[f"D{k}"], held[f"R{k}"], held[f"P{k}"], size, cv2.CV_32F)
         flat = cv2.remap(image, *maps, cv2.INTER_LINEAR)
         ours = cv2.imread(str(tmp_path / "png8" / toed.folder.name / f"{eye}.png"), cv2.IMREAD_UNCHANGED)
-        inner = np.isfinite(load(toed.folder, {}).depth[eye])
+        inner = np.isfinite(load_pair(toed.folder, {}).depth[eye])
         assert np.percentile(np.abs(flat.astype(int) - ours)[inner], 99.9) <= 2
     said = json.loads((folder / "calibration.json").read_text())
     poses = said["poses_camera_to_world"]
@@ -269,7 +269,7 @@ def test_with_overscan_no_pixel_of_the_sensor_is_dark_and_truth_stays_what_it_wa
         dark[name] = (image == 0).mean(), np.isnan(depth).mean()
     assert dark["plain"][0] > 0.01 < dark["plain"][1]
     assert dark["wide"] == (0.0, 0.0)
-    ours, theirs = load(wide.folder, {}), load(plain.folder, {})
+    ours, theirs = load_pair(wide.folder, {}), load_pair(plain.folder, {})
     for eye in EYES:
         # The same rays, but for the last bit of their directions.
         np.testing.assert_allclose(ours.depth[eye], theirs.depth[eye], rtol=2e-5)
@@ -304,7 +304,7 @@ def test_at_the_extremes_there_is_an_image_without_nan_and_the_truth_is_that_of_
         {"temperature_k": 0.0, "bits": 16},
         {"temperature_k": 500.0},
     ):
-        loaded = load(pair.folder, {"sensor": {"auto_exposure": False} | response})
+        loaded = load_pair(pair.folder, {"sensor": {"auto_exposure": False} | response})
         for eye in EYES:
             assert np.isfinite(loaded.views[eye].radiance).all()
             assert loaded.views[eye].radiance.min() >= 0

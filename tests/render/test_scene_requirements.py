@@ -11,7 +11,7 @@ from icymoon.nodes.next_scene import adapt_scene, open_empty_scene
 from icymoon.nodes.scene import build
 from icymoon.nodes.surface.sun_inputs import is_osl
 from icymoon.stereo.images.exr import read_truth, read_view
-from icymoon.stereo.measure.prepare import prepare
+from icymoon.stereo.measure.prepare import prepare_pair
 from rendering import complete, empty_scene, render
 
 SNOW = {"surface": {"subsurface_weight": 1.0, "subsurface_radius_m": 4.0e-4, "albedo": 0.8}}
@@ -156,7 +156,7 @@ def test_without_labels_there_is_one_render_and_the_same_depth(tmp_path, monkeyp
         assert (ours.normal, ours.semantic, ours.instance) == (None, None, None)
     assert theirs.semantic is not None
     assert set(alone.data["channels"]) == {"radiance", "depth", "stored"}
-    ready = prepare(alone.folder, {})
+    ready = prepare_pair(alone.folder, {})
     assert np.isfinite(ready.truth).any()
 
 
@@ -180,7 +180,7 @@ def test_semantic_labels_come_with_the_light_and_are_the_same(tmp_path, monkeypa
         assert (ours.normal, ours.instance) == (None, None)
     assert set(alone.data["channels"]) == {"radiance", "depth", "semantic", "stored"}
     assert any("labels of single rocks" in line for line in alone.data["left_out"])
-    assert np.isfinite(prepare(alone.folder, {}).truth).any()
+    assert np.isfinite(prepare_pair(alone.folder, {}).truth).any()
 
 
 def test_blurred_images_without_labels_have_sharp_depth(tmp_path):

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 from icymoon.render.pairs.pair_folder import find_changed_files
-from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
+from icymoon.stereo.images.disparity_and_occlusion import find_visible_in_right
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.matchers import match
 from icymoon.support.arrays import Array
@@ -101,7 +101,7 @@ def test_true_disparity_is_what_a_matcher_finds_and_the_right_image_warps_onto_t
     disparity = pair.camera.disparity(left.depth)
     grey, other = (np.clip(v.radiance.mean(axis=2) / 4.0 * 255, 0, 255).astype(np.uint8) for v in (left, right))
     found, valid, _ = match("sgbm", grey, other, {})
-    visible = visible_in_right(left.depth, right.depth, pair.camera)
+    visible = find_visible_in_right(left.depth, right.depth, pair.camera)
     both = valid & visible
     assert both.mean() > 0.5
     error = found[both] - disparity[both]

@@ -15,7 +15,7 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.stereo import cli
-from icymoon.stereo.measure.guiss_reference_code import reference_metrics
+from icymoon.stereo.measure.guiss_reference_code import compute_reference_metrics
 from icymoon.stereo.report.table_columns import RANKING, SUMMARY
 
 ROOT = Path(icymoon.__file__).parent
@@ -356,8 +356,8 @@ def test_metrics_of_the_reference_code_know_stereobm(inputs, tmp_path):
     with np.load(out) as stored:
         disparity, least = stored["disparity"], int(stored["bm_min_disparity"])
     assert least == 4
-    expected = reference_metrics(disparity.astype(float), truth, 4)
-    assert expected["guiss_n"] != reference_metrics(disparity.astype(float), truth)["guiss_n"]
+    expected = compute_reference_metrics(disparity.astype(float), truth, 4)
+    assert expected["guiss_n"] != compute_reference_metrics(disparity.astype(float), truth)["guiss_n"]
     plain = save(tmp_path, "d.npy", disparity)
     for words in ([out], [plain, "--bm-min-disparity", "4"]):
         result = run(

@@ -15,7 +15,7 @@ from icymoon.stereo.cli import main
 from icymoon.stereo.decide import TRUE_DEPTH, PoseError, decide_pairs
 from icymoon.stereo.decisions import workspace
 from icymoon.stereo.decisions.rules import read_rules
-from icymoon.stereo.decisions.workspace import disturb
+from icymoon.stereo.decisions.workspace import disturb_pose
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.files import sha256
@@ -120,7 +120,7 @@ def test_without_true_heights_the_depth_of_both_eyes_is_the_truth(tmp_path):
 
 
 def test_a_wrong_height_of_the_camera_is_a_bias(dataset, tmp_path):
-    pose = disturb(DOWN, 10.0, 0.0, np.random.default_rng(1))
+    pose = disturb_pose(DOWN, 10.0, 0.0, np.random.default_rng(1))
     shift = pose[:3, 3] - DOWN[:3, 3]
     assert (pose[:3, :3] == DOWN[:3, :3]).all()
     assert np.abs(shift).max() < 0.05
@@ -131,7 +131,7 @@ def test_a_wrong_height_of_the_camera_is_a_bias(dataset, tmp_path):
 
 
 def test_a_turn_about_the_eye_is_a_rotation():
-    pose = disturb(DOWN, 0.0, 2.0, np.random.default_rng(3))
+    pose = disturb_pose(DOWN, 0.0, 2.0, np.random.default_rng(3))
     np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-12)
     assert (pose[:3, 3] == DOWN[:3, 3]).all()
     assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)

@@ -17,7 +17,7 @@ from icymoon.physics.camera import nearest_ground
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.shared_settings import with_shared
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.images.colours import INVALID_GREY, SKY_GREY, depth_scale, error_picture, with_bar
+from icymoon.stereo.images.colours import INVALID_GREY, SKY_GREY, add_colour_bar, draw_error, make_depth_scale
 from icymoon.stereo.matchers import check_options
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.costs import COSTS
@@ -332,14 +332,14 @@ def test_pairs_without_truth_or_light(tmp_path):
 
 def test_pictures_tell_missing_measurements_from_sky():
     truth = np.array([[1.0, 1.0, np.nan, 2.0]])
-    picture = error_picture(np.array([[1.0, np.nan, 3.0, 4.0]]), truth)[0].tolist()
+    picture = draw_error(np.array([[1.0, np.nan, 3.0, 4.0]]), truth)[0].tolist()
     assert picture[1] == [INVALID_GREY] * 3
     assert picture[2] == [SKY_GREY] * 3
     assert max(picture[0]) < 10  # no error is black, one metre and more is the brightest
     assert min(picture[3]) > 180
     for width in (4, 20, 640):
         truth = np.full((5, width), 3.0)
-        assert with_bar(np.zeros((5, width, 3), np.uint8), depth_scale(truth)).shape[1:] == (width, 3)
+        assert add_colour_bar(np.zeros((5, width, 3), np.uint8), make_depth_scale(truth)).shape[1:] == (width, 3)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pairs
 import pytest
 from icymoon.render.workers.job import python_command
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.evaluate_while_rendering import follow
+from icymoon.stereo.evaluate_while_rendering import measure_completed_pairs
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.costs import COSTS
 from icymoon.support.errors import IcyMoonError
@@ -51,7 +51,7 @@ def test_tables_are_those_of_an_evaluation_of_all_and_nothing_is_measured_twice(
             shutil.copytree(complete / "set" / "pairs" / name, data / "pairs" / name)
         return k > 8
 
-    follow(data, METHODS, out, {}, is_over)
+    measure_completed_pairs(data, METHODS, out, {}, is_over)
     assert {row["pair"] for row in rows(out)} == {"bbb", "ccc"}
     assert not (out / "report.json").exists()
 
@@ -81,7 +81,7 @@ def test_a_damaged_pair_is_left_for_the_evaluation_that_tells_of_it(complete, tm
     pairs.write_pair(data / "pairs" / "bad", SCENES["ccc"])
     (data / "pairs" / "bad" / "left.exr").write_bytes(b"no image")
     looks = iter(range(100))
-    follow(data, METHODS, out, {}, lambda: next(looks) > 4)
+    measure_completed_pairs(data, METHODS, out, {}, lambda: next(looks) > 4)
     report = evaluate([data], METHODS, out, jobs=1)
     assert {entry["pair"] for entry in report["failed"]} == {"bad"}
     assert {row["pair"]: row["status"] for row in rows(out)} == {"aaa": "ok", "bad": "failed"}
@@ -90,7 +90,7 @@ def test_a_damaged_pair_is_left_for_the_evaluation_that_tells_of_it(complete, tm
 def test_files_that_no_evaluation_wrote_are_kept(complete, tmp_path):
     (tmp_path / "results.jsonl").write_text("mine\n")
     with pytest.raises(IcyMoonError, match="not written by an evaluation"):
-        follow(complete / "set", METHODS, tmp_path, {}, lambda: True)
+        measure_completed_pairs(complete / "set", METHODS, tmp_path, {}, lambda: True)
     assert (tmp_path / "results.jsonl").read_text() == "mine\n"
 
 

@@ -8,10 +8,10 @@ import pairs
 import pytest
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.common_pixels import common_numbers
+from icymoon.stereo.measure.common_pixels import measure_common_pixels
 from icymoon.stereo.measure.costs import COSTS
-from icymoon.stereo.measure.prepare import prepare
-from icymoon.stereo.measure.row_metrics import NUMBERS, own_numbers
+from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.row_metrics import NUMBERS, measure_row_numbers
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -20,11 +20,13 @@ RIG = pairs.camera(192, 96)
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
-    return prepare(pairs.write_pair(tmp_path_factory.mktemp("p") / "pair", rig=RIG), {})
+    return prepare_pair(pairs.write_pair(tmp_path_factory.mktemp("p") / "pair", rig=RIG), {})
 
 
 def numbers(prepared, disparity):
-    row = own_numbers(prepared, disparity) | {"common": common_numbers(prepared, {"a": disparity, "b": disparity})["a"]}
+    row = measure_row_numbers(prepared, disparity) | {
+        "common": measure_common_pixels(prepared, {"a": disparity, "b": disparity})["a"]
+    }
     json.dumps(row, allow_nan=False)
     assert set(NUMBERS) - {*COSTS} <= set(row)
     return row
@@ -87,7 +89,7 @@ def test_slivers_of_images(tmp_path, size):
     pairs.write_pair(tmp_path / "pair", pairs.Scene(rock=False), pairs.camera(*size))
     report = evaluate([tmp_path / "pair"], parse_methods("bm,sgbm"), tmp_path / "out")
     assert all(row["status"] == "ok" or "too small" in row["error"] for row in report["rows"])
-    prepared = prepare(tmp_path / "pair", {})
+    prepared = prepare_pair(tmp_path / "pair", {})
     row = numbers(prepared, prepared.pair.camera.disparity(prepared.truth))
     assert row["coverage"] == 1
 

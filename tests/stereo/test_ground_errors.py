@@ -9,8 +9,8 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.stereo import ground_errors
-from icymoon.stereo.ground_errors import COARSE, MEASURED, MISSING, UNSEEN, DepthErrors, on_vertices
-from icymoon.stereo.images.colours import signed_colours
+from icymoon.stereo.ground_errors import COARSE, MEASURED, MISSING, UNSEEN, DepthErrors, sample_vertex_errors
+from icymoon.stereo.images.colours import colour_signed_errors
 from icymoon.stereo.images.image_files import write_disparity
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
@@ -53,7 +53,7 @@ def grid() -> tuple[Array, Array, Array]:
 def test_a_vertex_shows_the_error_of_its_pixel_with_its_sign():
     x, y, points = grid()
     columns = np.arange(RIG.width_px)[None, :] + 0.5
-    found = on_vertices(errors(np.where(columns < RIG.cx_px, 0.25, -0.1)), points, NO_EDGES)
+    found = sample_vertex_errors(errors(np.where(columns < RIG.cx_px, 0.25, -0.1)), points, NO_EDGES)
     seen = np.abs(RIG.focal_px * x / (PLANE.distance_m - PLANE.slope_y * y)) < RIG.cx_px - 1
     away = np.abs(x) > 0.03  # more than a pixel from the step between the two errors
     assert 0.6 * len(x) < seen.sum() < 0.9 * len(x)
@@ -64,7 +64,7 @@ def test_a_vertex_shows_the_error_of_its_pixel_with_its_sign():
 
 def test_what_a_rock_hides_and_what_is_behind_the_camera_is_unseen():
     x, y, points = grid()
-    found = on_vertices(errors(0.3, pairs.Scene(slope_x=0.0, slope_y=0.6, rock=True)), points, NO_EDGES)
+    found = sample_vertex_errors(errors(0.3, pairs.Scene(slope_x=0.0, slope_y=0.6, rock=True)), points, NO_EDGES)
     depth = PLANE.distance_m - PLANE.slope_y * y
     near = 0.75 * PLANE.distance_m
     across, pixel = np.maximum(np.abs(x), np.abs(y)) / depth * near, near / RIG.focal_px
@@ -76,31 +76,31 @@ def test_what_a_rock_hides_and_what_is_behind_the_camera_is_unseen():
     assert np.isinf(found.depth_m[hidden]).all()
     assert (found.kind[beside] == MEASURED).all()
     behind = 2 * pose()[:3, 3] - points  # mirrored at the camera
-    assert (on_vertices(errors(0.3), behind, NO_EDGES).kind == UNSEEN).all()
+    assert (sample_vertex_errors(errors(0.3), behind, NO_EDGES).kind == UNSEEN).all()
 
 
 def test_what_floats_above_or_lies_below_the_surface_is_not_taken_for_it():
     x, y, _ = grid()
     below = on_plane(x, y) + pose()[:3, 2] * 0.3  # along the optical axis
-    assert (on_vertices(errors(0.0), below, NO_EDGES).kind == UNSEEN).all()
+    assert (sample_vertex_errors(errors(0.0), below, NO_EDGES).kind == UNSEEN).all()
     above = on_plane(x, y) - pose()[:3, 2] * 0.3
-    assert (on_vertices(errors(0.0), above, NO_EDGES).kind == UNSEEN).all()
+    assert (sample_vertex_errors(errors(0.0), above, NO_EDGES).kind == UNSEEN).all()
 
 
 def test_what_was_not_measured_is_no_error():
     _, _, points = grid()
-    found = on_vertices(errors(np.nan), points, NO_EDGES)
+    found = sample_vertex_errors(errors(np.nan), points, NO_EDGES)
     assert set(found.kind) == {MISSING, UNSEEN}
     assert np.isnan(found.error_m).all()
-    sky = on_vertices(errors(0.1, pairs.Scene(slope_x=0.0, sky_rows=144)), points, NO_EDGES)
+    sky = sample_vertex_errors(errors(0.1, pairs.Scene(slope_x=0.0, sky_rows=144)), points, NO_EDGES)
     assert set(sky.kind) == {UNSEEN}
 
 
 def test_wide_triangles_are_named_and_not_painted():
     points = on_plane(np.array([0.0, 0.02, 0.5, 0.52]), np.zeros(4))
-    close = on_vertices(errors(0.1), points, np.array([[0, 1], [2, 3]]))
+    close = sample_vertex_errors(errors(0.1), points, np.array([[0, 1], [2, 3]]))
     assert (close.kind == MEASURED).all()
-    wide = on_vertices(errors(0.1), points, np.array([[0, 1], [1, 2]]))  # 33 px
+    wide = sample_vertex_errors(errors(0.1), points, np.array([[0, 1], [1, 2]]))  # 33 px
     assert wide.kind.tolist() == [MEASURED, COARSE, COARSE, MEASURED]
     assert np.isnan(wide.error_m[1:3]).all()
 
@@ -118,22 +118,22 @@ def test_pixels_are_counted_by_their_error_and_by_what_is_painted_there():
 
 
 def test_of_two_pairs_the_nearest_measurement_is_shown():
-    def seen(error: float, kind: int, depth: float) -> ground_errors.OnVertices:
-        return ground_errors.OnVertices(np.array([error], np.float32), np.array([kind], np.uint8), np.array([depth]))
+    def seen(error: float, kind: int, depth: float) -> ground_errors.VertexErrors:
+        return ground_errors.VertexErrors(np.array([error], np.float32), np.array([kind], np.uint8), np.array([depth]))
 
     near, far, none = seen(0.25, MEASURED, 2.0), seen(0.5, MEASURED, 9.0), seen(np.nan, MISSING, 1.0)
     for one, other in ((near, far), (far, near), (near, none), (none, near)):
-        assert ground_errors.nearest_of(one, other).error_m == 0.25
+        assert ground_errors.choose_better_known(one, other).error_m == 0.25
 
 
 @pytest.mark.parametrize("full_m", [0.05, 1.0, 7.0])
 def test_the_range_moves_the_full_colour_and_nothing_else(full_m):
     error = np.array([full_m, -full_m, 3 * full_m, 0.009, -0.009, np.nan, np.nan, 1.0, 0.02])
     kind = np.array([MEASURED] * 5 + [MISSING, UNSEEN, COARSE, MEASURED])
-    shown = ground_errors.colours_of(error, kind, full_m).tolist()
+    shown = ground_errors.colour_errors(error, kind, full_m).tolist()
     assert shown[:8] == [RED, BLUE, RED, WHITE, WHITE, GREY, DARK, DARK]
     assert shown[8] not in (RED, WHITE)
-    halfway = signed_colours(np.array([np.sqrt(0.01 * full_m)]), full_m)[0]  # the scale is logarithmic
+    halfway = colour_signed_errors(np.array([np.sqrt(0.01 * full_m)]), full_m)[0]  # the scale is logarithmic
     np.testing.assert_allclose(halfway, (np.array(RED) + WHITE) / 2, atol=1)
 
 

@@ -46,7 +46,7 @@ def timeless(report):
 )
 def test_as_many_processes_as_there_are_processors_and_pairs_for(monkeypatch, jobs, methods, many, count):
     monkeypatch.setattr(module, "count_processors", lambda: 2)
-    assert module.choose_count(jobs, [Method(name, name, {}) for name in methods], many) == count
+    assert module.choose_process_count(jobs, [Method(name, name, {}) for name in methods], many) == count
 
 
 @pytest.mark.heavy

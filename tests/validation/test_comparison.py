@@ -26,7 +26,7 @@ from icymoon.validation.comparison import (
     load_own_comparison,
     run_comparison,
 )
-from icymoon.validation.tables import cells, markdown_section, replace_sections, summary
+from icymoon.validation.tables import make_markdown_section, replace_sections, row_cells, summarise_result
 
 #: The page that sums up, and the one with all numbers.
 PAGE, DETAILS = (
@@ -68,12 +68,12 @@ def _made(tmp_path, *rows):
 def test_one_row_that_fails_fails_the_comparison_whatever_its_cause(tmp_path):
     good, fitted = Row("a", 1.0, 1.0, 0.1, "s"), Row("b", 1.0, 1.0, 0.1, "s", fitted=True)
     assert _made(tmp_path, good, fitted).passes
-    assert "passes; of 2 numbers 1 pass, 1 are not judged." in summary(_made(tmp_path, good, fitted))
+    assert "passes; of 2 numbers 1 pass, 1 are not judged." in summarise_result(_made(tmp_path, good, fitted))
     found = _made(tmp_path, good, Row("c", 2.0, 1.0, 0.1, "s", why="Likely cause: noise"), fitted)
     assert not found.passes
-    assert "FAILS; of 3 numbers 1 pass, 1 fail, 1 are not judged." in summary(found)
-    assert "| fails | 1, 2 |" in markdown_section(found)
-    assert markdown_section(found).endswith(
+    assert "FAILS; of 3 numbers 1 pass, 1 fail, 1 are not judged." in summarise_result(found)
+    assert "| fails | 1, 2 |" in make_markdown_section(found)
+    assert make_markdown_section(found).endswith(
         "\n\n1. s.\n2. Likely cause: noise.\n3. Not judged: ours was fitted to it.\n"
     )
     assert not _made(tmp_path, good, Row("d", 1.2, 1.0, 0.1, "s", fitted=True)).passes
@@ -89,8 +89,8 @@ def test_a_comparison_that_cannot_be_made_fails_with_its_sentence(tmp_path):
 
     found = run_comparison(Comparison("lamp", "Lamp", "", refuse), Bench(tmp_path))
     assert not found.passes
-    assert "buy one" in summary(found)
-    assert "Not made: No lamp" in markdown_section(found)
+    assert "buy one" in summarise_result(found)
+    assert "Not made: No lamp" in make_markdown_section(found)
     assert not run_comparison(Comparison("none", "None", "", lambda bench: []), Bench(tmp_path)).passes
 
 
@@ -204,7 +204,7 @@ def test_sections_of_a_page_are_renewed_and_the_rest_stays(tmp_path):
 
 def test_lines_of_a_text_are_paragraphs_and_items(tmp_path):
     text = f"One.\n\n* {'a ' * 70}\n* b\n\nLast."
-    section = markdown_section(
+    section = make_markdown_section(
         run_comparison(Comparison("a", "A", text, lambda bench: [Row("q", 1, 1, 0, "s")]), Bench(tmp_path))
     )
     lines = section.splitlines()
@@ -217,7 +217,7 @@ def test_lines_of_a_text_are_paragraphs_and_items(tmp_path):
 
 def test_a_figure_is_below_the_command(tmp_path):
     comparison = Comparison("a", "A", "Text.", lambda bench: [Row("q", 1.0, 1.0, 0.0, "s")], figure="![Twins](a.png)")
-    section = markdown_section(run_comparison(comparison, Bench(tmp_path)))
+    section = make_markdown_section(run_comparison(comparison, Bench(tmp_path)))
     assert f"`{comparison.command}`\n\n![Twins](a.png)\n\n| quantity" in section
 
 
@@ -229,7 +229,7 @@ def test_comparisons_that_need_no_blender_are_those_of_the_page(tmp_path, name):
     assert " ".join(comparison.text.split()) in " ".join(section.split())
     # What is ours and by how much it is off may differ in the last digit between machines.
     assert [(quantity, *line[1:3], line[4]) for quantity, *line in table_of(section)] == [
-        (quantity, *rest[1:3], rest[4]) for quantity, *rest in map(cells, found.rows)
+        (quantity, *rest[1:3], rest[4]) for quantity, *rest in map(row_cells, found.rows)
     ]
 
 
@@ -277,4 +277,4 @@ def test_what_takes_seconds_is_in_the_manual(name, tmp_path):
     (comparison,) = (each for each in load_comparisons() if each.name == name)
     found = run_comparison(comparison, Bench(tmp_path, quick=True))
     assert not found.error
-    assert markdown_section(found) in DETAILS
+    assert make_markdown_section(found) in DETAILS

@@ -9,7 +9,7 @@ import pytest
 from icymoon.commands.cli import main
 from icymoon.support.errors import IcyMoonError
 from icymoon.validation.comparison import FAILS, NOT_JUDGED, PASSES
-from icymoon.validation.frost import SPACING_M, Statistic, compare_scan, read_scan, statistics
+from icymoon.validation.frost import SPACING_M, Statistic, compare_scan, measure_statistics, read_scan
 
 HURST, STEP_M = 0.7, 0.01
 
@@ -48,7 +48,7 @@ def _write(path, heights, step=STEP_M, kept=slice(None), scale=1.0):
 
 def test_a_scan_of_known_ground_has_its_statistics(tmp_path):
     heights = _ground(HURST, 10.0)
-    found = statistics(read_scan(_write(tmp_path / "scan.ply", heights)))
+    found = measure_statistics(read_scan(_write(tmp_path / "scan.ply", heights)))
     # Half of a periodic ground lacks long waves, so its exponent is a little below the one of its spectrum.
     lags = [6, 10, 16, 25, 40, 60]
     own = np.polyfit(np.log(lags), np.log([_rise(heights, lag) for lag in lags]), 1)[0]
@@ -58,7 +58,7 @@ def test_a_scan_of_known_ground_has_its_statistics(tmp_path):
     assert found["slope"].value == pytest.approx(10.0, rel=0.05)
     nearer = math.degrees(math.atan(_rise(heights, 10) / 0.1))
     assert found["RMS slope at 0.1 m"].value == pytest.approx(nearer, rel=0.05)
-    rougher = statistics(read_scan(_write(tmp_path / "rough.ply", 2 * heights)))
+    rougher = measure_statistics(read_scan(_write(tmp_path / "rough.ply", 2 * heights)))
     ratio = (
         rougher["logarithm of the power spectrum at 0.2 m"].value
         - found["logarithm of the power spectrum at 0.2 m"].value
@@ -83,10 +83,10 @@ def test_one_number_chooses_a_preset_and_the_others_judge_it(tmp_path, monkeypat
         "terrains/flat": {name: Statistic(0.0, 0.0) for name in near},
         "terrains/right": {name: Statistic(value, 0.3) for name, value in near.items()},
     }
-    monkeypatch.setattr("icymoon.validation.frost.preset_statistics", presets.__getitem__)
+    monkeypatch.setattr("icymoon.validation.frost.measure_preset", presets.__getitem__)
     theirs = {"slope": Statistic(10.1, 0.4), "RMS slope at 0.1 m": Statistic(16.0, 0.4)}
     theirs["Hurst exponent from 0.06 to 0.6 m"] = Statistic(2.0, 0.4)
-    monkeypatch.setattr("icymoon.validation.frost.statistics", lambda heights: theirs)
+    monkeypatch.setattr("icymoon.validation.frost.measure_statistics", lambda heights: theirs)
     monkeypatch.setattr("icymoon.validation.frost.read_scan", lambda path: None)
     chosen, slope, hurst = compare_scan(tmp_path / "salt.ply")
     assert all(row.quantity.startswith("salt and `right`") for row in (chosen, slope, hurst))

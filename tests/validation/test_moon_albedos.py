@@ -33,8 +33,8 @@ def test_a_number_is_not_judged_only_if_publications_contradict_each_other_and_w
     assert "1.375 ± 0.008" in albedos[1.24, 0.01].note
     assert not albedos[1.41, 0.04].unjudged
     other = moon_albedos.Measured("enceladus_global", "geometric", 1.24, 0.01, "")
-    assert moon_albedos.contradicting(other, 1.375) is not None
-    assert moon_albedos.contradicting(other, 1.5) is None  # ours meets neither: it is off
+    assert moon_albedos.find_contradicting_measurement(other, 1.375) is not None
+    assert moon_albedos.find_contradicting_measurement(other, 1.5) is None  # ours meets neither: it is off
 
 
 @pytest.mark.parametrize(("terrain", "share"), [("ridges", 0.25), ("bands", 0.5)])
@@ -43,7 +43,8 @@ def test_mixtures_state_what_they_were_fitted_to_and_a_disc_of_them(rows, terrai
     assert fitted.fitted
     assert "no measurement" in fitted.source
     plains, dark, mixed = (
-        moon_albedos.preset_law(f"surfaces/hapke_europa_{name}") for name in ("bright_plains", "dark_lineae", terrain)
+        moon_albedos.read_preset_law(f"surfaces/hapke_europa_{name}")
+        for name in ("bright_plains", "dark_lineae", terrain)
     )
     ends = [moon_albedos.reflectance_at_five(law) for law in (plains, dark)]
     assert fitted.theirs == pytest.approx(ends[0] + share * (ends[1] - ends[0]))
@@ -54,7 +55,7 @@ def test_mixtures_state_what_they_were_fitted_to_and_a_disc_of_them(rows, terrai
 
 
 def test_brightness_of_europa_at_phases_that_the_page_states():
-    law = moon_albedos.preset_law("surfaces/hapke_europa_global")
+    law = moon_albedos.read_preset_law("surfaces/hapke_europa_global")
     found = photometry.disc_brightness(law, np.radians([0.2, 0.45, 1.0]))
     assert found == pytest.approx([0.67, 0.64, 0.62], abs=0.005)
 

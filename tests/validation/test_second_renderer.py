@@ -11,10 +11,10 @@ from icymoon.support.errors import IcyMoonError
 from icymoon.validation.ball import ball_mesh
 from icymoon.validation.second_renderer import (
     SCENES,
-    _difference,
+    _compare_regions,
+    average_regions,
     draw_twins,
-    edge_shift_px,
-    region_means,
+    measure_edge_shift_px,
     write_facets,
 )
 
@@ -23,8 +23,8 @@ def test_the_largest_difference_is_found_where_it_is():
     theirs = np.full((120, 160), 2.0)
     ours = theirs.copy()
     ours[15:30, 140:160] *= 0.97  # the region of row 2, column 8
-    assert region_means(ours)[1, 7] == pytest.approx(1.94)
-    rms, largest, where = _difference(ours, theirs)
+    assert average_regions(ours)[1, 7] == pytest.approx(1.94)
+    rms, largest, where = _compare_regions(ours, theirs)
     assert (rms, largest) == pytest.approx((0.03 / 8, -0.03))
     assert where.endswith("row 2, column 8")
 
@@ -34,7 +34,7 @@ def test_dark_regions_are_compared_with_a_share_of_the_mean():
     theirs[:15, :20] = 0.0
     ours = theirs.copy()
     ours[:15, :20] = 0.002
-    assert _difference(ours, theirs)[1] == pytest.approx(0.002 / (0.02 * 63 / 64))
+    assert _compare_regions(ours, theirs)[1] == pytest.approx(0.002 / (0.02 * 63 / 64))
 
 
 def test_an_edge_that_moved_by_half_a_pixel():
@@ -42,8 +42,8 @@ def test_an_edge_that_moved_by_half_a_pixel():
     one[:, :20] = True
     other[:, :20] = True
     other[::2, 20] = True  # every other row a pixel further
-    assert edge_shift_px(one, one) == 0
-    assert edge_shift_px(one, other) == 0.5
+    assert measure_edge_shift_px(one, one) == 0
+    assert measure_edge_shift_px(one, other) == 0.5
 
 
 def test_a_picture_of_twins_is_grey_where_they_are_equal():

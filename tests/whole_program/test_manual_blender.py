@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 import OpenEXR
 from icymoon.render.passes import UNWANTED
-from icymoon.stereo.images.disparity_and_occlusion import scene_depth
+from icymoon.stereo.images.disparity_and_occlusion import find_scene_depth
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.version import ROOT
 from rendering import render
@@ -38,14 +38,14 @@ def test_the_python_of_the_manual_gives_the_truth_whatever_the_camera(registered
     monkeypatch.chdir(tmp_path)
     scene = {"quality": {"samples": 1}, "rig": {"width_px": 48, "height_px": 36, "distortion_k1": 0.0}}
     plain = render(tmp_path / "plain", scene)[0]
-    depth_m = scene_depth(read_view(plain.image("left"), "left"))
+    depth_m = find_scene_depth(read_view(plain.image("left"), "left"))
     assert len(PIECES) == 2
     for k, rig in enumerate(CAMERAS):
         render(tmp_path / "data" / str(k), scene, {"rig": rig})
         for piece in PIECES:
             (tmp_path / "piece.py").write_text(piece.code.replace("DATASET", f"data/{k}"))
             found = runpy.run_path("piece.py")
-            truth = found["depth_m"] if "depth_m" in found else scene_depth(found["left"])
+            truth = found["depth_m"] if "depth_m" in found else find_scene_depth(found["left"])
             # Rendered again with margins, a ray's direction has other roundings, which grazing ground stretches.
             np.testing.assert_allclose(truth, depth_m, rtol=1e-4, err_msg=f"{piece} {rig}")
             if "disparity_px" in found:

@@ -48,7 +48,7 @@ _POSE_PRIOR = (20.0, 20.0, 10.0, 1.0, 1.0, 1.0)
 _SHARED = len(_SHARED_STEPS)
 
 
-def turned(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Array:
+def camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Array:
     """From world to camera axes (3, 3), OpenCV's: yaw from +X over +Y, pitch down, roll clockwise about the axis."""
     yaw, pitch, roll = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
     forward = np.array([math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)])
@@ -57,7 +57,7 @@ def turned(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Array:
     return about @ np.stack([right, np.cross(forward, right), forward])
 
 
-def _small_turn(vector: Array) -> Array:
+def _rotation_from_vector(vector: Array) -> Array:
     """Rotation (3, 3) about a vector by its length in radians (Rodrigues)."""
     angle = float(np.linalg.norm(vector))
     x, y, z = vector / angle if angle else vector
@@ -118,17 +118,17 @@ class Calibration:
         return float(np.median(np.abs(self.left_px)))
 
 
-def _eye(x: Array, position: str, eye: str, pose: Array) -> Eye:
-    turn = turned(SURVEYED_YAW_DEG[position] + pose[0], pose[1], pose[2])
+def _make_eye(x: Array, position: str, eye: str, pose: Array) -> Eye:
+    turn = camera_rotation(SURVEYED_YAW_DEG[position] + pose[0], pose[1], pose[2])
     place = np.array(SURVEYED_EYES[position][0]) + pose[3:]
     if eye == "L":
         return Eye(x[0], _CENTRE + x[1:3], x[6], x[7], turn, place)
     # In the left eye's axes a point at q is at turn' q - shift in the right eye's.
-    beside = _small_turn(x[8:11])
+    beside = _rotation_from_vector(x[8:11])
     return Eye(x[3], _CENTRE + x[4:6], x[6], x[7], beside @ turn, place + turn.T @ beside.T @ x[11:14])
 
 
-def extreme_points(points: Array, count: int = 300) -> Array:
+def find_extreme_points(points: Array, count: int = 300) -> Array:
     """Those of the points (n, 3) that are farthest in some of many directions, which alone can be outline."""
     k = np.arange(count) + 0.5
     polar, around = np.arccos(1 - 2 * k / count), np.pi * (1 + math.sqrt(5)) * k
@@ -136,33 +136,33 @@ def extreme_points(points: Array, count: int = 300) -> Array:
     return np.asarray(points[np.unique((points @ toward).argmax(axis=0))])
 
 
-def _visible_part(rock: Rock) -> Array:
+def _select_visible_part(rock: Rock) -> Array:
     heights = rock.vertices[:, 2]
     low = heights.min() + _SAND_SHARE * np.ptp(heights)
-    return extreme_points(rock.vertices[heights > low])
+    return find_extreme_points(rock.vertices[heights > low])
 
 
 class _Outlines:
-    """The outlines of rocks as eyes see them, from the ``_visible_part`` of each."""
+    """The outlines of rocks as eyes see them, from the ``_select_visible_part`` of each."""
 
     def __init__(self, rocks: Sequence[Rock]) -> None:
-        parts = [_visible_part(rock) for rock in rocks]
+        parts = [_select_visible_part(rock) for rock in rocks]
         self._points, self._firsts = np.concatenate(parts), np.cumsum([0, *map(len, parts)])[:-1]
 
     def middles(self, eye: Eye) -> Array:
         """Their middles (n, 2) in pixels."""
-        return _middles(np.split(eye.project(self._points), self._firsts[1:]))
+        return _outline_middles(np.split(eye.project(self._points), self._firsts[1:]))
 
     def supports(self, eye: Eye) -> Array:
         """How far each reaches in each direction, (n, directions) in pixels."""
         return np.asarray(np.maximum.reduceat(eye.project(self._points) @ _TOWARD, self._firsts))
 
 
-def _middles(outlines: Sequence[Array]) -> Array:
+def _outline_middles(outlines: Sequence[Array]) -> Array:
     return np.array([(each.min(axis=0) + each.max(axis=0)) / 2 for each in outlines]).reshape(-1, 2)
 
 
-def _solve(
+def _step_gauss_newton(
     x: Array,
     residual: Callable[[Array], Array],
     weight: Array,
@@ -195,7 +195,7 @@ def _find_pose(terrain: Terrain, position: str, starts: Sequence[Array], prior: 
     """
     middles = np.array([(rock.vertices.min(axis=0) + rock.vertices.max(axis=0)) / 2 for rock in terrain.rocks])
     seen = [
-        _middles(
+        _outline_middles(
             [
                 outline
                 for azimuth in terrain.azimuths
@@ -208,7 +208,7 @@ def _find_pose(terrain: Terrain, position: str, starts: Sequence[Array], prior: 
         raise IcyMoonError(f"Terrain {terrain.name}, position {position}: no rock is outlined; add its labels.")
 
     def projected(x: Array) -> list[Array]:
-        return [_eye(_shared_of(x), position, eye, x[1:7]).project(middles) for eye in EYES]
+        return [_make_eye(_shared_of(x), position, eye, x[1:7]).project(middles) for eye in EYES]
 
     def distances(x: Array) -> list[Array]:
         return [np.linalg.norm(a[:, None] - b[None], axis=2) for a, b in zip(projected(x), seen, strict=True)]
@@ -225,7 +225,7 @@ def _find_pose(terrain: Terrain, position: str, starts: Sequence[Array], prior: 
             def residual(y: Array, target: list[Array] = target) -> Array:
                 return np.concatenate([a - b for a, b in zip(projected(y), target, strict=True)]).ravel()
 
-            x = _solve(x, residual, weight, _COARSE_STEPS, start, 25 / prior**2)
+            x = _step_gauss_newton(x, residual, weight, _COARSE_STEPS, start, 25 / prior**2)
         score = float(sum((1 / (1 + (each.min(axis=1) / 10) ** 2)).sum() for each in distances(x)))
         best = max(best, (score, x), key=lambda found: found[0])
     return best
@@ -257,7 +257,7 @@ def _find_poses(terrain: Terrain) -> dict[str, Array]:
     return {position: x for position, (_, x) in found.items()}
 
 
-def calibrate(terrain: Terrain) -> Calibration:
+def fit_camera(terrain: Terrain) -> Calibration:
     """Fit the camera. Raises IcyMoonError if fewer than half of the outlines meet a rock within 10 px."""
     poses, positions = _find_poses(terrain), terrain.positions
     outlines = _Outlines(terrain.rocks)
@@ -269,11 +269,12 @@ def calibrate(terrain: Terrain) -> Calibration:
 
     def eye_of(y: Array, view: View) -> Eye:
         k = _SHARED + 6 * positions.index(view.position)
-        return _eye(y, view.position, view.eye, y[k : k + 6])
+        return _make_eye(y, view.position, view.eye, y[k : k + 6])
 
     for reach, width in _ROUNDS:
         targets = {
-            view: _outline_supports(terrain, view, outlines.middles(eye_of(x, view)), reach) for view in terrain.views
+            view: _measure_outline_supports(terrain, view, outlines.middles(eye_of(x, view)), reach)
+            for view in terrain.views
         }
         known = np.concatenate([np.isfinite(target).ravel() for target in targets.values()])
         if not known.any():
@@ -289,9 +290,9 @@ def calibrate(terrain: Terrain) -> Calibration:
 
         for _ in range(6):
             weight = 1 / (1 + (residual(x) / width) ** 2) ** 2
-            x = _solve(x, residual, weight, steps, start, (width / prior) ** 2)
+            x = _step_gauss_newton(x, residual, weight, steps, start, (width / prior) ** 2)
     found = Calibration({view: eye_of(x, view) for view in terrain.views}, residual(x))
-    met = found.matched_share * compared_share(terrain, targets)
+    met = found.matched_share * measure_compared_share(terrain, targets)
     if met < 0.5:
         raise IcyMoonError(
             f"Terrain {terrain.name}: only {met:.0%} of the outlines meet the rocks; check that "
@@ -300,10 +301,10 @@ def calibrate(terrain: Terrain) -> Calibration:
     return found
 
 
-def compared_share(terrain: Terrain, targets: dict[View, Array]) -> float:
+def measure_compared_share(terrain: Terrain, targets: dict[View, Array]) -> float:
     """Share of the rocks that have an outline to be compared with, of those that could have one.
 
-    ``targets`` are what ``_outline_supports`` finds. Of rocks of another terrain a few meet some outline by chance, and
+    ``targets`` are what ``_measure_outline_supports`` finds. Of rocks of another terrain a few meet some outline by chance, and
     a camera can be fitted to so few.
     """
     compared = sum(int(np.isfinite(target).any(axis=1).sum()) for target in targets.values())
@@ -314,14 +315,14 @@ def compared_share(terrain: Terrain, targets: dict[View, Array]) -> float:
     return compared / max(sum(min(float(len(terrain.rocks)), count) for count in outlined), 1.0)
 
 
-def _outline_supports(terrain: Terrain, view: View, middles: Array, reach_px: float) -> Array:
+def _measure_outline_supports(terrain: Terrain, view: View, middles: Array, reach_px: float) -> Array:
     """How far the outline of each rock reaches in each direction, the median of the azimuths; NaN if not outlined."""
     found = np.full((len(terrain.azimuths), len(middles), _TOWARD.shape[1]), np.nan)
     for k, azimuth in enumerate(terrain.azimuths):
         outlines = terrain.polygons(view, azimuth, ROCK)
         if not outlines:
             continue
-        apart = np.linalg.norm(middles[:, None] - _middles(outlines)[None], axis=2)
+        apart = np.linalg.norm(middles[:, None] - _outline_middles(outlines)[None], axis=2)
         for rock, outline in enumerate(apart.argmin(axis=1)):
             if apart[rock, outline] < reach_px and apart[:, outline].argmin() == rock:
                 found[k, rock] = (outlines[outline] @ _TOWARD).max(axis=0)

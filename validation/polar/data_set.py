@@ -129,7 +129,7 @@ def read_terrains(folder: Path) -> list[Terrain]:
     """
     if not folder.is_dir():
         raise IcyMoonError(f"--polar: there is no folder {folder}; {WHERE}.")
-    labels, rocks = (_files(folder / name, pattern) for name, pattern in (("labels", _LABEL), ("rocks", _ROCK)))
+    labels, rocks = (_find_files(folder / name, pattern) for name, pattern in (("labels", _LABEL), ("rocks", _ROCK)))
     for name, found in (("labels", labels), ("rocks", rocks)):
         if not found:
             raise IcyMoonError(f"{folder / name} has no files of a terrain; {WHERE}.")
@@ -138,7 +138,7 @@ def read_terrains(folder: Path) -> list[Terrain]:
             f"{folder}: terrain {min(lone)} has labels or rocks, but not both; add what is missing, or "
             "remove its files."
         )
-    images = _files(folder / "photographs", _IMAGE)
+    images = _find_files(folder / "photographs", _IMAGE)
     return [
         replace(
             _read_terrain(
@@ -152,7 +152,7 @@ def read_terrains(folder: Path) -> list[Terrain]:
     ]
 
 
-def _files(folder: Path, pattern: re.Pattern[str]) -> list[tuple[Path, re.Match[str]]]:
+def _find_files(folder: Path, pattern: re.Pattern[str]) -> list[tuple[Path, re.Match[str]]]:
     paths = sorted(folder.iterdir()) if folder.is_dir() else []
     return [(path, found) for path in paths if (found := pattern.fullmatch(path.name))]
 

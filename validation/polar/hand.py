@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ...stereo.images.masks import fill_polygons, overlap
+from ...stereo.images.masks import fill_polygons, intersection_over_union
 from ...support.arrays import Array
 from .camera import Calibration, Eye
 from .data_set import HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, Terrain, View
@@ -26,7 +26,7 @@ _SHAPE = (int(HEIGHT_PX * _SCALE), int(WIDTH_PX * _SCALE))
 
 
 @dataclass(frozen=True)
-class Hand:
+class LabelAgreement:
     """Intersections over union of labels with labels, by position; NaN where nothing can be compared.
 
     ``rocks`` is of one lamp beside another, ``shadows`` of the left eye beside the right one.
@@ -36,52 +36,62 @@ class Hand:
     shadows: dict[str, float]
 
 
-def measure_hand(terrain: Terrain, camera: Calibration, sand: Sand) -> Hand:
+def measure_label_agreement(terrain: Terrain, camera: Calibration, sand: Sand) -> LabelAgreement:
     """How the labels of each position agree with themselves."""
     table = HeightTable(sand)
-    return Hand(
-        {position: _mean(measure_rocks_again(terrain, position)) for position in terrain.positions},
+    return LabelAgreement(
+        {position: _mean_of_known(compare_rock_labels(terrain, position)) for position in terrain.positions},
         {
-            position: _mean([_shadow_again(terrain, camera, table, position, azimuth) for azimuth in terrain.azimuths])
+            position: _mean_of_known(
+                [_compare_shadow_labels(terrain, camera, table, position, azimuth) for azimuth in terrain.azimuths]
+            )
             for position in terrain.positions
         },
     )
 
 
-def _mean(found: list[float]) -> float:
+def _mean_of_known(found: list[float]) -> float:
     known = [value for value in found if np.isfinite(value)]
     return float(np.mean(known)) if known else float("nan")
 
 
-def _fill(outlines: list[Array]) -> Array:
+def _fill_outlines(outlines: list[Array]) -> Array:
     return fill_polygons(_SHAPE, [each * _SCALE for each in outlines], finer=3)
 
 
-def measure_rocks_again(terrain: Terrain, position: str) -> list[float]:
+def compare_rock_labels(terrain: Terrain, position: str) -> list[float]:
     """Intersections over union of the rocks under one lamp with those under another, drawn anew in both photographs."""
     found = []
     for view in (view for view in terrain.views if view.position == position):
         drawn = [terrain.polygons(view, azimuth, ROCK) for azimuth in terrain.azimuths]
-        found += [overlap(_fill(one), _fill(other)) for one, other in combinations(drawn, 2) if not _copied(one, other)]
+        found += [
+            intersection_over_union(_fill_outlines(one), _fill_outlines(other))
+            for one, other in combinations(drawn, 2)
+            if not _share_an_outline(one, other)
+        ]
     return found
 
 
-def _copied(one: list[Array], other: list[Array]) -> bool:
+def _share_an_outline(one: list[Array], other: list[Array]) -> bool:
     """Whether two photographs have an outline in common, to the last digit."""
     return not {each.tobytes() for each in one}.isdisjoint(each.tobytes() for each in other)
 
 
-def _shadow_again(terrain: Terrain, camera: Calibration, table: HeightTable, position: str, azimuth: int) -> float:
+def _compare_shadow_labels(
+    terrain: Terrain, camera: Calibration, table: HeightTable, position: str, azimuth: int
+) -> float:
     left, right = View(position, "L"), View(position, "R")
     laid = [
-        camera.eyes[right].project(lay_on_sand(camera.eyes[left], _with_more_points(each), table))
+        camera.eyes[right].project(lay_on_sand(camera.eyes[left], _densify_outline(each), table))
         for each in terrain.polygons(left, azimuth, SHADOW)
     ]
-    rock = _fill(terrain.polygons(right, azimuth, ROCK))
-    return overlap(_fill(laid) & ~rock, _fill(terrain.polygons(right, azimuth, SHADOW)) & ~rock)
+    rock = _fill_outlines(terrain.polygons(right, azimuth, ROCK))
+    return intersection_over_union(
+        _fill_outlines(laid) & ~rock, _fill_outlines(terrain.polygons(right, azimuth, SHADOW)) & ~rock
+    )
 
 
-def _with_more_points(outline: Array) -> Array:
+def _densify_outline(outline: Array) -> Array:
     """The outline (n, 2) with points no more than a step apart."""
     found = []
     for here, there in zip(outline, np.roll(outline, -1, axis=0), strict=True):

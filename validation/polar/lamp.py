@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from ...stereo.images.masks import fill_hulls, fill_polygons, overlap
+from ...stereo.images.masks import fill_hulls, fill_polygons, intersection_over_union
 from ...support.arrays import Array
 from .camera import Calibration
 from .data_set import HEIGHT_PX, ROCK, SHADOW, SURVEYED_LAMPS, WIDTH_PX, Terrain, View
@@ -60,7 +60,7 @@ class HeightTable:
         )
 
 
-def shadow_of(points: Array, lamp: Array, heights: Callable[[Array], Array]) -> Array:
+def cast_onto_sand(points: Array, lamp: Array, heights: Callable[[Array], Array]) -> Array:
     """Where the rays from a lamp through points (n, 3) meet the sand (n, 3), by iteration."""
     way = points - lamp
     fall = np.maximum(lamp[2] - points[:, 2], 1e-3)
@@ -71,7 +71,7 @@ def shadow_of(points: Array, lamp: Array, heights: Callable[[Array], Array]) -> 
     return np.asarray(lamp + way * times[:, None])
 
 
-def _descend(x: Array, cost: Callable[[Array], float], steps: tuple[float, ...], scale: Array) -> Array:
+def _descend_along_axes(x: Array, cost: Callable[[Array], float], steps: tuple[float, ...], scale: Array) -> Array:
     """The least cost by steps along each axis, smaller and smaller."""
     best, least = x, cost(x)
     for step in steps:
@@ -86,14 +86,14 @@ def _descend(x: Array, cost: Callable[[Array], float], steps: tuple[float, ...],
     return best
 
 
-def surveyed_lamp(azimuth: int, sand: Sand) -> Array:
+def locate_surveyed_lamp(azimuth: int, sand: Sand) -> Array:
     """Place (3,) in metres of the lamp by the survey, whose heights are above the median height of the sand."""
     return np.add(SURVEYED_LAMPS[azimuth], (0.0, 0.0, sand.level_m))
 
 
-def _outline_points(points: Array, lamp: Array, level_m: float) -> Array:
+def _select_outline_points(points: Array, lamp: Array, level_m: float) -> Array:
     """Those of the points (n, 3) that are on the outline of the shadow on level sand."""
-    cast = shadow_of(points, lamp, lambda xy: np.full(len(xy), level_m))
+    cast = cast_onto_sand(points, lamp, lambda xy: np.full(len(xy), level_m))
     angle = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     toward = np.stack([np.cos(angle), np.sin(angle)])
     # Shadows are long and thin: equal steps of direction would miss the corners of their tips.
@@ -118,7 +118,9 @@ class Shadows:
         for rock, level in zip(terrain.rocks, levels, strict=True):
             points, faces = sand.visible(rock)
             for azimuth, found in outlines.items() if len(faces) else ():
-                found.append(_outline_points(points[np.unique(faces)], surveyed_lamp(azimuth, sand), float(level)))
+                found.append(
+                    _select_outline_points(points[np.unique(faces)], locate_surveyed_lamp(azimuth, sand), float(level))
+                )
         self.points = {azimuth: np.concatenate(found) for azimuth, found in outlines.items() if found}
         self.ends = {azimuth: np.cumsum([len(each) for each in found])[:-1] for azimuth, found in outlines.items()}
         self.seen: dict[tuple[View, int], tuple[Array, Array]] = {}
@@ -130,14 +132,14 @@ class Shadows:
                 )
                 self.seen[view, azimuth] = rocks, shadow & ~rocks
 
-    def agreement(self, azimuth: int, lamp: Array, heights: Callable[[Array], Array]) -> float:
+    def measure_agreement(self, azimuth: int, lamp: Array, heights: Callable[[Array], Array]) -> float:
         """Mean intersection over union of the shadows of a lamp, over the positions."""
-        cast = shadow_of(self.points[azimuth], lamp, heights)
+        cast = cast_onto_sand(self.points[azimuth], lamp, heights)
         found = []
         for (view, at), (rock, shadow) in self.seen.items():
             if at == azimuth:
                 hulls = np.split(self.camera.eyes[view].project(cast) * _SCALE, self.ends[azimuth])
-                found.append(overlap(fill_hulls(_SHAPE, hulls) & ~rock, shadow))
+                found.append(intersection_over_union(fill_hulls(_SHAPE, hulls) & ~rock, shadow))
         return float(np.mean(found))
 
 
@@ -148,11 +150,11 @@ def fit_lamps(terrain: Terrain, camera: Calibration, sand: Sand) -> tuple[dict[i
     """
     shadows, table = Shadows(terrain, camera, sand), HeightTable(sand)
     flat = np.array([1.0, 1.0, 0.5])
-    lamps = {azimuth: surveyed_lamp(azimuth, sand) for azimuth in terrain.azimuths}
+    lamps = {azimuth: locate_surveyed_lamp(azimuth, sand) for azimuth in terrain.azimuths}
     for steps in (_LAMP_STEPS_M, _LAMP_STEPS_M[1:]):
         lamps = {
-            azimuth: _descend(
-                lamp, partial(_disagreement, shadows, azimuth, table, surveyed_lamp(azimuth, sand)), steps, flat
+            azimuth: _descend_along_axes(
+                lamp, partial(_disagreement, shadows, azimuth, table, locate_surveyed_lamp(azimuth, sand)), steps, flat
             )
             for azimuth, lamp in lamps.items()
         }
@@ -162,10 +164,10 @@ def fit_lamps(terrain: Terrain, camera: Calibration, sand: Sand) -> tuple[dict[i
 
 def _disagreement(shadows: Shadows, azimuth: int, table: HeightTable, surveyed: Array, lamp: Array) -> float:
     prior = _SURVEY_COST * float((((lamp - surveyed) / _SURVEY_M) ** 2).sum())
-    return prior - shadows.agreement(azimuth, lamp, table)
+    return prior - shadows.measure_agreement(azimuth, lamp, table)
 
 
-def _off_at(table: HeightTable, sand: Sand, k: int) -> float:
+def _node_offset_m(table: HeightTable, sand: Sand, k: int) -> float:
     """How far the surface is above the plane at a node."""
     node = sand.nodes[k][None]
     return float((table(node) - sand.on_plane(node))[0])
@@ -174,20 +176,20 @@ def _off_at(table: HeightTable, sand: Sand, k: int) -> float:
 def _raise_nodes(shadows: Shadows, sand: Sand, table: HeightTable, lamps: dict[int, Array]) -> Sand:
     """Raise or lower the sand at nodes where shadows end as long as that makes the shadows agree better."""
     raised = sand.raised.copy()
-    reached = {azimuth: shadow_of(shadows.points[azimuth], lamp, table)[:, :2] for azimuth, lamp in lamps.items()}
+    reached = {azimuth: cast_onto_sand(shadows.points[azimuth], lamp, table)[:, :2] for azimuth, lamp in lamps.items()}
     used = {
         k: [azimuth for azimuth, points in reached.items() if (np.hypot(*(points - node).T) < _NODE_REACH_M).any()]
         for k, node in enumerate(sand.nodes)
     }
-    now = {azimuth: shadows.agreement(azimuth, lamp, table) for azimuth, lamp in lamps.items()}
+    now = {azimuth: shadows.measure_agreement(azimuth, lamp, table) for azimuth, lamp in lamps.items()}
     for step in _NODE_STEPS_M:
         for k, azimuths in used.items():
             bump = sand.bump(k, table.grid).reshape(table.heights.shape) if azimuths else np.zeros(1)
             for move in (step, -step) if azimuths else ():
-                if abs(raised[k] + move) > _MOST_RAISED_M or abs(_off_at(table, sand, k) + move) > BOUND_M:
+                if abs(raised[k] + move) > _MOST_RAISED_M or abs(_node_offset_m(table, sand, k) + move) > BOUND_M:
                     continue
                 table.heights += move * bump
-                found = {azimuth: shadows.agreement(azimuth, lamps[azimuth], table) for azimuth in azimuths}
+                found = {azimuth: shadows.measure_agreement(azimuth, lamps[azimuth], table) for azimuth in azimuths}
                 cost = _RAISED_COST * ((raised[k] + move) ** 2 - raised[k] ** 2)
                 if sum(found.values()) - sum(now[azimuth] for azimuth in azimuths) > cost:
                     now |= found

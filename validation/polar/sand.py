@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...stereo.images.masks import inside_px
+from ...stereo.images.masks import distance_inside_hull_px
 from ...support.arrays import Array, Numbers
-from .camera import Calibration, extreme_points
+from .camera import Calibration, find_extreme_points
 from .data_set import ROCK, Rock, Terrain, View
 from .skirts import BOUND_M, rim_plane
 
@@ -55,15 +55,15 @@ class Sand:
 
     def heights(self, xy: Array) -> Array:
         """Heights (n,) in metres of the surface at points (n, 2), at most ``BOUND_M`` off the plane."""
-        known = _bump(self.middles, self.middles) + (_KNOWN_M / _SPREAD_M) ** 2 * np.eye(len(self.middles))
-        off = _bump(xy, self.middles) @ np.linalg.solve(known, self.offs)
+        known = _gaussian_bumps(self.middles, self.middles) + (_KNOWN_M / _SPREAD_M) ** 2 * np.eye(len(self.middles))
+        off = _gaussian_bumps(xy, self.middles) @ np.linalg.solve(known, self.offs)
         used = np.nonzero(self.raised)[0]
-        off += _bump(xy, self.nodes[used]) @ self.raised[used]
+        off += _gaussian_bumps(xy, self.nodes[used]) @ self.raised[used]
         return np.asarray(self.on_plane(xy) + np.clip(off, -BOUND_M, BOUND_M))
 
     def bump(self, k: int, xy: Array) -> Array:
         """What node ``k`` adds to the surface at points (n, 2) for each metre that it is raised."""
-        return _bump(xy, self.nodes[k][None])[:, 0]
+        return _gaussian_bumps(xy, self.nodes[k][None])[:, 0]
 
     def visible(self, rock: Rock) -> tuple[Array, Array]:
         """Vertices and triangles of the part of a rock above the sand; vertices below are moved up to it."""
@@ -74,13 +74,13 @@ class Sand:
         return raised, rock.faces[up[rock.faces].any(axis=1) & ~rock.skirt]
 
 
-def _bump(xy: Array, middles: Array) -> Array:
+def _gaussian_bumps(xy: Array, middles: Array) -> Array:
     """Gaussians (n, k) about middles (k, 2) at points (n, 2)."""
     apart = ((xy[:, None] - middles[None]) ** 2).sum(axis=2)
     return np.asarray(np.exp(-apart / (2 * LENGTH_M**2)))
 
 
-def _plane_through(middles: Array, heights: Array) -> Array:
+def _fit_plane(middles: Array, heights: Array) -> Array:
     """The plane (3,) that most of the heights (n,) at middles (n, 2) are on: those within some spreads of it count."""
     basis = np.column_stack([np.ones(len(middles)), middles])
     weight: Numbers = np.ones(len(middles))
@@ -97,14 +97,14 @@ def measure_sand(terrain: Terrain) -> Sand:
     low, high = middles.min(axis=0) - 0.8, middles.max(axis=0) + 0.8
     axes = [np.arange(a, b + NODE_M, NODE_M) for a, b in zip(low, high, strict=True)]
     nodes = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    sand = Sand(_plane_through(middles, rims), middles, np.zeros(len(middles)), nodes, np.zeros(len(nodes)))
+    sand = Sand(_fit_plane(middles, rims), middles, np.zeros(len(middles)), nodes, np.zeros(len(nodes)))
     above = rims - sand.on_plane(middles)
     for k, rock in enumerate(terrain.rocks):
         if len(points := rock.vertices[rock.faces[rock.skirt]].mean(axis=1)):
             above[k] = np.median(points[:, 2] - sand.on_plane(points[:, :2]))
     # The rims are the lower edges of the scans, and the sand is a little higher than most of them.
     heights = sand.on_plane(middles) + above
-    plane = _plane_through(middles, heights)
+    plane = _fit_plane(middles, heights)
     offs = np.clip(heights - plane[0] - middles @ plane[1:], -BOUND_M, BOUND_M)
     return replace(sand, plane=plane, offs=offs)
 
@@ -115,11 +115,11 @@ def assign_outlines(terrain: Terrain, camera: Calibration, sand: Sand, view: Vie
     for rock in terrain.rocks:
         points, faces = sand.visible(rock)
         used = points[np.unique(faces)] if len(faces) else rock.vertices
-        parts.append(camera.eyes[view].project(extreme_points(used)))
+        parts.append(camera.eyes[view].project(find_extreme_points(used)))
     found: list[list[Array]] = [[] for _ in terrain.rocks]
     for outline in terrain.polygons(view, azimuth, ROCK):
         middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
-        inside = [inside_px(middle, part) for part in parts]
+        inside = [distance_inside_hull_px(middle, part) for part in parts]
         if max(inside) > -10.0:
             found[int(np.argmax(inside))].append(outline)
     return found

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...stereo.images.masks import fill_hulls, fill_polygons, widened
+from ...stereo.images.masks import dilate, fill_hulls, fill_polygons
 from ...support.arrays import Array
-from .camera import Calibration, extreme_points
+from .camera import Calibration, find_extreme_points
 from .data_set import HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, Terrain, View
 
 _SCALE = 0.25
@@ -40,12 +40,12 @@ class LeftOut:
 def find_left_out(terrain: Terrain, camera: Calibration, view: View, azimuth: int) -> LeftOut:
     """The outlines of a photograph that have no scan."""
     eye = camera.eyes[view]
-    hulls = [eye.project(extreme_points(rock.vertices)) * _SCALE for rock in terrain.rocks]
-    near = widened(fill_hulls(_SHAPE, hulls), _REACH)
+    hulls = [eye.project(find_extreme_points(rock.vertices)) * _SCALE for rock in terrain.rocks]
+    near = dilate(fill_hulls(_SHAPE, hulls), _REACH)
     scanned, bare = np.zeros((2, *_SHAPE), bool)
     rocks = []
     for outline in terrain.polygons(view, azimuth, ROCK):
-        mask = _fill(outline)
+        mask = _fill_outline(outline)
         if np.count_nonzero(mask & near) >= _LEAST_SHARE * np.count_nonzero(mask):
             scanned |= mask
         else:
@@ -53,12 +53,12 @@ def find_left_out(terrain: Terrain, camera: Calibration, view: View, azimuth: in
             rocks.append(outline)
     shadows = []
     for outline in terrain.polygons(view, azimuth, SHADOW) if rocks else []:
-        mask = widened(_fill(outline), _REACH)
+        mask = dilate(_fill_outline(outline), _REACH)
         if np.count_nonzero(mask & bare) > np.count_nonzero(mask & scanned):
             shadows.append(outline)
     area = np.count_nonzero(scanned | bare)
     return LeftOut(rocks, shadows, float(np.count_nonzero(bare & ~scanned) / area) if area else 0.0)
 
 
-def _fill(outline: Array) -> Array:
+def _fill_outline(outline: Array) -> Array:
     return fill_polygons(_SHAPE, [outline * _SCALE], finer=3)

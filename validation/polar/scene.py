@@ -128,7 +128,7 @@ def _rig(camera: Calibration, sand: Sand, position: str) -> Frame:
     )
 
 
-def _ground_mesh(frame: Frame, sand: Sand) -> tuple[Array, Array]:
+def _make_ground_mesh(frame: Frame, sand: Sand) -> tuple[Array, Array]:
     """The sand in our world: fine where the rocks are, level at height 0 around them and under the cameras."""
     fine = np.arange(-_FINE_M, _FINE_M + _SPACING_M / 2, _SPACING_M)
     coarse = np.linspace(_FINE_M, _FAR_M, 8)[1:]
@@ -147,7 +147,7 @@ def _ground_mesh(frame: Frame, sand: Sand) -> tuple[Array, Array]:
 
 def write_ground(folder: Path, frame: Frame, sand: Sand, rocks: Sequence[Rock]) -> dict[bool, Path]:
     """Write the ground with the rocks (``True``) and without them, in metres, z up, and return the files."""
-    points, faces = _ground_mesh(frame, sand)
+    points, faces = _make_ground_mesh(frame, sand)
     vertices, triangles = [points], [faces]
     for rock in rocks:
         _, above = sand.visible(rock)
@@ -160,7 +160,7 @@ def write_ground(folder: Path, frame: Frame, sand: Sand, rocks: Sequence[Rock]) 
     return found
 
 
-def describe(frame: Frame, lamp: Array, mesh: Path) -> Settings:
+def describe_scene(frame: Frame, lamp: Array, mesh: Path) -> Settings:
     """The complete settings of a photograph: our rig, a lamp near the ground, the mesh, lunar regolith on it."""
     way, eye = (frame.to_ours(point[None])[0] for point in (lamp, frame.left))
     distance = float(np.linalg.norm(way))

@@ -536,7 +536,7 @@ def test_a_height_map_too_large_for_the_memory_is_named(tmp_path, monkeypatch):
     def too_large(path, site, missing):
         raise MemoryError
 
-    monkeypatch.setattr(import_heights.geotiff, "read", too_large)
+    monkeypatch.setattr(import_heights.encode_geotiff, "read", too_large)
     path = write_tiff(tmp_path / "large.tif", np.zeros((9, 9), np.float32))
     with pytest.raises(IcyMoonError, match=r"large\.tif: is too large for the memory.*cut out"):
         scenes.build(empty_scene(), own(path))

@@ -12,7 +12,7 @@ from icymoon.operators import sidebar_text
 from icymoon.physics.light.saturn_rings import RINGS, brightness
 from icymoon.physics.light.sky import sky
 from icymoon.physics.light.stars import stars_above_horizon
-from icymoon.stereo.images.disparity_and_occlusion import scene_depth
+from icymoon.stereo.images.disparity_and_occlusion import find_scene_depth
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.labels import PLANET
 from rendering import complete, empty_scene, render
@@ -79,7 +79,7 @@ def test_each_star_has_its_light_and_place_and_no_depth(tmp_path):
             middle = [(grey * axis).sum() / grey.sum() for axis in np.mgrid[v - 4 : v + 5, u - 4 : u + 5] + 0.5]
             assert np.hypot(middle[0] - row[k], middle[1] - column[k]) < 0.15
         assert np.isnan(view.depth).all()
-        assert np.isnan(scene_depth(view)).all()
+        assert np.isnan(find_scene_depth(view)).all()
         assert not view.semantic.any()
         assert not view.instance.any()
 
@@ -138,7 +138,7 @@ def test_rings_are_seen_as_bright_as_they_are_before_and_behind_the_planet(tmp_p
         images[has] = read_view(pair.image("left"))
     view, bare, camera = images[True], images[False], pair.camera
     assert set(np.unique(view.semantic)) == {0, PLANET}
-    assert np.isnan(scene_depth(view)).all()
+    assert np.isnan(find_scene_depth(view)).all()
     np.testing.assert_allclose(sum(view.groups.values()), view.radiance, atol=1e-5 * view.radiance.max())
     shown = sky(complete().light | light).planet
     x = (np.arange(camera.width_px) + 0.5 - camera.cx_px) / camera.focal_px

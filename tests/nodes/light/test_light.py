@@ -13,7 +13,7 @@ from icymoon.physics.surfaces import photometry
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
-from icymoon.stereo.images.disparity_and_occlusion import scene_depth
+from icymoon.stereo.images.disparity_and_occlusion import find_scene_depth
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.labels import PLANET, TERRAIN
@@ -135,7 +135,7 @@ def test_the_planet_is_seen_where_it_stands_as_big_and_bright_as_it_is(tmp_path)
     on = view.semantic == PLANET
     width = on[camera.height_px // 2].sum() / camera.focal_px  # tangents of half the angle, twice
     assert 2 * math.degrees(math.atan(width / 2)) == pytest.approx(29.33, abs=0.5)  # three pixels
-    assert np.isnan(scene_depth(view)).all()
+    assert np.isnan(find_scene_depth(view)).all()
     x = (np.arange(camera.width_px) + 0.5 - camera.cx_px) / camera.focal_px
     y = (np.arange(camera.height_px) + 0.5 - camera.cy_px) / camera.focal_px
     cosine = 1 / np.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)

@@ -134,7 +134,7 @@ def test_a_search_and_a_trade_leave_out_what_is_denoised(blender, tmp_path):
         assert {variant.settings.quality.denoiser for variant in found} == {"NONE"}
     assert {variant.settings.quality.denoiser for variant in candidates(scene())} == {"NONE", "OIDN"}
     told = []
-    bench = measure_variants.Bench(scene(), tmp_path, str(blender), "bm", 2, 1, told.append)
+    bench = measure_variants.TradeBench(scene(), tmp_path, str(blender), "bm", 2, 1, told.append)
     assert measure_variants.check_abilities(bench, bench.settings) == PLAIN
     assert [event["type"] for event in told] == ["warning"]
     assert "left out, as this Blender was built without OpenImageDenoise" in told[0]["message"]

@@ -13,7 +13,7 @@ import OpenEXR
 import pairs
 import pytest
 from icymoon.physics.camera.stereo_camera import StereoCamera
-from icymoon.stereo.datasets.calibrations import our_camera
+from icymoon.stereo.datasets.calibrations import read_exported_camera
 from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map
 from icymoon.stereo.datasets.input_faults import check_prediction
 from icymoon.stereo.evaluate import evaluate
@@ -604,4 +604,4 @@ def test_every_number_of_a_camera_of_ours_is_checked(tmp_path, key):
     path = tmp_path / "calibration.json"
     path.write_text(json.dumps({"camera": camera}))
     with pytest.raises(IcyMoonError, match=rf"{key}.*export the pair again"):
-        our_camera(path, 64, 48)
+        read_exported_camera(path, 64, 48)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hostile_images import EXRS, JPEGS, PNGS, WEBPS
 from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map
-from icymoon.stereo.datasets.input_faults import doubt_brightness
+from icymoon.stereo.datasets.input_faults import warn_dark_images
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.sources import find_sources
@@ -155,6 +155,6 @@ def test_a_file_that_goes_while_it_is_read_is_one_sentence(tmp_path, read):
     ],
 )
 def test_eyes_of_another_brightness_are_doubted(left, right, words):
-    said = doubt_brightness(*(np.full((4, 5), value, np.uint8) for value in (left, right)))
+    said = warn_dark_images(*(np.full((4, 5), value, np.uint8) for value in (left, right)))
     assert len(said) == (words is not None)
     assert all(words in each for each in said)

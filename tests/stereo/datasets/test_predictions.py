@@ -13,7 +13,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export_for_prediction import export_for_prediction
 from icymoon.stereo.images.image_files import read_png
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import prepare
+from icymoon.stereo.measure.prepare import prepare_pair
 from icymoon.support.errors import IcyMoonError
 
 pytestmark = [pytest.mark.filterwarnings("error"), pytest.mark.usefixtures("undrawn")]
@@ -191,7 +191,7 @@ def test_what_is_written_for_prediction_is_what_matchers_get(dataset, tmp_path):
         "README.txt",
         *(f"{name}/{file}" for name in ("one", "two") for file in ("calib.txt", "im0.png", "im1.png")),
     ]
-    prepared = prepare(dataset / "pairs" / "one", {})
+    prepared = prepare_pair(dataset / "pairs" / "one", {})
     np.testing.assert_array_equal(read_png(tmp_path / "one" / "im0.png"), prepared.left)
     np.testing.assert_array_equal(read_png(tmp_path / "one" / "im1.png"), prepared.right)
     assert "one.npy" in (tmp_path / "README.txt").read_text(encoding="utf-8")

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from icymoon.stereo.decisions.change import (
     FEWEST_NULLS,
-    detect,
-    find_level,
-    find_noise,
-    local_sigma,
+    detect_change,
+    find_detection_level,
+    find_region_cells,
+    find_volume_noise,
     measure_change,
-    region_cells,
+    measure_local_sigma,
 )
 from icymoon.stereo.decisions.dem import Grid
 
@@ -25,7 +25,7 @@ ALL = np.ones(FLAT.shape, bool)
 
 def test_a_prism_between_cells_is_exact():
     cut = (np.abs(EAST) < 0.15) & (np.abs(NORTH) < 0.04)
-    found = measure_change(FLAT, FLAT - 0.07 * cut, region_cells(GRID, (-0.2, -0.1, 0.2, 0.1)), 0.01)
+    found = measure_change(FLAT, FLAT - 0.07 * cut, find_region_cells(GRID, (-0.2, -0.1, 0.2, 0.1)), 0.01)
     assert found.volume_m3 == pytest.approx(0.30 * 0.08 * 0.07, rel=1e-12)
     assert found.depth_m == pytest.approx(0.07)
 
@@ -48,7 +48,7 @@ def test_unknown_cells_count_as_the_others_and_too_many_as_nothing():
     assert measure_change(FLAT, after, ALL, 0.01).volume_m3 == pytest.approx(1.2 * 1.0 * 0.05)
     after[::2] = np.nan
     assert measure_change(FLAT, after, ALL, 0.01) is None
-    assert measure_change(FLAT, FLAT, region_cells(GRID, (5, 5, 6, 6)), 0.01) is None
+    assert measure_change(FLAT, FLAT, find_region_cells(GRID, (5, 5, 6, 6)), 0.01) is None
 
 
 @pytest.mark.parametrize("correlation_m", [0.03, 0.06])
@@ -72,12 +72,12 @@ def test_the_error_of_a_volume_follows_the_correlation_of_heights(correlation_m)
 def test_the_smallest_volume_is_noticed_in_95_of_100():
     random = np.random.default_rng(2)
     common = random.normal(0, 1e-4)
-    noise = find_noise((random.normal(0, 1e-4, 4000) - common).tolist())
+    noise = find_volume_noise((random.normal(0, 1e-4, 4000) - common).tolist())
     assert noise.sigma_m3 == pytest.approx(math.sqrt(2) * 1e-4, rel=0.04)
     trials = random.normal(noise.smallest_m3, noise.sigma_m3, 20000)
     assert (trials > noise.smallest_m3 / 2).mean() == pytest.approx(0.95, abs=0.005)
     assert (random.normal(0.0, noise.sigma_m3, 20000) > noise.smallest_m3 / 2).mean() == pytest.approx(0.05, abs=0.005)
-    assert find_noise([1.0] * (FEWEST_NULLS - 1)) is None
+    assert find_volume_noise([1.0] * (FEWEST_NULLS - 1)) is None
 
 
 @pytest.mark.parametrize("pairs", [5, 8])
@@ -85,20 +85,20 @@ def test_the_bounds_of_the_smallest_volume_hold_the_true_one_in_95_of_100(pairs)
     random = np.random.default_rng(pairs)
     held = 0
     for _ in range(2000):
-        low, high = find_noise(random.normal(0, 1e-4, pairs).tolist()).bounds_m3
+        low, high = find_volume_noise(random.normal(0, 1e-4, pairs).tolist()).bounds_m3
         held += low < 3.29 * math.sqrt(2) * 1e-4 < high
     # Three standard errors of a share of 95 % of 2000 are 1.5 %.
     assert held / 2000 == pytest.approx(0.95, abs=0.015)
 
 
 def test_the_level_of_detection_is_lanes():
-    np.testing.assert_allclose(find_level(np.array([0.003]), np.array([0.004])), 1.96 * 0.005)
+    np.testing.assert_allclose(find_detection_level(np.array([0.003]), np.array([0.004])), 1.96 * 0.005)
 
 
 def test_the_error_around_a_cell_is_that_of_the_known_ones():
     error = np.full((40, 50), 0.004)
     error[:, 25:] = np.nan
-    found = local_sigma(error, 0.01, 0.1)
+    found = measure_local_sigma(error, 0.01, 0.1)
     np.testing.assert_allclose(found[:, :29], 0.004, rtol=1e-6)  # a disc of 10 cm reaches 5 cells
     assert np.isnan(found[:, 31:]).all()
 
@@ -107,12 +107,12 @@ def test_five_of_a_hundred_cells_that_stay_are_beyond_their_level_and_a_deep_cut
     random = np.random.default_rng(4)
     noise = [random.normal(0, sigma, FLAT.shape) for sigma in (0.003, 0.004)]
     after = FLAT - 0.05 * ((np.abs(EAST) < 0.1) & (np.abs(NORTH) < 0.1))
-    found = detect(FLAT + noise[0], after + noise[1], FLAT, after, 0.01, 0.3)
+    found = detect_change(FLAT + noise[0], after + noise[1], FLAT, after, 0.01, 0.3)
     scores = found.score(FLAT - after)
     assert scores["level_m"] == pytest.approx(1.96 * 0.005, rel=0.02)
     # 11600 cells: three standard errors of 5 % are 0.6 %; the level is within 3 %, which is as much again.
     assert scores["false_alarm"] == pytest.approx(0.05, abs=0.012)
     assert scores["noticed"] == 1.0
-    unknown = detect(np.full(FLAT.shape, np.nan), after, FLAT, after, 0.01, 0.3)
+    unknown = detect_change(np.full(FLAT.shape, np.nan), after, FLAT, after, 0.01, 0.3)
     assert unknown.score(FLAT - after) == {"level_m": None, "noticed": None, "false_alarm": None}
     assert not unknown.significant.any()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.stereo.decisions.footprints import disc, distance_to, fit_planes, share_under
+from icymoon.stereo.decisions.footprints import distance_to_nearest_m, fit_planes, make_disc, share_under_footprint
 
 CELL = 0.02
 
@@ -28,7 +28,7 @@ def test_planes_are_those_of_least_squares_with_holes():
     random = np.random.default_rng(4)
     height = ramp(0.2, -0.1) + random.normal(0, 0.01, (60, 60))
     height[random.random(height.shape) < 0.3] = np.nan
-    found, shape = fit_planes(height, CELL, 0.3), disc(0.3, CELL) > 0
+    found, shape = fit_planes(height, CELL, 0.3), make_disc(0.3, CELL) > 0
     for row, column in ((30, 30), (20, 41), (7, 52)):
         part = height[row - 7 : row + 8, column - 7 : column + 8]
         known = shape & np.isfinite(part)
@@ -48,25 +48,25 @@ def test_no_plane_through_a_line_or_too_few_cells():
 
 
 def test_a_disc_and_its_shares():
-    assert disc(0.3, CELL).shape == (15, 15)
-    assert disc(0.001, CELL).sum() == 1
-    assert disc(2.0, 0.01).sum() * 0.01**2 == pytest.approx(np.pi, rel=0.01)
+    assert make_disc(0.3, CELL).shape == (15, 15)
+    assert make_disc(0.001, CELL).sum() == 1
+    assert make_disc(2.0, 0.01).sum() * 0.01**2 == pytest.approx(np.pi, rel=0.01)
     half = np.zeros((40, 41), bool)
     half[:, :20] = True
-    share = share_under(half, CELL, 0.3)
+    share = share_under_footprint(half, CELL, 0.3)
     assert share[20, 8] == pytest.approx(1.0)
-    assert share_under(~half, CELL, 0.3)[20, 30] == pytest.approx(1.0)
+    assert share_under_footprint(~half, CELL, 0.3)[20, 30] == pytest.approx(1.0)
     # The column in the middle of the disc is neither's, by 15 of 177 cells.
-    assert share[20, 20] == pytest.approx(0.5 - 15 / disc(0.3, CELL).sum() / 2)
+    assert share[20, 20] == pytest.approx(0.5 - 15 / make_disc(0.3, CELL).sum() / 2)
     among = np.zeros(half.shape, bool)
     among[20, 20] = True
-    assert share_under(half, CELL, 0.3, among)[20, 22] == 0.0
-    assert np.isnan(share_under(half, CELL, 0.3, among)[0, 0])
+    assert share_under_footprint(half, CELL, 0.3, among)[20, 22] == 0.0
+    assert np.isnan(share_under_footprint(half, CELL, 0.3, among)[0, 0])
 
 
 def test_distances_are_euclidean():
     mask = np.zeros((50, 50), bool)
     mask[10, 20] = True
     row, column = np.mgrid[:50, :50]
-    np.testing.assert_allclose(distance_to(mask, CELL), CELL * np.hypot(row - 10, column - 20), rtol=1e-5)
-    assert np.isinf(distance_to(np.zeros((3, 3), bool), CELL)).all()
+    np.testing.assert_allclose(distance_to_nearest_m(mask, CELL), CELL * np.hypot(row - 10, column - 20), rtol=1e-5)
+    assert np.isinf(distance_to_nearest_m(np.zeros((3, 3), bool), CELL)).all()

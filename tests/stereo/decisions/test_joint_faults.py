@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from icymoon.stereo.decisions.joint_faults import FEWEST_SOUND, _limit, _scores_without, find_faults, roc_area
+from icymoon.stereo.decisions.joint_faults import (
+    FEWEST_SOUND,
+    _find_fault_limit,
+    _score_leaving_one_out,
+    find_joint_faults,
+    roc_area,
+)
 
 
 def find(places, faults):
@@ -19,7 +25,7 @@ def find(places, faults):
     ]
     told, sound = {"yaw": 1.0, "elbow": 2.0}, {"yaw": 0.0, "elbow": 0.0}
     facts = [{"pair": str(k), "joints": {"commanded": told, "fault": sound | fault}} for k, fault in enumerate(faults)]
-    return find_faults(rows, facts, ["bm"])
+    return find_joint_faults(rows, facts, ["bm"])
 
 
 def test_a_fault_is_noticed_from_the_angle_on_whose_shift_is_beyond_the_limit():
@@ -49,7 +55,7 @@ def test_pairs_without_a_pose_are_not_noticed_and_two_faults_at_once_count_nowhe
     (found,) = find(places, [{}] * 8 + [{"yaw": 4.0}, {"yaw": 4.0, "elbow": 1.0}])
     assert found["angles"] == [{"deg": 4.0, "pairs": 1, "roc_area": 0.0, "noticed": 0.0}]
     assert find(places[:8], [{}] * 8) == []
-    assert find_faults([], [], ["bm"]) == []
+    assert find_joint_faults([], [], ["bm"]) == []
 
 
 def test_one_more_sound_pair_is_beyond_the_limit_in_five_of_a_hundred():
@@ -57,7 +63,7 @@ def test_one_more_sound_pair_is_beyond_the_limit_in_five_of_a_hundred():
     false = []
     for _ in range(1500):
         places = random.normal(0, 1, (9, 3))
-        limit = _limit(np.array(_scores_without(list(places[:8]))))
+        limit = _find_fault_limit(np.array(_score_leaving_one_out(list(places[:8]))))
         false.append(np.linalg.norm(places[8] - places[:8].mean(axis=0)) > limit)
     # Scores are lengths, not normal, and share their mean: a per cent or two more than five.
     assert 0.03 < np.mean(false) < 0.09

@@ -16,7 +16,7 @@ from icymoon.stereo.decisions.dem import Dem, Grid
 from icymoon.stereo.decisions.footprints import fit_planes
 from icymoon.stereo.decisions.materials import Materials, from_truth, measure, white_radiance
 from icymoon.stereo.decisions.rules import read_rules
-from icymoon.stereo.decisions.sites import SAFE, judge, measure_layers
+from icymoon.stereo.decisions.sites import SAFE, judge_sites, measure_layers
 from icymoon.stereo.images.develop import develop
 from icymoon.stereo.images.exr import Light
 
@@ -120,7 +120,7 @@ def sites(**rules):
     maps[:, 40:, 20:40] = np.nan
     rule = replace(read_rules().site, **rules)
     made = measure_layers(dem, height + 90.0, height + 1.0, rule, materials=from_truth(maps) if rules else None)
-    return judge(made, rule).failed
+    return judge_sites(made, rule).failed
 
 
 def test_rules_of_albedo_and_salts_fail_where_they_are_broken():
@@ -142,6 +142,6 @@ def test_a_rule_without_materials_is_failed():
     rule = replace(read_rules().site, salt_share=0.1)
     unknown = Materials(*[np.full(height.shape, np.nan)] * 2)
     for materials in (None, unknown):
-        made = judge(measure_layers(dem, height + 90.0, height + 1.0, rule, materials=materials), rule)
+        made = judge_sites(measure_layers(dem, height + 90.0, height + 1.0, rule, materials=materials), rule)
         assert not made.safe.any()
         assert np.isneginf(made.margin).all()

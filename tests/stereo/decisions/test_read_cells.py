@@ -7,7 +7,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from hostile_arrays import NO_FILES, damaged_npy, flipped, put, saved
-from icymoon.stereo.decisions.dem import grid_of, read_cells
+from icymoon.stereo.decisions.dem import read_cells, read_grid
 from icymoon.support.errors import IcyMoonError
 
 GOOD = np.linspace(-1.0, 1.0, 12, dtype=np.float32).reshape(3, 4)
@@ -67,6 +67,6 @@ def test_random_damage_is_a_sentence_or_a_map(tmp_path):
 )
 def test_a_stated_workspace_that_is_none_is_a_sentence(change):
     stated = {"cell_m": 0.1, "shape": [3, 4], "origin_m": [1.0, 2.0]}
-    assert grid_of(stated).rows == 3
+    assert read_grid(stated).rows == 3
     with pytest.raises(IcyMoonError, match="render the pair again"):
-        grid_of(stated | change)
+        read_grid(stated | change)

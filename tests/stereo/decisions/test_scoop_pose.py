@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.stereo.decisions.scoop_pose import find_pose, pose_error, sample_surface
+from icymoon.stereo.decisions.scoop_pose import find_pose, measure_pose_error, sample_surface
 
 #: Corners of the box, and its bottom and four sides as pairs of triangles with normals outward.
 CORNERS = np.array([[x, y, z] for x in (0.0, 0.12) for y in (-0.04, 0.04) for z in (0.0, 0.06)])
@@ -50,9 +50,9 @@ def test_the_pose_is_found_from_3_degrees_and_10_mm_off(seed):
     seen = ((EYE - cloud) * normals).sum(axis=1) > 0
     points = cloud[seen] + random.normal(0, 0.002, (seen.sum(), 3))
     commanded = turned(random.standard_normal(3), 3.0, random.normal(0, 0.006, 3)) @ true
-    before = pose_error(commanded, true, np.array([0.06, 0.0, 0.03]))
+    before = measure_pose_error(commanded, true, np.array([0.06, 0.0, 0.03]))
     found = find_pose(model, points, commanded, EYE, random)
-    after = pose_error(found, true, np.array([0.06, 0.0, 0.03]))
+    after = measure_pose_error(found, true, np.array([0.06, 0.0, 0.03]))
     # Points of 2 mm noise, 500 of them on three sides: 0.2 mm each, and a pull to the commanded pose by the damping.
     assert before[0] > 3.0
     assert after[0] < 4.0
@@ -67,7 +67,7 @@ def test_the_pose_is_found_from_farther_away_than_the_box_is_long(seed):
     model = sample_surface(CORNERS, TRIANGLES, 6000, random)
     seen = ((EYE - model[:, :3]) * model[:, 3:]).sum(axis=1) > 0
     found = find_pose(model, model[seen, :3] + random.normal(0, 0.001, (seen.sum(), 3)), commanded, EYE, random)
-    mm, degrees = pose_error(found, np.eye(4), np.array([0.06, 0.0, 0.03]))
+    mm, degrees = measure_pose_error(found, np.eye(4), np.array([0.06, 0.0, 0.03]))
     assert mm < 4.0
     assert degrees < 3.0
 
@@ -78,7 +78,7 @@ def test_a_site_far_from_its_origin_changes_nothing():
     shift = turned((0, 0, 1), 0.0, far)
     seen = ((EYE - model[:, :3]) * model[:, 3:]).sum(axis=1) > 0
     found = find_pose(model, model[seen, :3] + far, shift, EYE + far, random)
-    assert pose_error(found, shift, np.zeros(3))[0] < 2.0
+    assert measure_pose_error(found, shift, np.zeros(3))[0] < 2.0
 
 
 def test_too_few_points_are_no_pose():
@@ -90,7 +90,7 @@ def test_errors_of_poses_are_what_was_put_in():
     true = turned((1, 2, 3), 70.0, (1.0, 2.0, 3.0))
     off = true @ turned((0, 0, 1), 0.01, (0.0, 0.0, 0.0))
     off[:3, 3] += (0.003, 0.0, -0.004)
-    mm, degrees = pose_error(off, true, np.zeros(3))
+    mm, degrees = measure_pose_error(off, true, np.zeros(3))
     assert mm == pytest.approx(5.0, rel=1e-9)
     assert degrees == pytest.approx(0.01, rel=1e-6)
-    assert pose_error(true @ turned((0, 1, 0), 180.0, (0, 0, 0)), true, np.zeros(3))[1] == pytest.approx(180.0)
+    assert measure_pose_error(true @ turned((0, 1, 0), 180.0, (0, 0, 0)), true, np.zeros(3))[1] == pytest.approx(180.0)

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from icymoon.stereo.decisions.scores import rank_scores, score_sites
-from icymoon.stereo.decisions.sites import SAFE, Layers, Sites
+from icymoon.stereo.decisions.sites import SAFE, SiteLayers, Sites
 
 ALL = np.ones((40, 50), bool)
-NONE = Layers(*([np.zeros(ALL.shape)] * 6))
+NONE = SiteLayers(*([np.zeros(ALL.shape)] * 6))
 
 
 def sites(margin):

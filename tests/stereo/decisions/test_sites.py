@@ -11,11 +11,11 @@ from icymoon.stereo.decisions.dem import Dem, Grid
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.sites import (
     SAFE,
-    cast_light,
-    choose,
+    choose_site,
+    find_lit_cells,
     find_rocks,
-    judge,
     judge_pads,
+    judge_sites,
     measure_layers,
 )
 
@@ -41,7 +41,7 @@ def level():
 
 
 def test_level_ground_is_safe_but_for_its_border():
-    sites = judge(layers_of(level()), RULE)
+    sites = judge_sites(layers_of(level()), RULE)
     assert sites.safe[10:-10, 10:-10].all()
     assert (sites.failed[0] == UNKNOWN).all()
     # The known share is the least margin there: 0.1 of 0.9.
@@ -58,7 +58,7 @@ def test_each_rule_fails_where_it_is_broken():
     margin[:20, 60:80] = 5.0
     margin[20:30, 60:80] = np.nan
     lit[:, 90:110] = 0.0
-    sites = judge(measure_layers(replace(dem, height_m=height), margin, lit, RULE), RULE)
+    sites = judge_sites(measure_layers(replace(dem, height_m=height), margin, lit, RULE), RULE)
     for place, code in (
         ((80, 140), STEEP),
         ((145, 30), ROUGH),
@@ -78,7 +78,7 @@ def test_each_rule_fails_where_it_is_broken():
 def test_a_rock_of_a_cell_is_kept_away_from_by_its_distance():
     height = level()
     height[80, 80] = 0.04
-    sites = judge(layers_of(height), RULE)
+    sites = judge_sites(layers_of(height), RULE)
     row, column = np.mgrid[:SIZE, :SIZE]
     far = CELL * np.hypot(row - 80, column - 80)
     inside = (slice(10, -10), slice(10, -10))
@@ -106,20 +106,20 @@ def test_a_lower_rule_takes_no_more_cells():
     random = np.random.default_rng(5)
     height = level() + random.normal(0, 0.004, (SIZE, SIZE)) + 0.1 * np.sin(np.mgrid[:SIZE, :SIZE][0] / 9)
     layers = layers_of(height)
-    wide = judge(layers, RULE).safe
+    wide = judge_sites(layers, RULE).safe
     for key, value in (("slope_deg", 8.0), ("roughness_m", 0.004), ("rock_distance_m", 0.3), ("known_share", 1.0)):
-        strict = judge(layers, replace(RULE, **{key: value})).safe
+        strict = judge_sites(layers, replace(RULE, **{key: value})).safe
         assert not (strict & ~wide).any()
     assert 0 < wide.sum() < wide.size
 
 
 def test_the_choice_is_the_best_and_of_equals_the_nearest_to_the_middle():
-    sites = judge(layers_of(level()), RULE)
-    assert choose(sites, np.ones((SIZE, SIZE), bool)) == (79, 79)
+    sites = judge_sites(layers_of(level()), RULE)
+    assert choose_site(sites, np.ones((SIZE, SIZE), bool)) == (79, 79)
     best = replace(sites, margin=sites.margin.copy())
     best.margin[30, 40] = 0.5
-    assert choose(best, np.ones((SIZE, SIZE), bool)) == (30, 40)
-    assert choose(best, np.zeros((SIZE, SIZE), bool)) is None
+    assert choose_site(best, np.ones((SIZE, SIZE), bool)) == (30, 40)
+    assert choose_site(best, np.zeros((SIZE, SIZE), bool)) is None
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_a_wall_casts_a_shadow_of_its_height_over_the_tangent(toward, step):
     height[78:82, 78:82] = 0.2
     up = np.tan(np.radians(30.0))
     sun = np.array([*toward, up]) / np.hypot(1, up)
-    lit = cast_light(height, CELL, sun)
+    lit = find_lit_cells(height, CELL, sun)
     shadow = lit == 0.0
     cells = int(0.2 / up / CELL)  # 17.3
     assert shadow.sum() == 4 * cells
@@ -144,7 +144,7 @@ def test_a_shadow_begins_at_the_next_cell(elevation_deg, cells):
     """A rock of 20 cm and one cell: 0.2 m / tan(elevation), in whole cells of 2 cm."""
     height, elevation = level(), np.radians(elevation_deg)
     height[80, 80] = 0.2
-    lit = cast_light(height, CELL, np.array([np.cos(elevation), 0.0, np.sin(elevation)]))
+    lit = find_lit_cells(height, CELL, np.array([np.cos(elevation), 0.0, np.sin(elevation)]))
     assert np.argwhere(lit == 0.0).tolist() == [[80, column] for column in range(80 - cells, 80)]
 
 
@@ -154,7 +154,7 @@ def test_a_shadow_ends_with_the_map(shape, toward):
     """A rock that is much taller than the map is wide: all cells behind it are dark, those beside it are not."""
     height = np.zeros(shape)
     height[1, 1] = 50.0
-    lit = cast_light(height, CELL, np.array([*toward, 0.5]) / np.hypot(1, 0.5))
+    lit = find_lit_cells(height, CELL, np.array([*toward, 0.5]) / np.hypot(1, 0.5))
     row, column = np.indices(shape)
     ahead = (column - 1) * toward[0] - (row - 1) * toward[1]
     beside = (column - 1) * toward[1] + (row - 1) * toward[0]
@@ -193,24 +193,24 @@ def test_light_on_rough_ground_is_that_of_a_ray_march(azimuth_deg):
     marched = _march(height, sun)
     assert 0.2 < marched.mean() < 0.9
     # Between rows and columns the bilinear surface bulges a little. Rounding to whole cells differed by 2 to 6 %.
-    assert np.mean((cast_light(height, CELL, sun) == 1.0) != marched) < 0.01
+    assert np.mean((find_lit_cells(height, CELL, sun) == 1.0) != marched) < 0.01
 
 
 def test_a_hole_in_the_map_casts_no_shadow():
     height = level()
     height[60:70, 60:70] = np.nan
     height[0, 0] = 1.0  # so that shadows are looked for
-    lit = cast_light(height, CELL, np.array([0.8, 0.0, 0.6]))
+    lit = find_lit_cells(height, CELL, np.array([0.8, 0.0, 0.6]))
     assert np.isnan(lit[60:70, 60:70]).all()
     assert (lit[50:80][np.isfinite(height[50:80])] == 1.0).all()
 
 
 def test_light_from_above_and_from_below():
     height = np.random.default_rng(2).random((30, 30))
-    assert (cast_light(height, CELL, np.array([0.0, 0.0, 1.0])) == 1.0).all()
-    assert (cast_light(height, CELL, np.array([0.8, 0.0, -0.6])) == 0.0).all()
+    assert (find_lit_cells(height, CELL, np.array([0.0, 0.0, 1.0])) == 1.0).all()
+    assert (find_lit_cells(height, CELL, np.array([0.8, 0.0, -0.6])) == 0.0).all()
     height[3, 4] = np.nan
-    assert np.isnan(cast_light(height, CELL, np.array([0.6, 0.0, 0.8]))[3, 4])
+    assert np.isnan(find_lit_cells(height, CELL, np.array([0.6, 0.0, 0.8]))[3, 4])
 
 
 def test_pads_stand_on_level_ground_without_rocks():

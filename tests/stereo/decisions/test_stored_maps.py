@@ -15,9 +15,9 @@ from icymoon.stereo.decisions.stored_maps import (
     SLOPE,
     SUITABILITY,
     TRUE_DEPTH,
-    methods_of,
-    outlines,
+    list_methods,
     read_map,
+    trace_outlines,
 )
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.support.errors import IcyMoonError
@@ -34,8 +34,8 @@ def decided(tmp_path_factory):
 def test_what_was_written_is_read(decided):
     report = json.loads((decided / "decisions.json").read_text())
     truth = np.load(decided / "pairs" / "a" / "truth_dem.npy")
-    assert methods_of(decided) == ["bm", TRUE_DEPTH]
-    assert stored_maps.pairs_of(decided, "bm") == ["a"]
+    assert list_methods(decided) == ["bm", TRUE_DEPTH]
+    assert stored_maps.list_pairs(decided, "bm") == ["a"]
     for label, name in (("bm", "bm"), (TRUE_DEPTH, "true_depth")):
         files = {
             kind: np.load(decided / "pairs" / "a" / f"{name}_{kind}.npy") for kind in ("dem", "suitability", "slope")
@@ -106,7 +106,7 @@ def test_no_damaged_or_foreign_file_is_read(decided, tmp_path):
         (copy / "pairs" / "a" / "decisions.json").write_text(saved)
     with pytest.raises(IcyMoonError, match="no decisions on pair b"):
         read_map(copy, "b", "bm", SLOPE)
-    assert methods_of(tmp_path / "nowhere") == []
+    assert list_methods(tmp_path / "nowhere") == []
 
 
 def test_a_report_of_any_size_is_not_read(decided, tmp_path, monkeypatch):
@@ -120,9 +120,9 @@ def test_outlines_enclose_the_cells():
     random = np.random.default_rng(3)
     for shape in ((1, 1), (7, 9), (20, 20)):
         cells = random.random(shape) < 0.6
-        ways = outlines(cells)
+        ways = trace_outlines(cells)
         area = sum(float((way[:, 1] * (np.roll(way[:, 0], -1) - np.roll(way[:, 0], 1))).sum()) / 2 for way in ways)
         padded = np.pad(cells, 1).astype(int)
         assert area == cells.sum()
         assert sum(map(len, ways)) == sum(int(np.abs(np.diff(padded, axis=axis)).sum()) for axis in (0, 1))
-    assert outlines(np.zeros((4, 4), bool)) == []
+    assert trace_outlines(np.zeros((4, 4), bool)) == []

@@ -9,7 +9,7 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.render.pairs.pair_folder import read_pair
-from icymoon.stereo.environment.packages import is_in_blender, require
+from icymoon.stereo.environment.packages import is_in_blender, require_modules
 from icymoon.stereo.images.views import read_eye
 from icymoon.support.errors import IcyMoonError
 
@@ -38,4 +38,4 @@ def test_pairs_are_read_without_the_package_and_what_needs_it_is_refused(tmp_pat
     monkeypatch.setitem(sys.modules, "OpenEXR", None)  # whoever imports it gets an ImportError
     assert np.array_equal(read_eye(pair, "left")[1].radiance, with_package)
     with pytest.raises(IcyMoonError, match="crash inside Blender"):
-        require("numpy", "OpenEXR")
+        require_modules("numpy", "OpenEXR")

@@ -28,7 +28,7 @@ def locked() -> dict[str, tuple[str, list[str]]]:
 def test_every_package_is_locked_within_the_bounds_that_are_tested():
     found = locked()
     for module in packages.PACKAGES:
-        need = Requirement(packages.requirement(module))
+        need = Requirement(packages.format_requirement(module))
         assert found[canonicalize_name(need.name)][0] in need.specifier
     for name, (version, hashes) in found.items():
         assert re.fullmatch(r"[0-9][0-9.]*(post\d+)?", version), name
@@ -54,7 +54,7 @@ def test_the_package_and_the_button_have_the_same_bounds():
     stated = map(Requirement, [*project["dependencies"], *project["optional-dependencies"]["evaluate"]])
     assert {(canonicalize_name(need.name), need.specifier) for need in stated} == {
         (canonicalize_name(need.name), need.specifier)
-        for need in map(Requirement, map(packages.requirement, packages.PACKAGES))
+        for need in map(Requirement, map(packages.format_requirement, packages.PACKAGES))
     }
 
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.stereo.export import exports_with_blender, find_plugins
-from icymoon.stereo.export.encodings import in_steps, run_lengths, write_pfm
+from icymoon.stereo.export.encodings import encode_run_lengths, quantise_to_16_bits, write_pfm
 from icymoon.stereo.export.layouts import coco_annotations, export, write_truth
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.errors import IcyMoonError
@@ -188,7 +188,7 @@ def test_coco(out, dataset):
 @given(arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9))).filter(np.any))
 def test_run_lengths_of_any_mask(mask):
     pixels = np.flatnonzero(mask.ravel(order="F"))
-    counts = run_lengths(pixels, mask.size)
+    counts = encode_run_lengths(pixels, mask.size)
     np.testing.assert_array_equal(decoded({"size": mask.shape, "counts": counts}), mask)
     assert all(count > 0 for count in counts[1:])
 
@@ -216,12 +216,12 @@ def test_pfm_keeps_every_finite_number(tmp_path_factory, values):
 
 def test_what_does_not_fit_16_bits_is_unknown_and_counted_never_wrapped():
     values = np.array([[np.nan, np.inf, -np.inf, -1.0, 0.0, 1e-3, 1 / 256, 255.99, 256.0, 1e10, 1e308]])
-    steps, (loss,) = in_steps(values, 256, "disparity", "px")
+    steps, (loss,) = quantise_to_16_bits(values, 256, "disparity", "px")
     np.testing.assert_allclose(unscaled(steps, 256)[0], [np.nan] * 6 + [1 / 256, 255.99] + [np.nan] * 3, atol=0.5 / 256)
     assert loss.share == pytest.approx(6 / 8)  # of the finite ones
     assert "outside of 0.00391 to 255.996 px" in loss.why
-    assert in_steps(values[:, :1], 256, "disparity", "px")[1] == []
-    assert in_steps(np.array([[255.9, np.nan]]), 256, "disparity", "px")[1] == []
+    assert quantise_to_16_bits(values[:, :1], 256, "disparity", "px")[1] == []
+    assert quantise_to_16_bits(np.array([[255.9, np.nan]]), 256, "disparity", "px")[1] == []
 
 
 #: Ground half a metre before the eyes.

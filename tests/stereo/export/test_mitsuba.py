@@ -46,7 +46,7 @@ def settings(*parts):
 )
 def test_the_map_of_the_sky_brings_the_planets_light(changes, error):
     shown = sky(settings(PLANET, {"light": changes}).light)
-    found = mitsuba._sky_map(VisibleCap(shown.planet))[..., 0].astype(float)
+    found = mitsuba._make_sky_map(VisibleCap(shown.planet))[..., 0].astype(float)
     rows = len(found)
     polar, around = np.arange(rows) / (rows - 1) * math.pi, (np.arange(2 * rows) + 0.5) / rows * math.pi
     solid = np.sin(polar)[:, None] * math.pi / (rows - 1) * math.pi / rows
@@ -69,7 +69,7 @@ def test_what_the_planet_hides_of_the_sun_is_left_out_once(tmp_path):
     half = SceneSun(np.array([0.0, 0.6, 0.8]), 7.0, 0.05, "ANGLES", eclipse=0.5)
     pair = Pair(tmp_path, "0" * 12, settings(), pairs.camera(), {"light": {"sun": half.to_json()}})
     shown = sky(settings({"light": {"planet": False}}).light)
-    lights = mitsuba._lights(pair, shown, tmp_path)
+    lights = mitsuba._light_plugins(pair, shown, tmp_path)
     radiance, angle = lights["sun"]["emitter"]["radiance"][0], math.radians(0.05 / 2)
     assert radiance * math.pi * math.sin(angle) ** 2 == pytest.approx(7.0)
 
@@ -77,7 +77,7 @@ def test_what_the_planet_hides_of_the_sun_is_left_out_once(tmp_path):
 @pytest.mark.parametrize("diameter_deg", [0.0556, 2.0])
 def test_the_suns_disk_has_its_irradiance_and_faces_the_ground(diameter_deg):
     direction = np.array([0.6, -0.48, 0.64])
-    found = mitsuba._sun(direction, 14.82, diameter_deg)
+    found = mitsuba._sun_plugin(direction, 14.82, diameter_deg)
     matrix, radiance = found["to_world"], found["emitter"]["radiance"][0]
     distance = np.linalg.norm(matrix[:3, 3])
     radius = np.linalg.norm(matrix[:3, 0])
@@ -86,7 +86,7 @@ def test_the_suns_disk_has_its_irradiance_and_faces_the_ground(diameter_deg):
     assert radius / distance == pytest.approx(math.tan(math.radians(diameter_deg / 2)))
     assert radiance * math.pi * radius**2 / (distance**2 + radius**2) == pytest.approx(14.82)
     assert np.linalg.det(matrix[:3, :3]) > 0
-    assert mitsuba._sun(direction, 14.82, 0.0)["irradiance"] == [14.82] * 3
+    assert mitsuba._sun_plugin(direction, 14.82, 0.0)["irradiance"] == [14.82] * 3
 
 
 def test_the_film_has_a_filter_as_wide_as_that_of_cycles():
@@ -131,7 +131,7 @@ def test_pairs_that_cannot_be_exported_are_refused(data, toe_in, word):
     camera: Any = SimpleNamespace(toe_in_deg=toe_in, rendered_px=(4, 4), width_px=4, height_px=4)
     pair: Any = SimpleNamespace(data=data, folder="pair", camera=camera)
     with pytest.raises(IcyMoonError, match=word):
-        mitsuba._refuse(pair)
+        mitsuba._refuse_unexportable(pair)
 
 
 def test_the_scene_is_xml_with_every_value_named():
@@ -143,7 +143,7 @@ def test_the_scene_is_xml_with_every_value_named():
                 "filename": "a & b.ply",
                 "bsdf": {"type": "diffuse", "reflectance": [0.5, 0.5, 0.5]},
             },
-            "sun": mitsuba._sun(np.array([0.0, 0.0, 1.0]), 1.0, 0.0),
+            "sun": mitsuba._sun_plugin(np.array([0.0, 0.0, 1.0]), 1.0, 0.0),
         }
     )
     root = ElementTree.fromstring(text)
@@ -237,7 +237,7 @@ def test_snow_is_exported_as_snow():
     described = settings(
         {"surface": {"model": "SNOW", "albedo": 0.93, "grain_amplitude_m": 0.0, "albedo_variation": 0.0}}
     )
-    assert mitsuba._surface(described, "terrain") == {"type": "icymoon_snow", "albedo": 0.93}
+    assert mitsuba._surface_plugin(described, "terrain") == {"type": "icymoon_snow", "albedo": 0.93}
     assert not mitsuba.find_left_out(described, sky(described.light))
 
 

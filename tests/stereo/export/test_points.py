@@ -9,10 +9,10 @@ import pytest
 from icymoon.formats import ply
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.export.points import MOST_POINTS, measured_points, write_points
-from icymoon.stereo.images.colours import signed_colours
+from icymoon.stereo.export.points import MOST_POINTS, make_measured_points, write_points
+from icymoon.stereo.images.colours import colour_signed_errors
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.prepare import prepare
+from icymoon.stereo.measure.prepare import prepare_pair
 from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -34,11 +34,11 @@ def with_pose(folder, pose=None):
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
-    return prepare(with_pose(pairs.write_pair(tmp_path_factory.mktemp("p") / "pair", pairs.Scene(rock=False))), {})
+    return prepare_pair(with_pose(pairs.write_pair(tmp_path_factory.mktemp("p") / "pair", pairs.Scene(rock=False))), {})
 
 
 def test_true_disparities_lie_on_the_true_plane(prepared):
-    points = measured_points(prepared, prepared.pair.camera.disparity(prepared.truth))
+    points = make_measured_points(prepared, prepared.pair.camera.disparity(prepared.truth))
     scene = pairs.Scene()
     x, y, z = (points[axis].astype(float) for axis in "xyz")
     right, down, ahead = x - 1, 3 - z, y - 2  # the camera's axes
@@ -54,7 +54,7 @@ def test_true_disparities_lie_on_the_true_plane(prepared):
 
 def test_a_surface_too_far_is_red_and_its_error_positive(prepared):
     true = prepared.pair.camera.disparity(prepared.truth)
-    far, near = measured_points(prepared, true * 0.8), measured_points(prepared, true * 1.2)
+    far, near = make_measured_points(prepared, true * 0.8), make_measured_points(prepared, true * 1.2)
     assert (far["error_m"] > 0).all()
     assert (far["red"] > far["blue"]).all()
     assert (near["error_m"] < 0).all()
@@ -62,7 +62,7 @@ def test_a_surface_too_far_is_red_and_its_error_positive(prepared):
 
 
 def test_colours_of_errors():
-    colours = signed_colours(np.array([0.0, 0.005, -0.005, 0.1, -0.1, 1.0, -50.0, np.nan])).tolist()
+    colours = colour_signed_errors(np.array([0.0, 0.005, -0.005, 0.1, -0.1, 1.0, -50.0, np.nan])).tolist()
     assert colours[0] == colours[1] == colours[2] == [0xF4] * 3
     assert colours[5] == [0xC4, 0x2B, 0x2B]
     assert colours[6] == [0x2B, 0x5F, 0xC4]
@@ -72,10 +72,10 @@ def test_colours_of_errors():
 
 def test_missing_measurements_are_no_points_and_points_without_truth_are_grey(prepared):
     disparity = np.full(prepared.truth.shape, np.nan)
-    assert len(measured_points(prepared, disparity)) == 0
+    assert len(make_measured_points(prepared, disparity)) == 0
     disparity[3, 5] = 20.0
     prepared.truth[3, 5], kept = np.nan, prepared.truth[3, 5]
-    (point,) = measured_points(prepared, disparity)
+    (point,) = make_measured_points(prepared, disparity)
     prepared.truth[3, 5] = kept
     assert np.isnan(point["error_m"])
     assert point["red"] == point["green"] == 0x96
@@ -84,7 +84,7 @@ def test_missing_measurements_are_no_points_and_points_without_truth_are_grey(pr
 def test_the_file_holds_the_points(prepared, tmp_path):
     disparity = prepared.pair.camera.disparity(prepared.truth) * 1.1
     write_points(tmp_path / "p.ply", prepared, disparity)
-    points = measured_points(prepared, disparity)
+    points = make_measured_points(prepared, disparity)
     for names in (("x", "y", "z"), ("error_m", "size_m"), ("red", "green", "blue")):
         np.testing.assert_array_equal(
             ply.read_properties(tmp_path / "p.ply", *names),
@@ -101,22 +101,22 @@ def test_the_file_holds_the_points(prepared, tmp_path):
 @pytest.mark.parametrize("size", [(256, 144), (640, 480)])
 def test_the_file_contains_the_number_of_missing_points(tmp_path, size):
     """Measured and missing are together all that have a true depth, also where only every second pixel is taken."""
-    own = prepare(
+    own = prepare_pair(
         with_pose(pairs.write_pair(tmp_path / "pair", pairs.Scene(sky_rows=size[1] // 4), rig=pairs.camera(*size))), {}
     )
     disparity = own.pair.camera.disparity(own.truth)
-    whole = len(measured_points(own, disparity))
+    whole = len(make_measured_points(own, disparity))
     disparity[:, : size[0] // 2] = np.nan
     write_points(tmp_path / "p.ply", own, disparity)
     missing = ply.read_comment_number(tmp_path / "p.ply", "missing")
     assert missing == pytest.approx(whole / 2, rel=0.01)
-    assert missing + len(measured_points(own, disparity)) == whole
+    assert missing + len(make_measured_points(own, disparity)) == whole
     assert ply.read_comment_number(tmp_path / "p.ply", "lost") is None
 
 
 def test_large_images_are_thinned_out(tmp_path):
-    large = prepare(with_pose(pairs.write_pair(tmp_path / "pair", rig=pairs.camera(640, 480))), {})
-    points = measured_points(large, large.pair.camera.disparity(large.truth))
+    large = prepare_pair(with_pose(pairs.write_pair(tmp_path / "pair", rig=pairs.camera(640, 480))), {})
+    points = make_measured_points(large, large.pair.camera.disparity(large.truth))
     assert MOST_POINTS / 4 < len(points) <= MOST_POINTS
 
 
@@ -162,7 +162,7 @@ def test_the_cloud_states_its_place_on_a_map(tmp_path):
     folder = with_pose(pairs.write_pair(tmp_path / "pair", pairs.Scene(rock=False)))
     file = folder / "pair.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | {"ground": {"map": place}}), encoding="utf-8")
-    mapped = prepare(folder, {})
+    mapped = prepare_pair(folder, {})
     write_points(tmp_path / "p.ply", mapped, mapped.pair.camera.disparity(mapped.truth))
     (line,) = [line for line in (tmp_path / "p.ply").read_bytes().split(b"\n") if line.startswith(b"comment map ")]
     stated = json.loads(line.removeprefix(b"comment map "))

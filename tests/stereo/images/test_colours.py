@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from icymoon.stereo.images.colours import ERROR, MAGMA, VIRIDIS, Scale, bar, outcome_picture
-from icymoon.stereo.images.lettering import draw_text, put_text, text_width
+from icymoon.stereo.images.colours import ERROR, MAGMA, VIRIDIS, Scale, draw_colour_bar, draw_outcomes
+from icymoon.stereo.images.lettering import draw_text, measure_text_width_px, put_text
 
 
 @pytest.mark.parametrize(("colormap", "reference"), [(VIRIDIS, cv2.COLORMAP_VIRIDIS), (MAGMA, cv2.COLORMAP_MAGMA)])
@@ -20,16 +20,16 @@ def test_the_colour_maps_are_opencvs_within_a_step(colormap, reference):
 
 def test_outcomes_are_enlarged_as_opencv_does():
     flags = np.arange(35).reshape(5, 7) % 8
-    small = outcome_picture(flags, flags.shape)
+    small = draw_outcomes(flags, flags.shape)
     for shape in ((5, 7), (13, 16), (50, 70), (4, 3)):
         wanted = cv2.resize(small, shape[::-1], interpolation=cv2.INTER_NEAREST)
-        np.testing.assert_array_equal(outcome_picture(flags, shape), wanted)
+        np.testing.assert_array_equal(draw_outcomes(flags, shape), wanted)
 
 
 @pytest.mark.parametrize("size", [1.0, 2.4])
 @pytest.mark.parametrize("width", [1, 30, 640])
 def test_a_bar_shows_the_scale_from_end_to_end(width, size):
-    strip = bar(width, ERROR, size)
+    strip = draw_colour_bar(width, ERROR, size)
     assert strip.shape == (round(44 * size), width, 3)
     left = min(round(8 * size), width // 4)
     row = strip[round(10 * size), left : width - left]
@@ -53,7 +53,7 @@ def test_capitals_have_the_stated_height_and_stand_on_the_baseline(height):
     assert abs(rows.max() + 1 - 45) <= 1 + height / 12
     assert abs(np.ptp(rows) + 1 - height * 7 / 6) <= 1  # of a stroke's middle, and the stroke is as wide as its unit
     assert columns.min() >= 5
-    assert columns.max() < 5 + text_width("L", height)
+    assert columns.max() < 5 + measure_text_width_px("L", height)
 
 
 def test_text_beyond_an_edge_is_cut():

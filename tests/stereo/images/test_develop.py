@@ -9,9 +9,9 @@ import pytest
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.cli import main
-from icymoon.stereo.images.develop import develop, grey, scaled_radiance, to_8_bit
+from icymoon.stereo.images.develop import average_bands, develop, scaled_radiance, to_8_bit
 from icymoon.stereo.images.exr import read_light, read_view
-from icymoon.stereo.images.exr_passes import only_passes
+from icymoon.stereo.images.exr_passes import keep_passes
 from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -31,7 +31,7 @@ def test_development_is_repeatable_shares_one_exposure_and_keeps_the_scene(tmp_p
     np.testing.assert_array_equal(one.left, two.left)
     np.testing.assert_array_equal(one.right, two.right)
     assert not np.array_equal(one.left, developed(folder, noise_seed=1).left)
-    light = grey(read_view(folder / "right.exr").radiance)
+    light = average_bands(read_view(folder / "right.exr").radiance)
     quiet = developed(folder, **QUIET)
     expected = np.clip(light / quiet.saturation_radiance, 0, 1) * 255
     assert np.abs(quiet.right - expected).max() <= 0.5001
@@ -89,7 +89,7 @@ def test_brackets_are_one_image_of_16_bits(tmp_path):
     images = developed(folder, brackets=3, bracket_stops=2.0, bits=10, **QUIET)
     assert [frame.seconds / images.exposure_s for frame in images.frames] == [4.0, 1.0, 0.25]
     assert images.bits == 16
-    light = grey(read_view(folder / "left.exr").radiance)
+    light = average_bands(read_view(folder / "left.exr").radiance)
     np.testing.assert_allclose(images.left / 65535, light / images.saturation_radiance, atol=1e-3)
     assert images.frames[0].left.mean() > 2 * images.frames[2].left.mean()
 
@@ -131,8 +131,8 @@ def test_the_light_alone_is_the_light_of_the_whole(tmp_path, layout):
 
 def test_a_file_of_parts_is_cut_down_to_the_layer(tmp_path):
     content = (pairs.write_pair(tmp_path / "pair") / "left.exr").read_bytes()
-    assert len(only_passes(content, ["Beauty.Combined"])) < 0.9 * len(content)
-    assert only_passes(content, ["Nothing"]) == content
+    assert len(keep_passes(content, ["Beauty.Combined"])) < 0.9 * len(content)
+    assert keep_passes(content, ["Nothing"]) == content
 
 
 def test_a_data_set_is_exposed_again_from_the_command_line(tmp_path, capsys):
@@ -204,7 +204,7 @@ def test_deposits_are_a_mask_that_is_stated_and_the_depth_stays(tmp_path):
         assert mask.dtype == np.uint8
         assert said["blocked_share"][eye] == pytest.approx(mask.mean() / 255)
         # What the mask says is lost is what the image lacks: to one step of the converter and one of the mask.
-        light = grey(read_view(folder / f"{eye}.exr").radiance)
+        light = average_bands(read_view(folder / f"{eye}.exr").radiance)
         left_over = light * (1.0 - mask / 255.0) / images.saturation_radiance * 255
         assert np.abs(getattr(images, eye) - np.clip(left_over, 0, 255)).max() <= 1.01
         assert np.ptp(mask) > 20

@@ -10,7 +10,7 @@ from icymoon.physics.camera.colour import mosaic
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.cli import main
-from icymoon.stereo.images.develop import Images, develop
+from icymoon.stereo.images.develop import DevelopedImages, develop
 from icymoon.stereo.images.exr import Light
 from icymoon.stereo.pair_views import read_pair_views
 
@@ -26,7 +26,7 @@ def pair(tmp_path_factory):
     return read_pair(pairs.write_pair(tmp_path_factory.mktemp("colour") / "pair"))
 
 
-def developed(pair, radiance, **sensor) -> Images:
+def developed(pair, radiance, **sensor) -> DevelopedImages:
     light = Light(np.asarray(radiance, np.float32), {})
     return develop(pair, light, light, merged(pair.settings, {"sensor": {"colour": "BAYER"} | sensor}))
 

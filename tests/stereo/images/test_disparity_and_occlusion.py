@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pairs
 import pytest
-from icymoon.stereo.images.disparity_and_occlusion import scene_depth, visible_in_left, visible_in_right
+from icymoon.stereo.images.disparity_and_occlusion import find_scene_depth, find_visible_in_left, find_visible_in_right
 from icymoon.stereo.images.exr import read_view
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -31,7 +31,7 @@ def test_visibility_is_that_of_the_rays():
     left, right = depths(scene)
     column = np.arange(RIG.width_px) - RIG.disparity(left)
     expected = (column >= -0.5) & ~hidden_behind_rock(scene, left)
-    wrong = visible_in_right(left, right, RIG) != expected
+    wrong = find_visible_in_right(left, right, RIG) != expected
     assert (~expected).sum() > 1000
     assert wrong.sum(axis=1).max() <= 2  # the two edges of the rock fall between pixels
 
@@ -43,23 +43,23 @@ def test_a_plane_hides_nothing_of_itself_however_steep(slope):
     column = np.arange(RIG.width_px) - RIG.disparity(left)
     inside = np.nan_to_num(column, nan=-9) >= -0.5
     assert inside.sum() > 3000
-    np.testing.assert_array_equal(visible_in_right(left, right, RIG), inside)
+    np.testing.assert_array_equal(find_visible_in_right(left, right, RIG), inside)
 
 
 def test_sky_is_not_visible_and_hides_nothing():
     left, right = depths(pairs.Scene(rock=False, sky_rows=20))
-    visible = visible_in_right(left, right, RIG)
+    visible = find_visible_in_right(left, right, RIG)
     assert not visible[:20].any()
     assert visible[20:, 60:].all()
-    assert visible_in_right(left, np.full_like(right, np.nan), RIG)[20:, 60:].all()
-    assert not visible_in_right(np.full_like(left, np.nan), right, RIG).any()
+    assert find_visible_in_right(left, np.full_like(right, np.nan), RIG)[20:, 60:].all()
+    assert not find_visible_in_right(np.full_like(left, np.nan), right, RIG).any()
 
 
 def test_occlusion_of_the_right_eye_is_that_of_the_mirrored_scene():
     """Seen in a mirror, the right eye is a left eye."""
     left, right = depths(pairs.Scene(slope_x=0.2))
-    visible = visible_in_left(left, right, RIG)
-    np.testing.assert_array_equal(visible, visible_in_right(right[:, ::-1], left[:, ::-1], RIG)[:, ::-1])
+    visible = find_visible_in_left(left, right, RIG)
+    np.testing.assert_array_equal(visible, find_visible_in_right(right[:, ::-1], left[:, ::-1], RIG)[:, ::-1])
     assert (~visible).sum() > 1000
     assert not visible[:, -15:].any()  # the right eye's right edge is beyond the left image
 
@@ -68,13 +68,13 @@ def test_what_both_eyes_see_is_as_many_pixels_in_either():
     """On a fronto-parallel scene a pixel of one eye is a pixel of the other."""
     scene = pairs.Scene(slope_x=0.0, slope_y=0.0, rock=False)
     left, right = depths(scene)
-    assert visible_in_right(left, right, RIG).sum() == visible_in_left(left, right, RIG).sum()
+    assert find_visible_in_right(left, right, RIG).sum() == find_visible_in_left(left, right, RIG).sum()
 
 
 def test_the_planet_is_sky(tmp_path):
     view = read_view(pairs.write_pair(tmp_path / "pair") / "left.exr")
     semantic = np.zeros_like(view.semantic)
     semantic[:5] = 4
-    depth = scene_depth(dataclasses.replace(view, semantic=semantic))
+    depth = find_scene_depth(dataclasses.replace(view, semantic=semantic))
     assert np.isnan(depth[:5]).all()
     assert np.isfinite(depth[5:]).all()

@@ -14,7 +14,7 @@ from icymoon.settings.description import defaults, merged
 from icymoon.stereo.cli import main
 from icymoon.stereo.images.develop import develop
 from icymoon.stereo.images.exr import read_view
-from icymoon.stereo.images.lens import lens_of
+from icymoon.stereo.images.lens import make_lens
 from icymoon.stereo.matchers import match
 from icymoon.support.errors import IcyMoonError
 
@@ -131,12 +131,12 @@ def test_opencv_rectifies_the_detected_image_with_the_calibration(tmp_path):
 
 def test_where_the_render_does_not_reach_is_dark_and_without_truth(tmp_path):
     pair = read_pair(pairs.write_pair(tmp_path / "pair"))
-    lens = lens_of(pair.camera, defaults().rig | lens_settings(), "left")
+    lens = make_lens(pair.camera, defaults().rig | lens_settings(), "left")
     truth = lens.depth_of_sensor(np.ones((144, 256)))
     assert np.isnan(truth[0, 0])
     assert truth[72, 128] == 1.0
     assert lens.distort(np.ones((144, 256)))[0, 0] == 0.0
-    assert lens_of(pair.camera, defaults().rig, "left") is None
+    assert make_lens(pair.camera, defaults().rig, "left") is None
 
 
 def sensor_rays(camera, k):
@@ -174,7 +174,7 @@ def test_depth_of_the_sensor_is_exact_on_a_plane(plane, size, toe_in):
     rig = defaults().rig | lens_settings()
     depth = 1 / inverse_depth(plane, *rendered_rays(camera))
     for eye in ("left", "right"):
-        found = lens_of(camera, rig, eye).depth_of_sensor(depth.astype(np.float32))
+        found = make_lens(camera, rig, eye).depth_of_sensor(depth.astype(np.float32))
         expected = inverse_depth(plane, *sensor_rays(camera, BARREL))
         far = expected < 10 * np.hypot(plane[1], plane[2]) / plane[0] / camera.focal_px
         assert (far | ~np.isfinite(expected)).mean() < 0.5
@@ -190,7 +190,7 @@ def test_depth_of_the_sensor_is_of_one_surface_at_an_edge():
     which = np.select([y < -0.25, np.indices(x.shape)[1] == 100, (x > 0.05) & (x < 0.4) & (y < 0.2)], [3, 2, 1], 0)
     layers = [1 / inverse_depth(plane, x, y) for plane in (ground, near, pole)]
     depth = np.choose(which, [*layers, np.full_like(x, np.nan)])
-    lens = lens_of(camera, defaults().rig | lens_settings(), "left")
+    lens = make_lens(camera, defaults().rig | lens_settings(), "left")
     found = lens.depth_of_sensor(depth)
     rays = sensor_rays(camera, BARREL)
     nearest = cv2.remap(which.astype(np.float32), np.rint(lens.sensor_in_rendered), None, cv2.INTER_NEAREST).astype(int)
@@ -215,7 +215,7 @@ def test_the_overscan_that_is_needed_lights_every_pixel_and_less_does_not(k, shi
 
     def darkest(overscan):
         camera = StereoCamera.from_settings(rig | {"overscan": overscan})
-        return lens_of(camera, rig, "left").distort(np.ones(camera.rendered_px[::-1])).min()
+        return make_lens(camera, rig, "left").distort(np.ones(camera.rendered_px[::-1])).min()
 
     assert darkest(needed) == pytest.approx(1.0, abs=1e-5)
     assert darkest(max(0.0, needed - 1.01 / 160)) == 0.0
@@ -230,9 +230,9 @@ def test_a_lens_that_sees_less_needs_no_overscan_and_beyond_a_fold_none_helps():
 @pytest.mark.parametrize("toe_in", [0.0, 5.0, 45.0])
 def test_rectification_of_turned_eyes_is_the_homography_of_the_turn(toe_in):
     camera = replace(pairs.camera(), toe_in_deg=toe_in)
-    assert (lens_of(camera, defaults().rig, "left") is None) == (toe_in == 0)
+    assert (make_lens(camera, defaults().rig, "left") is None) == (toe_in == 0)
     for eye in ("left", "right") if toe_in else ():
-        lens = lens_of(camera, defaults().rig, eye)
+        lens = make_lens(camera, defaults().rig, eye)
         matrix = np.array(camera.matrix)
         matrix[:2, 2] -= 0.5
         turn = matrix @ camera.eye_rotation(eye) @ np.linalg.inv(matrix)

@@ -4,17 +4,26 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.stereo.inference.scene_means import FEWEST_FOR_MEAN, intervals, scene_means, simultaneous_intervals
+from icymoon.stereo.inference.scene_means import (
+    FEWEST_FOR_MEAN,
+    average_by_scene,
+    find_mean_intervals,
+    find_simultaneous_intervals,
+)
 
 pytestmark = pytest.mark.filterwarnings("error")
 
 
 def of_shares(values, scenes=None):
-    return intervals(values, np.arange(len(values)) if scenes is None else scenes, np.ones(values.shape[1], bool))
+    return find_mean_intervals(
+        values, np.arange(len(values)) if scenes is None else scenes, np.ones(values.shape[1], bool)
+    )
 
 
 def of_means(values, scenes=None):
-    return intervals(values, np.arange(len(values)) if scenes is None else scenes, np.zeros(values.shape[1], bool))
+    return find_mean_intervals(
+        values, np.arange(len(values)) if scenes is None else scenes, np.zeros(values.shape[1], bool)
+    )
 
 
 def at_least(count, number, share):
@@ -67,7 +76,7 @@ def test_undefined_values_are_left_out_and_one_scene_has_none():
     assert np.isnan(bounds[1]).all()
     assert np.isnan(of_shares(np.ones((3, 1)), np.zeros(3, int))).all()
     assert np.isnan(of_shares(np.ones((0, 2)))).all()
-    assert np.isnan(scene_means(values, np.arange(3))[2, 0])
+    assert np.isnan(average_by_scene(values, np.arange(3))[2, 0])
     holes = np.vstack([np.random.default_rng(0).exponential(1, (25, 1)), np.full((40, 1), np.nan)])
     np.testing.assert_allclose(of_means(holes), of_means(holes[:25]), rtol=0.1)
 
@@ -76,8 +85,8 @@ def test_few_scenes_have_no_interval_of_a_mean_that_is_no_share():
     values = np.random.default_rng(1).exponential(1, (FEWEST_FOR_MEAN, 1))
     assert np.isnan(of_means(values[1:])).all()
     assert np.isfinite(of_means(values)).all()
-    assert np.isnan(simultaneous_intervals(values[1:], 0)).all()
-    assert np.isfinite(simultaneous_intervals(values, 0)).all()
+    assert np.isnan(find_simultaneous_intervals(values[1:], 0)).all()
+    assert np.isfinite(find_simultaneous_intervals(values, 0)).all()
 
 
 @pytest.mark.parametrize(("scenes", "least"), [(20, 0.90), (50, 0.93)])
@@ -114,15 +123,15 @@ def test_what_is_constant_or_zero_is_certain_and_what_is_mostly_zero_is_not():
     np.testing.assert_allclose(bounds[:2], [[0, 0], [7, 7]])
     assert bounds[2, 0] == 0
     assert bounds[2, 1] > 1 / 24
-    np.testing.assert_allclose(simultaneous_intervals(np.full((24, 1), -3.0), 0), [[-3, -3]])
+    np.testing.assert_allclose(find_simultaneous_intervals(np.full((24, 1), -3.0), 0), [[-3, -3]])
 
 
 def test_intervals_that_hold_at_once_are_wider():
     values = np.random.default_rng(5).normal(0, 1, (40, 6))
     joint, one = (
-        simultaneous_intervals(values, 0),
-        np.vstack([simultaneous_intervals(values[:, k : k + 1], 0) for k in range(6)]),
+        find_simultaneous_intervals(values, 0),
+        np.vstack([find_simultaneous_intervals(values[:, k : k + 1], 0) for k in range(6)]),
     )
     assert (np.diff(joint) > np.diff(one)).all()
     np.testing.assert_allclose(joint.mean(axis=1), values.mean(axis=0))
-    np.testing.assert_array_equal(joint, simultaneous_intervals(values, 0))
+    np.testing.assert_array_equal(joint, find_simultaneous_intervals(values, 0))

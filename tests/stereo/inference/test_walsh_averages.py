@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from icymoon.stereo.inference import walsh_averages
-from icymoon.stereo.inference.walsh_averages import WalshSums, on_grid
+from icymoon.stereo.inference.walsh_averages import WalshSums, round_to_grid
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -21,7 +21,7 @@ def test_sums_are_counted_and_found_whether_they_are_listed_or_not(values, most_
     assert sums.count == len(wanted)
     assert [sums.at(place) for place in range(len(wanted))] == wanted
     for limit in range(wanted[0] - 1, wanted[-1] + 2):
-        assert sums.up_to(limit) == sum(each <= limit for each in wanted)
+        assert sums.count_up_to(limit) == sum(each <= limit for each in wanted)
     assert sums.twice_median() == round(2 * float(np.median(wanted)))
 
 
@@ -34,12 +34,12 @@ def test_many_values_are_found_as_few_are():
 
 @pytest.mark.parametrize("scale", [1.0, 3e-7, 1e300, 1e-310])
 def test_equal_values_that_differ_by_rounding_are_equal_on_the_grid(scale):
-    whole, unit = on_grid(scale * np.array([0.3 - 0.2, 0.1, -0.7, 0.1 + 1e-17, 0.0]))
+    whole, unit = round_to_grid(scale * np.array([0.3 - 0.2, 0.1, -0.7, 0.1 + 1e-17, 0.0]))
     assert whole[1] == 0
     assert scale < 1e-300 or len(set(whole[2:].tolist())) == 1
     np.testing.assert_allclose(whole * unit, scale * np.array([-0.7, 0, 0.1, 0.1, 0.1]), rtol=1e-9)
 
 
 def test_nothing_has_a_grid():
-    assert on_grid(np.zeros(3))[0].tolist() == [0, 0, 0]
-    assert len(on_grid(np.zeros(0))[0]) == 0
+    assert round_to_grid(np.zeros(3))[0].tolist() == [0, 0, 0]
+    assert len(round_to_grid(np.zeros(0))[0]) == 0

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.resident_process import stop_residents
-from icymoon.stereo.matchers.written_arrays import last_words, read_array
+from icymoon.stereo.matchers.written_arrays import read_array, read_last_line
 from icymoon.support.errors import IcyMoonError
 
 SHAPE = 20, 30
@@ -189,8 +189,8 @@ def test_last_words_are_read_from_the_end(tmp_path):
         stream.truncate(10**10)
         stream.seek(0, 2)
         stream.write(b"\nfirst\nlast \xff words\n\n")
-    assert last_words(tmp_path / "errors") == "last \ufffd words"
-    assert last_words(tmp_path / "absent") == ""
+    assert read_last_line(tmp_path / "errors") == "last \ufffd words"
+    assert read_last_line(tmp_path / "absent") == ""
 
 
 def test_arrays_of_all_orders_are_read(tmp_path):

@@ -95,9 +95,9 @@ def test_search_and_tests_are_those_of_a_plain_transcription(window, least, most
     left[8:14] //= 64  # flat stretches and ties
     right[8:14] //= 64
     disparity, flags = plain_search(left, right, least, most, window, 4, uncertainty)
-    found = jpl.search(left, right, least, most, window, 4)
+    found = jpl.search_disparities(left, right, least, most, window, 4)
     margin = 4 + window // 2
-    got = jpl.judge(found, least, most, window, uncertainty)
+    got = jpl.judge_matches(found, least, most, window, uncertainty)
     np.testing.assert_array_equal(got[1], flags[margin:-margin, margin:-margin])
     np.testing.assert_array_equal(got[0], disparity[margin:-margin, margin:-margin])
 
@@ -182,10 +182,10 @@ def test_halved_images_give_disparities_of_the_full_ones_in_their_place(level):
 
 
 def test_enlarging_never_joins_two_surfaces():
-    from icymoon.stereo.matchers.jplv import _enlarged
+    from icymoon.stereo.matchers.jplv import _enlarge_disparity
 
     small = np.array([[10.0, 10.5, 20.0], [10.0, np.nan, 20.0]])
-    big = _enlarged(small, 1, (4, 6))
+    big = _enlarge_disparity(small, 1, (4, 6))
     np.testing.assert_array_equal(big[0], [20, 20.5, 21, 21, 40, 40])
     np.testing.assert_array_equal(big[2], [20, 20, np.nan, np.nan, 40, 40])
     assert big[1, 0] == 20
@@ -226,15 +226,15 @@ def test_the_affine_fit_leaves_alone_what_it_cannot_fit(window):
     left = np.zeros((60, 90), np.uint8)
     disparity = np.full((60, 90), np.nan)
     disparity[20:40, 30:60] = 7.25
-    from icymoon.stereo.matchers.affine import refine
+    from icymoon.stereo.matchers.affine import refine_subpixel
 
-    np.testing.assert_array_equal(refine(left, left, disparity, window, 4), disparity)
+    np.testing.assert_array_equal(refine_subpixel(left, left, disparity, window, 4), disparity)
     stripes = np.broadcast_to((np.arange(60) * 4).astype(np.uint8)[:, None], (60, 90))  # nothing to match along rows
-    np.testing.assert_array_equal(refine(stripes, stripes, disparity, window, 4), disparity)
+    np.testing.assert_array_equal(refine_subpixel(stripes, stripes, disparity, window, 4), disparity)
     noise, other = np.random.default_rng(0).integers(0, 255, (2, 60, 90)).astype(np.uint8)
-    assert np.nanmax(np.abs(refine(noise, other, disparity, window, 4) - 7.25)) <= 1
+    assert np.nanmax(np.abs(refine_subpixel(noise, other, disparity, window, 4) - 7.25)) <= 1
     tiny = np.full((2, 2), 1.0)
-    np.testing.assert_array_equal(refine(tiny, tiny, tiny, window, 4), tiny)
+    np.testing.assert_array_equal(refine_subpixel(tiny, tiny, tiny, window, 4), tiny)
 
 
 def test_ranges_that_cannot_be_searched_are_named():

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.stereo.matchers import check_options, match, title_of
+from icymoon.stereo.matchers import check_options, match, matcher_title
 from icymoon.support.errors import IcyMoonError
 
 RIG = pairs.camera()
@@ -239,7 +239,7 @@ def test_images_too_small_for_the_window_are_refused(shape):
     with pytest.raises(IcyMoonError, match="too small for SGBM"):
         match("sgbm", small[:, :98], small[:, :98], {"left_border": "skip"})
     for method in ANYWHERE:
-        with pytest.raises(IcyMoonError, match=f"too small for {title_of(method)}:"):
+        with pytest.raises(IcyMoonError, match=f"too small for {matcher_title(method)}:"):
             match(method, small[:, :2], small[:, :2])
 
 

@@ -4,7 +4,7 @@ import shlex
 import sys
 
 import pytest
-from icymoon.stereo.matchers import check_options, matcher_names, needs_of, set_ups, titles
+from icymoon.stereo.matchers import check_options, list_set_ups, matcher_names, matcher_needs, matcher_titles
 from icymoon.stereo.matchers.methods import describe_method, names_method, parse_methods, toggle_method
 from icymoon.support.errors import IcyMoonError
 
@@ -29,9 +29,9 @@ def test_a_matcher_is_taken_out_with_its_options_or_put_at_the_end(text, name, t
 
 
 def test_every_matcher_has_a_title_or_is_set_up_with_a_file_or_program():
-    assert {name for name in matcher_names() if needs_of(name)} <= set(titles())
-    assert {name for name, _ in set_ups()} >= set(matcher_names()) - set(titles())
-    for name in set(matcher_names()) - set(titles()):
+    assert {name for name in matcher_names() if matcher_needs(name)} <= set(matcher_titles())
+    assert {name for name, _ in list_set_ups()} >= set(matcher_names()) - set(matcher_titles())
+    for name in set(matcher_names()) - set(matcher_titles()):
         with pytest.raises(IcyMoonError, match="is empty"):
             check_options(name, {})
 

@@ -8,7 +8,7 @@ from icymoon.stereo.cli import main
 from icymoon.stereo.matchers import check_options, match, matcher_names, option_keys
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.matchers.search_range import SearchRange
-from icymoon.stereo.plugin_checks import textured_pair
+from icymoon.stereo.plugin_checks import make_textured_pair
 from icymoon.support.errors import IcyMoonError
 from pairs import write_pair
 from plugin_packages import MATCHER, add_package
@@ -148,15 +148,15 @@ def test_check_reports_them_for_the_window(add, capsys):
 
 def test_a_row_is_computed_again_when_the_source_has_changed(add, tmp_path):
     """Its version need not: who writes a matcher changes it many times."""
-    from icymoon.stereo.evaluate import method_inputs
+    from icymoon.stereo.evaluate import list_method_inputs
 
     add("twelve", MATCHER)
     (method,) = parse_methods("twelve")
-    before = method_inputs(method)
-    assert before == method_inputs(method)
+    before = list_method_inputs(method)
+    assert before == list_method_inputs(method)
     (module,) = (tmp_path / "site").glob("*.py")
     module.write_text(MATCHER.replace("12.0", "13.0"), encoding="utf-8")
-    assert before != method_inputs(method)
+    assert before != list_method_inputs(method)
     assert "icymoon-test-twelve 1.0" in before
 
 
@@ -183,7 +183,7 @@ def test_one_that_is_refused_says_why_where_it_is_named(add, capsys):
 
 def test_the_pair_of_the_trial_has_the_truth_that_it_states():
     """By our own matcher, which finds it to a tenth of a pixel."""
-    left, right, truth = textured_pair()
+    left, right, truth = make_textured_pair()
     disparity, valid, _ = match("sgbm", left, right, {"disparities": "32"})
     assert valid.mean() > 0.7
     assert np.median(np.abs(disparity - truth)[valid]) < 0.1

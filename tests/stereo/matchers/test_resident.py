@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pairs
 import pytest
-from icymoon.stereo.adapters.icymoon_serve import as_disparity
+from icymoon.stereo.adapters.icymoon_serve import to_disparity_map
 from icymoon.stereo.matchers import check_options, match, resident_process
 from icymoon.stereo.matchers.resident_process import ADAPTERS, stop_residents
 from icymoon.stereo.matchers.search_range import SearchRange
@@ -349,10 +349,12 @@ def test_the_helper_runs_alone_and_tells_who_starts_it_by_hand(tmp_path):
 def test_tensors_and_integers_are_disparity_maps():
     torch = pytest.importorskip("torch")
     half = torch.full((1, 1, 2, 3), 2.5, dtype=torch.bfloat16, requires_grad=True)
-    found = as_disparity(half, (2, 3))
+    found = to_disparity_map(half, (2, 3))
     assert found.dtype == np.float32
     assert (found == 2.5).all()
-    assert (as_disparity(np.ones((2, 3), np.uint16), (2, 3)) == 1).all()
+    assert (to_disparity_map(np.ones((2, 3), np.uint16), (2, 3)) == 1).all()
     mixed = np.full((10, 20), -1.0)
     mixed[0, :3] = 1
-    assert np.isfinite(as_disparity(mixed, (10, 20))).all()  # 1.5 % are positive: a matcher's own marks, not its sign
+    assert np.isfinite(
+        to_disparity_map(mixed, (10, 20))
+    ).all()  # 1.5 % are positive: a matcher's own marks, not its sign

@@ -6,7 +6,7 @@ import pytest
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_names
 from icymoon.stereo.matchers import match
-from icymoon.stereo.matchers.search_range import SearchRange, known_ranges, rig_range, true_range
+from icymoon.stereo.matchers.search_range import SearchRange, find_known_ranges, find_rig_range, find_true_range
 from icymoon.support.errors import IcyMoonError
 
 #: What the shipped rigs search: the least and the greatest disparity, px.
@@ -35,21 +35,21 @@ def searched(method, options=None, ranges=None, shape=(120, 256)):
 def test_no_more_than_1024_disparities_are_searched_unless_they_are_stated():
     """They begin at the least, and the share of the truth beyond them is missed."""
     disparity = np.linspace(100.0, 3000.0, 4001)[None]
-    found = true_range(disparity)
+    found = find_true_range(disparity)
     assert found == SearchRange(96, 96 + 1023, "truth")
     assert found.missed(disparity) == pytest.approx((3000.0 - 1119.5) / 2900.0, abs=1e-3)
-    whole = true_range(np.clip(disparity, 100.0, 1100.0))
+    whole = find_true_range(np.clip(disparity, 100.0, 1100.0))
     assert whole.missed(np.clip(disparity, 100.0, 1100.0)) == 0.0
 
 
 def test_the_range_of_the_truth_leaves_a_neighbour_to_either_side():
     """A fit between disparities needs one: of 16.5 to 46.5 these are 15 and 48, in blocks of 16."""
-    assert true_range(np.array([[16.5, 46.5] + [np.nan] * 200])) == SearchRange(0, 63, "truth")
-    assert true_range(np.array([[17.5, 45.5] + [np.nan] * 200])) == SearchRange(16, 47, "truth")
+    assert find_true_range(np.array([[16.5, 46.5] + [np.nan] * 200])) == SearchRange(0, 63, "truth")
+    assert find_true_range(np.array([[17.5, 45.5] + [np.nan] * 200])) == SearchRange(16, 47, "truth")
 
 
 def test_no_disparity_is_as_wide_as_the_image():
-    assert true_range(np.full((1, 80), 300.0)) == SearchRange(64, 79, "truth")
+    assert find_true_range(np.full((1, 80), 300.0)) == SearchRange(64, 79, "truth")
 
 
 def test_half_a_pixel_beside_a_searched_disparity_is_not_missed():
@@ -60,7 +60,7 @@ def test_half_a_pixel_beside_a_searched_disparity_is_not_missed():
 
 def test_the_far_end_is_that_of_the_rig_with_described_ground_too():
     level = settings_of("rigs/europa_lander", source={"kind": "PROCEDURAL"}, terrain={"rms_slope_deg": 0.0})
-    described, of_rig = rig_range(level), rig_range(level, described=False)
+    described, of_rig = find_rig_range(level), find_rig_range(level, described=False)
     assert (described.source, of_rig.source) == ("settings", "rig")
     assert described.least_px == of_rig.least_px == 144
 
@@ -68,30 +68,30 @@ def test_the_far_end_is_that_of_the_rig_with_described_ground_too():
 @pytest.mark.parametrize(("by_hand", "source"), [(False, "settings"), (True, "rig")])
 def test_settings_say_nothing_of_what_was_edited_by_hand(by_hand, source):
     level = settings_of("rigs/guiss", source={"kind": "PROCEDURAL"}, terrain={"rms_slope_deg": 0.0})
-    assert known_ranges(level, None, by_hand)["auto"].source == source
+    assert find_known_ranges(level, None, by_hand)["auto"].source == source
 
 
 def test_every_shipped_rig_has_its_range():
     assert {
         name: (found.least_px, found.most_px)
         for name in preset_names("rigs")
-        if (found := rig_range(settings_of(name)))
+        if (found := find_rig_range(settings_of(name)))
     } == RIGS
 
 
 def test_described_ground_sets_the_near_end():
     """Level ground needs little more than its own disparities; a slope that rises ahead and rocks need more."""
     level = {"source": {"kind": "PROCEDURAL"}, "terrain": {"rms_slope_deg": 0.0}}
-    found = rig_range(settings_of("rigs/guiss", **level))
+    found = find_rig_range(settings_of("rigs/guiss", **level))
     assert (found.least_px, found.most_px, found.source) == (0, 79, "settings")  # its ground is at 64 px
-    assert rig_range(settings_of("rigs/guiss", **level), described=False) == SearchRange(0, 143, "rig")
+    assert find_rig_range(settings_of("rigs/guiss", **level), described=False) == SearchRange(0, 143, "rig")
     rising = {"terrain": {"rms_slope_deg": 0.0, "regional_slope_deg": 45.0, "regional_slope_azimuth_deg": 180.0}}
-    assert rig_range(settings_of("rigs/guiss", **level | rising)).most_px > found.most_px
+    assert find_rig_range(settings_of("rigs/guiss", **level | rising)).most_px > found.most_px
     rocks = merged(
         settings_of("rigs/guiss", **level),
         {"rocks": {"coverage": 0.3, "smallest_m": 0.6, "largest_m": 0.8, "clear_radius_m": 0.5}},
     )
-    assert rig_range(rocks).most_px > found.most_px
+    assert find_rig_range(rocks).most_px > found.most_px
 
 
 @pytest.mark.parametrize("method", SEARCHING)
@@ -124,13 +124,13 @@ def test_the_share_of_what_is_missed():
 def test_the_range_of_the_truth_encloses_it():
     seen = np.full((40, 300), np.nan)
     seen[10, 200:202] = 33.2, 150.9
-    assert true_range(seen) == SearchRange(32, 159, "truth")
-    assert true_range(seen).missed(seen) == 0
-    assert known_ranges(None, np.full((4, 4), np.nan)) == {}
+    assert find_true_range(seen) == SearchRange(32, 159, "truth")
+    assert find_true_range(seen).missed(seen) == 0
+    assert find_known_ranges(None, np.full((4, 4), np.nan)) == {}
 
 
 def test_a_range_is_no_wider_than_the_image():
-    wide = true_range(np.full((4, 100), 500.0))
+    wide = find_true_range(np.full((4, 100), 500.0))
     assert wide.most_px < 112
     assert (wide.most_px + 1 - wide.least_px) % 16 == 0
 
@@ -150,7 +150,9 @@ def test_the_range_of_the_rig_measures_what_a_fixed_one_cannot():
     truth = rig.disparity(depth)
     assert truth.min() > 96
     shared = np.where(truth < np.arange(512), truth, np.nan)
-    auto = known_ranges(merged(defaults(), {"rig": {"height_m": 0.6}}, {"rig": pairs.described(rig)}), shared, True)
+    auto = find_known_ranges(
+        merged(defaults(), {"rig": {"height_m": 0.6}}, {"rig": pairs.described(rig)}), shared, True
+    )
     found, valid, info = match("bm", left, right, {}, rig, auto)
     assert info["search"].missed(shared) == 0
     assert valid[np.isfinite(shared)].mean() > 0.8

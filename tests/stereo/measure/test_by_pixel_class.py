@@ -13,14 +13,14 @@ from icymoon.stereo.measure.by_pixel_class import (
     SLOPE,
     SUMS,
     TEXTURE,
-    Cells,
+    ClassCells,
     add_sums,
-    classify,
-    in_shadow,
-    mean,
-    texture,
+    classify_pixels,
+    find_shadow,
+    mean_by_class,
+    measure_texture,
 )
-from icymoon.stereo.measure.metrics import usable
+from icymoon.stereo.measure.metrics import is_usable
 from icymoon.support.labels import LANDER, ROCK, TERRAIN
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.filterwarnings("error")
 RANDOM = np.random.default_rng(0)
 TRUTH = np.where(RANDOM.random((60, 80)) < 0.1, np.nan, RANDOM.uniform(0.4, 120, (60, 80)))
 DEPTH = np.where(RANDOM.random((60, 80)) < 0.2, np.nan, TRUTH * RANDOM.normal(1, 0.05, (60, 80)))
-CLASSES = classify(
+CLASSES = classify_pixels(
     TRUTH,
     RANDOM.random((60, 80)) < 0.9,
     RANDOM.exponential(3, (60, 80)),
@@ -40,9 +40,9 @@ CLASSES = classify(
 
 
 def sums_by_class(classes, depth, truth, disparity, true, doffs_px=0.0):
-    known = usable(truth)
+    known = is_usable(truth)
     return by_pixel_class.sums_by_class(
-        Cells(classes, known), depth[known], truth[known], disparity[known], true[known], doffs_px
+        ClassCells(classes, known), depth[known], truth[known], disparity[known], true[known], doffs_px
     )
 
 
@@ -66,7 +66,7 @@ def test_pixels_are_of_the_class_that_truth_and_image_say():
     """One row of pixels; ground tilted by 0, 25 and 95 degrees, the last turned from a Sun overhead."""
     tilt = np.radians([[0.0, 25.0, 95.0]])
     normal = np.stack([np.sin(tilt), 0 * tilt, np.cos(tilt)], -1)
-    found = classify(
+    found = classify_pixels(
         np.array([[0.4, 5.0, 100.0]]),
         np.array([[True, False, True]]),
         np.array([[0.1, 3.0, 40.0]]),
@@ -84,7 +84,7 @@ def test_pixels_are_of_the_class_that_truth_and_image_say():
         (SHADOW, ("sunlit", "sunlit", "shadow")),
     ):
         assert tuple(factor.classes[k] for k in found[factor.key][0]) == wanted
-    nothing = classify(
+    nothing = classify_pixels(
         np.ones((1, 1)),
         np.ones((1, 1), bool),
         np.ones((1, 1)),
@@ -136,24 +136,24 @@ def test_sums_add_up_and_have_means():
     one = sums_by_class(CLASSES, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
     two = add_sums(add_sums(None, one), one)
     assert two["range"]["n"] == [2 * n for n in one["range"]["n"]]
-    assert mean(two["range"], "l1_m") == mean(one["range"], "l1_m")
-    assert mean({"n": [0, 2], "l1_m": [0, 3]}, "l1_m") == [None, 1.5]
+    assert mean_by_class(two["range"], "l1_m") == mean_by_class(one["range"], "l1_m")
+    assert mean_by_class({"n": [0, 2], "l1_m": [0, 3]}, "l1_m") == [None, 1.5]
 
 
 def test_texture_is_the_gradient_along_the_row():
     ramp = np.tile(np.arange(0, 200, 4, dtype=np.uint8), (20, 1))
-    np.testing.assert_allclose(texture(ramp), 4)
-    np.testing.assert_allclose(texture(ramp.T), 0)
-    assert (texture(np.full((5, 5), 255, np.uint8)) == 0).all()
-    assert texture(np.zeros((1, 1), np.uint8)).tolist() == [[0]]
-    assert texture(np.array([[0, 8]], np.uint8)).tolist() == [[8, 8]]
-    assert TEXTURE.of(texture(ramp)).max() == 4
+    np.testing.assert_allclose(measure_texture(ramp), 4)
+    np.testing.assert_allclose(measure_texture(ramp.T), 0)
+    assert (measure_texture(np.full((5, 5), 255, np.uint8)) == 0).all()
+    assert measure_texture(np.zeros((1, 1), np.uint8)).tolist() == [[0]]
+    assert measure_texture(np.array([[0, 8]], np.uint8)).tolist() == [[8, 8]]
+    assert TEXTURE.of(measure_texture(ramp)).max() == 4
 
 
 def test_texture_is_a_mean_over_nine_pixels_each_way():
     step = np.zeros((31, 31), np.uint8)
     step[15:, 15:] = 8  # whose gradient is 4 in two columns of its lower half
-    found = texture(step)
+    found = measure_texture(step)
     assert found[25, 15] == pytest.approx(np.sqrt(2 * 16 / 9))
     assert (found[25, [9, 20]] == 0).all()
     assert (found[25, [10, 19]] > 0).all()
@@ -162,7 +162,7 @@ def test_texture_is_a_mean_over_nine_pixels_each_way():
 
 def test_texture_of_an_even_image_is_a_number_though_its_sums_are_rounded(monkeypatch):
     monkeypatch.setattr(by_pixel_class.cv2, "boxFilter", lambda image, *_, **__: np.full_like(image, -1e-17))
-    assert (texture(np.full((5, 5), 255, np.uint8)) == 0).all()
+    assert (measure_texture(np.full((5, 5), 255, np.uint8)) == 0).all()
 
 
 def test_cast_and_own_shadows():
@@ -175,7 +175,7 @@ def test_cast_and_own_shadows():
     semantic = np.where(np.arange(40)[:, None] < 20, 1, 2) * np.ones((1, 60), int)  # dark rock, bright ice
     light = np.maximum(normal @ sun, 0.05)
     light[:, 40:] *= 0.1
-    shadow = in_shadow(albedo * light, normal, sun.tolist(), semantic)
+    shadow = find_shadow(albedo * light, normal, sun.tolist(), semantic)
     expected = np.zeros((40, 60), bool)
     expected[:, :10] = expected[:, 40:] = True
     np.testing.assert_array_equal(shadow, expected)
@@ -193,14 +193,14 @@ def test_ground_is_in_shadow_below_about_a_third_of_the_light_whichever_way_it_f
     normal[10:] = [np.sin(tilted), 0.0, np.cos(tilted)]
     light = 0.7 * normal[..., 2]
     light[:, 30:] *= reaches
-    shadow = in_shadow(light, normal, [0.0, 0.0, 1.0], np.ones((20, 40), int))
+    shadow = find_shadow(light, normal, [0.0, 0.0, 1.0], np.ones((20, 40), int))
     assert not shadow[:, :30].any()
     assert (shadow[:, 30:] == (reaches < 0.35)).all()
 
 
 def test_pixels_behind_deposits_are_those_that_lose_a_twentieth_of_their_light():
     one = np.ones((1, 4))
-    found = classify(one, one > 0, one, one, None, None, None, np.array([[0, 12, 13, 255]], np.uint8))
+    found = classify_pixels(one, one > 0, one, one, None, None, None, np.array([[0, 12, 13, 255]], np.uint8))
     assert [DEPOSITS.classes[k] for k in found["deposits"][0]] == ["clean", "clean", "deposits", "deposits"]
 
 
@@ -211,7 +211,7 @@ def test_sums_with_an_earlier_evaluation_are_of_the_factors_of_both():
 
 
 def test_unknown_properties_classify_nothing():
-    found = classify(TRUTH, TRUTH > 0, np.ones_like(TRUTH), np.ones_like(TRUTH), None, None, None)
+    found = classify_pixels(TRUTH, TRUTH > 0, np.ones_like(TRUTH), np.ones_like(TRUTH), None, None, None)
     assert all((found[key] == -1).all() for key in ("slope", "shadow", "material", "deposits"))
     sums = sums_by_class(found, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
     assert sum(sums["slope"]["true"]) == 0
@@ -219,6 +219,8 @@ def test_unknown_properties_classify_nothing():
 
 def test_an_image_of_one_pixel_or_none_known():
     for truth in (np.array([[2.0]]), np.array([[np.nan]])):
-        found = classify(truth, truth > 0, texture(np.zeros((1, 1), np.uint8)), truth * 0, None, None, None)
+        found = classify_pixels(
+            truth, truth > 0, measure_texture(np.zeros((1, 1), np.uint8)), truth * 0, None, None, None
+        )
         sums = sums_by_class(found, truth, truth, 85 / truth, 85 / truth)
         assert sum(sums["range"]["n"]) == np.isfinite(truth).sum()

@@ -3,17 +3,17 @@
 import numpy as np
 import pairs
 import pytest
-from icymoon.stereo.measure.common_pixels import METRICS, NUMBERS, common_numbers
-from icymoon.stereo.measure.metrics import depth_metrics, disparity_metrics
-from icymoon.stereo.measure.prepare import prepare
-from icymoon.stereo.measure.row_metrics import depth_of
+from icymoon.stereo.measure.common_pixels import METRICS, NUMBERS, measure_common_pixels
+from icymoon.stereo.measure.metrics import compute_depth_metrics, compute_disparity_metrics
+from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.row_metrics import disparity_to_depth
 
 pytestmark = pytest.mark.filterwarnings("error")
 
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
-    return prepare(pairs.write_pair(tmp_path_factory.mktemp("p") / "pair", rig=pairs.camera(192, 96)), {})
+    return prepare_pair(pairs.write_pair(tmp_path_factory.mktemp("p") / "pair", rig=pairs.camera(192, 96)), {})
 
 
 def noisy(prepared, seed, missing):
@@ -24,13 +24,13 @@ def noisy(prepared, seed, missing):
 
 def test_they_are_the_metrics_on_these_pixels(prepared):
     one, other = noisy(prepared, 0, 0.3), noisy(prepared, 1, 0.5)
-    found = common_numbers(prepared, {"one": one, "other": other})
+    found = measure_common_pixels(prepared, {"one": one, "other": other})
     for label, disparity in (("one", one), ("other", other)):
         (numbers,) = found[label].values()
         assert set(numbers) == set(NUMBERS)
         for prefix, pixels in (("", True), ("visible_", prepared.visible)):
             truth = np.where((one > 0) & (other > 0) & pixels, prepared.truth, np.nan)
-            wanted = depth_metrics(depth_of(prepared, disparity), truth) | disparity_metrics(
+            wanted = compute_depth_metrics(disparity_to_depth(prepared, disparity), truth) | compute_disparity_metrics(
                 disparity, prepared.pair.camera.disparity(truth)
             )
             assert numbers[f"{prefix}n"] == wanted["n"] > 1000
@@ -40,8 +40,8 @@ def test_they_are_the_metrics_on_these_pixels(prepared):
 
 def test_a_method_that_measures_nothing_takes_no_pixels_from_others(prepared):
     one, other = noisy(prepared, 0, 0.3), noisy(prepared, 1, 0.5)
-    two = common_numbers(prepared, {"one": one, "other": other})
-    three = common_numbers(prepared, {"one": one, "none": np.full_like(one, np.nan), "other": other})
+    two = measure_common_pixels(prepared, {"one": one, "other": other})
+    three = measure_common_pixels(prepared, {"one": one, "none": np.full_like(one, np.nan), "other": other})
     assert three["one"]["other"] == two["one"]["other"]
     assert three["other"]["one"] == two["other"]["one"]
     assert three["one"]["none"]["n"] == 0

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from icymoon.stereo.measure import depth_order
-from icymoon.stereo.measure.depth_order import depth_order_disagreement, sampled_disagreement
+from icymoon.stereo.measure.depth_order import depth_order_disagreement, sample_disagreement
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -114,18 +114,18 @@ def test_a_whole_image_and_a_sample_of_it():
     truth = random.uniform(1, 20, 640 * 480)
     prediction = truth * random.normal(1, 0.02, truth.size)
     share = depth_order_disagreement(prediction, truth)
-    sampled = sampled_disagreement(prediction, truth, 10**6, random)
+    sampled = sample_disagreement(prediction, truth, 10**6, random)
     assert sampled == pytest.approx(share, abs=4 * np.sqrt(share / 1e6))  # four standard errors
 
 
 def test_a_sample_is_of_unlike_pixels_and_repeatable():
     two = np.array([1.0, 2.0])
-    assert sampled_disagreement(two[::-1], two, 1000, np.random.default_rng(0)) == 1
+    assert sample_disagreement(two[::-1], two, 1000, np.random.default_rng(0)) == 1
     random = np.random.default_rng(1)
     truth, prediction = random.uniform(1, 9, (2, 500))
-    draws = [sampled_disagreement(prediction, truth, 1000, np.random.default_rng(5)) for _ in range(2)]
+    draws = [sample_disagreement(prediction, truth, 1000, np.random.default_rng(5)) for _ in range(2)]
     assert draws[0] == draws[1]
-    assert np.isnan(sampled_disagreement(np.ones(1), np.ones(1), 10, random))
+    assert np.isnan(sample_disagreement(np.ones(1), np.ones(1), 10, random))
 
 
 @settings(max_examples=200, deadline=None)
@@ -140,4 +140,4 @@ def test_a_threshold_is_found_from_any_guess(values, random, farther):
 
     guess = np.array([random.randint(0, distinct.size) for _ in distinct])
     wanted = [int(holds(v, distinct).sum()) for v in distinct]
-    assert depth_order._corrected(guess, distinct, holds).tolist() == wanted
+    assert depth_order._correct_rounding(guess, distinct, holds).tolist() == wanted

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from icymoon.stereo.measure.disparity_histograms import LENGTHS, PARTS, add, histograms_of
+from icymoon.stereo.measure.disparity_histograms import LENGTHS, PARTS, add_histograms, make_histograms
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -13,7 +13,7 @@ def smooth(count=160_000):
 
 def test_every_measured_pixel_is_counted_once():
     true = np.array([10.0, 10.5, 11.25, np.nan, 12.0, 13.0])
-    found = histograms_of(np.array([10.03, 9.03, np.nan, 5.0, 99.0, 13.0 - 0.5]), true)
+    found = make_histograms(np.array([10.03, 9.03, np.nan, 5.0, 99.0, 13.0 - 0.5]), true)
     assert {key: len(value) for key, value in found.items()} == LENGTHS
     assert [sum(found[key]) for key in ("error", "part", "true_part", "fine")] == [4, 4, 4, 2]
     assert found["error"][-1] == 1  # 87 px too large
@@ -25,7 +25,7 @@ def test_every_measured_pixel_is_counted_once():
 
 def test_a_right_matcher_has_no_bias_and_no_preference():
     true = smooth()
-    found = histograms_of(true + np.random.default_rng(1).normal(0, 0.2, true.size), true)
+    found = make_histograms(true + np.random.default_rng(1).normal(0, 0.2, true.size), true)
     assert np.array(found["part"]) / true.size == pytest.approx(1 / PARTS, abs=0.003)
     assert np.divide(found["fine_error_px"], found["fine"]) == pytest.approx(0, abs=0.01)
     share = np.array(found["error"]) / true.size
@@ -35,7 +35,7 @@ def test_a_right_matcher_has_no_bias_and_no_preference():
 def test_whole_pixels_show_as_pixel_locking():
     """A matcher pulls disparities half-way to whole pixels: more of them are there, and its error turns its sign."""
     true = smooth()
-    found = histograms_of(np.round(true) + 0.5 * (true - np.round(true)), true)
+    found = make_histograms(np.round(true) + 0.5 * (true - np.round(true)), true)
     part = np.array(found["part"]) / true.size
     assert part[0] > 1.8 / PARTS
     assert part[PARTS // 2 - 2 : PARTS // 2 + 3].sum() < 0.02
@@ -47,11 +47,11 @@ def test_whole_pixels_show_as_pixel_locking():
 def test_sums_are_those_of_all_pixels():
     true = smooth(1000)
     measured = true + 0.1
-    halves = [histograms_of(measured[part], true[part]) for part in (slice(0, 400), slice(400, None))]
-    total = add(add(None, halves[0]), halves[1])
-    whole = histograms_of(measured, true)
+    halves = [make_histograms(measured[part], true[part]) for part in (slice(0, 400), slice(400, None))]
+    total = add_histograms(add_histograms(None, halves[0]), halves[1])
+    whole = make_histograms(measured, true)
     assert total == {key: pytest.approx(value) for key, value in whole.items()}
 
 
 def test_nothing_measured():
-    assert {sum(counts) for counts in histograms_of(np.full(5, np.nan), np.ones(5)).values()} == {0}
+    assert {sum(counts) for counts in make_histograms(np.full(5, np.nan), np.ones(5)).values()} == {0}

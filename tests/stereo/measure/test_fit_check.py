@@ -11,7 +11,7 @@ from icymoon.stereo.measure.fit_check import (
     find_fault,
     find_misfit,
     find_places,
-    known_places,
+    make_known_places,
     ray_lengths,
 )
 from icymoon.support.arrays import Array
@@ -148,7 +148,7 @@ def test_a_horizon_alone_does_not_tell():
 
 @pytest.mark.parametrize("kind", ["upside_down", "mirrored", "turned", "depth", "inverse"])
 def test_a_prediction_is_held_against_the_truth(kind):
-    known = known_places(np.where(np.arange(192) < 20, np.nan, DISPARITY))
+    known = make_known_places(np.where(np.arange(192) < 20, np.nan, DISPARITY))
     values = {
         "upside_down": DISPARITY[::-1],
         "mirrored": DISPARITY[:, ::-1],

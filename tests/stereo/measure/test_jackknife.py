@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from icymoon.stereo.measure.jackknife import ACROSS, DOWN, jackknife, tile_sums
+from icymoon.stereo.measure.jackknife import ACROSS, DOWN, jackknife, sum_over_tiles
 
 
 def mean(sums):
@@ -59,7 +59,7 @@ def test_the_error_is_unknown_until_two_tiles_contain_something(tiles):
 @pytest.mark.parametrize("kind", [np.float32, np.float64, np.uint8, bool])
 @pytest.mark.parametrize("shape", [(DOWN, ACROSS), (37, 53), (3, 5)])
 def test_each_pixel_is_in_one_tile_and_tiles_are_alike(shape, kind):
-    sums = tile_sums(np.ones(shape, kind))[:, 0]
+    sums = sum_over_tiles(np.ones(shape, kind))[:, 0]
     assert sums.sum() == shape[0] * shape[1]
     rows, columns = (
         np.bincount(np.arange(size) * count // size, minlength=count)

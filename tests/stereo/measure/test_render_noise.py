@@ -6,9 +6,18 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.settings.description import defaults, merged
-from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
-from icymoon.stereo.measure.prepare import prepare
-from icymoon.stereo.measure.render_noise import BAKE, CLEAN, DECIDES, NOISY, RENDER, UNKNOWN, hidden_by, render_noise
+from icymoon.stereo.images.disparity_and_occlusion import find_visible_in_right
+from icymoon.stereo.measure.prepare import prepare_pair
+from icymoon.stereo.measure.render_noise import (
+    BAKE,
+    CLEAN,
+    DECIDES,
+    NOISY,
+    RENDER,
+    UNKNOWN,
+    judge_render_noise,
+    measure_hidden_share,
+)
 
 RIG = pairs.camera(320, 240)
 SMOOTH = pairs.Scene(contrast=0.3)
@@ -24,7 +33,7 @@ def judged(noise_dn=0.0, scene=SMOOTH, shade=None, seed=0):
         if shade is not None:
             level = level * shade[eye]
         eyes.append(level + noise_dn * random.standard_normal(level.shape))
-    return render_noise(eyes[0], eyes[1], RIG.disparity(depth), visible_in_right(depth, other, RIG))
+    return judge_render_noise(eyes[0], eyes[1], RIG.disparity(depth), find_visible_in_right(depth, other, RIG))
 
 
 @pytest.mark.parametrize("noise_dn", [4.0, 8.0, 16.0])
@@ -62,15 +71,15 @@ def test_shadow_is_judged_by_itself():
 
 
 def test_nothing_to_compare_gives_no_verdict():
-    empty = render_noise(np.ones((9, 9)), np.ones((9, 9)), np.full((9, 9), np.nan), np.zeros((9, 9), bool))
+    empty = judge_render_noise(np.ones((9, 9)), np.ones((9, 9)), np.full((9, 9), np.nan), np.zeros((9, 9), bool))
     assert (empty.verdict, empty.doubt, empty.lit.noise_dn) == (None, None, None)
-    tiny = render_noise(np.ones((1, 1)), np.ones((1, 1)), np.ones((1, 1)), np.ones((1, 1), bool))
+    tiny = judge_render_noise(np.ones((1, 1)), np.ones((1, 1)), np.ones((1, 1)), np.ones((1, 1), bool))
     assert tiny.verdict is None
 
 
 def test_images_without_noise_or_texture_are_clean():
     flat = np.full((40, 60), 100.0)
-    found = render_noise(flat, flat, np.full((40, 60), 5.0), np.broadcast_to(np.arange(60) >= 5, (40, 60)))
+    found = judge_render_noise(flat, flat, np.full((40, 60), 5.0), np.broadcast_to(np.arange(60) >= 5, (40, 60)))
     assert (found.verdict, found.lit.noise_dn, found.doubt) == (CLEAN, 0.0, 0.0)
 
 
@@ -89,7 +98,7 @@ def on_ground(fixed_dn, render_dn=0.0, known=True, seed=0):
     )
     seen = np.broadcast_to(np.arange(RIG.width_px) >= SHIFT_PX, left.shape)
     error = fixed_dn * random.standard_normal(left.shape)
-    return render_noise(left, right, np.full(left.shape, float(SHIFT_PX)), seen, error if known else None)
+    return judge_render_noise(left, right, np.full(left.shape, float(SHIFT_PX)), seen, error if known else None)
 
 
 def test_noise_that_both_eyes_share_is_judged_by_the_error_of_the_bake():
@@ -123,7 +132,7 @@ def test_an_error_that_does_not_vary_from_place_to_place_hides_nothing():
     flat = np.full((40, 60), 100.0)
     flat[::2] += 4.0
     seen = np.broadcast_to(np.arange(60) >= 5, flat.shape)
-    found = render_noise(flat, flat, np.full(flat.shape, 5.0), seen, np.full(flat.shape, 8.0))
+    found = judge_render_noise(flat, flat, np.full(flat.shape, 5.0), seen, np.full(flat.shape, 8.0))
     assert (found.verdict, found.lit.hidden) == (CLEAN, 0.0)
 
 
@@ -136,7 +145,7 @@ def test_without_the_error_of_a_bake_no_pair_is_clean():
 
 
 def noise_of(folder, response=None):
-    return prepare(folder, response or {}).facts["noise"]
+    return prepare_pair(folder, response or {}).facts["noise"]
 
 
 @pytest.mark.parametrize("layout", ["4.x view", "5.x"])
@@ -172,7 +181,7 @@ def test_a_pair_of_an_older_version_with_baked_light_is_unknown(tmp_path, error)
 def test_the_error_of_a_bake_grows_with_the_light_that_it_is_of(tmp_path):
     random = np.random.default_rng(1).standard_normal((pairs.camera().height_px, pairs.camera().width_px))
     folder = pairs.write_pair(tmp_path / "pair", planet_share=0.5, baked_error=0.02 * random)
-    exposed = {"auto_exposure": False, "exposure_s": prepare(folder, {}).facts["exposure_s"]}
+    exposed = {"auto_exposure": False, "exposure_s": prepare_pair(folder, {}).facts["exposure_s"]}
     dark, plain = (
         noise_of(folder, {"light": {"sun_scale": scale}, "sensor": exposed})["lit"]["baked_dn"] for scale in (0.5, 1.0)
     )
@@ -185,14 +194,14 @@ def test_what_is_truly_hidden_follows_from_the_difference():
     texture = 100 + 10 * random.standard_normal((60, 80))
     everywhere = np.ones(texture.shape, bool)
     weak, strong = 2 * random.standard_normal(texture.shape), 50 * random.standard_normal(texture.shape)
-    assert hidden_by(weak, texture, everywhere) == 0
-    assert hidden_by(strong, texture, everywhere) == 1
+    assert measure_hidden_share(weak, texture, everywhere) == 0
+    assert measure_hidden_share(strong, texture, everywhere) == 1
     # What is the same all around changes no pattern.
-    assert hidden_by(np.full(texture.shape, 40.0), texture, everywhere) == 0
+    assert measure_hidden_share(np.full(texture.shape, 40.0), texture, everywhere) == 0
     # A quarter of the pixels; at its edge, squares of five pixels have some of both.
     part = np.where(np.arange(80) < 20, strong, weak)
-    assert abs(hidden_by(part, texture, everywhere) - 0.25) < 3 / 80
-    assert hidden_by(strong, texture, np.zeros(texture.shape, bool)) is None
+    assert abs(measure_hidden_share(part, texture, everywhere) - 0.25) < 3 / 80
+    assert measure_hidden_share(strong, texture, np.zeros(texture.shape, bool)) is None
 
 
 def test_light_and_shadow_are_judged_apart_by_the_difference_too():
@@ -202,5 +211,5 @@ def test_light_and_shadow_are_judged_apart_by_the_difference_too():
     for columns, hidden in ((20, 1.0), (2, 0.0)):  # a shadow of 2 of 80 columns is no twentieth of the image
         dark = np.arange(80) < columns
         image = np.where(dark, texture / 50, texture)
-        found = hidden_by(noise, image, np.ones(texture.shape, bool))
+        found = measure_hidden_share(noise, image, np.ones(texture.shape, bool))
         assert abs(found - hidden) < 0.15

@@ -11,8 +11,8 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.physics.camera.occlusion import matching_column
-from icymoon.stereo.measure.eye_offsets import light_offsets, truth_offsets
-from icymoon.stereo.measure.self_check import Eye, self_check, visibility
+from icymoon.stereo.measure.eye_offsets import measure_light_offsets, measure_truth_offsets
+from icymoon.stereo.measure.self_check import Eye, find_visibility, run_self_check
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -31,7 +31,7 @@ def eyes(scene, rig=RIG):
 
 
 def checked(left, right, rig=RIG):
-    return self_check(left, right, visibility(left, right, rig), rig)
+    return run_self_check(left, right, find_visibility(left, right, rig), rig)
 
 
 def each(pair, change):
@@ -228,7 +228,7 @@ def test_an_eye_that_sees_through_the_other_ones_surface_fails_it():
 def test_what_an_eye_does_not_see_is_neither_sky_nor_ground():
     """A pixel that is not seen is not sky: the other eye does not see through it, and it is not visible in both."""
     pair = toed(eyes(pairs.Scene(rock=False)), 60)
-    visible = visibility(pair[0], pair[1], RIG)
+    visible = find_visibility(pair[0], pair[1], RIG)
     column = matching_column(RIG.disparity(pair[0].depth))
     assert not visible["left"][column > 256 - 60].any()
     assert visible["left"][(column < 256 - 62) & (column > 1) & pair[0].seen].all()
@@ -257,9 +257,9 @@ def test_a_pair_that_determines_nothing_passes(level):
 def test_the_fault_of_a_truth_is_named():
     """Injected faults are read back: f·B to a thousandth of the 1 %, shifts to a hundredth of a pixel."""
     left, right = (eye.depth for eye in eyes(pairs.Scene(slope_x=0.3)))
-    assert truth_offsets(left, right, scaled(1.01)).scale.value == pytest.approx(1 - 1 / 1.01, abs=1e-5)
-    assert truth_offsets(left, half_between(right), RIG).shift_px.value == pytest.approx(0.5, abs=0.01)
-    assert truth_offsets(left, np.roll(right, -1, 0), RIG).rows_px.value == pytest.approx(-1.0, abs=0.01)
+    assert measure_truth_offsets(left, right, scaled(1.01)).scale.value == pytest.approx(1 - 1 / 1.01, abs=1e-5)
+    assert measure_truth_offsets(left, half_between(right), RIG).shift_px.value == pytest.approx(0.5, abs=0.01)
+    assert measure_truth_offsets(left, np.roll(right, -1, 0), RIG).rows_px.value == pytest.approx(-1.0, abs=0.01)
 
 
 def to_the_horizon(near, far_rows):
@@ -282,7 +282,9 @@ def test_a_wrong_baseline_is_found_in_what_is_near_however_much_is_far(part):
     """Far ground fits any baseline, so a check that follows most of the pixels would pass."""
     pair = to_the_horizon(eyes(SCENES["steep"]), round(part * RIG.height_px))
     assert checked(*pair).ok
-    found = truth_offsets(pair[0].depth, pair[1].depth, dataclasses.replace(RIG, baseline_m=1.01 * RIG.baseline_m))
+    found = measure_truth_offsets(
+        pair[0].depth, pair[1].depth, dataclasses.replace(RIG, baseline_m=1.01 * RIG.baseline_m)
+    )
     assert found.scale.value == pytest.approx(0.01, rel=0.05)
     assert found.likeliest == "scale"
 
@@ -298,9 +300,9 @@ def test_the_stated_error_of_the_light_is_its_spread():
     """Over independent noise, offsets spread by what each of them states, within the chance of 16 draws: the standard
     deviation of 16 has an error of 18 %, and the jackknife over 48 tiles, of which some are empty, errs too."""
     left, right = eyes(pairs.Scene(rock=False))
-    column, visible = matching_column(RIG.disparity(left.depth)), visibility(left, right, RIG)["left"]
+    column, visible = matching_column(RIG.disparity(left.depth)), find_visibility(left, right, RIG)["left"]
     found = [
-        light_offsets(a.grey, b.grey, column, visible).shift_px
+        measure_light_offsets(a.grey, b.grey, column, visible).shift_px
         for a, b in (noisy((left, right), 0.5, seed) for seed in range(16))
     ]
     assert all(abs(each.value) < 5 * each.error for each in found)

@@ -11,8 +11,8 @@ import pytest
 import torch
 from icymoon.stereo.matchers import check_options, learned, match
 from icymoon.stereo.networks import recursive_filters
-from icymoon.stereo.networks.dsmnet import DSMNet, concatenation
-from icymoon.stereo.networks.igev import IGEVStereo, LookUp, group_correlation
+from icymoon.stereo.networks.dsmnet import DSMNet, concatenate_shifts
+from icymoon.stereo.networks.igev import IGEVStereo, VolumeLookUp, correlate_groups
 from icymoon.support.errors import IcyMoonError
 from torch.nn import functional as F  # noqa: N812, its usual name
 
@@ -296,7 +296,7 @@ def plain_nlf(x, guide):
 def test_nlf_is_the_plain_recursion(shape):
     random = np.random.default_rng(1)
     x, guide = random.standard_normal((2, 2, 3, *shape))
-    got = recursive_filters.nlf(torch.from_numpy(x), torch.from_numpy(guide)).numpy()
+    got = recursive_filters.filter_non_local(torch.from_numpy(x), torch.from_numpy(guide)).numpy()
     for part, own, weights in zip(got, x, guide, strict=True):
         np.testing.assert_allclose(part, plain_nlf(own, weights), atol=1e-13)
 
@@ -334,14 +334,14 @@ def plain_sga(x, weights):
 def test_sga_is_the_plain_recursion(shape):
     random = np.random.default_rng(2)
     x, weights = random.standard_normal((2, 3, *shape)), random.standard_normal((2, 20, *shape[1:]))
-    got = recursive_filters.sga(torch.from_numpy(x), torch.from_numpy(weights)).numpy()
+    got = recursive_filters.aggregate_semi_global(torch.from_numpy(x), torch.from_numpy(weights)).numpy()
     for part, own, w in zip(got, x, weights, strict=True):
         np.testing.assert_allclose(part, plain_sga(own, w), atol=1e-13)
 
 
 def test_volumes_compare_a_pixel_with_the_one_it_would_match():
     left, right = torch.randn(2, 1, 16, 3, 9, dtype=torch.float64)
-    correlation, both = group_correlation(left, right, 12), concatenation(left, right, 12)
+    correlation, both = correlate_groups(left, right, 12), concatenate_shifts(left, right, 12)
     for shift in (0, 4, 8, 11):
         for column in range(9):
             seen = (
@@ -358,7 +358,7 @@ def test_the_look_up_is_grid_sampling_with_zeros_outside():
     volume = torch.randn(1, 8, 6, 2, 10, dtype=torch.float64)
     left, right = torch.randn(2, 1, 12, 2, 10, dtype=torch.float64)[:, 0][:, None].unbind(0)
     disparity = torch.rand(1, 1, 2, 10, dtype=torch.float64) * 16 - 4
-    got = LookUp(volume, left, right)(disparity)
+    got = VolumeLookUp(volume, left, right)(disparity)
     rows = torch.einsum("chi,chj->hij", left[0], right[0])
     expected = []
     for level in range(2):

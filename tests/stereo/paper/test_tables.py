@@ -14,20 +14,20 @@ from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.metrics import depth_metrics
+from icymoon.stereo.measure.metrics import compute_depth_metrics
 from icymoon.stereo.paper.page import describe_size, write_paper
 from icymoon.stereo.paper.parts import SETS, Part
 from icymoon.stereo.paper.printed import GROUPS, METHODS, METRICS
-from icymoon.stereo.paper.results import read_measured, rendering_seconds
+from icymoon.stereo.paper.results import measure_rendering_seconds, read_measured
 from icymoon.stereo.paper.tables import (
     NONE,
-    latex,
-    result_rows,
-    results_csv,
-    results_latex,
-    runtime_rows,
-    runtimes_csv,
-    runtimes_latex,
+    escape_latex,
+    make_result_rows,
+    make_results_csv,
+    make_results_latex,
+    make_runtime_rows,
+    make_runtimes_csv,
+    make_runtimes_latex,
 )
 
 #: Two made-up scenes, and one of a mesh; albedo and distance differ.
@@ -69,19 +69,19 @@ def test_the_four_metrics_are_the_papers():
     """By hand: errors of 0, 0.05, 0.2 and 0.4 m, and one missing measurement. Depth 2.2 comes before 2.4 as 2 does, but
     2.05 and 2 are told apart by more than 1 %, while the true depths are equal."""
     truth = np.array([2.0, 2.0, 2.0, 2.0, 3.0])
-    found = depth_metrics(np.array([2.0, 2.05, 2.2, 2.4, np.nan]), truth)
+    found = compute_depth_metrics(np.array([2.0, 2.05, 2.2, 2.4, np.nan]), truth)
     assert found["l1_m"] == pytest.approx((0 + 0.05 + 0.2 + 0.4) / 4)
     assert found["l1_rate_10"] == 2 / 4
     logs = np.log([1.0, 1.025, 1.1, 1.2])
     assert found["si_rmse"] == pytest.approx(np.sqrt(np.mean(logs**2) - np.mean(logs) ** 2))
     assert found["dod"] == 1.0  # equal true depths, all told apart
     assert found["coverage"] == 4 / 5
-    twice = depth_metrics(2 * truth, truth)
+    twice = compute_depth_metrics(2 * truth, truth)
     assert (twice["si_rmse"], twice["dod"]) == (pytest.approx(0, abs=1e-12), 0)
 
 
 def test_a_group_has_the_mean_over_its_pairs(measured):
-    rows = {(row.group, row.method): row for row in result_rows(measured, True)}
+    rows = {(row.group, row.method): row for row in make_result_rows(measured, True)}
     assert len(rows) == len(GROUPS) * len(METHODS)
     own = {name: measured.row(name, "bm") for name in MADE}
     for group, names in {"All": "abc", "Synthetic": "ab", "Reconstructed": "c"}.items():
@@ -96,19 +96,19 @@ def test_a_group_has_the_mean_over_its_pairs(measured):
 
 
 def test_what_was_not_run_is_an_empty_row_beside_the_printed_numbers(measured):
-    row = next(row for row in result_rows(measured, True) if (row.group, row.method) == ("All", "IGEV"))
+    row = next(row for row in make_result_rows(measured, True) if (row.group, row.method) == ("All", "IGEV"))
     assert row.printed == ("0.26", "64.4", "0.03", "2.3")
     assert row.ours == row.theirs == (NONE,) * 4
     assert (row.coverage, row.pairs) == (NONE, 0)
 
 
 def test_the_numbers_of_the_papers_code_are_left_out_at_another_size(measured):
-    assert {text for row in result_rows(measured, False) for text in row.theirs} == {NONE}
+    assert {text for row in make_result_rows(measured, False) for text in row.theirs} == {NONE}
 
 
 def test_csv_has_every_number_once_in_metres_and_shares(measured):
-    rows = result_rows(measured, True)
-    lines = list(csv.DictReader(io.StringIO(results_csv(rows))))
+    rows = make_result_rows(measured, True)
+    lines = list(csv.DictReader(io.StringIO(make_results_csv(rows))))
     assert len(lines) == len(GROUPS) * len(METHODS) * (len(METRICS) + 1)
     found = {(line["group"], line["method"], line["metric"]): line for line in lines}
     assert len(found) == len(lines)
@@ -142,10 +142,10 @@ def columns_of(line):
 
 
 def test_latex_is_balanced_and_every_line_fills_the_columns(measured):
-    seconds = rendering_seconds(measured.out, [])
+    seconds = measure_rendering_seconds(measured.out, [])
     tables = (
-        (results_latex(result_rows(measured, True), "50 % of {all}_pairs & more."), 14),
-        (runtimes_latex(runtime_rows(measured, seconds), "Run times."), 6),
+        (make_results_latex(make_result_rows(measured, True), "50 % of {all}_pairs & more."), 14),
+        (make_runtimes_latex(make_runtime_rows(measured, seconds), "Run times."), 6),
     )
     for text, columns in tables:
         assert balanced(text)
@@ -162,11 +162,11 @@ def test_latex_is_balanced_and_every_line_fills_the_columns(measured):
     ("text", "shown"), [("5 % & a_b #1", r"5 \% \& a\_b \#1"), ("{–}", r"\{--\}"), ("\\", r"\textbackslash{}")]
 )
 def test_latex_prints_what_it_would_read_as_commands(text, shown):
-    assert latex(text) == shown
+    assert escape_latex(text) == shown
 
 
 def test_runtimes_are_of_the_matchers_that_ran_and_of_rendering(measured):
-    rows = runtime_rows(measured, {"Synthetic": (7.5, 3)})
+    rows = make_runtime_rows(measured, {"Synthetic": (7.5, 3)})
     assert [row[0] for row in rows] == [
         "StereoBM",
         "JPLV",
@@ -179,7 +179,7 @@ def test_runtimes_are_of_the_matchers_that_ran_and_of_rendering(measured):
     assert float(rows[0][3]) == pytest.approx(np.mean([measured.row(n, "bm")["seconds"] for n in MADE]), rel=0.01)
     assert rows[2][3:] == (NONE, NONE, NONE)
     assert rows[5][3:] == ("7.5", NONE, "3 pairs")
-    assert list(csv.reader(io.StringIO(runtimes_csv(rows))))[3][3:] == ["", "", ""]
+    assert list(csv.reader(io.StringIO(make_runtimes_csv(rows))))[3][3:] == ["", "", ""]
 
 
 def test_the_page_has_tables_figures_and_why_a_network_is_missing(measured, tmp_path):

@@ -14,9 +14,9 @@ import pytest
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.row_metrics import NUMBERS
-from icymoon.stereo.report.by_setting import MOST_LEVELS, Sweep, mean_by_level, scene_of, swept_settings
+from icymoon.stereo.report.by_setting import MOST_LEVELS, Sweep, find_swept_settings, mean_by_level, name_scene
 from icymoon.stereo.report.html import MOST_PAIRS, choose_pairs
-from icymoon.stereo.report.summary import Table, summarise_method
+from icymoon.stereo.report.summary import ResultTable, summarise_method
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -129,7 +129,7 @@ def test_images_of_one_pixel(tmp_path):
 
 def test_few_pairs_are_chosen_from_many_the_worst_among_them():
     names = [f"pair{k:03d}" for k in range(100)]
-    table = Table(["bm"], names)
+    table = ResultTable(["bm"], names)
     table.values[0, :, NUMBERS.index("total_bad_1")] = 0.1 + 0.001 * np.arange(100)
     table.values[0, 7, NUMBERS.index("total_bad_1")] = np.nan  # counts in no average
     table.values[0, 50, NUMBERS.index("total_bad_1")] = 9.0
@@ -138,7 +138,7 @@ def test_few_pairs_are_chosen_from_many_the_worst_among_them():
     assert {"pair007", "pair050", "pair099", "pair000"} <= set(chosen)
     assert len([name for name in chosen if name < "pair050"]) > 4
     assert choose_pairs(table, names[:MOST_PAIRS]) == names[:MOST_PAIRS]
-    wide = Table([f"m{k}" for k in range(20)], names)
+    wide = ResultTable([f"m{k}" for k in range(20)], names)
     assert len(choose_pairs(wide, names)) < 10  # the file stays as small with many methods
 
 
@@ -160,7 +160,7 @@ def test_settings_that_vary_are_found():
     many = [
         facts(str(k), surface__albedo=(0.2, 0.8)[k % 2], rig__heading_deg=float(k), dataset__seed=k) for k in range(40)
     ]
-    sweeps = swept_settings(many, {str(k): k for k in range(40)})
+    sweeps = find_swept_settings(many, {str(k): k for k in range(40)})
     assert [sweep.name for sweep in sweeps] == ["surface.albedo", "rig.heading_deg"]  # no seed, no folder
     names, places, level = sweeps[0].levels()
     assert (names, places.tolist()) == (["0.2", "0.8"], [0.2, 0.8])
@@ -169,13 +169,13 @@ def test_settings_that_vary_are_found():
     assert len(names) == MOST_LEVELS
     assert np.bincount(level).tolist() == [4] * MOST_LEVELS
     assert places[0] == pytest.approx(1.5)
-    assert swept_settings(many[:1], {"0": 0}) == []
+    assert find_swept_settings(many[:1], {"0": 0}) == []
 
 
 def test_settings_that_photographs_lack_are_not_swept():
     """One that is the empty text in all other pairs has no value at all, of which no chart could be drawn."""
     pairs = [{"pair": "a", "settings": {"light": {"body": "EUROPA", "date_utc": ""}}}, {"pair": "b", "settings": {}}]
-    assert swept_settings(pairs, {"a": 0, "b": 1}) == []
+    assert find_swept_settings(pairs, {"a": 0, "b": 1}) == []
 
 
 def test_settings_that_vary_together_are_one():
@@ -188,7 +188,7 @@ def test_settings_that_vary_together_are_one():
         )
         for k in range(8)
     ]
-    sweeps = swept_settings(many, {str(k): k for k in range(8)})
+    sweeps = find_swept_settings(many, {str(k): k for k in range(8)})
     assert [(sweep.name, len(sweep.together)) for sweep in sweeps] == [("surface.albedo", 1), ("rig.heading_deg", 0)]
     assert sweeps[0].together == ("terrain.roughness",)
 
@@ -200,7 +200,7 @@ def test_words_and_missing_facts_as_levels():
 
 
 def test_the_effect_is_the_mean_at_each_level():
-    table = Table(["bm"], list("abcdef"))
+    table = ResultTable(["bm"], list("abcdef"))
     table.values[0, :, NUMBERS.index("l1_m")] = [1, 2, 3, 10, np.nan, np.nan]
     table.values[0, :, NUMBERS.index("total_bad_1")] = [0.1, 0.3, 0.2, 0.4, np.nan, np.nan]
     table.scenes[:] = np.arange(6)
@@ -216,16 +216,16 @@ def test_the_effect_is_the_mean_at_each_level():
 
 def test_a_scene_is_its_ground():
     one = facts("a")
-    assert scene_of(one) == scene_of(facts("b", surface__albedo=0.9, rig__heading_deg=90.0))
-    assert scene_of(one) != scene_of(facts("b", dataset__seed=2))
-    assert scene_of({"pair": "x", "settings": {}}) != scene_of({"pair": "y", "settings": {}})  # of unknown ground
+    assert name_scene(one) == name_scene(facts("b", surface__albedo=0.9, rig__heading_deg=90.0))
+    assert name_scene(one) != name_scene(facts("b", dataset__seed=2))
+    assert name_scene({"pair": "x", "settings": {}}) != name_scene({"pair": "y", "settings": {}})  # of unknown ground
 
 
 def test_pairs_that_count_nowhere_widen_no_interval():
     values = np.random.default_rng(0).uniform(0, 0.2, 12)
     entries = []
     for failed in (0, 30):
-        table = Table(["bm"], [str(k) for k in range(12 + failed)])
+        table = ResultTable(["bm"], [str(k) for k in range(12 + failed)])
         table.values[0, :12, NUMBERS.index("total_bad_1")] = values
         table.counts[0, :12] = True
         table.failed[0, 12:] = True
@@ -237,5 +237,5 @@ def test_pairs_that_count_nowhere_widen_no_interval():
 
 
 def test_summary_of_no_pair_at_all():
-    entry = summarise_method(Table(["bm"], []), 0)
+    entry = summarise_method(ResultTable(["bm"], []), 0)
     assert (entry["pairs"], entry["l1_m"], entry["n"], entry["intervals"]) == (0, None, 0, {})

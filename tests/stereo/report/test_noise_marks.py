@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 from icymoon.stereo.report import charts, sweep_charts
-from icymoon.stereo.report.by_setting import Sweep, decided_by_noise
-from icymoon.stereo.report.summary import Table
+from icymoon.stereo.report.by_setting import Sweep, find_noisy_levels
+from icymoon.stereo.report.summary import ResultTable
 
 PAIRS = [f"p{k}" for k in range(6)]
 SWEEP = Sweep("light.sun_elevation_deg", "Sun", np.array([8.0, 8.0, 20.0, 20.0, 45.0, np.nan]))
@@ -21,14 +21,14 @@ SWEEP = Sweep("light.sun_elevation_deg", "Sun", np.array([8.0, 8.0, 20.0, 20.0, 
     ],
 )
 def test_a_point_is_marked_if_noise_decides_half_of_its_pairs(noisy, levels):
-    table = Table(["bm"], PAIRS)
+    table = ResultTable(["bm"], PAIRS)
     table.by_noise[noisy] = True
-    np.testing.assert_array_equal(decided_by_noise(SWEEP, table), levels)
+    np.testing.assert_array_equal(find_noisy_levels(SWEEP, table), levels)
 
 
 @pytest.mark.parametrize("noisy", [False, True])
 def test_the_chart_has_a_band_with_its_meaning(noisy, monkeypatch):
-    table = Table(["bm"], PAIRS)
+    table = ResultTable(["bm"], PAIRS)
     table.by_noise[0] = noisy
     with charts.matplotlib.rc_context(charts.STYLE):
         _, axes = charts.make_figure(2)
@@ -45,7 +45,7 @@ def test_the_chart_has_a_band_with_its_meaning(noisy, monkeypatch):
 
 
 def test_the_band_of_a_picture_is_light(monkeypatch, tmp_path):
-    table = Table(["bm"], PAIRS)
+    table = ResultTable(["bm"], PAIRS)
     table.by_noise[0] = True
     monkeypatch.setattr(sweep_charts, "mean_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
     written = sweep_charts.write_curves([{"method": "bm"}], table, [SWEEP], tmp_path)

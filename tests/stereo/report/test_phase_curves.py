@@ -7,7 +7,7 @@ import pytest
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.report.charts import draw_charts
-from icymoon.stereo.report.phase_curves import MOST, PHASE_DEG, phase_curves
+from icymoon.stereo.report.phase_curves import MOST, PHASE_DEG, compute_phase_curves
 
 
 def facts(*parts: dict) -> dict:
@@ -15,11 +15,11 @@ def facts(*parts: dict) -> dict:
 
 
 def test_principled_snow_has_no_curve():
-    assert phase_curves([facts()]) == {}
+    assert compute_phase_curves([facts()]) == {}
 
 
 def test_lamberts_sphere_is_as_in_closed_form():
-    (bright,) = phase_curves([facts({"surface": {"model": "LAMBERT"}})]).values()
+    (bright,) = compute_phase_curves([facts({"surface": {"model": "LAMBERT"}})]).values()
     a = np.radians(PHASE_DEG)
     # The quadrature's nodes leave a few parts in a thousand where the crescent is thin.
     assert bright == pytest.approx((np.sin(a) + (np.pi - a) * np.cos(a)) / np.pi, abs=2e-3)
@@ -27,7 +27,7 @@ def test_lamberts_sphere_is_as_in_closed_form():
 
 def test_each_law_is_drawn_once_and_that_of_rocks_with_their_own_surface_too():
     hapke = load_preset("surfaces/hapke_europa_bright_plains")
-    found = phase_curves(
+    found = compute_phase_curves(
         [
             facts(hapke),
             facts(hapke),
@@ -42,7 +42,7 @@ def test_each_law_is_drawn_once_and_that_of_rocks_with_their_own_surface_too():
     assert np.all(np.diff(surge) < 0)
     # Within a degree the opposition surge takes more than the sphere's shape does.
     assert surge[np.searchsorted(PHASE_DEG, 1.0)] < 0.99
-    many = phase_curves(
+    many = compute_phase_curves(
         [facts({"surface": {"model": "LUNAR_LAMBERT", "lommel_seeliger_share": k / 10}}) for k in range(9)]
     )
     assert len(many) == MOST

@@ -7,17 +7,17 @@ import pytest
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_header
 from icymoon.stereo.measure.row_metrics import NUMBERS
-from icymoon.stereo.report.by_setting import swept_settings
+from icymoon.stereo.report.by_setting import find_swept_settings
 from icymoon.stereo.report.conditions import (
     Condition,
-    conditions_of,
+    find_preset_title,
     join_by_scene,
+    list_conditions,
+    make_pair_titles,
     name_levels,
-    preset_title,
-    titles_of,
 )
-from icymoon.stereo.report.ranking import FIRST, VIEWS, rank_methods
-from icymoon.stereo.report.summary import Table, compare_methods, summarise_method
+from icymoon.stereo.report.ranking import FIRST, VIEWS, make_ranking_table
+from icymoon.stereo.report.summary import ResultTable, compare_methods, summarise_method
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -25,9 +25,9 @@ pytestmark = pytest.mark.filterwarnings("error")
 def named(many):
     facts = [{"pair": str(k), "settings": merged(defaults(), *parts)} for k, parts in enumerate(many)]
     places = {str(k): k for k in range(len(many))}
-    sweeps = join_by_scene(swept_settings(facts, places), facts, places)
+    sweeps = join_by_scene(find_swept_settings(facts, places), facts, places)
     levels = name_levels(sweeps, facts, places)
-    return conditions_of(sweeps, levels), titles_of(sweeps, levels, len(many))
+    return list_conditions(sweeps, levels), make_pair_titles(sweeps, levels, len(many))
 
 
 def test_conditions_are_named_by_value_and_unit():
@@ -95,12 +95,12 @@ def test_settings_of_presets_are_named_by_the_preset():
     conditions, _ = named([(load_preset(name),) for name in names])
     assert {condition.name for condition in conditions} == {preset_header(name)[0] for name in names}
     scene = merged(defaults(), load_preset("scenes/europa_rough_ice"))
-    assert preset_title(scene) == preset_header("scenes/europa_rough_ice")[0]
-    assert preset_title({}) == ""
+    assert find_preset_title(scene) == preset_header("scenes/europa_rough_ice")[0]
+    assert find_preset_title({}) == ""
 
 
 def test_only_the_best_beyond_doubt_is_bold_and_conditions_count_for_themselves():
-    table = Table(["good", "bad", "none"], [f"p{k}" for k in range(12)])
+    table = ResultTable(["good", "bad", "none"], [f"p{k}" for k in range(12)])
     table.scenes[:], table.counts[:] = np.arange(12), True
     random = np.random.default_rng(0)
     for k, wrong in enumerate((0.1, 0.3, 1.0)):
@@ -108,7 +108,7 @@ def test_only_the_best_beyond_doubt_is_bold_and_conditions_count_for_themselves(
         table.values[k, :, NUMBERS.index("n")] = 0 if k == 2 else 100
     _, ranks = compare_methods(table, 0)
     summary = [summarise_method(table, k) | {"ranks": ranks[k]} for k in range(3)]
-    found = rank_methods(table, summary, "", [Condition("few", np.arange(12) < 4)], 0)
+    found = make_ranking_table(table, summary, "", [Condition("few", np.arange(12) < 4)], 0)
     json.dumps(found, allow_nan=False)
     view, column = FIRST
     everything, few = (condition["cells"][view] for condition in found["conditions"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report.rare_failures import find_rare_failures
-from icymoon.stereo.report.summary import Table, compare_methods
+from icymoon.stereo.report.summary import ResultTable, compare_methods
 from icymoon.stereo.report.verdict_text import describe_verdicts
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -16,7 +16,7 @@ SCENES, PAIRS = 10, 4
 
 def table_of(errors):
     """A table of rates of wrong or missing pixels (methods, pairs)."""
-    table = Table([f"m{k}" for k in range(len(errors))], [str(k) for k in range(errors.shape[1])])
+    table = ResultTable([f"m{k}" for k in range(len(errors))], [str(k) for k in range(errors.shape[1])])
     table.counts[:] = ~np.isnan(errors)
     table.scenes[:] = np.arange(errors.shape[1]) // PAIRS
     table.values[:, :, NUMBERS.index("total_bad_1")] = np.clip(errors, 0, 1)

@@ -7,7 +7,7 @@ import pytest
 from icymoon.stereo.measure import common_pixels
 from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report.schema import Comparison
-from icymoon.stereo.report.summary import Table, compare_methods, summarise_method
+from icymoon.stereo.report.summary import ResultTable, compare_methods, summarise_method
 from icymoon.stereo.report.verdict_text import describe_typical, describe_verdicts
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -18,7 +18,7 @@ def table_of(scenes, factors, coverage=None, pairs=2):
     random = np.random.default_rng(0)
     hard = np.exp(random.normal(0, 1.0, scenes)).repeat(pairs)
     labels = [f"m{k}" for k in range(len(factors))]
-    table = Table(labels, [f"p{k}" for k in range(scenes * pairs)])
+    table = ResultTable(labels, [f"p{k}" for k in range(scenes * pairs)])
     table.scenes[:] = np.arange(scenes).repeat(pairs)
     table.counts[:] = True
     table.values[:, :, NUMBERS.index("n")] = 100

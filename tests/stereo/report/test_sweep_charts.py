@@ -8,11 +8,11 @@ from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report import sweep_charts
-from icymoon.stereo.report.averaged import averaged_over
-from icymoon.stereo.report.by_setting import SCENE, Sweep, mean_by_level, swept_settings
-from icymoon.stereo.report.conditions import conditions_of, join_by_scene, name_levels, titles_of
-from icymoon.stereo.report.factors import MOST_LINES, lines_for
-from icymoon.stereo.report.summary import Table
+from icymoon.stereo.report.averaged import describe_averaging
+from icymoon.stereo.report.by_setting import SCENE, Sweep, find_swept_settings, mean_by_level
+from icymoon.stereo.report.conditions import join_by_scene, list_conditions, make_pair_titles, name_levels
+from icymoon.stereo.report.factors import MOST_LINES, choose_lines
+from icymoon.stereo.report.summary import ResultTable
 
 SUNS, ALBEDOS, HEADINGS = (8.0, 20.0, 45.0), (0.2, 0.5, 0.7, 0.9), (0.0, 90.0)
 METHODS = ("bm", "sgbm")
@@ -31,7 +31,7 @@ def made(scenes=1):
         Sweep("light.sun_elevation_deg", "Sun (°)", sun),
         Sweep("surface.albedo", "Albedo", albedo),
     ]
-    table = Table(METHODS, [str(k) for k in range(len(sun))])
+    table = ResultTable(METHODS, [str(k) for k in range(len(sun))])
     table.counts[:], table.scenes[:] = True, ground
     for m in range(len(METHODS)):
         table.values[m, :, NUMBERS.index("l1_m")] = (1 + m) * (sun + 100 * albedo)
@@ -42,27 +42,27 @@ def made(scenes=1):
 def test_the_first_of_two_settings_has_a_line_for_each_value_of_the_second():
     (_, sun, albedo), table = made()
     for one, other, names in ((sun, albedo, ["0.2", "0.5", "0.7", "0.9"]), (albedo, sun, ["8", "20", "45"])):
-        lines = lines_for(one, [sun, albedo])
+        lines = choose_lines(one, [sun, albedo])
         assert (lines.factor, lines.names, lines.grouped) == (other, names, False)
-    lines = lines_for(sun, [sun, albedo])
+    lines = choose_lines(sun, [sun, albedo])
     mean, _ = mean_by_level(sun, table, 1, "l1_m", lines.of == 2)
     assert mean.tolist() == [2 * (each + 70) for each in SUNS]  # of this albedo only
 
 
 def test_one_setting_and_what_is_drawn_at_random_have_no_lines():
     (heading, sun, _), _ = made()
-    assert lines_for(sun, [heading, sun]) is None  # a heading is averaged over
-    assert lines_for(heading, [heading, sun]) is None
+    assert choose_lines(sun, [heading, sun]) is None  # a heading is averaged over
+    assert choose_lines(heading, [heading, sun]) is None
     drawn = Sweep("surface.albedo", "Albedo", np.random.default_rng(0).uniform(size=len(sun.values)))
-    assert lines_for(sun, [sun, drawn]) is None
-    assert lines_for(drawn, [sun, drawn]) is None
+    assert choose_lines(sun, [sun, drawn]) is None
+    assert choose_lines(drawn, [sun, drawn]) is None
 
 
 def test_settings_that_were_varied_one_at_a_time_have_no_lines():
     sun = np.array([8, 8, 20, 20, 45, 45, 20, 20, 20, 20], float)
     albedo = np.array([0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.2, 0.2, 0.9, 0.9])
     sweeps = [Sweep("light.sun_elevation_deg", "Sun", sun), Sweep("surface.albedo", "Albedo", albedo)]
-    assert lines_for(sweeps[0], sweeps) is None
+    assert choose_lines(sweeps[0], sweeps) is None
 
 
 def test_many_values_form_groups_of_neighbours():
@@ -71,7 +71,7 @@ def test_many_values_form_groups_of_neighbours():
         Sweep("light.sun_elevation_deg", "Sun", np.tile(sun, 2)),
         Sweep("surface.albedo", "A", np.tile(albedo, 2)),
     ]
-    lines = lines_for(sweeps[0], sweeps)
+    lines = choose_lines(sweeps[0], sweeps)
     assert lines.grouped
     assert lines.names == ["0 to 0.2", "0.3 to 0.5", "0.6 to 0.7", "0.8 to 0.9"]
     assert len(lines.names) <= MOST_LINES
@@ -110,18 +110,18 @@ def test_charts_of_one_metric_have_one_scale_for_all_methods():
 
 def test_nothing_is_averaged_where_a_point_is_one_pair():
     sun, albedo = (Sweep(name, name, values) for name, values in zip("ab", grid(SUNS, ALBEDOS), strict=True))
-    table = Table(["bm"], [str(k) for k in range(12)])
+    table = ResultTable(["bm"], [str(k) for k in range(12)])
     table.scenes[:] = np.arange(12)
-    assert averaged_over(np.arange(12), [sun, albedo], [sun, albedo], table) == "Each point is one pair."
+    assert describe_averaging(np.arange(12), [sun, albedo], [sun, albedo], table) == "Each point is one pair."
     table.scenes[:] = 0
-    assert averaged_over(np.zeros(12, int), [sun], [sun], table) == "Each point is the mean over 12 pairs."
+    assert describe_averaging(np.zeros(12, int), [sun], [sun], table) == "Each point is the mean over 12 pairs."
 
 
 def of_presets(*rows):
     """The sweeps of pairs with these presets and settings, with names of their levels."""
     facts = [{"pair": str(k), "settings": merged(defaults(), *parts)} for k, parts in enumerate(rows)]
     places = {str(k): k for k in range(len(facts))}
-    sweeps = join_by_scene(swept_settings(facts, places), facts, places)
+    sweeps = join_by_scene(find_swept_settings(facts, places), facts, places)
     return sweeps, name_levels(sweeps, facts, places)
 
 
@@ -134,8 +134,8 @@ def test_presets_of_scenes_are_one_setting_the_scene(light):
     assert [(sweep.name, sweep.together) for sweep in sweeps][:1] == [(SCENE, ())]
     assert levels[0] == ["Enceladus fresh snow", "Europa chaos", "Europa rough ice"]
     assert len(sweeps) == 1
-    assert [condition.name for condition in conditions_of(sweeps, levels)] == levels[0]
-    assert titles_of(sweeps, levels, 4)[1] == "Europa rough ice"
+    assert [condition.name for condition in list_conditions(sweeps, levels)] == levels[0]
+    assert make_pair_titles(sweeps, levels, 4)[1] == "Europa rough ice"
 
 
 def test_what_varies_within_a_scene_stays_a_setting():
@@ -153,7 +153,7 @@ def test_settings_of_which_one_is_no_scene_stay_settings():
 def test_the_caption_of_settings_that_vary_together_is_short():
     snow, ice = (load_preset(f"surfaces/{name}") for name in ("fresh_snow", "rough_ice"))
     sweeps, _ = of_presets((snow,), (ice,))
-    table = Table(["bm"], ["0", "1"])
+    table = ResultTable(["bm"], ["0", "1"])
     table.scenes[:] = (0, 1)
     (found,) = sweep_charts.draw_sweeps([{"method": "bm"}], table, sweeps)
     assert len(sweeps[0].together) > 6

@@ -13,8 +13,8 @@ from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings.description import check, merged
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.study import cells as cells_of
-from icymoon.stereo.study.cells import measured_cell
-from icymoon.stereo.study.conclusions import conclude
+from icymoon.stereo.study.cells import read_or_measure_cell
+from icymoon.stereo.study.conclusions import draw_conclusions
 from icymoon.stereo.study.design import CONVERGED, Study, find_study, read_study
 from icymoon.stereo.study.tables import BEGIN, END, put_between_marks, write_study
 from icymoon.support.errors import IcyMoonError
@@ -57,7 +57,7 @@ def out(study, tmp_path, monkeypatch):
 
 
 def test_noise_costs_what_was_put_in(study, out):
-    cell = measured_cell(study, study.views[0], out, METHODS)
+    cell = read_or_measure_cell(study, study.views[0], out, METHODS)
     assert cell is not None
     assert set(cell.tallies) == {CONVERGED, *NOISE}
     for method in ("bm", "sgbm"):
@@ -76,24 +76,24 @@ def test_noise_costs_what_was_put_in(study, out):
 
 def test_a_view_is_measured_once_and_again_only_if_something_changed(study, out, monkeypatch):
     view = study.views[0]
-    first = measured_cell(study, view, out, METHODS)
+    first = read_or_measure_cell(study, view, out, METHODS)
     with monkeypatch.context() as patched:
         patched.setattr(cells_of, "load", None)  # nothing is read
-        again = measured_cell(study, view, out, METHODS)
+        again = read_or_measure_cell(study, view, out, METHODS)
     assert again is not None
     assert first is not None
     assert again.noise == first.noise
-    assert set(measured_cell(study, view, out, METHODS[:1]).tallies["standard"]) == {"bm"}
+    assert set(read_or_measure_cell(study, view, out, METHODS[:1]).tallies["standard"]) == {"bm"}
 
 
 def test_a_view_without_both_halves_has_no_numbers(study, out):
     (study.pairs_of(study.views[0])["half_b"].folder(out) / "pair.json").unlink()
-    assert measured_cell(study, study.views[0], out, METHODS) is None
+    assert read_or_measure_cell(study, study.views[0], out, METHODS) is None
 
 
 def test_the_files_tell_what_was_run(study, out, tmp_path):
-    cell = measured_cell(study, study.views[0], out, METHODS)
-    found = conclude(study, [cell], [method.label for method in METHODS])
+    cell = read_or_measure_cell(study, study.views[0], out, METHODS)
+    found = draw_conclusions(study, [cell], [method.label for method in METHODS])
     text = write_study(study, found, out)
     assert "1 of 1 views were run, 1 of them with all 4 recipes. 1 views count" in " ".join(text.split())
     assert (out / "study.md").read_text() == text

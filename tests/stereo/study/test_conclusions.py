@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.stereo.study.cells import Cell
-from icymoon.stereo.study.conclusions import FAILS, HOLDS, OPEN, conclude
+from icymoon.stereo.study.conclusions import FAILS, HOLDS, OPEN, draw_conclusions
 from icymoon.stereo.study.design import CONVERGED, Hypothesis, find_study, read_study
 
 METHODS = ["bm", "sgbm"]
@@ -60,7 +60,7 @@ def study(*hypotheses):
 
 
 def changes_of(cells):
-    (found,) = conclude(study(), cells, METHODS)["comparisons"]
+    (found,) = draw_conclusions(study(), cells, METHODS)["comparisons"]
     return found["changes"]
 
 
@@ -78,10 +78,10 @@ def test_changes_and_gaps_are_those_put_in():
 
 
 def test_light_and_shadow_are_apart():
-    (found,) = conclude(study(), views((4.0, 1.0)), METHODS)["comparisons"]
+    (found,) = draw_conclusions(study(), views((4.0, 1.0)), METHODS)["comparisons"]
     assert found["by_light"]["bm, lit"]["typical"] == pytest.approx(4, abs=0.1)
     assert found["by_light"]["bm, shadow"]["grounds"] == 12
-    (without,) = conclude(study(), views((4.0, 1.0), shadow=0.04), METHODS)["comparisons"]
+    (without,) = draw_conclusions(study(), views((4.0, 1.0), shadow=0.04), METHODS)["comparisons"]
     assert without["by_light"]["bm, shadow"]["grounds"] == 0
     assert without["by_light"]["bm, lit"]["grounds"] == 12
 
@@ -116,10 +116,10 @@ def test_few_grounds_have_no_interval():
 
 def test_views_that_are_not_converged_do_not_count():
     dark = [replace(each, reference_noise=0.2) for each in views((90.0, 90.0))]
-    both = conclude(study(), [*views((4.0, 1.0)), *dark], METHODS)
+    both = draw_conclusions(study(), [*views((4.0, 1.0)), *dark], METHODS)
     assert both["comparisons"][0]["changes"] == changes_of(views((4.0, 1.0)))
     assert [each["counts"] for each in both["cells"]] == [True] * 12 + [False] * 12
-    assert conclude(study(), dark, METHODS)["comparisons"][0]["changes"]["bm"]["typical"] is None
+    assert draw_conclusions(study(), dark, METHODS)["comparisons"][0]["changes"]["bm"]["typical"] is None
 
 
 @pytest.mark.parametrize(
@@ -138,14 +138,14 @@ def test_views_that_are_not_converged_do_not_count():
 )
 def test_a_hypothesis_holds_if_the_whole_interval_is_on_its_side(low, high, halves, verdict):
     hypothesis = Hypothesis("it is so", "cheap", CONVERGED, "bm", low, high)
-    (found,) = conclude(study(hypothesis), views((4.0, 1.0), (halves, halves)), METHODS)["hypotheses"]
+    (found,) = draw_conclusions(study(hypothesis), views((4.0, 1.0), (halves, halves)), METHODS)["hypotheses"]
     assert found["verdict"] == verdict
 
 
 def test_the_order_of_methods_is_counted_over_views():
     cells = views((0.0, 0.0))
     swapped = [*cells[:9], *(views((0.0, 9.0))[9:])]
-    order = conclude(study(), swapped, METHODS)["comparisons"][0]["order"]
+    order = draw_conclusions(study(), swapped, METHODS)["comparisons"][0]["order"]
     assert order["views"] == 12
     assert order["same"] == 0.75
     assert order["tau"] == 0.5
@@ -164,7 +164,7 @@ def test_the_order_of_noise_is_told_for_each_view_and_for_all():
         cell("one", errors, noise((0.1, 0.1), (0.2, 0.2), (0.3, 0.3))),
         cell("other", errors, noise((0.4, 0.3), (0.5, 0.2))),
     ]
-    order = conclude(study(), cells, METHODS)["noise_order"]
+    order = draw_conclusions(study(), cells, METHODS)["noise_order"]
     found = order["truly_hidden"]
     assert found["views"] == {"one_20": 1, "other_20": -1}
     assert found["mean"] == 0

@@ -7,7 +7,7 @@ from icymoon.render.cost.tolerance import checked_tolerance
 from icymoon.settings import description, preset_files
 from icymoon.stereo.trade import cheapest_quality as search
 from icymoon.stereo.trade import losses as measuring
-from icymoon.stereo.trade.measure_variants import Bench
+from icymoon.stereo.trade.measure_variants import TradeBench
 from icymoon.support.errors import IcyMoonError
 
 
@@ -48,8 +48,8 @@ def searched(tmp_path, monkeypatch, allowed, loss, doubt=0.001, own=0.0, bias=0.
     monkeypatch.setattr(search, "render_all", lambda *given: [])
     monkeypatch.setattr(search, "check_abilities", lambda *given: Abilities())
     monkeypatch.setattr(measuring, "read_reference", lambda *given: Truth(own))
-    monkeypatch.setattr(measuring, "measure", measure)
-    found = search.find_cheapest_quality(Bench(settings, tmp_path, "", "sgbm", 64, 1), allowed)
+    monkeypatch.setattr(measuring, "measure_variant", measure)
+    found = search.find_cheapest_quality(TradeBench(settings, tmp_path, "", "sgbm", 64, 1), allowed)
     return found, rendered
 
 

@@ -15,10 +15,10 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.jackknife import jackknife, tile_sums
+from icymoon.stereo.measure.jackknife import jackknife, sum_over_tiles
 from icymoon.stereo.trade import measure_variants
-from icymoon.stereo.trade.advice import decision_advice, distinct_steps, pareto_fronts, variant_advice
-from icymoon.stereo.trade.losses import measure, number_at, pareto_front, read_reference
+from icymoon.stereo.trade.advice import decision_advice, find_distinct_steps, find_pareto_fronts, variant_advice
+from icymoon.stereo.trade.losses import find_pareto_front, measure_variant, number_at, read_reference
 from icymoon.stereo.trade.report import write_trade
 from icymoon.support.errors import IcyMoonError
 
@@ -47,7 +47,7 @@ def truth(tmp_path_factory):
 
 
 def test_the_same_images_lose_nothing(truth, tmp_path):
-    found = measure(folders(tmp_path, "same", 1), truth, METHODS)
+    found = measure_variant(folders(tmp_path, "same", 1), truth, METHODS)
     assert found["bias"] == found["rmse"] == found["depth_px"] == found["depth_m"] == 0
     assert found["noise"] is None
     for method in METHODS:
@@ -68,7 +68,7 @@ def test_a_bake_is_shared_by_the_images_of_its_ground_but_not_of_its_view(truth,
     }
     data["settings"].setdefault("quality", {}).update(indirect="BAKED", bake_area=area)
     (folder / "pair.json").write_text(json.dumps(data))
-    assert measure([folder], truth, METHODS, images)["cpu_s"] == pytest.approx(3.0 + bake_s)
+    assert measure_variant([folder], truth, METHODS, images)["cpu_s"] == pytest.approx(3.0 + bake_s)
 
 
 def test_noise_is_separated_from_bias(truth, tmp_path):
@@ -77,7 +77,7 @@ def test_noise_is_separated_from_bias(truth, tmp_path):
     light = truth.light["left"].radiance[..., 0]
     expected = 0.1 * float(np.sqrt(np.mean(light**2)) / np.mean(light))
     brighter = pairs.Scene(contrast=0.4, radiance=1.05 * SCENE.radiance)
-    found = measure(folders(tmp_path, "noisy", 2, 0.1, brighter), truth, METHODS)
+    found = measure_variant(folders(tmp_path, "noisy", 2, 0.1, brighter), truth, METHODS)
     assert found["noise"] == pytest.approx(1.05 * expected, rel=0.03)
     assert found["bias"] == pytest.approx(0.05, abs=5 * 1.05 * expected / np.sqrt(2 * light.size))
     assert found["structure"] == pytest.approx(0.05 * expected / 0.1, rel=0.1)
@@ -89,20 +89,20 @@ def test_the_noise_of_the_reference_is_subtracted(tmp_path):
     noisy = read_reference(folders(tmp_path / "a", "r", 2, 0.1), METHODS, {})
     clean = read_reference(folders(tmp_path / "b", "r", 2), METHODS, {})
     same = folders(tmp_path / "c", "v", 2, 0.1)
-    assert noisy.noise == pytest.approx(measure(same, clean, [])["noise"] / np.sqrt(2), rel=0.03)
-    assert measure(same, noisy, [])["rmse"] == pytest.approx(measure(same, clean, [])["rmse"], rel=0.03)
+    assert noisy.noise == pytest.approx(measure_variant(same, clean, [])["noise"] / np.sqrt(2), rel=0.03)
+    assert measure_variant(same, noisy, [])["rmse"] == pytest.approx(measure_variant(same, clean, [])["rmse"], rel=0.03)
 
 
 def test_another_shape_is_a_depth_error(truth, tmp_path):
     farther = pairs.Scene(contrast=0.4, distance_m=SCENE.distance_m * 1.01)
-    found = measure(folders(tmp_path, "far", 1, scene=farther), truth, METHODS)
+    found = measure_variant(folders(tmp_path, "far", 1, scene=farther), truth, METHODS)
     disparity = RIG.disparity(truth.depth)
     # Disparity goes with 1 / Z, so all are 1 / 1.01 of what they were, except at the rock, which is moved too.
     assert found["depth_px"] == pytest.approx(float(np.nanquantile(disparity, 0.95)) * (1 - 1 / 1.01), rel=0.1)
 
 
 def test_cost_is_of_the_process(truth, tmp_path):
-    found = measure(folders(tmp_path, "cost"), truth, [])
+    found = measure_variant(folders(tmp_path, "cost"), truth, [])
     assert (found["cpu_s"], found["wall_s"], found["memory_mib"]) == (3.5, 1.5, 301.0)
     sizes = [file.stat().st_size for file in tmp_path.rglob("*.exr")]
     assert found["megabytes"] == pytest.approx(sum(sizes) / 2e6)
@@ -112,7 +112,7 @@ def test_cost_is_of_the_process(truth, tmp_path):
 def test_full_and_compact_files_of_one_render_have_folders_of_their_own(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(measure_variants, "render_job", lambda job, blender, hear: asked.append(job) or [job.dataset])
-    bench = measure_variants.Bench(description.defaults(), tmp_path, "", "", 2, 1)
+    bench = measure_variants.TradeBench(description.defaults(), tmp_path, "", "", 2, 1)
     counter = measure_variants.RenderCounter(bench.on_event, 1)
     compact, full = variants(bench.settings, ["files"])
     for variant in (compact, full):
@@ -126,7 +126,7 @@ def test_full_and_compact_files_of_one_render_have_folders_of_their_own(tmp_path
 
 def test_renders_that_cannot_be_compared_are_refused(truth, tmp_path):
     with pytest.raises(IcyMoonError, match="have different cameras"):
-        measure(folders(tmp_path, "small", 1, rig=pairs.camera(128, 96)), truth, METHODS)
+        measure_variant(folders(tmp_path, "small", 1, rig=pairs.camera(128, 96)), truth, METHODS)
     with pytest.raises(IcyMoonError, match=r"black.*Sun"):
         read_reference(folders(tmp_path, "black", 1, scene=pairs.Scene(radiance=0.0)), METHODS, {})
 
@@ -135,7 +135,7 @@ def test_renders_that_cannot_be_compared_are_refused(truth, tmp_path):
 def test_a_front_is_what_nothing_beats(points):
     rows = [{"cpu_s": cost, "loss": {"sgbm": {"epe_px": error}}} for cost, error in points]
     path = ("loss", "sgbm", "epe_px")
-    found = pareto_front(rows, "cpu_s", path)
+    found = find_pareto_front(rows, "cpu_s", path)
     known = [k for k, point in enumerate(points) if None not in point]
     for k in known:
         beaten = any(
@@ -248,9 +248,9 @@ def test_times_that_vary_separate_fewer_variants():
 
 
 def test_the_steps_of_a_front_are_not_noise():
-    found = pareto_fronts(ROWS, ["sgbm"])["sgbm"]
+    found = find_pareto_fronts(ROWS, ["sgbm"])["sgbm"]
     assert [each["name"] for each in found] == ["8 samples", "14 samples", "16 samples", "256 samples"]
-    assert [each["name"] for each in distinct_steps(found, "sgbm")] == ["8 samples", "14 samples", "256 samples"]
+    assert [each["name"] for each in find_distinct_steps(found, "sgbm")] == ["8 samples", "14 samples", "256 samples"]
 
 
 def test_the_report_holds_everything(tmp_path):
@@ -288,8 +288,8 @@ def test_the_noise_of_the_reference_is_subtracted_from_losses(noise, tmp_path):
     noisy = read_reference(folders(tmp_path / "a", "r", 2, noise), METHODS[:1], {})
     clean = read_reference(folders(tmp_path / "b", "r", 2), METHODS[:1], {})
     variant = folders(tmp_path / "c", "v", 1, noise / np.sqrt(2))
-    seen, true = (measure(variant, best, METHODS[:1])["loss"]["sgbm"]["epe_px"] for best in (noisy, clean))
-    doubt = measure(variant, noisy, METHODS[:1])["loss_doubt"]["sgbm"]["epe_px"]
+    seen, true = (measure_variant(variant, best, METHODS[:1])["loss"]["sgbm"]["epe_px"] for best in (noisy, clean))
+    doubt = measure_variant(variant, noisy, METHODS[:1])["loss_doubt"]["sgbm"]["epe_px"]
     assert clean.own["sgbm"]["epe_px"] == 0
     naive = seen - noisy.own["sgbm"]["epe_px"]
     assert abs(seen - true) < abs(naive - true)
@@ -298,7 +298,7 @@ def test_the_noise_of_the_reference_is_subtracted_from_losses(noise, tmp_path):
 
 def test_the_stated_doubt_is_the_spread_that_noise_causes(truth, tmp_path):
     """The doubt of a single render against how renders of other noise differ."""
-    found = [measure([folder], truth, METHODS[:1]) for folder in folders(tmp_path, "n", 12, 0.1)]
+    found = [measure_variant([folder], truth, METHODS[:1]) for folder in folders(tmp_path, "n", 12, 0.1)]
     losses = [each["loss"]["sgbm"]["epe_px"] for each in found]
     doubt = float(np.mean([each["loss_doubt"]["sgbm"]["epe_px"] for each in found]))
     # A standard deviation of 12 is within 0.63 and 1.5 of the true one in 19 of 20 cases (chi-square); the doubt is of
@@ -310,14 +310,14 @@ def test_the_stated_doubt_is_the_spread_that_noise_causes(truth, tmp_path):
 
 
 def test_numbers_are_those_of_the_metrics(truth):
-    from icymoon.stereo.measure.metrics import disparity_metrics
-    from icymoon.stereo.trade.losses import stereo_numbers, tally
+    from icymoon.stereo.measure.metrics import compute_disparity_metrics
+    from icymoon.stereo.trade.losses import stereo_numbers, tally_errors
 
     random = np.random.default_rng(1)
     true = np.where(random.random((37, 53)) < 0.2, np.nan, 20.0)
     disparity = np.where(random.random(true.shape) < 0.3, np.nan, 20.0 + random.normal(0, 1, true.shape))
-    coverage, epe, bad, wrong = stereo_numbers(tally(disparity, true).sum(axis=0))
-    expected = disparity_metrics(disparity, true)
+    coverage, epe, bad, wrong = stereo_numbers(tally_errors(disparity, true).sum(axis=0))
+    expected = compute_disparity_metrics(disparity, true)
     assert (epe, bad) == pytest.approx((expected["epe_px"], expected["bad_1"]))
     assert coverage == pytest.approx(np.mean(np.isfinite(disparity[np.isfinite(true)])))
     assert wrong == pytest.approx(1 - coverage * (1 - bad))
@@ -326,7 +326,7 @@ def test_numbers_are_those_of_the_metrics(truth):
 def test_a_jackknife_of_a_mean_is_its_standard_error():
     """Of tiles of one size, the standard error of the mean of their means (Efron and Tibshirani 1993, eq. 11.5)."""
     image = np.random.default_rng(2).normal(3.0, 1.0, (60, 80))
-    mean, error = jackknife(lambda sums: sums[..., :1] / sums[..., 1:], tile_sums(image, np.ones_like(image)))
+    mean, error = jackknife(lambda sums: sums[..., :1] / sums[..., 1:], sum_over_tiles(image, np.ones_like(image)))
     tiles = image.reshape(6, 10, 8, 10).mean(axis=(1, 3)).ravel()
     assert mean[0] == pytest.approx(image.mean())
     assert error[0] == pytest.approx(tiles.std(ddof=1) / np.sqrt(tiles.size))
@@ -367,13 +367,13 @@ def test_a_share_is_given_as_one_or_in_per_cent():
 def test_the_same_images_decide_the_same_and_noise_does_not(tmp_path):
     made = [workspaces.write(tmp_path / name, SCENE_OF_DECISIONS) for name in ("a", "b", "c")]
     reference = read_reference(made[:2], METHODS, {}, read_rules())
-    same = measure(made[2:], reference, METHODS)["decisions"]["bm"]
+    same = measure_variant(made[2:], reference, METHODS)["decisions"]["bm"]
     assert same["otherwise"] == same["unsafe"] == same["shift_m"] == same["otherwise_doubt"] == 0
     assert same["same"] is True
     assert 0 < same["taken"] <= 1
     assert reference.own_decisions["bm"]["same"] is True
     noisy = workspaces.write(tmp_path / "noisy", SCENE_OF_DECISIONS, noise=0.5)
-    other = measure([noisy], reference, METHODS)["decisions"]["bm"]
+    other = measure_variant([noisy], reference, METHODS)["decisions"]["bm"]
     assert other["otherwise"] > 0
     assert other["same"] is not True
 
@@ -381,7 +381,7 @@ def test_the_same_images_decide_the_same_and_noise_does_not(tmp_path):
 def test_where_nothing_can_be_decided_there_is_a_sentence(tmp_path):
     reference = read_reference(folders(tmp_path, "r"), METHODS, {}, read_rules())
     assert "place of its camera" in str(reference.deciding)
-    found = measure(folders(tmp_path, "v"), reference, METHODS)
+    found = measure_variant(folders(tmp_path, "v"), reference, METHODS)
     row = {"group": "scene", "name": "as described", "key": "scene", **found}
     assert row["decisions"] == {}
     stated = {"undecided": reference.deciding, "own_decisions": {}}

@@ -13,7 +13,7 @@ from icymoon.validation.comparison import FAILS, NOT_JUDGED, PASSES
 from icymoon.validation.polar.data_set import EYES, HEIGHT_PX, WIDTH_PX, View, read_terrains
 from icymoon.validation.polar.scene import Twin, find_frame
 from icymoon.validation.polar.twins import Masks
-from icymoon.validation.polar_stereo import METHODS, judge_stereo, rectify
+from icymoon.validation.polar_stereo import METHODS, judge_stereo, rectify_photograph
 from polar_folders import read_known
 
 
@@ -36,7 +36,7 @@ def test_a_photograph_is_seen_as_our_rig_sees_it(known):
     image = np.broadcast_to(np.arange(WIDTH_PX) + 0.5, (HEIGHT_PX, WIDTH_PX))
     inside = (there > 20).all(axis=1) & (there < [WIDTH_PX - 20, HEIGHT_PX - 20]).all(axis=1)
     assert inside.mean() > 0.8
-    assert rectify(frame, bent, "R", image).ravel()[inside] == pytest.approx(there[inside, 0], abs=0.05)
+    assert rectify_photograph(frame, bent, "R", image).ravel()[inside] == pytest.approx(there[inside, 0], abs=0.05)
 
 
 def _judge(known, monkeypatch, pairs, spoiled):
@@ -56,8 +56,8 @@ def _judge(known, monkeypatch, pairs, spoiled):
             masks[at] = Masks(everywhere, nowhere, everywhere, nowhere, everywhere, twin)
             images[at] = folder / f"{azimuth}{eye}.png"
             shown[images[at]] = random.random(frame.shape) if azimuth < spoiled else views[eye]
-    monkeypatch.setattr(polar_stereo, "_read", lambda terrain, at: shown[terrain.images[at]])
-    monkeypatch.setattr(polar_stereo, "rectify", lambda frame, camera, eye, image: image)
+    monkeypatch.setattr(polar_stereo, "_read_photograph", lambda terrain, at: shown[terrain.images[at]])
+    monkeypatch.setattr(polar_stereo, "rectify_photograph", lambda frame, camera, eye, image: image)
     return judge_stereo(replace(terrain, images=images), camera, {"A": frame}, masks)
 
 
@@ -93,5 +93,5 @@ def test_photographs_are_found_beside_the_labels_and_must_be_whole(known):
     (again,) = read_terrains(folder)
     assert again.images == {(View("A", "L"), 30): path}
     with pytest.raises(IcyMoonError, match="has 20 x 10 pixels; a photograph has 1936 x 1216"):
-        polar_stereo._read(again, (View("A", "L"), 30))
+        polar_stereo._read_photograph(again, (View("A", "L"), 30))
     path.unlink()

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from icymoon.support.errors import IcyMoonError
 from icymoon.validation.comparison import Bench
-from icymoon.validation.polar.camera import Eye, calibrate, compared_share, turned
+from icymoon.validation.polar.camera import Eye, camera_rotation, fit_camera, measure_compared_share
 from icymoon.validation.polar.data_set import EYES, ROCK, Polygon, Rock, Terrain, View, read_terrains
-from icymoon.validation.polar.hand import lay_on_sand, measure_hand
-from icymoon.validation.polar.lamp import HeightTable, Shadows, fit_lamps, shadow_of
+from icymoon.validation.polar.hand import lay_on_sand, measure_label_agreement
+from icymoon.validation.polar.lamp import HeightTable, Shadows, cast_onto_sand, fit_lamps
 from icymoon.validation.polar.sand import measure_sand
 from icymoon.validation.polar.scene import find_frame
-from icymoon.validation.polar_comparison import compare
+from icymoon.validation.polar_comparison import compare_terrains
 from polar_folders import BASELINE_M, FOCAL_PX, SAND_M, shadow_on_sand, write_polar_folder
 
 
@@ -24,12 +24,14 @@ def scene(tmp_path_factory):
     folder = tmp_path_factory.mktemp("polar")
     truth = write_polar_folder(folder)
     (terrain,) = read_terrains(folder)
-    camera = calibrate(terrain)
+    camera = fit_camera(terrain)
     return folder, truth, terrain, camera, measure_sand(terrain)
 
 
 def test_distortion_is_undone():
-    eye = Eye(2000.0, np.array([968.0, 608.0]), -0.09, -0.03, turned(170.0, 25.0, 1.0), np.array([3.5, -0.3, 1.7]))
+    eye = Eye(
+        2000.0, np.array([968.0, 608.0]), -0.09, -0.03, camera_rotation(170.0, 25.0, 1.0), np.array([3.5, -0.3, 1.7])
+    )
     points = np.array([[0.5, -1.0, 0.2], [-1.0, 1.2, 0.1], [0.0, 0.0, 0.17]])
     inside = (points - eye.place_m) @ eye.turn.T
     assert eye.rays(eye.project(points)) == pytest.approx(inside / inside[:, 2:], abs=1e-9)
@@ -59,7 +61,7 @@ def test_labels_of_other_rocks_are_refused(scene):
         for k, rock in enumerate(terrain.rocks)
     )
     with pytest.raises(IcyMoonError, match="of one terrain"):
-        calibrate(replace(terrain, rocks=elsewhere))
+        fit_camera(replace(terrain, rocks=elsewhere))
 
 
 def test_rocks_without_an_outline_count():
@@ -69,17 +71,17 @@ def test_rocks_without_an_outline_count():
     found = np.full((10, 13), np.nan)
     found[:2] = 1.0
     # Of ten rocks eight are outlined, and two are compared.
-    assert compared_share(terrain, {view: found}) == pytest.approx(2 / 8)
+    assert measure_compared_share(terrain, {view: found}) == pytest.approx(2 / 8)
     found[:] = 1.0
-    assert compared_share(replace(terrain, rocks=rocks[:4]), {view: found[:4]}) == 1.0
+    assert measure_compared_share(replace(terrain, rocks=rocks[:4]), {view: found[:4]}) == 1.0
 
 
 @pytest.mark.heavy
 def test_a_camera_that_a_few_rocks_of_another_terrain_agree_with_is_refused(scene, monkeypatch):
     _, _, terrain, _, _ = scene
-    monkeypatch.setattr("icymoon.validation.polar.camera.compared_share", lambda *found: 0.1)
+    monkeypatch.setattr("icymoon.validation.polar.camera.measure_compared_share", lambda *found: 0.1)
     with pytest.raises(IcyMoonError, match=r"only 10% of the outlines .* of one terrain"):
-        calibrate(terrain)
+        fit_camera(terrain)
 
 
 @pytest.mark.heavy
@@ -93,13 +95,15 @@ def test_the_sand_is_level_where_it_is(scene):
 @pytest.mark.heavy
 def test_labels_without_error_agree_with_themselves(scene):
     _, _, terrain, camera, sand = scene
-    hand = measure_hand(terrain, camera, sand)
+    hand = measure_label_agreement(terrain, camera, sand)
     assert np.isnan(hand.rocks["A"])  # there is one lamp
     assert hand.shadows["A"] > 0.93  # a pixel around shadows 20 px wide, and rows of sand a few millimetres off
 
 
 def test_pixels_are_laid_on_the_sand():
-    eye = Eye(2000.0, np.array([968.0, 608.0]), -0.09, -0.03, turned(170.0, 25.0, 1.0), np.array([3.5, -0.3, 1.7]))
+    eye = Eye(
+        2000.0, np.array([968.0, 608.0]), -0.09, -0.03, camera_rotation(170.0, 25.0, 1.0), np.array([3.5, -0.3, 1.7])
+    )
     points = np.array([[0.5, -1.0, 0.0], [-1.0, 1.2, 0.0], [0.0, 0.0, 0.0]])
     points[:, 2] = 0.1 + 0.05 * points[:, 0]
     assert lay_on_sand(eye, eye.project(points), lambda xy: 0.1 + 0.05 * xy[:, 0]) == pytest.approx(points, abs=1e-6)
@@ -109,7 +113,7 @@ def test_pixels_are_laid_on_the_sand():
 def test_shadows_fall_where_rays_meet_the_sand(scene):
     _, truth, terrain, _, _ = scene
     points = terrain.rocks[0].vertices
-    found = shadow_of(points, truth.lamp, lambda xy: np.full(len(xy), SAND_M))
+    found = cast_onto_sand(points, truth.lamp, lambda xy: np.full(len(xy), SAND_M))
     assert found == pytest.approx(shadow_on_sand(points, truth.lamp), abs=1e-3)
 
 
@@ -119,7 +123,7 @@ def test_the_lamp_is_found(scene):
     lamps, raised = fit_lamps(terrain, camera, sand)
     # A pixel of the masks is 8 mm. Sideways it is that of the lamp at 4 m over a shadow of 0.8 m, five times as much.
     assert lamps[30] == pytest.approx(truth.lamp, abs=0.05)
-    assert Shadows(terrain, camera, raised).agreement(30, lamps[30], HeightTable(raised)) > 0.95
+    assert Shadows(terrain, camera, raised).measure_agreement(30, lamps[30], HeightTable(raised)) > 0.95
 
 
 @pytest.mark.heavy
@@ -142,7 +146,7 @@ def test_the_frame_of_our_rig_sees_what_the_eyes_see(scene):
 @pytest.mark.timeout(900)
 def test_a_known_scene_agrees_with_its_labels(scene, tmp_path):
     folder, *_ = scene
-    rows = compare(Bench(tmp_path, quick=True, polar=folder))
+    rows = compare_terrains(Bench(tmp_path, quick=True, polar=folder))
     found = {row.quantity: row for row in rows}
     # An egg is 22 to 45 px wide: half a pixel all around it is 5 to 9 % of its area.
     for eye in ("left", "right"):

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from icymoon.stereo.images.masks import fill_hulls, fill_polygons
 from icymoon.validation.comparison import FAILS, Bench, Comparison, run_comparison
-from icymoon.validation.polar.camera import turned
+from icymoon.validation.polar.camera import camera_rotation
 from icymoon.validation.polar.data_set import EYES, HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, View
 from icymoon.validation.polar.sand import Sand
 from icymoon.validation.polar.scans import find_left_out
 from icymoon.validation.polar.scene import Twin, find_frame
 from icymoon.validation.polar.skirts import BOUND_M
 from icymoon.validation.polar.twins import Masks
-from icymoon.validation.polar_comparison import Rebuilt, judge
+from icymoon.validation.polar_comparison import Rebuilt, judge_terrain
 from polar_folders import SAND_M, read_known, shadow_on_sand
 
 _SCALE = 0.5
@@ -64,7 +64,7 @@ def _result(tmp_path, terrain, camera, sand, lamps, hollow=False):
     left_out = {each: find_left_out(terrain, camera, *each) for each in terrain.photographs}
     masks = _draw(terrain, camera, lamps, left_out, hollow)
     frames = {position: find_frame(terrain, camera, sand, position, 480) for position in terrain.positions}
-    rows = judge(Rebuilt(terrain, camera, sand, lamps, left_out, frames), masks)
+    rows = judge_terrain(Rebuilt(terrain, camera, sand, lamps, left_out, frames), masks)
     return run_comparison(Comparison("polar", "A real scene", "", lambda bench: rows), Bench(tmp_path))
 
 
@@ -121,7 +121,7 @@ def test_rocks_that_no_photograph_shows_fail(known, tmp_path):
 
 def test_a_tilted_camera_fails(known, tmp_path):
     terrain, camera, sand, lamps = known
-    tilt = turned(0.0, 1.0, 0.0) @ turned(0.0, 0.0, 0.0).T
+    tilt = camera_rotation(0.0, 1.0, 0.0) @ camera_rotation(0.0, 0.0, 0.0).T
     eyes = {view: replace(eye, turn=tilt @ eye.turn) for view, eye in camera.eyes.items()}
     found = _result(tmp_path, terrain, replace(camera, eyes=eyes), sand, lamps)
     assert not found.passes
