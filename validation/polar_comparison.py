@@ -29,7 +29,7 @@ from .polar.data_set import (
 )
 from .polar.hand import LabelAgreement, measure_label_agreement
 from .polar.lamp import HeightTable, cast_onto_sand, fit_lamps
-from .polar.sand import Sand, assign_outlines, fit_sand
+from .polar.sand import Sand, assign_outlines, measure_sand
 from .polar.scans import LeftOut, find_left_out
 from .polar.scene import Frame, describe_scene, find_frame, read_twin, write_ground
 from .polar.twins import Masks
@@ -84,7 +84,7 @@ def compare_terrains(bench: Bench) -> list[Row]:
 
 def _compare_terrain(bench: Bench, terrain: Terrain) -> list[Row]:
     camera = fit_camera(terrain)
-    sand = fit_sand(terrain, camera)
+    sand = measure_sand(terrain)
     lamps, sand = fit_lamps(terrain, camera, sand)
     left_out = {(view, azimuth): find_left_out(terrain, camera, view, azimuth) for view, azimuth in terrain.photographs}
     masks, frames = _render_masks(bench, terrain, camera, sand, lamps, left_out)

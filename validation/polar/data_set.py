@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from ...physics.mesh.obj import parse_triangles
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import read
+from .skirts import find_skirt, open_corners
 
 WIDTH_PX, HEIGHT_PX = 1936, 1216
 EYES = ("L", "R")
@@ -61,6 +63,17 @@ class Rock:
     number: int
     vertices: Array
     faces: Array
+
+    @cached_property
+    def skirt(self) -> Array:
+        """Mask (m,) of the triangles that are sand."""
+        return find_skirt(self.vertices, self.faces)
+
+    @cached_property
+    def rim(self) -> Array:
+        """Vertices (n, 3) on the open edges; all vertices if there are none."""
+        corners = open_corners(self.faces)
+        return np.asarray(self.vertices[corners] if len(corners) else self.vertices)
 
 
 @dataclass(frozen=True, order=True)

@@ -15,7 +15,8 @@ from ...stereo.images.masks import fill_hulls, fill_polygons, intersection_over_
 from ...support.arrays import Array
 from .camera import Calibration
 from .data_set import HEIGHT_PX, ROCK, SHADOW, SURVEYED_LAMPS, WIDTH_PX, Terrain, View
-from .sand import BOUND_M, Sand
+from .sand import Sand
+from .skirts import BOUND_M
 
 _SCALE = 0.25
 _SHAPE = (int(HEIGHT_PX * _SCALE), int(WIDTH_PX * _SCALE))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from icymoon.validation import polar_comparison
-from icymoon.validation.polar import METHOD, camera, hand, lamp, sand, scans, scene
+from icymoon.validation.polar import METHOD, camera, hand, lamp, sand, scans, scene, skirts
 
 #: By method, what its constants were when it was frozen.
 FROZEN: dict[int, dict[Any, dict[str, object]]] = {
-    2: {
+    3: {
         polar_comparison: {
             "_COLUMNS": 480,
             "_ROCKS": 0.85,
@@ -34,15 +34,12 @@ FROZEN: dict[int, dict[Any, dict[str, object]]] = {
             "_RAISED_COST": 5.0,
         },
         sand: {
-            "BOUND_M": 0.04,
             "LENGTH_M": 0.3,
             "NODE_M": 0.25,
             "_SPREAD_M": 0.014,
             "_KNOWN_M": 0.004,
-            "_OFF_COST": 0.005,
-            "_OFF_STEPS_M": (0.01, 0.005, 0.0025),
-            "_AZIMUTHS": 2,
         },
+        skirts: {"REPOSE_DEG": 35.0, "BOUND_M": 0.04, "_AVERAGED": 2},
         scans: {"_NEAR_PX": 10.0, "_LEAST_SHARE": 0.5},
         scene: {"_SHADOW_SHARE": 0.5, "_DARK_SHARE": 0.1, "_NEARER_M": 0.002, "LAMP_DEG": 0.5, "_SAMPLES": 4},
     }

@@ -12,7 +12,7 @@ from icymoon.validation.polar.camera import Eye, camera_rotation, fit_camera, me
 from icymoon.validation.polar.data_set import EYES, ROCK, Polygon, Rock, Terrain, View, read_terrains
 from icymoon.validation.polar.hand import lay_on_sand, measure_label_agreement
 from icymoon.validation.polar.lamp import HeightTable, Shadows, cast_onto_sand, fit_lamps
-from icymoon.validation.polar.sand import fit_sand
+from icymoon.validation.polar.sand import measure_sand
 from icymoon.validation.polar.scene import find_frame
 from icymoon.validation.polar_comparison import compare_terrains
 from polar_folders import BASELINE_M, FOCAL_PX, SAND_M, shadow_on_sand, write_polar_folder
@@ -25,7 +25,7 @@ def scene(tmp_path_factory):
     truth = write_polar_folder(folder)
     (terrain,) = read_terrains(folder)
     camera = fit_camera(terrain)
-    return folder, truth, terrain, camera, fit_sand(terrain, camera)
+    return folder, truth, terrain, camera, measure_sand(terrain)
 
 
 def test_distortion_is_undone():
@@ -87,9 +87,9 @@ def test_a_camera_that_a_few_rocks_of_another_terrain_agree_with_is_refused(scen
 @pytest.mark.heavy
 def test_the_sand_is_level_where_it_is(scene):
     *_, sand = scene
-    # A pixel of the half-size masks is 4 mm at the rocks, and the sand is seen at 27 degrees.
-    assert sand.level_m == pytest.approx(SAND_M, abs=0.01)
-    assert sand.heights(np.array([[0.0, 0.0], [-0.5, 0.5], [3.0, 3.0]])) == pytest.approx(SAND_M, abs=0.01)
+    # The rims of the eggs are on the sand, written to 0.1 µm.
+    assert sand.level_m == pytest.approx(SAND_M, abs=1e-6)
+    assert sand.heights(np.array([[0.0, 0.0], [-0.5, 0.5], [3.0, 3.0]])) == pytest.approx(SAND_M, abs=1e-6)
 
 
 @pytest.mark.heavy

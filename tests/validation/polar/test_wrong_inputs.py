@@ -13,9 +13,10 @@ from icymoon.stereo.images.masks import fill_hulls, fill_polygons
 from icymoon.validation.comparison import FAILS, Bench, Comparison, run_comparison
 from icymoon.validation.polar.camera import camera_rotation
 from icymoon.validation.polar.data_set import EYES, HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, View
-from icymoon.validation.polar.sand import BOUND_M, Sand
+from icymoon.validation.polar.sand import Sand
 from icymoon.validation.polar.scans import find_left_out
 from icymoon.validation.polar.scene import Twin, find_frame
+from icymoon.validation.polar.skirts import BOUND_M
 from icymoon.validation.polar.twins import Masks
 from icymoon.validation.polar_comparison import Rebuilt, judge_terrain
 from polar_folders import SAND_M, read_known, shadow_on_sand
