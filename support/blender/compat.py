@@ -26,6 +26,14 @@ def principled_table() -> str:
     return "5.2" if bpy.app.version >= (5, 2, 0) else "5.0"
 
 
+def moves_along_first_corner() -> bool:
+    """Whether Cycles moves a vertex along the normal of its first corner, as it does from 5.2 on.
+
+    Before, it moved along the vertex's normal. Both differ where facets are flat.
+    """
+    return bpy.app.version >= (5, 2, 0)
+
+
 def blender_series() -> str:
     """The series of this Blender, such as 5.0. All versions of a series have the same properties."""
     return f"{bpy.app.version[0]}.{bpy.app.version[1]}"
