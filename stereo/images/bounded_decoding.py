@@ -74,13 +74,12 @@ class _Decoder:
 
     def __init__(self) -> None:
         from ...render.workers.job import python_command
-        from ...render.workers.process import clean_environment
 
         self.owner = os.getpid()
         try:
             self._process = system.start(
                 python_command(sys.executable, "decode"),
-                system.KEEPS_MEMORY | clean_environment() | _ENVIRONMENT,
+                {**os.environ, **system.KEEPS_MEMORY, **_ENVIRONMENT},  # the same Python finds the same packages
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,

@@ -180,6 +180,23 @@ def test_a_crash_costs_one_image(tmp_path):
     assert decoder() is not first
 
 
+def test_it_finds_packages_where_this_process_finds_them(tmp_path, monkeypatch):
+    """Clusters have packages on PYTHONPATH; a module there that Python imports at its start tells that it is read."""
+    (tmp_path / "usercustomize.py").write_text(f"open({str(tmp_path / 'read')!r}, 'w').close()\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.delenv("PYTHONNOUSERSITE", raising=False)
+    subprocess.run([sys.executable, "-c", ""], check=True)
+    if not (tmp_path / "read").exists():
+        (tmp_path / "usercustomize.py").rename(tmp_path / "sitecustomize.py")
+    (tmp_path / "read").unlink(missing_ok=True)
+    bounded_decoding.stop_decoder()
+    path = tmp_path / "a.png"
+    path.write_bytes(png())
+    read_image(path)
+    bounded_decoding.stop_decoder()
+    assert (tmp_path / "read").exists()
+
+
 def test_a_hang_costs_one_image(tmp_path, monkeypatch):
     path = tmp_path / "a.png"
     path.write_bytes(png())
