@@ -85,11 +85,11 @@ def _calendar_lack(year: int, month: int, day: int, hour: int, minute: int, seco
     if not 1 <= month <= 12:
         return "a year has 12 months; write a month from 01 to 12"
     first = np.datetime64(f"{year:04}-{month:02}", "M")
-    days = int(((first + 1).astype("datetime64[D]") - first.astype("datetime64[D]")).astype(int))
+    days = int(((first + np.timedelta64(1, "M")).astype("datetime64[D]") - first.astype("datetime64[D]")).astype(int))
     if not 1 <= day <= days:
         return f"{first} has {days} days; write a day from 01 to {days}"
     if hour > 23:
-        next_day = first.astype("datetime64[D]") + day
+        next_day = first.astype("datetime64[D]") + np.timedelta64(day, "D")
         return "the hours of a day are 00 to 23; " + (
             "write an hour from 00 to 23" if hour > 24 or minute or second else f"write its end as {next_day}T00:00:00"
         )
