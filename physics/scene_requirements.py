@@ -173,6 +173,20 @@ def _left_out_of(topic: str, settings: Settings) -> Iterator[str]:
         yield f"{topic}: fine relief for camera rays only, because quality.fine_relief is CAMERA."
 
 
+def _left_out_of_veil(settings: Settings) -> Iterator[str]:
+    depth, followed = settings.veil.optical_depth, 1 + settings.quality.diffuse_bounces
+    if depth > 0:
+        yield (
+            "truth: no veil in depth, normals and hidden pixels, because they are those of the ground behind it "
+            "(veil.optical_depth)."
+        )
+    if depth > followed:
+        yield (
+            f"light: what the veil scatters more than {followed} times is lost, and one of this optical depth scatters "
+            "most light more often; raise quality.diffuse_bounces or lower veil.optical_depth."
+        )
+
+
 def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
     """Sentences, for the user and ``pair.json``, on each part of the settings that is not rendered, with its reason.
 
@@ -201,11 +215,7 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
         sentences.append(
             f"files: {what} rounded to 11 bits, because quality.half_floats is {settings.quality.half_floats}."
         )
-    if settings.veil.optical_depth > 0:
-        sentences.append(
-            "truth: no veil in depth, normals and hidden pixels, because they are those of the ground behind it "
-            "(veil.optical_depth)."
-        )
+    sentences += _left_out_of_veil(settings)
     if settings.quality.truth != "FULL":
         what = "labels" if settings.quality.truth == "DEPTH" else "labels of single rocks and objects"
         sentences.append(f"truth: no normals and no {what}, because quality.truth is {settings.quality.truth}.")

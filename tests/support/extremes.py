@@ -305,6 +305,8 @@ def why_black(built: Built, pair: Pair, view: View, eye: str) -> str:
     sun, shine = built.sun.data.energy, built.planetshine
     if sun == 0 and shine is None:
         return "no light is up"
+    if built.settings.veil.optical_depth > 1 + built.settings.quality.diffuse_bounces:
+        return "the veil scatters light more often than it is followed"
     lights = ([(built.sun, sun)] if sun else []) + ([(shine, shine.data.energy)] if shine is not None else [])
     if all(power == 0 for _, power in lights):
         return "the lights have no power"

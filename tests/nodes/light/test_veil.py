@@ -177,6 +177,13 @@ def test_what_cannot_have_a_veil_is_refused_or_said():
     assert any("traced although" in each and "veil.optical_depth" in each for each in said)
 
 
+@pytest.mark.parametrize(("depth", "bounces", "is_said"), [(4.0, 3, False), (4.001, 3, True), (4.001, 4, False)])
+def test_scattering_that_is_not_followed_is_said(depth, bounces, is_said):
+    thick = admitted({"veil": {"optical_depth": depth}, "quality": {"diffuse_bounces": bounces}})
+    said = find_left_out(thick, sky_facts(sky(thick.light)))
+    assert any("more than" in each and "quality.diffuse_bounces" in each for each in said) == is_said
+
+
 def test_without_a_veil_its_settings_change_no_id():
     assert digest(complete({"veil": {"optical_depth": 0.0}})) == digest(complete())
     assert digest(admitted()) != digest(complete())
