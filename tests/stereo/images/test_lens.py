@@ -144,7 +144,10 @@ def sensor_rays(camera, k):
     v, u = np.indices((camera.height_px, camera.width_px)) + 0.5
     matrix = np.array(camera.matrix)
     ends = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-12)
-    found = cv2.undistortPointsIter(np.stack([u, v], axis=-1).reshape(-1, 1, 2), matrix, np.array(k), None, None, ends)
+    # In OpenCV 5 the other function takes the criteria.
+    undistort = vars(cv2).get("undistortPointsIter", vars(cv2)["undistortPoints"])
+    pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
+    found = undistort(pixels, matrix, np.array(k), R=None, P=None, criteria=ends)
     return found.reshape(camera.height_px, camera.width_px, 2).transpose(2, 0, 1)
 
 
