@@ -246,10 +246,8 @@ def _ros_eyes(
             f"{of_left.height_px} px."
         )
     first, second = (_ros_eye(path, camera, reason is not None) for path, camera in cameras)
-    if (
-        reason is not None
-        and max(abs(first.lens.focal_px - second.lens.focal_px), abs(first.lens.cy_px - second.lens.cy_px)) > _ALIKE_PX
-    ):
+    apart_px = max(abs(first.lens.focal_px - second.lens.focal_px), abs(first.lens.cy_px - second.lens.cy_px))
+    if reason is not None and apart_px > _ALIKE_PX:
         raise IcyMoonError(
             f"{left} and {right}: {reason}, and the images that projection_matrix states are no "
             f"rectified pair: focal lengths of {first.lens.focal_px:.2f} and "

@@ -89,25 +89,21 @@ def _parse(foreign: ForeignBytes) -> RosCamera:
     rotation = _numbers(stated, "rectification_matrix", 9).reshape(3, 3)
     if not np.abs(rotation @ rotation.T - np.eye(3)).max() < _TURNED or np.linalg.det(rotation) < 0:
         raise ValueError("rectification_matrix is no rotation")
-    matrices = (
-        _numbers(stated, "camera_matrix", 9).reshape(3, 3),
-        _numbers(stated, "projection_matrix", 12).reshape(3, 4),
-    )
+    matrix = _numbers(stated, "camera_matrix", 9).reshape(3, 3)
+    projection = _numbers(stated, "projection_matrix", 12).reshape(3, 4)
     whole = 0, 0, _whole(stated, "image_width"), _whole(stated, "image_height")
-    window, binning = (
-        _window(stated.get("roi", {}), whole),
-        (_binning(stated, "binning_x"), _binning(stated, "binning_y")),
-    )
-    for matrix in matrices:
-        matrix[:2, 2] -= window[:2]
-        matrix[:2] /= np.array(binning)[:, None]
+    window = _window(stated.get("roi", {}), whole)
+    binning = _binning(stated, "binning_x"), _binning(stated, "binning_y")
+    for each in (matrix, projection):
+        each[:2, 2] -= window[:2]
+        each[:2] /= np.array(binning)[:, None]
     width, height = window[2] // binning[0], window[3] // binning[1]
     return RosCamera(
-        matrices[0],
+        matrix,
         model,
         tuple(map(float, k)),
         rotation,
-        matrices[1],
+        projection,
         width,
         height,
         window if window != whole else None,

@@ -490,7 +490,7 @@ MOST_LINES = 40
 LONGER = {
     "render/pair_record.py:pair_json": "the content of a file, key by key",
     "settings/blender/scene_properties.py:_make_variations": "a table of declared properties",
-    "stereo/adapters/mitsuba_hapke.py:register_law": "a class of Mitsuba, which is imported only where it is used",
+    "stereo/adapters/mitsuba_hapke.py:register_bsdf": "a class of Mitsuba, which is imported only where it is used",
     "stereo/cli.py:add_evaluate_options": "a table of declared options",
     "stereo/report/html.py:write_report": "the names that a template gets",
 }

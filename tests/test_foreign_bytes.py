@@ -521,7 +521,7 @@ ALLOWED: dict[str, str] = {
     "settings/pair_ids.py": "json.loads: what this process counted",
     "stereo/adapters/icymoon_serve.py": "json.loads, np.load, open: for another Python, on what we wrote",
     "stereo/adapters/mitsuba_render.py": "ElementTree.parse, read_text: for another Python, on its user's file",
-    "stereo/export/training.py": "open, tarfile.open: archives that this process writes, and their checksums",
+    "stereo/export/training.py": "tarfile.open: archives that this process writes",
     "stereo/images/bounded_decoding.py": "OpenEXR.File, json.loads: in the process with bounds; our requests to it",
     "stereo/images/exr.py": "OpenEXR.File, open: checked before; the null device",
     "stereo/images/image_files.py": "ZipFile, imdecode: written; our pictures, and others' with bounds",

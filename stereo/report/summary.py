@@ -144,7 +144,6 @@ def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
     ``histograms`` those of ``disparity_histograms``. A quantile over all true pixels is infinite in a pair with too few
     measured ones; its mean is then null.
     """
-    values = table.values[method]
     counted = table.counts[method]
     result: dict[str, Any] = {
         "method": table.methods[method],
@@ -153,14 +152,13 @@ def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
         "suspect": int((~counted & ~table.failed[method]).sum()),
         "scenes": len(np.unique(table.scenes[counted])),
     }
-    columns = values[:, [_PLACE[key] for key in _AVERAGED]]
+    columns = table.values[method][:, [_PLACE[key] for key in _AVERAGED]]
     result |= {key: _none_if_not_finite(mean) for key, mean in zip(_AVERAGED, _mean_of_columns(columns), strict=True)}
     result |= {key: int(np.nansum(table.column(method, key))) for key in _COUNTS}
     with_truth = counted & (table.column(method, "true_pixels") > 0)
     result |= {key: None for key in _TOTAL_QUANTILES if np.isnan(table.column(method, key)[with_truth]).any()}
-    bounds = find_mean_intervals(
-        columns[counted], table.scenes[counted], np.array([is_share(key) for key in _AVERAGED])
-    )
+    shares = np.array([is_share(key) for key in _AVERAGED])
+    bounds = find_mean_intervals(columns[counted], table.scenes[counted], shares)
     result["intervals"] = {
         key: [float(low), float(high)]
         for key, (low, high) in zip(_AVERAGED, bounds, strict=True)
@@ -170,9 +168,8 @@ def summarise_method(table: ResultTable, method: int) -> dict[str, Any]:
     for metric in POOLED:
         numbers = table.column(method, metric)
         known = ~np.isnan(numbers) & (weights > 0)
-        result[f"pooled_{metric}"] = _divide_or_none(
-            float((numbers * weights)[known].sum()), float(weights[known].sum())
-        )
+        total = float((numbers * weights)[known].sum())
+        result[f"pooled_{metric}"] = _divide_or_none(total, float(weights[known].sum()))
     result["pooled_coverage"] = _divide_or_none(result["n"], float(np.nansum(table.column(method, "true_pixels"))))
     result["error_curve"] = table.curve(method, "error_curve")
     result["sparsification"] = {key: table.curve(method, key) for key in ("texture", "best")}

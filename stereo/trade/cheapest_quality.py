@@ -46,17 +46,14 @@ def find_cheapest_quality(bench: TradeBench, tolerance: Tolerance) -> dict[str, 
 
     methods = parse_methods(bench.methods, own=bench.own)
     best = reference(bench.settings, bench.samples)
-    ladder, parts = (
-        candidates(bench.settings, check_abilities(bench, best.settings), bench.images),
-        leaner_settings(bench.settings),
-    )
+    ladder = candidates(bench.settings, check_abilities(bench, best.settings), bench.images)
+    parts = leaner_settings(bench.settings)
     counter = RenderCounter(bench.on_event, best.repeats + len(ladder) + len(parts))
     file = bench.out / "auto.toml"
     with explain_disk_errors("write to", bench.out):
         remove(file)  # of an earlier search
-    search = _QualitySearch(
-        bench, read_reference(render_all(best, bench, counter), methods, {}), methods, tolerance, counter
-    )
+    exact = read_reference(render_all(best, bench, counter), methods, {})
+    search = _QualitySearch(bench, exact, methods, tolerance, counter)
     chosen = next((variant for variant in ladder if search.try_variant(variant)), None)
     if chosen is None:
         return {

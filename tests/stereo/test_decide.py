@@ -272,7 +272,7 @@ def test_a_depth_of_nothing_takes_no_site_and_is_told_in_words(dataset, tmp_path
 
 
 def test_ground_that_the_arm_does_not_reach_counts_nowhere(dataset, tmp_path, monkeypatch):
-    monkeypatch.setattr(workspace, "find_margins", lambda *given: np.full(given[-1].shape, np.nan))
+    monkeypatch.setattr(workspace, "find_joint_margins_deg", lambda *given: np.full(given[-1].shape, np.nan))
     report = run([dataset], tmp_path / "out")
     assert not report["failed"]
     assert report["summary"][1]["base_rate"] is None

@@ -177,7 +177,7 @@ def test_after_kill_9_the_rows_that_were_made_are_kept_and_no_process_stays(data
 def test_what_a_matcher_prints_is_no_message(tmp_path):
     code = (
         "import os\nfrom icymoon.stereo import measuring_processes as m\n"
-        "out = m._apart_from_prints()\nprint('noise')\nos.write(1, b'more')\nm._say(out, {'type': 'done'})\n"
+        "out = m._take_standard_output()\nprint('noise')\nos.write(1, b'more')\nm._write_event(out, {'type': 'done'})\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout == '{"type": "done"}\n'

@@ -183,7 +183,7 @@ def generator_row(crops, rig):
     """The principal row that the sample of this epoch will state."""
     random = generator(0, "training", crops._epoch, int(crops.pairs[0].id, 16))
     random.integers(2**31 - 1)
-    return rig.cy_px - crops._window(crops.pairs[0], random)[3]
+    return rig.cy_px - crops._draw_window(crops.pairs[0], random)[3]
 
 
 def test_light_of_the_planet_is_weighed_in_samples(tmp_path):

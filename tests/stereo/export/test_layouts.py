@@ -372,7 +372,7 @@ def test_a_pair_that_fails_leaves_nothing_half_written(dataset, tmp_path, monkey
         ("kitti", "layouts.write_text"),
         ("coco", "layouts.coco_annotations"),
         ("sceneflow", "training.write_pfm"),
-        ("webdataset", "training._files_of"),
+        ("webdataset", "training._encode_pair_files"),
     ],
 )
 def test_a_pair_that_fails_is_nowhere_in_a_folder_of_all_pairs(dataset, tmp_path, monkeypatch, kind, last):

@@ -83,7 +83,7 @@ def test_an_export_that_is_stopped_leaves_no_shard(dataset, tmp_path, monkeypatc
         made.append(end)
         return b"0"
 
-    monkeypatch.setattr(training, "encoded", fail)
+    monkeypatch.setattr(training, "encode_image", fail)
     with pytest.raises(KeyboardInterrupt):
         export([dataset], "webdataset", tmp_path / "stopped")
     assert made
