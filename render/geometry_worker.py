@@ -35,7 +35,14 @@ from ..support.labels import PLANET, SEMANTIC
 from ..support.printer import emit
 from .ground_files import frame_facts, refuse_too_many, write_map, write_meshes
 from .ground_maps import make_ground_map
-from .mesh_arrays import is_rendered, read_corners, read_triangles, read_vertices
+from .mesh_arrays import (
+    is_rendered,
+    read_corner_normals,
+    read_corners,
+    read_triangles,
+    read_vertex_normals,
+    read_vertices,
+)
 from .moved_vertices import as_rendered, is_moved
 from .plans.planned_pair import PlannedPair
 from .scene_source import ScenesFromSettings
@@ -53,10 +60,7 @@ def mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
     Corners share a vertex where the surface is smooth. Otherwise each corner of a triangle has a separate vertex.
     """
     loops, corners, positions = read_triangles(mesh)[0].ravel(), read_corners(mesh), read_vertices(mesh)
-    smooth, split = (np.empty(3 * count, np.float32) for count in (len(mesh.vertices), len(mesh.loops)))
-    mesh.vertex_normals.foreach_get("vector", smooth)
-    mesh.corner_normals.foreach_get("vector", split)
-    smooth, split = (values.reshape(-1, 3) for values in (smooth, split))
+    smooth, split = read_vertex_normals(mesh), read_corner_normals(mesh)
     alone = (np.abs(smooth[corners] - split) > 1e-4).any(axis=1)[loops]
     used = np.zeros(len(positions), bool)
     used[corners[loops[~alone]]] = True

@@ -30,6 +30,20 @@ def read_corners(mesh: bpy.types.Mesh) -> Array:
     return corners
 
 
+def read_vertex_normals(mesh: bpy.types.Mesh) -> Array:
+    """The normals (n, 3) float32 of the vertices of a mesh."""
+    normals = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertex_normals.foreach_get("vector", normals)
+    return normals.reshape(-1, 3)
+
+
+def read_corner_normals(mesh: bpy.types.Mesh) -> Array:
+    """The normals (k, 3) float32 of the corners of facets of a mesh, which differ at a vertex of flat facets."""
+    normals = np.empty(3 * len(mesh.loops), np.float32)
+    mesh.corner_normals.foreach_get("vector", normals)
+    return normals.reshape(-1, 3)
+
+
 def read_triangles(mesh: bpy.types.Mesh) -> tuple[Array, Array]:
     """Corners (m, 3) of the triangles that a mesh is rendered as, and the facet (m,) of each."""
     mesh.calc_loop_triangles()

@@ -28,7 +28,14 @@ from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
 from . import texel_bakes
-from .mesh_arrays import read_corners, read_smooth, read_triangles, read_vertices
+from .mesh_arrays import (
+    read_corner_normals,
+    read_corners,
+    read_smooth,
+    read_triangles,
+    read_vertex_normals,
+    read_vertices,
+)
 
 #: Facets whose texels are baked at a time: about 600 MB.
 _BAKED_FACETS = 2_000_000
@@ -129,19 +136,16 @@ def _group_corners(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array]:
     normal, and moves them apart.
     """
     corners = read_corners(mesh)
-    normals = np.empty(3 * len(mesh.loops), np.float32)
-    mesh.corner_normals.foreach_get("vector", normals)
-    normals = normals.reshape(-1, 3)
     sharp = mesh.attributes.get("sharp_edge")
     marks = np.zeros(len(sharp.data) if sharp is not None else 0, bool)
     if sharp is not None:
         sharp.data.foreach_get("value", marks)
     if not marks.any() and not mesh.has_custom_normals:
-        along = np.empty((len(mesh.vertices), 3), np.float32)
-        mesh.vertex_normals.foreach_get("vector", along.ravel())
+        along = read_vertex_normals(mesh)
         if compat.moves_along_first_corner():
-            along[corners[::-1]] = normals[::-1]
+            along[corners[::-1]] = read_corner_normals(mesh)[::-1]
         return corners, np.arange(len(mesh.vertices)), along
+    normals = read_corner_normals(mesh)
     rows = np.column_stack([corners.view(np.float32), normals + np.float32(0)])  # no negative zeros
     _, first, groups = np.unique(
         rows.view(np.dtype((np.void, rows.itemsize * 4))), return_index=True, return_inverse=True
