@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...physics.arm.kinematics import pose as rigid_pose
 from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ...physics.camera.lens_models import Brown, Fisheye, LensModel
 from ...support.files import quote, write_text
@@ -17,7 +18,6 @@ from .options import (
     MOST_BYTES,
     Reading,
     Stated,
-    matrix_of,
     numbers_of,
     opencv_lens,
     pose_of,
@@ -53,7 +53,7 @@ def _parse(foreign: ForeignBytes, stated: Stated) -> Reading:
                 rotation, shift = pose_of(numbers_of(entry["T_cn_cnm1"], "T_cn_cnm1", 4, 4))
                 # The camera checks the rotation before it is chained with others.
                 step = _camera(entry, name, number, stated).placed(rotation, shift * stated.unit_m())
-                pose = matrix_of(step.rotation, step.translation_m) @ pose
+                pose = rigid_pose(step.rotation, step.translation_m) @ pose
             cameras.append(_camera(entry, name, number, stated).placed(pose[:3, :3], pose[:3, 3]))
         except (ValueError, KeyError) as error:
             raise ValueError(f"{name}: {reason_of(error)}") from None
@@ -97,7 +97,7 @@ def write_kalibr(rig: CalibratedRig, paths: Sequence[Path]) -> None:
     before = np.eye(4)
     for number, camera in enumerate(rig.from_first().cameras):
         same, lens = opencv_lens(camera)
-        pose = matrix_of(same.rotation, same.translation_m)
+        pose = rigid_pose(same.rotation, same.translation_m)
         lines.append(f"cam{number}:")
         if number:
             lines.append("  T_cn_cnm1:")

@@ -159,13 +159,6 @@ def pose_of(matrix: Array) -> tuple[Array, Array]:
     return matrix[:3, :3], matrix[:3, 3]
 
 
-def matrix_of(rotation: Array, translation: Array) -> Array:
-    """The matrix (4, 4) of a rotation and a translation."""
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = rotation, translation
-    return found
-
-
 def words_of(numbers: Any) -> str:
     """Numbers with all of their digits, and commas between them."""
     return ", ".join(repr(float(number)) for number in np.ravel(numbers))

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from ...physics.arm.kinematics import pose
 from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ...physics.camera.lens_models import Brown, Fisheye
 from ...support.files import quote, write_json
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_json, read, reason_of
-from .options import Reading, Stated, matrix_of, numbers_of, opencv_lens, pose_of, why_no_opencv_lens
+from .options import Reading, Stated, numbers_of, opencv_lens, pose_of, why_no_opencv_lens
 
 _KIND = "a transforms.json"
 _FIX = "give a file with frames, fl_x, fl_y, cx, cy, w, h and a transform_matrix of each frame"
@@ -87,7 +88,7 @@ def _frame(camera: CalibratedCamera, number: int) -> dict[str, Any]:
     names = ("k1", "k2", "k3", "k4") if is_fisheye else ("k1", "k2", "p1", "p2", "k3")
     return {
         "file_path": camera.name or f"camera{number}",
-        "transform_matrix": (matrix_of(camera.rotation.T, camera.centre_m) @ _FLIP).tolist(),
+        "transform_matrix": (pose(camera.rotation.T, camera.centre_m) @ _FLIP).tolist(),
         "camera_model": "OPENCV_FISHEYE" if is_fisheye else "OPENCV",
         "w": camera.width_px,
         "h": camera.height_px,

@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from ...physics.arm.kinematics import pose, turn
+from ...physics.camera.rotations import from_vector, to_vector
 from ...support.arrays import Array
 
 #: Maximum number of steps; the turn (rad) and shift (m) below which the steps end.
@@ -117,21 +118,10 @@ def _step_motion(surface: Array, points: Array, motion: Array) -> tuple[Array, f
     left = float(np.sqrt((residual**2).mean()))
     rows = np.hstack([np.cross(place, normal), normal])
     certainty = 1 / (_TOGETHER * max(left, _NOISE_M) ** 2)
-    off = np.append(_rotation_vector(motion[:3, :3]), motion[:3, 3])
+    off = np.append(to_vector(motion[:3, :3]), motion[:3, 3])
     before = np.repeat([_TURN, _SHIFT_M], 3) ** -2.0
     solved = np.linalg.solve(certainty * rows.T @ rows + np.diag(before), certainty * rows.T @ residual - before * off)
-    angle = float(np.linalg.norm(solved[:3]))
-    return pose(turn(solved[:3] / angle, angle) if angle else None, solved[3:]), left
-
-
-def _rotation_vector(rotation: Array) -> Array:
-    """The axis of a rotation (3, 3) times its angle, rad; below half a turn."""
-    sines = (
-        np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
-        / 2
-    )
-    sine = float(np.linalg.norm(sines))
-    return sines * (math.atan2(sine, (np.trace(rotation) - 1) / 2) / sine) if sine else sines
+    return pose(from_vector(solved[:3]), solved[3:]), left
 
 
 def _transform_cloud(cloud: Array, motion: Array) -> Array:

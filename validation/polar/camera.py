@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...physics.camera.rotations import from_vector
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from .data_set import (
@@ -55,14 +56,6 @@ def camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Array:
     right = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
     about = np.array([[math.cos(roll), math.sin(roll), 0.0], [-math.sin(roll), math.cos(roll), 0.0], [0.0, 0.0, 1.0]])
     return about @ np.stack([right, np.cross(forward, right), forward])
-
-
-def _rotation_from_vector(vector: Array) -> Array:
-    """Rotation (3, 3) about a vector by its length in radians (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector / angle if angle else vector
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
 
 
 @dataclass(frozen=True)
@@ -124,7 +117,7 @@ def _make_eye(x: Array, position: str, eye: str, pose: Array) -> Eye:
     if eye == "L":
         return Eye(x[0], _CENTRE + x[1:3], x[6], x[7], turn, place)
     # In the left eye's axes a point at q is at turn' q - shift in the right eye's.
-    beside = _rotation_from_vector(x[8:11])
+    beside = from_vector(x[8:11])
     return Eye(x[3], _CENTRE + x[4:6], x[6], x[7], beside @ turn, place + turn.T @ beside.T @ x[11:14])
 
 
