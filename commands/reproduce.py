@@ -24,16 +24,13 @@ from .batch import add_worker_options, parse_workers, render
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from ..render.plans.planned_pair import PlannedPair
     from ..stereo.matchers.methods import Method
     from ..stereo.paper.parts import Part
 
 Event = Callable[[dict[str, Any]], None]
 #: The papers that can be reproduced.
 PAPERS = ("guiss",)
-#: Folder of the results in a data set.
-_EVALUATION = "evaluation"
-#: The data sets that are matched; the figures are only shown.
-_MATCHED = ("data", "albedo")
 #: Processor seconds of measuring a megapixel by the paper's matchers without the networks, of writing a report, and
 #: bytes of the results of a megapixel (2-core x86 server, a pair of 640 x 480 px).
 _MEASURE_S_PER_MPX, _REPORT_S, _MEASURE_BYTES_PER_MPX = 4.5, 30.0, 6.5e6
@@ -132,21 +129,16 @@ def _write(
     """Match the pairs, and write tables and figures; the path of the page."""
     from ..stereo.evaluate import evaluate
     from ..stereo.paper.page import write_paper
+    from ..stereo.paper.parts import EVALUATIONS
     from ..stereo.paper.results import read_measured
 
     out = options.out.absolute()
+    labels = [method.label for method in methods]
     measured = {}
-    for name in _MATCHED:
-        tell = steps.begin(f"Measuring {name}", _MATCHING * len(parts[name].pairs))
-        evaluation = out / name / _EVALUATION
-        report = evaluate(
-            [out / name],
-            methods,
-            evaluation,
-            on_event=partial(_forward, tell),
-            guiss=True,
-        )
-        labels = [method.label for method in methods]
+    for name, (part, folder, response) in EVALUATIONS.items():
+        tell = steps.begin(f"Measuring {name.replace('_', ', ')}", _MATCHING * len(parts[part].pairs))
+        evaluation = out / part / folder
+        report = evaluate([out / part], methods, evaluation, response, partial(_forward, tell), guiss=True)
         measured[name] = read_measured(evaluation, [pair["pair"] for pair in report["pairs"]], labels)
     return write_paper(out, parts, measured, missing, options.scale, len(parts["data"].pairs))
 
@@ -160,7 +152,8 @@ class _Steps:
 
     def __init__(self, tell: Event, parts: dict[str, Part]) -> None:
         self._tell = tell
-        self._total = sum(len(part.pairs) * (1 + _MATCHING * (name in _MATCHED)) for name, part in parts.items())
+        matched = _list_matched_pairs(parts)
+        self._total = sum(len(part.pairs) for part in parts.values()) + _MATCHING * len(matched)
         self._before = self._work = 0.0
 
     def begin(self, title: str, work: float) -> Callable[..., None]:
@@ -191,20 +184,25 @@ def _open_output(as_json: bool) -> Iterator[Event]:
         yield show
 
 
+def _list_matched_pairs(parts: dict[str, Part]) -> list[PlannedPair]:
+    """The pairs of each evaluation; the figures are only shown."""
+    from ..stereo.paper.parts import EVALUATIONS
+
+    return [pair for part, _, _ in EVALUATIONS.values() for pair in parts[part].pairs]
+
+
 def _print_estimate(parts: dict[str, Part], options: argparse.Namespace) -> int:
     """Print what the parts will take, and all together."""
+    from ..stereo.paper.parts import EVALUATIONS
+
     lines, hours, seconds, space = [], 0.0, 0.0, 0.0
     for name, part in parts.items():
         dataset = options.out.absolute() / part.folder
         found = estimate(part.pairs, dataset, recall_speed(str(part.pairs[0].settings.quality.device)))
         lines.append(f"{name}: {', '.join(found.lines())}")
         hours, seconds, space = hours + found.left_wall_s, seconds + found.left_s, space + found.left_bytes
-    mpx = sum(
-        pair.settings.rig.width_px * pair.settings.rig.height_px / 1e6
-        for name in _MATCHED
-        for pair in parts[name].pairs
-    )
-    measure_s = mpx * _MEASURE_S_PER_MPX + _REPORT_S * len(_MATCHED)
+    mpx = sum(pair.settings.rig.width_px * pair.settings.rig.height_px / 1e6 for pair in _list_matched_pairs(parts))
+    measure_s = mpx * _MEASURE_S_PER_MPX + _REPORT_S * len(EVALUATIONS)
     lines.append(
         f"measuring without networks: {duration_text(measure_s / found.processors)} on "
         f"{count_of(found.processors, 'processor')}, {size_text(mpx * _MEASURE_BYTES_PER_MPX)} on the disk"

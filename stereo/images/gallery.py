@@ -17,7 +17,9 @@ from .image_files import encode_image, read_picture, write_bytes
 SCREEN_GAMMA = 1 / 2.2
 #: JPEG qualities of a sheet; the first that gives a small enough file is taken.
 _QUALITIES = range(90, 20, -5)
-_COLUMNS, _CELL_PX, _CAPTION_PX = 3, 480, 48
+_COLUMNS, _CELL_PX = 3, 480
+#: Rows of a caption with its title and one line, and those that each further line adds.
+_CAPTION_PX, _LINE_PX = 48, 16
 
 
 def write_picture(pair_folder: Path, file: Path, stops: float = 0.0) -> None:
@@ -56,7 +58,7 @@ def write_sheet(
     columns: int = _COLUMNS,
     cell_px: int = _CELL_PX,
 ) -> None:
-    """Write pictures side by side, each with a title and a line of text below, as one JPEG of at most ``most_bytes``.
+    """Write pictures side by side, each with a title and lines of text below, as one JPEG of at most ``most_bytes``.
 
     A picture is a file, or uint8 grey (H, W) or BGR (H, W, 3); each is ``cell_px`` wide. Raises IcyMoonError if one
     cannot be read.
@@ -66,9 +68,15 @@ def write_sheet(
         for each, _, _ in pictures
     ]
     height = max(image.shape[0] for image in images)
+    caption_px = _CAPTION_PX + _LINE_PX * max(text.count("\n") for _, _, text in pictures)
     cells = [
-        np.vstack([np.pad(image, ((0, height - image.shape[0]), (0, 0), (0, 0))), _draw_caption(title, line, cell_px)])
-        for image, (_, title, line) in zip(images, pictures, strict=True)
+        np.vstack(
+            [
+                np.pad(image, ((0, height - image.shape[0]), (0, 0), (0, 0))),
+                _draw_caption(title, text, (caption_px, cell_px)),
+            ]
+        )
+        for image, (_, title, text) in zip(images, pictures, strict=True)
     ]
     columns = min(columns, len(cells))
     cells += [np.zeros_like(cells[0])] * (-len(cells) % columns)
@@ -86,8 +94,9 @@ def _scale_to_width(image: Array, width: int) -> Array:
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
 
 
-def _draw_caption(title: str, line: str, width: int) -> Array:
-    caption = np.zeros((_CAPTION_PX, width, 3), np.uint8)
-    for text, row, size in ((title, 18, 0.5), (line, 38, 0.4)):
-        cv2.putText(caption, text, (6, row), cv2.FONT_HERSHEY_SIMPLEX, size, (235, 235, 235), 1, cv2.LINE_AA)
+def _draw_caption(title: str, text: str, size_px: tuple[int, int]) -> Array:
+    caption = np.zeros((*size_px, 3), np.uint8)
+    below = ((line, 38 + _LINE_PX * k, 0.4) for k, line in enumerate(text.splitlines()))
+    for line, row, size in ((title, 18, 0.5), *below):
+        cv2.putText(caption, line, (6, row), cv2.FONT_HERSHEY_SIMPLEX, size, (235, 235, 235), 1, cv2.LINE_AA)
     return caption

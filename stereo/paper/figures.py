@@ -33,8 +33,8 @@ SHEETS = {
     "suns": (5, "Directions of the Sun", "Smooth and rugged ground under the paper's five lamps."),
     "rocks": (3, "Rocks with masks", "Image, semantic mask and instance mask of two densities and two sizes."),
 }
-#: Columns of a picture on a sheet, and letters of a line below it.
-_CELL_PX, _LINE = 320, 36
+#: Columns of a picture on a sheet, and letters of a title and of a line below it that fit for certain.
+_CELL_PX, _TITLE, _LINE = 320, 33, 42
 _MOST_BYTES = 1_000_000
 #: The setting of the albedo figure.
 _ALBEDO = "surface.albedo"
@@ -97,13 +97,19 @@ def write_figure_sheet(name: str, pairs: Sequence[PlannedPair], dataset: Path, f
     white = max(find_automatic_white(read_radiance(pair), pair) for pair in rendered)
     cells: list[tuple[Path | Array, str, str]] = []
     for pair, title in zip(rendered, titles, strict=True):
-        first, *rest = textwrap.wrap(_to_ascii(title), _LINE, max_lines=2, placeholder=" ...") or [""]
-        cells.append((to_screen_picture(read_radiance(pair), white), first, "".join(rest)))
+        cells.append((to_screen_picture(read_radiance(pair), white), *wrap_caption(title)))
         if name == "rocks":
             cells += _draw_masks(pair)
     columns, _, _ = SHEETS[name]
     write_sheet(cells, file, _MOST_BYTES, columns, _CELL_PX)
     return True
+
+
+def wrap_caption(text: str) -> tuple[str, str]:
+    """A text as a title and lines below it that fit under a picture of a sheet, nothing left out."""
+    first, *_ = textwrap.wrap(_to_ascii(text), _TITLE) or [""]
+    rest = _to_ascii(text)[len(first) :].strip()
+    return first, textwrap.fill(rest, _LINE)
 
 
 def _to_ascii(text: str) -> str:

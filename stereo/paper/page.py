@@ -6,8 +6,6 @@ import base64
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
 from ...support.files import write_text
 from ...support.number_text import count_of
 from ..report.charts import list_method_keys
@@ -28,26 +26,19 @@ from .tables import (
     make_runtimes_latex,
 )
 
-#: The set that varies the albedo at automatic exposure.
-_GENERATIVE = "generative"
+#: The charts of error by albedo: the evaluation of each, and its title.
+_ALBEDOS = {
+    "albedo": ("albedo_one_exposure", "One exposure for all albedos, as in the paper"),
+    "albedo_automatic": ("albedo_automatic", "The same pairs at automatic exposure"),
+}
 
 
-def _draw_albedos(
-    parts: Mapping[str, Part], measured: Mapping[str, PaperResults], out: Path
-) -> list[tuple[str, SweepCharts]]:
+def _draw_albedos(measured: Mapping[str, PaperResults], out: Path) -> list[tuple[str, SweepCharts]]:
     """The charts of error by albedo, with their titles."""
-    data = measured["data"]
-    names = {pair.id for pair in parts["data"].sets[_GENERATIVE]}
-    chosen = [k for k, pair in enumerate(data.facts) if pair["pair"] in names]
-    generative = PaperResults(
-        data.table.where(np.isin(np.arange(len(data.facts)), chosen)), [data.facts[k] for k in chosen], data.out
-    )
-    albedo = {
-        "albedo_one_exposure": ("One exposure for all albedos, as in the paper", measured["albedo"]),
-        "albedo_automatic": ("Automatic exposure, the pairs of made-up texture", generative),
-    }
     return [
-        (title, drawn) for name, (title, each) in albedo.items() if (drawn := draw_albedo(each, name, out)) is not None
+        (title, drawn)
+        for key, (name, title) in _ALBEDOS.items()
+        if (drawn := draw_albedo(measured[key], name, out)) is not None
     ]
 
 
@@ -61,7 +52,7 @@ def write_paper(
 ) -> Path:
     """Write all tables and figures to ``out``; the path of the page.
 
-    ``measured`` are the evaluations of the ``data`` and of the ``albedo`` pairs, ``missing`` is why a matcher could not
+    ``measured`` are the evaluations of ``parts.EVALUATIONS``, ``missing`` is why a matcher could not
     run, ``scale`` the size of the images over the paper's, ``planned`` the number of pairs of the table.
     """
     data = measured["data"]
@@ -92,7 +83,7 @@ def write_paper(
         runtime_columns=RUNTIME_COLUMNS,
         runtimes=runtimes,
         keys=list_method_keys(data.table.methods),
-        charts=_draw_albedos(parts, measured, out),
+        charts=_draw_albedos(measured, out),
         qualitative=_embed_picture(out / "qualitative.jpg") if shown else "",
         sheets=sheets,
         folders=[part.folder for part in parts.values()],

@@ -25,6 +25,13 @@ FIGURES = ("ruggedness", "subsurface", "texture", "suns", "rocks")
 _OF_FIGURES = 0.5
 #: Grounds of each set that its cameras are checked on before the render, which sets aside what cannot be rendered.
 _CHECKED_GROUNDS = 4
+#: The evaluations: the part that is matched, the folder in its own, and settings of the response. Images of the albedo
+#: figure are developed twice from one render, at its stated exposure and automatically exposed.
+EVALUATIONS: dict[str, tuple[str, str, Parts]] = {
+    "data": ("data", "evaluation", {}),
+    "albedo": ("albedo", "evaluation", {}),
+    "albedo_automatic": ("albedo", "evaluation_automatic", {"sensor": {"auto_exposure": True}}),
+}
 #: Share of the pairs of a quick run.
 QUICK = 0.1
 

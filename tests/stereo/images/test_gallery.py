@@ -51,6 +51,10 @@ def test_a_sheet_keeps_to_its_bytes_and_holds_every_picture(tmp_path):
     assert sheet.shape == (2 * (360 + 48), 3 * 480, 3)
     filled = [sheet[r : r + 360, c : c + 480].std() > 10 for r in (0, 408) for c in (0, 480, 960)]
     assert filled == [True] * 4 + [False] * 2
+    write_sheet([(shown[0][0], "Title", "one\ntwo\nthree")], tmp_path / "lines.jpg")
+    lines = cv2.imread(str(tmp_path / "lines.jpg"))
+    assert lines.shape == (360 + 48 + 2 * 16, 480, 3)
+    assert lines[-16:].max() > 200  # the third line
     (tmp_path / "0.png").write_bytes(b"no image")
     with pytest.raises(IcyMoonError, match=r"0\.png"):
         write_sheet(shown, tmp_path / "sheet.jpg")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import cv2
 import numpy as np
-from icymoon.stereo.paper.figures import SHEETS, colour_labels
+from icymoon.stereo.paper.figures import SHEETS, colour_labels, wrap_caption
 from icymoon.stereo.paper.parts import FIGURES
 
 
@@ -25,3 +26,13 @@ def test_labels_have_colours_of_their_own():
 
 def test_every_figure_has_a_sheet():
     assert tuple(SHEETS) == FIGURES
+
+
+def test_captions_lose_no_word_and_fit_their_picture():
+    """Also of the longest names, in the letters and sizes that the sheet has."""
+    text = "Terrain: Medium ruggedness, hummocks, Sun Azimuth 180°, Sun Elevation 22.5°, Surface: Specular Level 0.5"
+    title, below = wrap_caption(text)
+    assert f"{title} {below}".split() == text.replace("°", " deg").split()
+    for line, size in ((title, 0.5), *((each, 0.4) for each in below.splitlines())):
+        assert 6 + cv2.getTextSize(line, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0] <= 320
+    assert wrap_caption("") == ("", "")

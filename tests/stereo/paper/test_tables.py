@@ -16,7 +16,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.metrics import compute_depth_metrics
 from icymoon.stereo.paper.page import describe_size, write_paper
-from icymoon.stereo.paper.parts import SETS, Part
+from icymoon.stereo.paper.parts import EVALUATIONS, SETS, Part
 from icymoon.stereo.paper.printed import GROUPS, METHODS, METRICS
 from icymoon.stereo.paper.results import measure_rendering_seconds, read_measured
 from icymoon.stereo.paper.tables import (
@@ -188,7 +188,7 @@ def test_the_page_has_tables_figures_and_why_a_network_is_missing(measured, tmp_
     sets = {name: [] for name in SETS} | {"generative": planned[:2], "reconstructions": planned[2:]}
     part = Part("data", "", sets)
     page = write_paper(
-        tmp_path, {"data": part}, {"data": measured, "albedo": measured}, {"igev": "igev has no <checkpoint>."}, 0.5, 3
+        tmp_path, {"data": part}, dict.fromkeys(EVALUATIONS, measured), {"igev": "igev has no <checkpoint>."}, 0.5, 3
     )
     html = page.read_text(encoding="utf-8").replace("&#39;", "'")
     assert html.count("<tr>") + html.count("<tr class") == 2 + len(GROUPS) * (1 + len(METHODS)) + 7
