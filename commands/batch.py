@@ -26,7 +26,7 @@ from ..render.workers.verify import Findings, verify
 from ..support import printer
 from ..support.errors import IcyMoonError
 from ..support.files import remove_leftover_parts, shorten
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from ..support.system import call_ours, count_processors, kill_all, set_stop_handler, start
 from ..support.terminal import add_list, add_own_matchers, as_path, check_least, show_progress
 from .renderer_options import add_blender_option, add_cards_option
@@ -291,7 +291,7 @@ def _run_slurm(options: argparse.Namespace) -> int:
     printer.say(
         f"sbatch {shlex.quote(str(script))}"
         if script
-        else f"Nothing to render: {count_of(len(frozen.pairs), 'pair')} in {dataset}."
+        else f"Nothing to render: {format_count(len(frozen.pairs), 'pair')} in {dataset}."
     )
     return 0
 
@@ -311,11 +311,11 @@ def _run_verify(options: argparse.Namespace) -> int:
     if options.json:
         printer.emit("result", pairs=found.pairs, complete=found.complete, problems=len(found.problems))
     elif not found.problems:
-        printer.say(f"{count_of(found.complete, 'pair')}, all whole and as {_measure(found)}.")
+        printer.say(f"{format_count(found.complete, 'pair')}, all whole and as {_measure(found)}.")
     if found.problems:
         raise IcyMoonError(
-            f"{options.dataset}: {count_of(len(found.problems), 'problem')}, {found.complete} of "
-            f"{count_of(found.pairs, 'pair')} whole and as {_measure(found)}; "
+            f"{options.dataset}: {format_count(len(found.problems), 'problem')}, {found.complete} of "
+            f"{format_count(found.pairs, 'pair')} whole and as {_measure(found)}; "
             f"{_describe_fix(found, options.remove)}."
         )
     return 0

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..formats.cahvor import FIT_LIMIT_PX, Lens, nearest_lens, read_model
+from ..formats.cahvor import FIT_LIMIT_PX, Lens, find_nearest_lens, read_model
 from ..formats.calibrations.options import UNITS, Reading, Stated
 from ..formats.calibrations.registry import FORMATS, format_of, read_calibration, write_calibration
 from ..formats.calibrations.ros import place_of, ros_pair_of
@@ -23,9 +23,9 @@ from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.file_shapes import PIXELS
 from ..support.files import quote
-from ..support.foreign_bytes import explained
+from ..support.foreign_bytes import explain_errors
 from ..support.printer import say
-from ..support.suggestions import nearest
+from ..support.suggestions import suggest_nearest
 from ..support.terminal import as_path
 from .calibration_text import describe_rig
 
@@ -135,7 +135,7 @@ def _choose(reading: Reading, names: str | None) -> Reading:
     wanted = [name.strip() for name in names.split(",")]
     for name in wanted:
         if name not in known:
-            guess = nearest(name, list(known), otherwise=f"the first ones are {', '.join(list(known)[:6])}.")
+            guess = suggest_nearest(name, list(known), otherwise=f"the first ones are {', '.join(list(known)[:6])}.")
             raise IcyMoonError(f"--cameras: {quote(name)} is not there; {guess}")
     return Reading(CalibratedRig(tuple(known[name] for name in wanted)), reading.notes)
 
@@ -196,7 +196,7 @@ def read_rig(
 
 def _read_eye(path: Path, most_px: float) -> _Eye:
     model = read_model(path)
-    return _Eye(path, nearest_lens(model, most_px), model.pinhole()[1], model.c, (model.width_px, model.height_px))
+    return _Eye(path, find_nearest_lens(model, most_px), model.pinhole()[1], model.c, (model.width_px, model.height_px))
 
 
 def _read_any_eyes(
@@ -210,7 +210,7 @@ def _read_any_eyes(
             f"{where}: there are {count} cameras, and a rig here has two; "
             + ("name two of them by --cameras." if count > 2 else "give the calibration of both.")
         )
-    with explained(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
+    with explain_errors(where, "a calibration of two eyes side by side", "calibrate two eyes side by side"):
         cameras = ros_pair_of(reading.rig)
     first, second, notes = _ros_eyes((paths[0], paths[-1]), cameras, "of the mean of both eyes")
     return first, second, [*reading.notes, *notes]

@@ -21,7 +21,7 @@ from ..settings.description import check, defaults, merged
 from ..settings.topics.declaration import Parts
 from ..support.errors import IcyMoonError
 from ..support.printer import say
-from ..support.scratch import scratch_folder
+from ..support.scratch import open_scratch_folder
 from ..support.terminal import show_progress
 from .renderer_options import add_blender_option
 
@@ -55,7 +55,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def _run_check(options: argparse.Namespace) -> int:
     before, start = _processor_s(), time.perf_counter()
-    with scratch_folder() as folder:
+    with open_scratch_folder() as folder:
         job = Job(folder / "check", merged(defaults(), check(_SCENE, "check")))
         with show_progress("Starting Blender") as show:
             (pair,) = render_job(job, options.blender, show)

@@ -11,7 +11,7 @@ from ..plugins.installed import GROUPS, Found, Plugin, find
 from ..stereo.environment import packages
 from ..support.errors import IcyMoonError
 from ..support.printer import say
-from ..support.suggestions import nearest
+from ..support.suggestions import suggest_nearest
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -83,7 +83,7 @@ def _not_found(name: str, found: dict[str, Found]) -> str:
             f"No plug-in {name!r} is installed in this Python, nor any other; install its package with pip, and "
             f"give it an entry point in one of {', '.join(GROUPS.values())}."
         )
-    return f"No plug-in {name!r} is installed in this Python; {nearest(name, known)}"
+    return f"No plug-in {name!r} is installed in this Python; {suggest_nearest(name, known)}"
 
 
 def _list(found: dict[str, Found]) -> int:

@@ -8,8 +8,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..physics.camera.depth_accuracy import centre_advice
-from ..physics.scene_requirements import bake_advice
+from ..physics.camera.depth_accuracy import advise_on_principal_point
+from ..physics.scene_requirements import advise_on_bake
 from ..render.cost.abilities import find_lack, needs_full_build
 from ..render.cost.estimate import estimate
 from ..render.cost.speed import recall_speed
@@ -19,7 +19,7 @@ from ..render.plans.planned_pair import PlannedPair
 from ..render.plans.stratified import varied_settings
 from ..render.workers.process import report_errors
 from ..settings.preset_files import plan_names
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from ..support.printer import emit, say, warn
 from ..support.terminal import as_path, show_count
 
@@ -112,7 +112,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
     unchecked = plan.describe_unchecked()
     told = [line for line in (plan.describe_splits(), plan.describe_draws()) if line]
     # One image size mostly, so the same sentence of most pairs.
-    centred = dict.fromkeys(said for pair in pairs for said in centre_advice(pair.settings.rig))
+    centred = dict.fromkeys(said for pair in pairs for said in advise_on_principal_point(pair.settings.rig))
     lines = [
         *lack,
         *found.lines(),
@@ -147,8 +147,8 @@ def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) ->
 
 def _bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
     """A line on the pairs whose light is baked with too few samples, if there are any."""
-    found = [said for pair in pairs for said in bake_advice(pair.settings)]
-    return [f"In {len(found)} of {count_of(len(pairs), 'pair')}: {found[0]}"] if found else []
+    found = [said for pair in pairs for said in advise_on_bake(pair.settings)]
+    return [f"In {len(found)} of {format_count(len(pairs), 'pair')}: {found[0]}"] if found else []
 
 
 def _refusal_lines(plan: Plan) -> list[str]:

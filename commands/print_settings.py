@@ -42,7 +42,7 @@ def _run_settings(options: argparse.Namespace) -> int:
 
 def _run_presets(options: argparse.Namespace) -> int:
     for name in preset_files.preset_names():
-        title, text = preset_files.preset_header(name)
+        title, text = preset_files.read_preset_header(name)
         printer.say(f"{name:32} {title}. {text}")
     return 0
 

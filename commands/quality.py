@@ -13,13 +13,13 @@ from ..render.workers.process import report_errors
 from ..settings import description, toml_text
 from ..support import printer
 from ..support.errors import IcyMoonError
-from ..support.scratch import scratch_folder
+from ..support.scratch import open_scratch_folder
 from ..support.terminal import (
     add_json_lines,
     add_own_matchers,
     as_path,
-    named,
-    only_progress,
+    keep_progress,
+    list_named,
     show_progress,
     tell_events,
 )
@@ -113,8 +113,8 @@ def _run_quality(options: argparse.Namespace) -> int:
         device = str(settings.quality.device)
         speed = None if options.measure else recall_speed(device)
         if speed is None:
-            with scratch_folder() as folder, show_progress("Measuring this machine") as show:
-                speed = measure_speed(options.blender, device, folder, only_progress(show))
+            with open_scratch_folder() as folder, show_progress("Measuring this machine") as show:
+                speed = measure_speed(options.blender, device, folder, keep_progress(show))
         found = list_qualities(settings, count_triangles(settings), speed, _ask_abilities(options.blender))
     if options.json:
         printer.emit("result", speed=asdict(speed), qualities=[asdict(each) for each in found])
@@ -183,7 +183,7 @@ def _run_trade(options: argparse.Namespace) -> int:
         _say_all(report["decision_advice"])
         printer.say(str(page))
 
-    groups = named([group for group in options.groups.split(",") if group])
+    groups = list_named([group for group in options.groups.split(",") if group])
     return _run_bench(
         options, "Measuring", lambda bench: {**run_trade(bench, groups), "report": str(page)}, show, options.repeats
     )

@@ -14,7 +14,7 @@ from ..settings.topics.declaration import Parts
 from ..settings.topics.scene import Settings
 from ..support import printer
 from ..support.errors import IcyMoonError
-from ..support.terminal import add_list, as_path, named, show_progress
+from ..support.terminal import add_list, as_path, list_named, show_progress
 from .renderer_options import add_blender_option, add_cards_option
 from .scene_options import add_scene_options, read_settings
 
@@ -100,8 +100,8 @@ def _run_render(options: argparse.Namespace) -> int:
 def _run_demo(options: argparse.Namespace) -> int:
     dataset = options.out.absolute()
     for name, changes in DEMO.items():
-        path = preset_files.preset_path(name)
-        printer.say(preset_files.preset_header(name)[0])
+        path = preset_files.find_preset(name)
+        printer.say(preset_files.read_preset_header(name)[0])
         settings = description.merged(description.defaults(), preset_files.load(path), DEMO_ALIKE, changes)
         render_settings(settings, dataset, sys.executable)
     from ..stereo.cli import main as stereo
@@ -118,7 +118,7 @@ def _run_gallery(options: argparse.Namespace) -> int:
 
     known = [name.removeprefix("gallery/") for name in preset_files.preset_names("gallery")]
     out = options.out.absolute()
-    only = named(options.only)
+    only = list_named(options.only)
     if unknown := sorted(set(only) - set(known)):
         raise IcyMoonError(f"--only: no scene of the gallery is called {unknown[0]!r}; there are {', '.join(known)}.")
     if not abs(options.stops) <= _MOST_STOPS:
@@ -131,7 +131,7 @@ def _run_gallery(options: argparse.Namespace) -> int:
     check_abilities(described.values(), options.blender)
     for name in known:
         preset, picture = f"gallery/{name}", out / f"{name}{ending}.jpg"
-        title, text = preset_files.preset_header(preset)
+        title, text = preset_files.read_preset_header(preset)
         command = f"icymoon render --preset {preset}"
         if name in shown:
             printer.say(f"{title}. {text}: python -m {command} --out DATASET", at_once=True)

@@ -17,7 +17,7 @@ from ..settings.description import merged, override
 from ..stereo.environment import packages
 from ..support import printer
 from ..support.errors import IcyMoonError
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from ..support.terminal import as_path, check_least, show_progress
 from .batch import add_worker_options, parse_workers, render
 
@@ -205,11 +205,11 @@ def _print_estimate(parts: dict[str, Part], options: argparse.Namespace) -> int:
     measure_s = mpx * _MEASURE_S_PER_MPX + _REPORT_S * len(EVALUATIONS)
     lines.append(
         f"measuring without networks: {duration_text(measure_s / found.processors)} on "
-        f"{count_of(found.processors, 'processor')}, {size_text(mpx * _MEASURE_BYTES_PER_MPX)} on the disk"
+        f"{format_count(found.processors, 'processor')}, {size_text(mpx * _MEASURE_BYTES_PER_MPX)} on the disk"
     )
     hours, space = hours + measure_s / found.processors, space + mpx * _MEASURE_BYTES_PER_MPX
     lines.append(
-        f"together about {duration_text(hours)} on {count_of(found.processors, 'processor')}, "
+        f"together about {duration_text(hours)} on {format_count(found.processors, 'processor')}, "
         f"{duration_text(seconds + measure_s)} of a processor, {size_text(space)} on the disk"
     )
     if options.json:

@@ -10,10 +10,10 @@ from typing import Any
 from ..stereo.environment import packages
 from ..support import printer
 from ..support.errors import IcyMoonError
-from ..support.files import json_text, write_text
+from ..support.files import to_json_text, write_text
 from ..support.foreign_bytes import MOST_TEXT, read
-from ..support.suggestions import nearest
-from ..support.terminal import named, show_progress
+from ..support.suggestions import suggest_nearest
+from ..support.terminal import list_named, show_progress
 from ..validation.all_comparisons import load_comparisons
 from ..validation.comparison import DATA, FAILS, Bench, Comparison, Result, Say, load_own_comparison, run_comparison
 from ..validation.tables import list_sources, make_markdown_section, replace_sections, row_cells, summarise_result
@@ -27,14 +27,14 @@ def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) ->
         raise IcyMoonError(f"--own: two comparisons are called {double!r}; give yours another name.")
     for name in only:
         if name not in names:
-            raise IcyMoonError(f"--only: no comparison is called {name!r}; {nearest(name, names)}")
+            raise IcyMoonError(f"--only: no comparison is called {name!r}; {suggest_nearest(name, names)}")
     return [each for each in known if (each.name in only if only else each.quick or not quick)]
 
 
 def run_validate(options: argparse.Namespace) -> int:
     """Run the verb and return the exit status: 0 if all comparisons pass. Raises IcyMoonError for bad options."""
     packages.require_modules("numpy", "cv2", "OpenEXR")
-    only = named(options.only)
+    only = list_named(options.only)
     chosen = choose_comparisons(only, options.own_files, options.quick)
     without = [each for each in chosen if each.needs and each.name not in only and getattr(options, each.needs) is None]
     for each in without:
@@ -50,7 +50,7 @@ def run_validate(options: argparse.Namespace) -> int:
         "quick": options.quick,
         "comparisons": [result.to_json() for result in results],
     }
-    write_text(out / "validation.json", json_text(report))
+    write_text(out / "validation.json", to_json_text(report))
     write_text(out / "validation.md", "\n".join(make_markdown_section(result) for result in results))
     if options.page:
         page = _read_page(options.page)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..physics.light.ephemeris import date_text, parse_date
-from ..physics.light.scene_sun import described_by
-from ..physics.light.sky import check_body, sky, sky_facts
+from ..physics.light.ephemeris import format_date, parse_date
+from ..physics.light.scene_sun import sun_from_facts
+from ..physics.light.sky import check_body, compute_sky, describe_sky
 from ..settings.description import check, merged
 from ..settings.preset_files import preset_names
 from ..settings.topics.scene import Settings
@@ -91,8 +91,8 @@ def _run_sky(options: argparse.Namespace) -> int:
     for date in _dates(settings.light.date_utc, settings.light.directions_from, options.hours, options.every):
         light = merged(settings, {"light": {"date_utc": date}}).light
         dated = light.directions_from != "ANGLES"
-        facts = sky_facts(sky(light))
-        facts["sun"] = described_by(facts["sun"], light.directions_from).to_json()
+        facts = describe_sky(compute_sky(light))
+        facts["sun"] = sun_from_facts(facts["sun"], light.directions_from).to_json()
         if options.json:
             emit_json({"date_utc": date if dated else None, "body": light.body, **facts})
         rows.append(_row(date.replace("T", " ").removesuffix(":00") if dated else "by angles", facts))
@@ -120,7 +120,7 @@ def _preset_of(body: str | None) -> list[str]:
 def _dates(first: str, source: str, hours: float, every: float) -> list[str]:
     """The dates of the rows, in UTC. Raises IcyMoonError for an invalid date and for invalid steps."""
     if hours == 0:
-        return [first if source == "ANGLES" else date_text(parse_date(first))]
+        return [first if source == "ANGLES" else format_date(parse_date(first))]
     if source == "ANGLES":
         raise IcyMoonError("--hours needs a date; give --date, or set light.directions_from to DATE.")
     if not (0 < hours < np.inf and 0 < every < np.inf) or hours / every > _MOST_ROWS:
@@ -129,7 +129,7 @@ def _dates(first: str, source: str, hours: float, every: float) -> list[str]:
         )
     start = parse_date(first).astype("datetime64[s]")
     steps = np.arange(0.0, hours + every / 1e6, every)
-    return [date_text(start + np.timedelta64(round(3600 * step), "s")) for step in steps]
+    return [format_date(start + np.timedelta64(round(3600 * step), "s")) for step in steps]
 
 
 def _row(date: str, facts: dict[str, Any]) -> tuple[str, ...]:

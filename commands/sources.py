@@ -14,7 +14,7 @@ from pathlib import Path
 from ..paper_stand_ins.items import describe, items_of
 from ..render.pairs.pair_folder import find_pair_folders, read_pair
 from ..settings import description, preset_files, toml_text
-from ..settings.table import TOPICS, all_settings
+from ..settings.table import TOPICS, list_all_settings
 from ..settings.topics.declaration import Setting, Value
 from ..settings.topics.scene import Settings
 from ..settings.topics.stand_ins import MeshItem
@@ -53,7 +53,7 @@ class _Preset:
 
 def _read_preset(name: str) -> _Preset:
     """A shipped preset without the presets that it includes."""
-    path = preset_files.preset_path(name)
+    path = preset_files.find_preset(name)
     raw = toml_text.read_toml(path)
     stated = {topic: values for topic, values in raw.items() if topic in TOPICS}
     return _Preset(
@@ -101,7 +101,7 @@ def find_origins(settings: Settings, asked: Iterable[str] = ()) -> Iterator[Orig
     Raises IcyMoonError for an unknown name.
     """
     wanted, defaults = list(asked), description.defaults()
-    names = {f"{topic}.{setting.key}" for topic, setting in all_settings()} | set(TOPICS)
+    names = {f"{topic}.{setting.key}" for topic, setting in list_all_settings()} | set(TOPICS)
     for word in wanted:
         if word not in names:
             raise IcyMoonError(f"{word!r} is no topic and no setting; give for example light, or light.planet_albedo.")
@@ -109,7 +109,7 @@ def find_origins(settings: Settings, asked: Iterable[str] = ()) -> Iterator[Orig
     stand_ins = {
         "source.stand_in" if isinstance(item, MeshItem) else "textures.stand_in": item for item in items_of(settings)
     }
-    for topic, setting in all_settings():
+    for topic, setting in list_all_settings():
         if wanted and topic not in wanted and f"{topic}.{setting.key}" not in wanted:
             continue
         value = settings[topic][setting.key]

@@ -9,8 +9,8 @@ from ..paper_stand_ins.items import MESH_PIXELS, PIXELS
 from ..settings.topics.stand_ins import MESHES, TEXTURES, MeshItem, TextureItem
 from ..support.errors import IcyMoonError
 from ..support.printer import say
-from ..support.suggestions import nearest
-from ..support.terminal import as_path, named
+from ..support.suggestions import suggest_nearest
+from ..support.terminal import as_path, list_named
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -24,12 +24,12 @@ def _find_items(names: list[str]) -> list[TextureItem | MeshItem]:
     known = {item.stem: item for item in (*TEXTURES, *MESHES)}
     for name in names:
         if name.lower() not in known:
-            raise IcyMoonError(f"There is no stand-in {name!r}, {nearest(name.lower(), known)}")
+            raise IcyMoonError(f"There is no stand-in {name!r}, {suggest_nearest(name.lower(), known)}")
     return [known[name.lower()] for name in names] or list(known.values())
 
 
 def _run(options: argparse.Namespace) -> int:
-    for item in _find_items(named(options.names)):
+    for item in _find_items(list_named(options.names)):
         if options.out is None:
             say(_describe(item))
             continue

@@ -39,21 +39,21 @@ _NAMESPACE = uuid.UUID("5d0ad3ab-2c5f-4a51-9d1c-7a0b0f8e4c11")
 
 def catalog_id(kind: str) -> str:
     """The id of the catalog of a kind of preset. It is always the same, so that assets stay in their catalog."""
-    return _id_of(CATALOGS[kind])
+    return _make_id(CATALOGS[kind])
 
 
-def _id_of(path: str) -> str:
+def _make_id(path: str) -> str:
     return str(uuid.uuid5(_NAMESPACE, path))
 
 
-def catalogs_text() -> str:
+def make_catalogs_text() -> str:
     """The content of Blender's file of catalogs."""
     paths = dict.fromkeys([_PARENT, *CATALOGS.values()])
-    lines = [f"{_id_of(path)}:{path}:{path.replace('/', '-')}" for path in paths]
+    lines = [f"{_make_id(path)}:{path}:{path.replace('/', '-')}" for path in paths]
     return "\n".join(["# Catalogs of the asset library that Icy Moon makes.", "", "VERSION 1", "", *lines, ""])
 
 
-def is_there(folder: Path) -> bool:
+def has_library(folder: Path) -> bool:
     """Whether there is a whole library in a folder."""
     return (folder / _CATALOG_FILE).is_file() and (folder / RECORD).is_file()
 
@@ -74,7 +74,7 @@ def find_files(folder: Path) -> list[Path]:
     return [path for path in map(folder.joinpath, listed) if path.is_file()]
 
 
-def install(made: Path, folder: Path) -> list[Path]:
+def install_library(made: Path, folder: Path) -> list[Path]:
     """Copy the .blend files in the folder ``made`` into a library, in place of those that were there.
 
     Returns their new paths. Each file is replaced as a whole. Raises IcyMoonError as ``find_files`` and if the disk
@@ -90,7 +90,7 @@ def install(made: Path, folder: Path) -> list[Path]:
     with explain_disk_errors("write to", folder):
         for path in set(earlier) - set(new):
             remove(path)
-    write_text(folder / _CATALOG_FILE, catalogs_text())
+    write_text(folder / _CATALOG_FILE, make_catalogs_text())
     write_json(folder / RECORD, {"made_with": version(), "files": names})
     return new
 
@@ -99,7 +99,7 @@ def _copy(source: Path, target: Path) -> None:
     shutil.copyfile(source, target)
 
 
-def uninstall(folder: Path) -> list[Path]:
+def uninstall_library(folder: Path) -> list[Path]:
     """Remove what we wrote into a library, and its folders if they are empty then. Returns the files that are left.
 
     Raises IcyMoonError as ``find_files`` and if the disk refuses; then nothing else is lost.

@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 
 from ..physics.camera.cahvore import bend
-from ..physics.camera.lens_distortion import distort
+from ..physics.camera.lens_distortion import distort_points
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.file_shapes import PIXELS
 from ..support.files import shorten
 from ..support.foreign_bytes import ForeignBytes, RefusedError, read
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from .odl import Group, Value, parse_label
 
 _LETTERS = "CAHVORE"
@@ -97,7 +97,7 @@ class Cahvor:
         return np.array([[fx, 0, hc], [0, fy, vc], [0, 0, 1.0]]), np.stack([right / fx, down / fy, self.a])
 
 
-def from_pinhole(
+def model_from_pinhole(
     matrix: Array,
     rotation: Array,
     centre_m: Array,
@@ -119,22 +119,22 @@ def from_pinhole(
     k1, k2, p1, p2, k3 = k
     if not (p1 or p2 or k3):
         return Cahvor(plain.c, plain.a, plain.h, plain.v, *size_px, a, np.array([0.0, k1, k2]))
-    return _fit(matrix, rotation, centre_m, size_px, (k1, k2, p1, p2, k3), most_px)
+    return _fit_cahvor(matrix, rotation, centre_m, size_px, (k1, k2, p1, p2, k3), most_px)
 
 
-def _grid(width: int, height: int) -> Array:
+def _sample_pixels(width: int, height: int) -> Array:
     """Columns and rows (n, 2) of pixels all over an image."""
     return np.stack(np.meshgrid(np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 25)), axis=-1).reshape(-1, 2)
 
 
-def _made(p: Array, rotation: Array, centre_m: Array, size_px: tuple[int, int]) -> Cahvor:
+def _make_cahvor(p: Array, rotation: Array, centre_m: Array, size_px: tuple[int, int]) -> Cahvor:
     """A CAHVOR by fx, fy, cx, cy, the two angles of O off A, and R."""
     right, down, a = rotation
     o = np.array([np.sin(p[4]) * np.cos(p[5]), np.sin(p[5]), np.cos(p[4]) * np.cos(p[5])]) @ rotation
     return Cahvor(centre_m, a, p[0] * right + p[2] * a, p[1] * down + p[3] * a, *size_px, o, p[6:9])
 
 
-def _fit(
+def _fit_cahvor(
     matrix: Array,
     rotation: Array,
     centre_m: Array,
@@ -144,14 +144,14 @@ def _fit(
 ) -> Cahvor:
     """The nearest CAHVOR, by least squares over the image (Levenberg and Marquardt)."""
     width, height = size_px
-    pixels = _grid(width, height)
+    pixels = _sample_pixels(width, height)
     focal, principal = matrix[[0, 1], [0, 1]], matrix[:2, 2]
     rays = (pixels - principal) / focal
-    target = distort(rays, k) * focal + principal
+    target = distort_points(rays, k) * focal + principal
     points = np.concatenate([rays, np.ones((len(rays), 1))], axis=1) @ rotation + centre_m
 
     def residuals(p: Array) -> Array:
-        return (_made(p, rotation, centre_m, size_px).project(points) - target).ravel()
+        return (_make_cahvor(p, rotation, centre_m, size_px).project(points) - target).ravel()
 
     p = np.array([*focal, *principal, 0.0, 0.0, 0.0, k[0], k[1]])
     scale = np.array([*focal, width, height, 0.1, 0.1, 0.1, 0.1, 0.1])
@@ -172,7 +172,7 @@ def _fit(
             f"rig.distortion_p1, p2 and k3 have no equal in CAHVOR: the nearest model is off by up to "
             f"{residual:.2g} px, more than {most_px:g} px; export raw, or lower them."
         )
-    return replace(_made(p, rotation, centre_m, size_px), residual_px=residual)
+    return replace(_make_cahvor(p, rotation, centre_m, size_px), residual_px=residual)
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ class Lens:
     residual_px: float
 
 
-def nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
+def find_nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
     """The lens of a camera of Icy Moon that is nearest to a model, with the model's centre and rotation.
 
     CAHV, and CAHVOR with O along A and without its first coefficient, are exact if pixels are square. Raises
@@ -205,7 +205,7 @@ def nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
         cx, cy = map(float, principal)
         return Lens(float(focal[0]), cx, cy, (float(k1), float(k2), 0.0, 0.0, 0.0), 0.0)
     # Columns and rows are linear in f, cx, cy and f times each coefficient.
-    x, y = ((_grid(model.width_px, model.height_px) - principal) / focal).T
+    x, y = ((_sample_pixels(model.width_px, model.height_px) - principal) / focal).T
     seen = model.project(np.stack([x, y, np.ones_like(x)], axis=1) @ rotation + model.c)
     r2, one, none = x**2 + y**2, np.ones_like(x), np.zeros_like(x)
     if not np.isfinite(seen).all():
@@ -233,7 +233,7 @@ def nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
     return Lens(f, cx, cy, tuple(each / f for each in k), residual)
 
 
-def cahvor_text(model: Cahvor) -> str:
+def make_cahvor_text(model: Cahvor) -> str:
     """The model in the text form of JPL's and mrcal's ``.cahvor`` files, with all digits."""
     matrix, _ = model.pinhole()
     words = {
@@ -244,7 +244,7 @@ def cahvor_text(model: Cahvor) -> str:
     lines = [f"Dimensions = {model.width_px} {model.height_px}", f"Model = {words}"]
     if model.residual_px:
         lines.insert(0, f"# fitted to a lens that is no CAHVOR, off by up to {model.residual_px:.2g} px")
-    lines += [f"{letter} = {' '.join(f'{value:.17g}' for value in vector)}" for letter, vector in _vectors(model)]
+    lines += [f"{letter} = {' '.join(f'{value:.17g}' for value in vector)}" for letter, vector in _list_vectors(model)]
     lines += [
         f"{name} = {value:.17g}"
         for name, value in (("Hs", matrix[0, 0]), ("Hc", matrix[0, 2]), ("Vs", matrix[1, 1]), ("Vc", matrix[1, 2]))
@@ -252,9 +252,9 @@ def cahvor_text(model: Cahvor) -> str:
     return "\n".join([*lines, "Theta = -1.5707963267948966 (-90.0 deg)", ""])
 
 
-def pds_text(model: Cahvor, frame: str) -> str:
+def make_pds_text(model: Cahvor, frame: str) -> str:
     """The model as a group of a PDS3 label; ``frame`` names the coordinate system that the vectors are in."""
-    vectors = _vectors(model)
+    vectors = _list_vectors(model)
     letters = [letter for letter, _ in vectors]
 
     def quoted(words: Sequence[str]) -> str:
@@ -293,7 +293,7 @@ def pds_text(model: Cahvor, frame: str) -> str:
     return "\r\n".join(lines)
 
 
-def _vectors(model: Cahvor) -> list[tuple[str, Array]]:
+def _list_vectors(model: Cahvor) -> list[tuple[str, Array]]:
     found = zip(_LETTERS, (model.c, model.a, model.h, model.v, model.o, model.r, model.e), strict=True)
     return [(letter, vector) for letter, vector in found if vector is not None]
 
@@ -341,19 +341,19 @@ def _parse_model(foreign: ForeignBytes) -> Cahvor:
 _Stated = tuple[dict[str, Array], float, tuple[int, int] | None]
 
 
-def _number(word: object, what: str) -> float:
+def _parse_number(word: object, what: str) -> float:
     if not isinstance(word, str) or len(word) > _LONGEST or not _NUMBER.fullmatch(word) or abs(float(word)) > _MOST:
         raise ValueError(f"{what} is {shorten(str(word))!r}, not a number up to {_MOST:g}")
     return float(word)
 
 
-def _vector(words: Sequence[object], what: str) -> Array:
+def _parse_vector(words: Sequence[object], what: str) -> Array:
     if len(words) != 3:
-        raise ValueError(f"{what} has {count_of(len(words), 'number')}, not 3")
-    return np.array([_number(word, what) for word in words])
+        raise ValueError(f"{what} has {format_count(len(words), 'number')}, not 3")
+    return np.array([_parse_number(word, what) for word in words])
 
 
-def _size(words: Sequence[object], what: str) -> tuple[int, int]:
+def _parse_size(words: Sequence[object], what: str) -> tuple[int, int]:
     """Columns and rows."""
     found = [
         word
@@ -383,14 +383,14 @@ def _read_cahvor(text: str) -> _Stated:
         elif key in (*_LETTERS, "Dimensions"):  # it goes on
             stated[key][1].extend(content.split())
     vectors = {
-        letter: _vector(stated[letter][1], f"line {stated[letter][0]}: {letter}")
+        letter: _parse_vector(stated[letter][1], f"line {stated[letter][0]}: {letter}")
         for letter in _LETTERS
         if letter in stated
     }
     size = None
     if "Dimensions" in stated:
         number, words = stated["Dimensions"]
-        size = _size(words[:2], f"line {number}: Dimensions")
+        size = _parse_size(words[:2], f"line {number}: Dimensions")
     return vectors, _read_linearity(" ".join(stated["Model"][1])) if "Model" in stated else 1.0, size
 
 
@@ -403,16 +403,16 @@ def _read_linearity(model: str) -> float:
     if of_type is not None:
         return of_type
     found = _NUMBER.match(parameter.strip()[:_LONGEST])
-    return _number(found[0], "the linearity") if found else 1.0
+    return _parse_number(found[0], "the linearity") if found else 1.0
 
 
 def _read_pds(text: str) -> _Stated:
     groups = parse_label(text).all_groups()
     models = [group for group in groups if "MODEL_COMPONENT_ID" in group.values]
     if not models:
-        return {}, 1.0, _image_size(groups)
+        return {}, 1.0, _find_image_size(groups)
     model = next((group for group in models if group.name.startswith("GEOMETRIC_CAMERA_MODEL")), models[0])
-    letters = _items(model, "MODEL_COMPONENT_ID")
+    letters = _list_items(model, "MODEL_COMPONENT_ID")
     vectors: dict[str, Array] = {}
     linearity = 1.0
     for k, letter in enumerate(letters, 1):
@@ -420,13 +420,13 @@ def _read_pds(text: str) -> _Stated:
         if key not in model.values or letter in vectors:
             continue
         if letter == "P":
-            linearity = _number(_items(model, key)[0], key) if _items(model, key) else 1.0
+            linearity = _parse_number(_list_items(model, key)[0], key) if _list_items(model, key) else 1.0
         elif isinstance(letter, str) and letter in [*_LETTERS]:
-            vectors[letter] = _vector(_items(model, key), key)
-    return vectors, linearity, _image_size(groups)
+            vectors[letter] = _parse_vector(_list_items(model, key), key)
+    return vectors, linearity, _find_image_size(groups)
 
 
-def _items(group: Group, key: str) -> list[Value]:
+def _list_items(group: Group, key: str) -> list[Value]:
     """The values of a keyword, a single one as a sequence of one."""
     if key in group.unclear:
         raise ValueError(f"{key} is stated twice with different values")
@@ -434,7 +434,7 @@ def _items(group: Group, key: str) -> list[Value]:
     return value if isinstance(value, list) else [value]
 
 
-def _image_size(groups: Sequence[Group]) -> tuple[int, int] | None:
+def _find_image_size(groups: Sequence[Group]) -> tuple[int, int] | None:
     """Columns and rows that the object IMAGE states, or else the only image of the label; None if no image does."""
     keys = ("LINE_SAMPLES", "LINES")
     sized = [group for group in groups if all(key in group.values for key in keys)]
@@ -443,8 +443,8 @@ def _image_size(groups: Sequence[Group]) -> tuple[int, int] | None:
     ]
     found = list(
         dict.fromkeys(
-            _size(
-                [item for key in keys for item in _items(group, key)],
+            _parse_size(
+                [item for key in keys for item in _list_items(group, key)],
                 f"LINE_SAMPLES x LINES of {shorten(group.name) or 'the label'}",
             )
             for group in images

@@ -44,7 +44,7 @@ def add_planet(image: Sequence[Piece], planet: Sequence[Piece]) -> list[Piece]:
     Raises ValueError or KeyError for parts that cannot be added.
     """
     light = _read_bands([Pixels(piece) for piece in planet], _PLANET)
-    return _add(image, {IMAGE_PASS: light, _PLANET: light})[0]
+    return _add_light(image, {IMAGE_PASS: light, _PLANET: light})[0]
 
 
 def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
@@ -65,14 +65,14 @@ def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
         if _find_bands(parts, f"{BEAUTY}.Combined_{group}")
     }
     whole = {band: np.sum([bands[band] for bands in light.values()], axis=0, dtype=np.float32) for band in "RGB"}
-    lit, total = _add(image, {IMAGE_PASS: whole, **added})
+    lit, total = _add_light(image, {IMAGE_PASS: whole, **added})
     return lit, {
         group: sum(float(values.sum(dtype=np.float64)) for values in bands.values()) / total if total > 0 else 0.0
         for group, bands in light.items()
     }
 
 
-def noise_of_baked(image: Sequence[Piece]) -> float | None:
+def measure_baked_noise(image: Sequence[Piece]) -> float | None:
     """The noise of baked light over all light, in the parts of a file that ``add_baked`` returned, which still have
     baked light: the root mean square of its error over the mean radiance, both of the pixels that have baked light.
 
@@ -120,7 +120,7 @@ def is_sum_of_lights(image: Sequence[Piece]) -> bool:
     return all((np.abs(sums[band] - whole[band]) <= _SUM_ERROR * np.abs(whole[band])).all() for band in "RGB")
 
 
-def _add(image: Sequence[Piece], light: Mapping[str, Mapping[str, Array]]) -> tuple[list[Piece], float]:
+def _add_light(image: Sequence[Piece], light: Mapping[str, Mapping[str, Array]]) -> tuple[list[Piece], float]:
     """Parts with ``light`` by pass, each band as decoded, added, and the sum of the image then."""
     parts = [Pixels(piece) for piece in image]
     values: dict[int, Array] = {}

@@ -41,21 +41,21 @@ class Pixels:
         self.channels = list(self._stated)
         left, self._top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
         self._compression = piece.value(b"compression")[0]
-        self._lines = _LINES[self._compression]
-        self._width, self._height = right - left + 1, bottom - self._top + 1
+        self._find_crest_lines = _LINES[self._compression]
+        self._width, self._highest_at = right - left + 1, bottom - self._top + 1
 
     def is_half(self, channel: str) -> bool:
         """Whether a channel is stored as 16-bit floats."""
-        return _type_of(self._stated[channel]) == _HALF
+        return _read_type(self._stated[channel]) == _HALF
 
     @property
     def _line(self) -> np.dtype[Any]:
         """A line as it is stored: channel after channel, each with its type."""
-        return np.dtype([(name, _TYPES[_type_of(self._stated[name])], (self._width,)) for name in self.channels])
+        return np.dtype([(name, _TYPES[_read_type(self._stated[name])], (self._width,)) for name in self.channels])
 
     def decode(self) -> Array:
         """Values (height, channel, width) float32. Raises ValueError for chunks of another size."""
-        found, stored = np.empty((self._height, len(self.channels), self._width), "<f4"), self._line
+        found, stored = np.empty((self._highest_at, len(self.channels), self._width), "<f4"), self._line
         if not self._compression:
             chunks = self._view_raw(stored)
             for k, name in enumerate(self.channels):
@@ -63,7 +63,7 @@ class Pixels:
             return found
         for chunk in self._piece.chunks:
             line = struct.unpack_from("<i", chunk)[0] - self._top
-            rows = min(self._lines, self._height - line)
+            rows = min(self._find_crest_lines, self._highest_at - line)
             lines = np.frombuffer(_unpack(chunk[8:], rows * stored.itemsize), stored)
             for k, name in enumerate(self.channels):
                 found[line : line + rows, k] = lines[name]
@@ -71,7 +71,7 @@ class Pixels:
 
     def _view_raw(self, stored: np.dtype[Any]) -> Array:
         """The chunks of a part without compression, each a line with its number and bytes."""
-        chunk = _raw_chunk(stored)
+        chunk = _raw_chunk_type(stored)
         if {len(each) for each in self._piece.chunks} != {chunk.itemsize}:
             raise ValueError("a line has another size")
         return np.frombuffer(b"".join(self._piece.chunks), chunk)
@@ -80,7 +80,7 @@ class Pixels:
         """The part as it is if it is compressed, else by ZIP. Raises as ``decode`` does."""
         if self._compression:
             return self._piece
-        starts = _empty_chunks(self._top, self._height)
+        starts = _empty_chunks(self._top, self._highest_at)
         stated = {
             **self._piece.attributes,
             b"compression": encode_attribute("compression", "compression", bytes([_ZIP])),
@@ -122,8 +122,8 @@ class Pixels:
     def _encode_chunks(self, values: Array, stored: np.dtype[Any]) -> list[bytes]:
         """Chunks of values whose lines are ``stored`` so."""
         if not self._compression:
-            lines = np.empty(self._height, _raw_chunk(stored))
-            lines["line"], lines["bytes"] = np.arange(self._top, self._top + self._height), stored.itemsize
+            lines = np.empty(self._highest_at, _raw_chunk_type(stored))
+            lines["line"], lines["bytes"] = np.arange(self._top, self._top + self._highest_at), stored.itemsize
             for k, name in enumerate(stored.names or ()):
                 lines["values"][name] = values[:, k]
             whole, step = lines.tobytes(), lines.itemsize
@@ -131,7 +131,7 @@ class Pixels:
         chunks = []
         for chunk in self._piece.chunks:
             line = struct.unpack_from("<i", chunk)[0]
-            part = values[line - self._top : line - self._top + self._lines]
+            part = values[line - self._top : line - self._top + self._find_crest_lines]
             lines = np.empty(len(part), stored)
             for k, name in enumerate(stored.names or ()):
                 lines[name] = part[:, k]
@@ -166,7 +166,7 @@ def encode_part(name: str, channels: Mapping[str, Array], half: bool = False) ->
     return Pixels(Piece(attributes, starts)).encode(values)
 
 
-def _raw_chunk(stored: np.dtype[Any]) -> np.dtype[Any]:
+def _raw_chunk_type(stored: np.dtype[Any]) -> np.dtype[Any]:
     """A chunk without compression, of a line whose values are ``stored`` so."""
     return np.dtype([("line", "<i4"), ("bytes", "<i4"), ("values", stored)])
 
@@ -176,7 +176,7 @@ def _empty_chunks(top: int, height: int) -> list[bytes]:
     return [struct.pack("<2i", line, 0) for line in range(top, top + height, _LINES[_ZIP])]
 
 
-def _type_of(stated: bytes) -> int:
+def _read_type(stated: bytes) -> int:
     """The type of a channel's values, from the entry of the channel: its name, then four numbers."""
     return int(struct.unpack_from("<i", stated, len(stated) - 16)[0])
 

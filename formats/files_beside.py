@@ -32,16 +32,16 @@ def why_unplaced(path: Path) -> str:
     """Why a map that does not state its place has none, as the end of a sentence; also that its world file is not
     read."""
     world = _find_world_file(path)
-    return NO_SIZE + (f", and {world.name} beside it {_not_read(path)}" if world else "")
+    return NO_SIZE + (f", and {world.name} beside it {_not_read_text(path)}" if world else "")
 
 
-def doubt_world_file(path: Path) -> list[str]:
+def describe_world_file(path: Path) -> list[str]:
     """A clause on the world file of a map that does not state its place; empty without a world file."""
     world = _find_world_file(path)
-    return [f"{world.name} beside it, which states its place, {_not_read(path)}"] if world else []
+    return [f"{world.name} beside it, which states its place, {_not_read_text(path)}"] if world else []
 
 
-def doubt_notes(path: Path) -> list[str]:
+def describe_gdal_notes(path: Path) -> list[str]:
     """A clause on what GDAL's notes beside a map state of it, if there are any."""
     notes = path.with_name(f"{path.name}.aux.xml")
     if not notes.is_file():
@@ -53,7 +53,7 @@ def doubt_notes(path: Path) -> list[str]:
     # An element's name ends with its bracket or with a space before its first attribute.
     names = {name for part in text.split("<")[1:] for name in part.split(">", 1)[0].split(maxsplit=1)[:1]}
     stated = [words for name, words in _TELLING.items() if name in names]
-    return [f"{notes.name} beside it, which states {', '.join(stated)}, {_not_read(path)}"] if stated else []
+    return [f"{notes.name} beside it, which states {', '.join(stated)}, {_not_read_text(path)}"] if stated else []
 
 
 def _find_world_file(path: Path) -> Path | None:
@@ -62,5 +62,7 @@ def _find_world_file(path: Path) -> Path | None:
     return next((name for name in names if name.is_file()), None)
 
 
-def _not_read(path: Path) -> str:
-    return f"is not read; write its numbers into a GeoTIFF, in its folder with: {gdal_lines.translate(path.name)}"
+def _not_read_text(path: Path) -> str:
+    return (
+        f"is not read; write its numbers into a GeoTIFF, in its folder with: {gdal_lines.translate_command(path.name)}"
+    )

@@ -31,33 +31,35 @@ def encode_fits(images: Sequence[Image]) -> bytes:
 
     The first row of our images is the top one; in FITS it is the bottom one, as its viewers show it.
     """
-    return b"".join(_encode(image, first=k == 0, extended=len(images) > 1) for k, image in enumerate(images))
+    return b"".join(_encode_image(image, first=k == 0, extended=len(images) > 1) for k, image in enumerate(images))
 
 
-def _encode(image: Image, first: bool, extended: bool) -> bytes:
+def _encode_image(image: Image, first: bool, extended: bool) -> bytes:
     pixels = image.pixels[::-1]
     planes = [] if pixels.ndim == 2 else [pixels.shape[2]]
     data = (pixels if pixels.ndim == 2 else np.moveaxis(pixels, -1, 0)).astype(">f4").tobytes()
     axes = [pixels.shape[1], pixels.shape[0], *planes]
     cards = [
-        _card("SIMPLE", True, "conforms to FITS standard") if first else _card("XTENSION", "IMAGE", "image extension"),
-        _card("BITPIX", -32, "32-bit floats"),
-        _card("NAXIS", len(axes), ""),
-        *(_card(f"NAXIS{k}", n, "") for k, n in enumerate(axes, 1)),
+        _make_card("SIMPLE", True, "conforms to FITS standard")
+        if first
+        else _make_card("XTENSION", "IMAGE", "image extension"),
+        _make_card("BITPIX", -32, "32-bit floats"),
+        _make_card("NAXIS", len(axes), ""),
+        *(_make_card(f"NAXIS{k}", n, "") for k, n in enumerate(axes, 1)),
     ]
     if not first:
-        cards += [_card("PCOUNT", 0, ""), _card("GCOUNT", 1, "")]
+        cards += [_make_card("PCOUNT", 0, ""), _make_card("GCOUNT", 1, "")]
     elif extended:
-        cards.append(_card("EXTEND", True, ""))
-    cards.append(_card("EXTNAME", image.name, image.comment))
+        cards.append(_make_card("EXTEND", True, ""))
+    cards.append(_make_card("EXTNAME", image.name, image.comment))
     if image.unit:
-        cards.append(_card("BUNIT", image.unit, ""))
-    cards += [_card(key, value, comment) for key, (value, comment) in image.cards.items()]
+        cards.append(_make_card("BUNIT", image.unit, ""))
+    cards += [_make_card(key, value, comment) for key, (value, comment) in image.cards.items()]
     header = b"".join([*cards, b"END".ljust(_CARD)])
     return header.ljust(-(-len(header) // _BLOCK) * _BLOCK) + data.ljust(-(-len(data) // _BLOCK) * _BLOCK, b"\0")
 
 
-def _card(key: str, value: Value, comment: str) -> bytes:
+def _make_card(key: str, value: Value, comment: str) -> bytes:
     """A card of 80 characters. Raises ValueError for a value that no card can contain."""
     if isinstance(value, bool):
         text = ("T" if value else "F").rjust(20)

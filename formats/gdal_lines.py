@@ -35,7 +35,7 @@ _WITHOUT_SYSTEM = (".asc", ".grd", ".bil", ".flt")
 _TILE_NAME = re.compile(r"[NSns]\d{2}[EWew]\d{3}")
 
 
-def quoted(name: str) -> str:
+def quote_name(name: str) -> str:
     """A file's name as one word of a command."""
     if _PLAIN.fullmatch(name):
         return name
@@ -43,36 +43,43 @@ def quoted(name: str) -> str:
     return '"' + re.sub(r'([\\"$`])', r"\\\1", safe) + '"'
 
 
-def _made_of(name: str) -> str:
+def _converted_name(name: str) -> str:
     """The name of the file that is made of another."""
     stem = Path(name).stem or name
     return f"{stem}_new.tif" if name == f"{stem}.tif" else f"{stem}.tif"
 
 
-def translate(name: str, *options: str) -> str:
+def translate_command(name: str, *options: str) -> str:
     """The ``gdal_translate`` that copies the first band of a file, packed, with ``options``."""
-    return " ".join(["gdal_translate", "-b 1", *options, *_PACKED, quoted(name), quoted(_made_of(name))])
+    return " ".join(["gdal_translate", "-b 1", *options, *_PACKED, quote_name(name), quote_name(_converted_name(name))])
 
 
-def tile(name: str, *options: str) -> str:
+def tile_command(name: str, *options: str) -> str:
     """The ``gdal_translate`` that copies the first band of a file in tiles; a site needs only a few tiles."""
-    return " ".join(["gdal_translate", "-b 1", *options, *_TILED, quoted(name), quoted(_made_of(name))])
+    return " ".join(["gdal_translate", "-b 1", *options, *_TILED, quote_name(name), quote_name(_converted_name(name))])
 
 
-def warp(name: str, *options: str) -> str:
+def warp_command(name: str, *options: str) -> str:
     """The ``gdalwarp`` that makes a map along the axes, with NaN where the file has no heights."""
     return " ".join(
-        ["gdalwarp", *options, "-r bilinear -ot Float64 -dstnodata nan", *_PACKED, quoted(name), quoted(_made_of(name))]
+        [
+            "gdalwarp",
+            *options,
+            "-r bilinear -ot Float64 -dstnodata nan",
+            *_PACKED,
+            quote_name(name),
+            quote_name(_converted_name(name)),
+        ]
     )
 
 
-def edit(name: str, *options: str) -> str:
+def edit_command(name: str, *options: str) -> str:
     """The ``gdal_edit.py`` that changes what a file states of itself."""
-    return " ".join(["gdal_edit.py", *options, quoted(name)])
+    return " ".join(["gdal_edit.py", *options, quote_name(name)])
 
 
-def sphere(radius_m: float) -> str:
-    """The option of ``translate`` for a file in degrees on a sphere."""
+def sphere_option(radius_m: float) -> str:
+    """The option of ``translate_command`` for a file in degrees on a sphere."""
     return f'-a_srs "+proj=longlat +R={radius_m:.12g} +no_defs"'
 
 
@@ -86,18 +93,20 @@ def advise(path: Path, start: bytes, body_radius_m: float) -> str:
     if suffix == ".hgt" and not _TILE_NAME.match(name):
         return (
             f"is {kind}, whose name must state its south-west corner, such as N46E007.hgt; rename it and convert "
-            f"it in its folder with: {tile('N46E007.hgt')}"
+            f"it in its folder with: {tile_command('N46E007.hgt')}"
         )
     if suffix == ".img":
-        label = _label_of(path, start)
+        label = _find_label(path, start)
         if label is None:
             return f"is {kind}, and {path.with_suffix('.lbl').name} is not beside it; put it there and give it."
         name = label.name
-    degrees = f"if its coordinates are degrees, add {sphere(body_radius_m)}; " if suffix in _WITHOUT_SYSTEM else ""
-    return f"is {kind}, which Icy Moon does not read; {degrees}convert it in its folder with: {tile(name)}"
+    degrees = (
+        f"if its coordinates are degrees, add {sphere_option(body_radius_m)}; " if suffix in _WITHOUT_SYSTEM else ""
+    )
+    return f"is {kind}, which Icy Moon does not read; {degrees}convert it in its folder with: {tile_command(name)}"
 
 
-def _label_of(path: Path, start: bytes) -> Path | None:
+def _find_label(path: Path, start: bytes) -> Path | None:
     """The file that GDAL opens for an image: the image if it has its label within or a header beside it, else its
     label; None if it has neither."""
     if start.startswith((b"PDS_VERSION_ID", b"CCSD", b"EHFA_HEADER_TAG", b"ODL_VERSION_ID", b"LBLSIZE=")):

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..physics.mesh.height_map import NO_HEIGHT, clear_mark, clear_stated
+from ..physics.mesh.height_map import NO_HEIGHT, clear_missing_mark, clear_stated_mark
 from ..support.arrays import Array
 from ..support.foreign_bytes import ForeignBytes, parse_xml
 from ..support.foreign_bytes import read as read_foreign
@@ -30,11 +30,11 @@ from .map_projection import (
     LocalScale,
     MapSystem,
     angle_unit,
-    crs_text,
-    datum_text,
     ellipsoid_m,
+    find_local_scale,
     geographic_radius_m,
-    local_scale,
+    make_crs_text,
+    make_datum_text,
     read_system,
 )
 from .tiff import (
@@ -182,15 +182,15 @@ MAP_FORMULA = (
 )
 
 
-def map_facts(ground: Mapping[str, Any] | None) -> dict[str, Any]:
+def describe_map_place(ground: Mapping[str, Any] | None) -> dict[str, Any]:
     """Where the ground of a ``pair.json`` lies on a map, with the formula for its points; empty if it lies on none."""
     place = (ground or {}).get("map")
     return {**place, "formula": MAP_FORMULA} if place else {}
 
 
-def map_notes(ground: Mapping[str, Any] | None) -> dict[str, str]:
+def describe_map_notes(ground: Mapping[str, Any] | None) -> dict[str, str]:
     """The same as texts by name, for the metadata of a file."""
-    place = map_facts(ground)
+    place = describe_map_place(ground)
     return {"map": json.dumps(place)} if place else {}
 
 
@@ -259,11 +259,11 @@ def read(path: Path, site: Site | None = None, missing: float | None = None) -> 
     """
     found = read_foreign(path, lambda foreign: _read(foreign, site, missing), KIND, FIX, MOST_BYTES)
     if found.unplaced != NO_SIZE:
-        return replace(found, warnings=(*found.warnings, *files_beside.doubt_notes(path)))
+        return replace(found, warnings=(*found.warnings, *files_beside.describe_gdal_notes(path)))
     return replace(
         found,
         unplaced=files_beside.why_unplaced(path),
-        warnings=(*found.warnings, *files_beside.doubt_world_file(path), *files_beside.doubt_notes(path)),
+        warnings=(*found.warnings, *files_beside.describe_world_file(path), *files_beside.describe_gdal_notes(path)),
     )
 
 
@@ -273,21 +273,21 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
     image = images[0]
     keys = _read_keys(image.tags)
     grid = _read_placement(image, keys)
-    unit, sentence = _unit(keys, foreign.name, site.body_radius_m if site else 0.0)
+    unit, sentence = _find_coordinate_unit(keys, foreign.name, site.body_radius_m if site else 0.0)
     placed: _Placed | None = None
     if grid is not None and unit is not None:
-        placed = _place(image.shape, *grid, unit, keys, foreign.name, site)
+        placed = _place_site(image.shape, *grid, unit, keys, foreign.name, site)
     window = placed.window if placed else None
     heights, number = read_pixels(foreign, image, window)
     warnings = _clear_missing(heights, number, image.tags.get(42113))
     stated: tuple[str, ...] = ()
     if missing is not None:
-        stated = clear_stated(heights, missing, number)
+        stated = clear_stated_mark(heights, missing, number)
     warnings += _apply_mask(heights, foreign, images, window)
     scaled, in_unit = _scale_to_metres(heights, image, keys)
     report = (*stated, *scaled)
     if not in_unit and keys.get(1024, 0) != _GEOGRAPHIC:
-        warnings += _doubt_metres(unit, foreign.name)
+        warnings += _warn_unstated_metres(unit, foreign.name)
     if grid is None:
         return GeoTiff(heights, None, None, NO_SIZE, report, tuple(warnings), image.shape)
     (east, north), _ = grid
@@ -342,7 +342,7 @@ def _describe_place(map_of: _Map, place: MapPlace) -> tuple[list[str], list[str]
     return report, warnings
 
 
-def _place(
+def _place_site(
     shape: tuple[int, int],
     step: tuple[float, float],
     corner: tuple[float, float],
@@ -358,18 +358,19 @@ def _place(
         return _Placed(None, size, first, MapPlace("", unit, (0.0, 0.0), (1.0, 1.0)), [], [])
     middle = first[0] + (shape[1] - 1) * size[0] / 2, first[1] + (shape[0] - 1) * size[1] / 2
     map_of = _Map(read_system(keys, unit), keys, unit, size, site.size_m, name)
-    _refuse_unknown(map_of)
+    _refuse_unknown_projection(map_of)
     origin = site.origin_m
     if site.centre:
-        scale = _locate(map_of, middle).scale
+        scale = _locate_on_map(map_of, middle).scale
         origin = middle[0] + site.origin_m[0] / scale[0], middle[1] + site.origin_m[1] / scale[1]
-    place = _locate(map_of, origin)
+    place = _locate_on_map(map_of, origin)
     report, warnings = _describe_place(map_of, place)
     pixel = size[0] * place.scale[0], size[1] * place.scale[1]
     window, west, south = None, 0, 0
     if shape[0] * shape[1] > _MOST_WHOLE:
         columns, rows = (
-            _around(shape[1 - k], (place.origin[k] - first[k]) / size[k], site.size_m / 2 / pixel[k]) for k in range(2)
+            _range_around(shape[1 - k], (place.origin[k] - first[k]) / size[k], site.size_m / 2 / pixel[k])
+            for k in range(2)
         )
         west, south = columns.start, rows.start
         window = (
@@ -383,7 +384,7 @@ def _place(
     return _Placed(window, pixel, corner_m, place, report, warnings)
 
 
-def _around(count: int, middle: float, half: float) -> range:
+def _range_around(count: int, middle: float, half: float) -> range:
     """The pixels of ``count`` within ``half`` pixels of one, and some beside them to fill holes from; two at least."""
     low = min(max(math.floor(middle - half) - _BESIDE, 0), count - 2)
     return range(low, max(min(math.ceil(middle + half) + _BESIDE + 1, count), low + 2))
@@ -402,7 +403,7 @@ class _Map:
     name: str
 
 
-def _refuse_unknown(map_of: _Map) -> None:
+def _refuse_unknown_projection(map_of: _Map) -> None:
     """Raise UnreadError for a map whose scale is not known since its projection is not."""
     keys = map_of.keys
     code = keys.get(3072, 0)
@@ -419,26 +420,26 @@ def _refuse_unknown(map_of: _Map) -> None:
     kind = f"EPSG:{code}" if numbered else f"projection {keys[3075]} of GeoTIFF"
     raise UnreadError(
         f"has a map ({kind}) whose scale is not known here; set source.metres_per_pixel if it is true to "
-        f"scale, else project it in its folder with: {gdal_lines.warp(map_of.name, f'-t_srs {degrees}')}"
+        f"scale, else project it in its folder with: {gdal_lines.warp_command(map_of.name, f'-t_srs {degrees}')}"
     )
 
 
-def _locate(map_of: _Map, at: tuple[float, float]) -> MapPlace:
+def _locate_on_map(map_of: _Map, at: tuple[float, float]) -> MapPlace:
     """A place of a map with its scale, which is 1 where that is right to a thousandth, or where it is not known."""
     system, keys = map_of.system, map_of.keys
     vertical = keys.get(4096, 0)
     place = MapPlace(
-        crs_text(keys, map_of.unit_m),
+        make_crs_text(keys, map_of.unit_m),
         map_of.unit_m,
         at,
         (1.0, 1.0),
-        datum=datum_text(keys),
+        datum=make_datum_text(keys),
         height_system=f"EPSG:{vertical}" if vertical not in (0, _USER_DEFINED) else "",
     )
     if system is None:
         return place
     try:
-        found = local_scale(system, *at)
+        found = find_local_scale(system, *at)
     except (ValueError, OverflowError, ZeroDivisionError):
         raise UnreadError(
             f"has no ground at ({at[0]:g}, {at[1]:g}) m of its map ({system.name}); set source.centre, "
@@ -449,7 +450,7 @@ def _locate(map_of: _Map, at: tuple[float, float]) -> MapPlace:
             f"has a map ({system.name}) whose directions are {90 - abs(found.skew_deg):.1f}° apart at "
             "the origin, so its squares are none on the ground; set source.centre with "
             "source.origin_x_m = source.origin_y_m = 0 for the part that you make in its folder with: "
-            + _cut_line(map_of, system, found)
+            + _cut_command(map_of, system, found)
         )
     true = max(abs(found.east - 1), abs(found.north - 1)) < _TRUE
     return replace(
@@ -461,10 +462,10 @@ def _locate(map_of: _Map, at: tuple[float, float]) -> MapPlace:
     )
 
 
-def _cut_line(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
+def _cut_command(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
     """The command that makes the part of a map around a place that is wanted, true to scale."""
     half = (map_of.size_m / 2) * _MARGIN
-    return gdal_lines.warp(
+    return gdal_lines.warp_command(
         map_of.name,
         f'-t_srs "+proj=aeqd +lat_0={at.latitude_deg:.9f} '
         f'+lon_0={at.longitude_deg:.9f} +R={system.radius_m:.1f} +units=m +no_defs"',
@@ -473,9 +474,9 @@ def _cut_line(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
     )
 
 
-def _flat_system(keys: Mapping[int, Any]) -> str:
+def _flat_system_option(keys: Mapping[int, Any]) -> str:
     """The option that states the map system of a file without its vertical one."""
-    text = crs_text(keys, 1.0)
+    text = make_crs_text(keys, 1.0)
     return f'-a_srs "{text}"' if text else ""
 
 
@@ -503,7 +504,7 @@ def _clear_missing(grid: Array, number: np.dtype[Any], nodata: tuple[Any, ...] |
     except ValueError:
         return [f"its mark of missing heights, {text[:40]!r}, is no number, so none was taken for missing"]
     if math.isfinite(value) and abs(value) < NO_HEIGHT:
-        clear_mark(grid, value, number)
+        clear_missing_mark(grid, value, number)
     return []
 
 
@@ -523,12 +524,12 @@ def _decode_text(tag: tuple[Any, ...] | None) -> str:
     return b"".join(tag or ()).split(b"\0")[0].decode("utf-8", "replace").strip()
 
 
-def _doubt_metres(unit_m: float | None, file: str) -> list[str]:
+def _warn_unstated_metres(unit_m: float | None, file: str) -> list[str]:
     """A warning if a file states no unit for its heights, and one for its coordinates that is not the metre."""
     if unit_m is None or math.isclose(unit_m, 1.0, rel_tol=1e-6):
         return []
     name = next((name for name, metres in _NAMED_M.items() if math.isclose(metres, unit_m, rel_tol=1e-6)), "")
-    state = gdal_lines.edit(file, f"-units '{name}'")
+    state = gdal_lines.edit_command(file, f"-units '{name}'")
     fix = (
         f"if they are in {name}, as its coordinates are, state it in its folder with: {state}"
         if name
@@ -554,13 +555,13 @@ def _scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> 
     if scale == 0:
         raise UnreadError(
             "states a scale of 0 for its heights, which makes it flat; state the right one, such as 1, "
-            f"in its folder with: {gdal_lines.translate(image.name, _scaled(1.0, offset))}"
+            f"in its folder with: {gdal_lines.translate_command(image.name, _scale_options(1.0, offset))}"
         )
-    unit, name = _height_unit(keys, items.get("unittype", ""), (scale, offset), image.name)
-    if third := _third_scale(image.tags):
+    unit, name = _find_height_unit(keys, items.get("unittype", ""), (scale, offset), image.name)
+    if third := _read_height_scale(image.tags):
         raise UnreadError(
             "scales its heights by the third number of ModelPixelScale; state it as others do, in its "
-            f"folder with: {gdal_lines.translate(image.name, _scaled(*third))}"
+            f"folder with: {gdal_lines.translate_command(image.name, _scale_options(*third))}"
         )
     with np.errstate(over="ignore"):
         if (scale, offset) != (1.0, 0.0):
@@ -575,7 +576,7 @@ def _scale_to_metres(grid: Array, image: Directory, keys: Mapping[int, Any]) -> 
     return (f"The file states {name}heights of {scale:g} x value + {offset:g}, which is followed",), bool(name)
 
 
-def _third_scale(tags: Tags) -> tuple[float, float] | None:
+def _read_height_scale(tags: Tags) -> tuple[float, float] | None:
     """Scale and offset of the values, where the tie point and the pixel scale place heights elsewhere than at them."""
     third = float((*tags.get(33550, ()), 0.0, 0.0, 0.0)[2])
     _, _, from_z, _, _, to_z = (*tags.get(33922, ()), *(0.0,) * 6)[:6]
@@ -584,7 +585,7 @@ def _third_scale(tags: Tags) -> tuple[float, float] | None:
     return None
 
 
-def _scaled(scale: float, offset: float) -> str:
+def _scale_options(scale: float, offset: float) -> str:
     """The options of ``gdal_translate`` that state heights of scale x value + offset."""
     return f"-a_scale {scale!r} -a_offset {offset!r}"
 
@@ -594,12 +595,13 @@ def _read_metadata(image: Directory) -> dict[str, str]:
     text = _decode_text(image.tags.get(42112))
     if "<!" in text:  # entities, which no writer of metadata needs
         raise UnreadError(
-            "has metadata that are no plain list; drop them in its folder with: " + gdal_lines.translate(image.name)
+            "has metadata that are no plain list; drop them in its folder with: "
+            + gdal_lines.translate_command(image.name)
         )
     if len(text) > _MOST_METADATA:
         raise UnreadError(
             f"has {len(text) / 1e6:.1f} MB of metadata; drop what is no scale in its folder with: "
-            + gdal_lines.edit(image.name, "-unsetmd")
+            + gdal_lines.edit_command(image.name, "-unsetmd")
         )
     if not text:
         return {}
@@ -618,12 +620,14 @@ def _parse_finite(text: str, role: str, file: str) -> float:
     if not math.isfinite(value):
         raise UnreadError(
             f"states the {role} {text[:40]!r} for its heights, which is no number; state the right one "
-            f"in its folder with: {gdal_lines.translate(file, _scaled(1.0, 0.0))}"
+            f"in its folder with: {gdal_lines.translate_command(file, _scale_options(1.0, 0.0))}"
         )
     return value
 
 
-def _height_unit(keys: Mapping[int, Any], named: str, scaling: tuple[float, float], file: str) -> tuple[float, str]:
+def _find_height_unit(
+    keys: Mapping[int, Any], named: str, scaling: tuple[float, float], file: str
+) -> tuple[float, str]:
     """Metres per unit of the heights, and the name of this unit for a message; '' if the file states no unit.
 
     ``scaling`` is the scale and the offset of the values, and ``file`` the name for commands.
@@ -633,15 +637,16 @@ def _height_unit(keys: Mapping[int, Any], named: str, scaling: tuple[float, floa
         if named.lower() not in _NAMED_M:
             raise UnreadError(
                 f"states its heights in {named[:40]!r}, a unit that is not known here; name the one that "
-                f"they are in, such as m or ft, in its folder with: {gdal_lines.edit(file, '-units m')}"
+                f"they are in, such as m or ft, in its folder with: {gdal_lines.edit_command(file, '-units m')}"
             )
         stated[named] = _NAMED_M[named.lower()]
     code, system = keys.get(4099), keys.get(4096, 0)
     if system in _DEPTHS:
-        turned = _scaled(-scaling[0], -scaling[1])
+        turned = _scale_options(-scaling[0], -scaling[1])
         raise UnreadError(
             f"holds depths (EPSG:{system}), which go down, not heights; turn their sign and drop the "
-            "vertical system in its folder with: " + gdal_lines.translate(file, turned, _flat_system(keys))
+            "vertical system in its folder with: "
+            + gdal_lines.translate_command(file, turned, _flat_system_option(keys))
         )
     if code is None and system not in (0, _USER_DEFINED):
         code = _VERTICAL.get(system, 0)
@@ -650,7 +655,7 @@ def _height_unit(keys: Mapping[int, Any], named: str, scaling: tuple[float, floa
             raise UnreadError(
                 f"states heights by the vertical system {system} in the unit {code or 'of that system'}, "
                 f"which are not known here; state it in its folder with: "
-                f"{gdal_lines.translate(file, _STATE_UNITS)}"
+                f"{gdal_lines.translate_command(file, _STATE_UNITS)}"
             )
         stated[f"EPSG unit {code}"] = _UNITS_M[code]
     if len({round(value, 9) for value in stated.values()}) > 1:
@@ -658,7 +663,8 @@ def _height_unit(keys: Mapping[int, Any], named: str, scaling: tuple[float, floa
         raise UnreadError(
             f"states its heights in two units, {' and '.join(stated)}; "
             + (
-                "if the second is right, state it twice in its folder with: " + gdal_lines.edit(file, f"-units {same}")
+                "if the second is right, state it twice in its folder with: "
+                + gdal_lines.edit_command(file, f"-units {same}")
                 if same
                 else "write its heights in metres."
             )
@@ -666,13 +672,13 @@ def _height_unit(keys: Mapping[int, Any], named: str, scaling: tuple[float, floa
     return next(((value, f"({name}) ") for name, value in stated.items()), (1.0, ""))
 
 
-def _unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[float | None, str]:
+def _find_coordinate_unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[float | None, str]:
     """Metres per unit of the file's coordinates, and the assumption behind it; or None and why it is unknown."""
     model, system, code = keys.get(1024, 0), keys.get(3072), keys.get(3076)
     if model == _GEOGRAPHIC:
         radius = geographic_radius_m(keys)
         if radius is None:
-            state = gdal_lines.translate(file, gdal_lines.sphere(body_radius_m))
+            state = gdal_lines.translate_command(file, gdal_lines.sphere_option(body_radius_m))
             return None, (
                 "has pixels of {size} degrees on a body whose radius it does not state"
                 + (f"; state it in its folder with: {state}" if body_radius_m else "")
@@ -694,7 +700,7 @@ def _unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[flo
     if system not in (None, 0, _USER_DEFINED):
         return None, (
             "has pixels of {size} in the unit of EPSG:" + str(system) + ", which is not known here; state it "
-            "in its folder with: " + gdal_lines.translate(file, _STATE_UNITS)
+            "in its folder with: " + gdal_lines.translate_command(file, _STATE_UNITS)
         )
     return 1.0, "it states no unit of length, so its coordinates were taken for metres"
 
@@ -712,7 +718,7 @@ def _read_placement(
             raise UnreadError(
                 "has pixels of a negative size from north to south, which programs read in two ways; "
                 "write it as GDAL reads it, with its first row in the north, in its folder with: "
-                + gdal_lines.translate(image.name)
+                + gdal_lines.translate_command(image.name)
             )
         north = -down
         column, row, _, x, y = (float(v) for v in tags.get(33922, (0.0,) * 6)[:5])
@@ -720,7 +726,8 @@ def _read_placement(
         m = [float(v) for v in tags[34264]]
         if max(abs(m[1] * rows), abs(m[4] * columns)) > _SKEW_PX * min(abs(m[0]), abs(m[5])):
             raise UnreadError(
-                "has a grid that is turned against north; turn it in its folder with: " + gdal_lines.warp(image.name)
+                "has a grid that is turned against north; turn it in its folder with: "
+                + gdal_lines.warp_command(image.name)
             )
         east, north, column, row, x, y = m[0], m[5], 0.0, 0.0, m[3], m[7]
     else:

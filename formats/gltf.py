@@ -29,10 +29,12 @@ _MARK, _HEADER = b"glTF", 20
 
 def read_gltf(path: Path, facts: Callable[[dict[str, Any]], Fact]) -> Fact:
     """Facts from the JSON of a .gltf or .glb. Raises IcyMoonError if it is not what glTF demands."""
-    return read(path, lambda foreign: facts(_parse(foreign)[0]), "a whole glTF file", _FIX, MOST_MESH, _MOST_MEMORY)
+    return read(
+        path, lambda foreign: facts(_parse_gltf(foreign)[0]), "a whole glTF file", _FIX, MOST_MESH, _MOST_MEMORY
+    )
 
 
-def check(path: Path) -> list[str]:
+def check_gltf(path: Path) -> list[str]:
     """Compare a file with itself and its buffers; gives the names of the images that it names.
 
     Raises IcyMoonError for accessors that have not the bytes that they state, for buffers outside of the file's
@@ -40,11 +42,11 @@ def check(path: Path) -> list[str]:
     """
 
     def compare(foreign: ForeignBytes) -> list[str]:
-        document, binary = _parse(foreign)
-        buffers = [_buffer_size(path, each, binary) for each in document.get("buffers", ())]
-        views = [_view_size(each, buffers) for each in document.get("bufferViews", ())]
-        accessors = [_accessor_size(each, views, document) for each in document.get("accessors", ())]
-        used = sum(accessors[k] for k in _used_accessors(document))
+        document, binary = _parse_gltf(foreign)
+        buffers = [_find_buffer_size(path, each, binary) for each in document.get("buffers", ())]
+        views = [_find_view_size(each, buffers) for each in document.get("bufferViews", ())]
+        accessors = [_find_accessor_size(each, views, document) for each in document.get("accessors", ())]
+        used = sum(accessors[k] for k in _list_used_accessors(document))
         if used > _MOST_USES * sum(buffers) + _MOST_BESIDE:
             raise OverBudgetError(f"uses {used / 1e6:.0f} MB for its meshes, of buffers of {sum(buffers) / 1e6:.3g} MB")
         _check_nodes(document.get("nodes", []))
@@ -58,7 +60,7 @@ def check(path: Path) -> list[str]:
     return read(path, compare, "a whole glTF file", _FIX, MOST_MESH, _MOST_MEMORY)
 
 
-def _parse(foreign: ForeignBytes) -> tuple[dict[str, Any], int]:
+def _parse_gltf(foreign: ForeignBytes) -> tuple[dict[str, Any], int]:
     """The JSON, and the bytes of the binary chunk of a .glb, 0 without one."""
     start, size, binary = 0, foreign.size, 0
     if foreign.size >= _HEADER and foreign.part(0, 4) == _MARK:
@@ -94,7 +96,7 @@ def _find_inside(path: Path, uri: str) -> Path:
     return path.parent / name
 
 
-def _count(table: dict[str, Any], key: str, default: int | None = None) -> int:
+def _read_count(table: dict[str, Any], key: str, default: int | None = None) -> int:
     """A whole number of 0 or more. Raises ValueError for anything else, KeyError if it has to be there."""
     value = table[key] if default is None else table.get(key, default)
     if not COUNT.fits(value):
@@ -102,8 +104,8 @@ def _count(table: dict[str, Any], key: str, default: int | None = None) -> int:
     return int(value)
 
 
-def _buffer_size(path: Path, stated: dict[str, Any], binary: int) -> int:
-    size, uri = _count(stated, "byteLength"), stated.get("uri")
+def _find_buffer_size(path: Path, stated: dict[str, Any], binary: int) -> int:
+    size, uri = _read_count(stated, "byteLength"), stated.get("uri")
     if uri is None:
         there = binary
     elif uri.startswith("data:"):
@@ -118,44 +120,44 @@ def _buffer_size(path: Path, stated: dict[str, Any], binary: int) -> int:
     return size
 
 
-def _view_size(stated: dict[str, Any], buffers: list[int]) -> int:
-    size = _count(stated, "byteLength")
-    if _count(stated, "byteOffset", 0) + size > buffers[_count(stated, "buffer")]:
+def _find_view_size(stated: dict[str, Any], buffers: list[int]) -> int:
+    size = _read_count(stated, "byteLength")
+    if _read_count(stated, "byteOffset", 0) + size > buffers[_read_count(stated, "buffer")]:
         raise ValueError(f"a view of {size} bytes is not within its buffer")
     return size
 
 
-def _accessor_size(stated: dict[str, Any], views: list[int], document: dict[str, Any]) -> int:
+def _find_accessor_size(stated: dict[str, Any], views: list[int], document: dict[str, Any]) -> int:
     """The bytes of an accessor's values."""
-    count = _count(stated, "count")
+    count = _read_count(stated, "count")
     size = _COMPONENTS[stated["componentType"]] * _WIDTHS[stated["type"]]
     if "bufferView" in stated:
-        place = _count(stated, "bufferView")
-        step = _count(document["bufferViews"][place], "byteStride", 0) or size
-        if count and _count(stated, "byteOffset", 0) + (count - 1) * step + size > views[place]:
+        place = _read_count(stated, "bufferView")
+        step = _read_count(document["bufferViews"][place], "byteStride", 0) or size
+        if count and _read_count(stated, "byteOffset", 0) + (count - 1) * step + size > views[place]:
             raise ValueError(f"an accessor of {count} values is not within its view")
     if (sparse := stated.get("sparse")) is not None:
-        changed = _count(sparse, "count")
+        changed = _read_count(sparse, "count")
         for part, width in (("indices", _COMPONENTS[sparse["indices"]["componentType"]]), ("values", size)):
-            within = views[_count(sparse[part], "bufferView")]
-            if changed > count or _count(sparse[part], "byteOffset", 0) + changed * width > within:
+            within = views[_read_count(sparse[part], "bufferView")]
+            if changed > count or _read_count(sparse[part], "byteOffset", 0) + changed * width > within:
                 raise ValueError(f"an accessor that changes {changed} of {count} values is not within its view")
     return count * size
 
 
-def _used_accessors(document: dict[str, Any]) -> Iterator[int]:
+def _list_used_accessors(document: dict[str, Any]) -> Iterator[int]:
     """The numbers of the accessors of all primitives, skins and animations, as often as they are used."""
     for mesh in document.get("meshes", ()):
         for primitive in mesh["primitives"]:
             named = [primitive["attributes"], *primitive.get("targets", ())]
-            yield from (_count(table, key) for table in named for key in table)
+            yield from (_read_count(table, key) for table in named for key in table)
             if "indices" in primitive:
-                yield _count(primitive, "indices")
+                yield _read_count(primitive, "indices")
     yield from (
-        _count(skin, "inverseBindMatrices") for skin in document.get("skins", ()) if "inverseBindMatrices" in skin
+        _read_count(skin, "inverseBindMatrices") for skin in document.get("skins", ()) if "inverseBindMatrices" in skin
     )
     yield from (
-        _count(sampler, key)
+        _read_count(sampler, key)
         for animation in document.get("animations", ())
         for sampler in animation["samplers"]
         for key in ("input", "output")
@@ -165,7 +167,7 @@ def _used_accessors(document: dict[str, Any]) -> Iterator[int]:
 def _check_scenes(document: dict[str, Any]) -> None:
     """Scenes must be of nodes that are there, and the one to show must be one of them."""
     scenes, nodes = document.get("scenes", []), document.get("nodes", [])
-    if scenes and _count(document, "scene", 0) >= len(scenes):
+    if scenes and _read_count(document, "scene", 0) >= len(scenes):
         raise ValueError(f"its scene {document['scene']} is not there")
     for scene in scenes:
         for node in scene.get("nodes", ()):

@@ -41,7 +41,7 @@ def count_pixels(foreign: ForeignBytes) -> int:
     """
     start = foreign.part(0, min(foreign.size, 32))
     if start.startswith(_EXR):
-        return sum(_count_of(part) for part in read_layout(foreign, tiles=True))
+        return sum(_count_part(part) for part in read_layout(foreign, tiles=True))
     if start.startswith(_TIFFS):
         return _count_tiff(foreign)
     if start.startswith(_JPEG):
@@ -49,7 +49,7 @@ def count_pixels(foreign: ForeignBytes) -> int:
     return math.prod(_read_size(foreign, start))
 
 
-def _count_of(part: Part) -> int:
+def _count_part(part: Part) -> int:
     return math.prod(part.shape) * -(-len(part.channels) // _CHANNELS)
 
 
@@ -91,7 +91,7 @@ def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
     elif start.startswith(b"RIFF") and start[8:12] == b"WEBP":
         cursor.skip(12)
         kind, _ = cursor.unpack("<4sI")
-        width, height = webp_size(kind, cursor.take(min(_WEBP_SIZE_BYTES, cursor.left))) or (0, 0)
+        width, height = read_webp_size(kind, cursor.take(min(_WEBP_SIZE_BYTES, cursor.left))) or (0, 0)
     elif start.startswith(b"BM"):
         cursor.skip(14)
         width, height = cursor.unpack("<2H" if cursor.number("<I") == 12 else "<2i")
@@ -109,7 +109,7 @@ def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
     return width, abs(height)
 
 
-def webp_size(kind: bytes, body: bytes) -> tuple[int, int] | None:
+def read_webp_size(kind: bytes, body: bytes) -> tuple[int, int] | None:
     """Width and height that a part of a WebP file states in its first bytes; None if it states none.
 
     Raises ValueError or struct.error if its beginning is damaged.

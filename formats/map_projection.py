@@ -68,7 +68,7 @@ class LocalScale:
     latitude_deg: float
 
 
-def local_scale(system: MapSystem, x_m: float, y_m: float) -> LocalScale:
+def find_local_scale(system: MapSystem, x_m: float, y_m: float) -> LocalScale:
     """The scale of a map at a place, in its coordinates in metres. Raises ValueError beyond the map's edge.
 
     A pole, which has every longitude, has the central one of the map.
@@ -76,12 +76,12 @@ def local_scale(system: MapSystem, x_m: float, y_m: float) -> LocalScale:
     longitude, latitude = system.to_sphere(x_m, y_m)
     if math.radians(90.0 - abs(latitude)) * system.radius_m < _AT_POLE_M:
         longitude, latitude = (system.longitude_deg + 180.0) % 360.0 - 180.0, math.copysign(90.0, latitude)
-    east, north, _ = _axes(longitude, latitude)
+    east, north, _ = _local_axes(longitude, latitude)
     half = _STEP_M / 2
 
     def step(dx: float, dy: float) -> tuple[float, float]:
         """Metres east and north on the ground per metre along a direction of the map."""
-        ends = [_axes(*system.to_sphere(x_m + side * dx, y_m + side * dy))[2] for side in (-half, half)]
+        ends = [_local_axes(*system.to_sphere(x_m + side * dx, y_m + side * dy))[2] for side in (-half, half)]
         moved = [system.radius_m * (b - a) / _STEP_M for a, b in zip(*ends, strict=True)]
         return _dot(moved, east), _dot(moved, north)
 
@@ -102,7 +102,7 @@ def _dot(a: Sequence[float], b: Sequence[float]) -> float:
     return sum(x * y for x, y in zip(a, b, strict=True))
 
 
-def _axes(longitude_deg: float, latitude_deg: float) -> tuple[list[float], list[float], list[float]]:
+def _local_axes(longitude_deg: float, latitude_deg: float) -> tuple[list[float], list[float], list[float]]:
     """Unit vectors east, north and up at a place, in the axes of the body."""
     u, v = math.radians(longitude_deg), math.radians(latitude_deg)
     return (
@@ -112,34 +112,36 @@ def _axes(longitude_deg: float, latitude_deg: float) -> tuple[list[float], list[
     )
 
 
-def _mercator(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+def _invert_mercator(s: MapSystem, x: float, y: float) -> tuple[float, float]:
     k = s.scale * math.cos(math.radians(s.parallel_deg))
     return x / k, 2 * math.atan(math.exp(y / k)) - math.pi / 2
 
 
-def _equirectangular(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+def _invert_equirectangular(s: MapSystem, x: float, y: float) -> tuple[float, float]:
     latitude = y + math.radians(s.latitude_deg)
-    return x / math.cos(math.radians(s.parallel_deg)), _checked_latitude(latitude)
+    return x / math.cos(math.radians(s.parallel_deg)), _check_latitude(latitude)
 
 
-def _sinusoidal(s: MapSystem, x: float, y: float) -> tuple[float, float]:
-    latitude = _checked_latitude(y)
+def _invert_sinusoidal(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+    latitude = _check_latitude(y)
     return x / math.cos(latitude), latitude
 
 
-def _polar_stereographic(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+def _invert_polar_stereographic(s: MapSystem, x: float, y: float) -> tuple[float, float]:
     pole = 1.0 if s.latitude_deg >= 0 else -1.0
     k = s.scale * (1 + math.sin(math.radians(abs(s.parallel_deg)))) / 2
     latitude = pole * (math.pi / 2 - 2 * math.atan(math.hypot(x, y) / (2 * k)))
     return math.atan2(x, -pole * y), latitude
 
 
-def _transverse_mercator(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+def _invert_transverse_mercator(s: MapSystem, x: float, y: float) -> tuple[float, float]:
     x, d = x / s.scale, y / s.scale + math.radians(s.latitude_deg)
-    return _of_direction(math.sinh(x), math.cos(d), math.sin(d))
+    return _to_longitude_latitude(math.sinh(x), math.cos(d), math.sin(d))
 
 
-def _azimuthal(angle: Callable[[MapSystem, float], float]) -> Callable[[MapSystem, float, float], tuple[float, float]]:
+def _make_azimuthal_inverse(
+    angle: Callable[[MapSystem, float], float],
+) -> Callable[[MapSystem, float, float], tuple[float, float]]:
     """The inverse of a projection about a point, from the angle on the sphere of a distance on the map."""
 
     def inverse(s: MapSystem, x: float, y: float) -> tuple[float, float]:
@@ -147,7 +149,7 @@ def _azimuthal(angle: Callable[[MapSystem, float], float]) -> Callable[[MapSyste
         if rho == 0:
             return 0.0, origin
         c = angle(s, rho)
-        return _of_direction(
+        return _to_longitude_latitude(
             x * math.sin(c) / rho,
             math.cos(origin) * math.cos(c) - y * math.sin(origin) * math.sin(c) / rho,
             math.cos(c) * math.sin(origin) + y * math.sin(c) * math.cos(origin) / rho,
@@ -156,12 +158,12 @@ def _azimuthal(angle: Callable[[MapSystem, float], float]) -> Callable[[MapSyste
     return inverse
 
 
-def _of_direction(east: float, ahead: float, up: float) -> tuple[float, float]:
+def _to_longitude_latitude(east: float, ahead: float, up: float) -> tuple[float, float]:
     """Longitude and latitude of a direction of any length. A sine alone would leave decimetres about the poles."""
     return math.atan2(east, ahead), math.atan2(up, math.hypot(east, ahead))
 
 
-def _conic_conformal(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+def _invert_conic_conformal(s: MapSystem, x: float, y: float) -> tuple[float, float]:
     first, second = math.radians(s.parallel_deg), math.radians(s.second_deg)
 
     def tangent(latitude: float) -> float:
@@ -179,7 +181,7 @@ def _conic_conformal(s: MapSystem, x: float, y: float) -> tuple[float, float]:
     return math.atan2(sign * x, sign * (rho0 - y)) / n, 2 * math.atan((f / rho) ** (1 / n)) - math.pi / 2
 
 
-def _conic_equal_area(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+def _invert_conic_equal_area(s: MapSystem, x: float, y: float) -> tuple[float, float]:
     first, second = math.radians(s.parallel_deg), math.radians(s.second_deg)
     n = (math.sin(first) + math.sin(second)) / 2
     c = math.cos(first) ** 2 + 2 * n * math.sin(first)
@@ -189,12 +191,12 @@ def _conic_equal_area(s: MapSystem, x: float, y: float) -> tuple[float, float]:
     return math.atan2(sign * x, sign * (rho0 - y)) / n, math.asin((c - (rho * n) ** 2) / (2 * n))
 
 
-def _cylindrical_equal_area(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+def _invert_cylindrical_equal_area(s: MapSystem, x: float, y: float) -> tuple[float, float]:
     k = math.cos(math.radians(s.parallel_deg))
     return x / k, math.asin(y * k)
 
 
-def _checked_latitude(latitude: float) -> float:
+def _check_latitude(latitude: float) -> float:
     if not abs(latitude) <= math.pi / 2 + 1e-9:
         raise ValueError("beyond a pole")
     return latitude
@@ -202,18 +204,18 @@ def _checked_latitude(latitude: float) -> float:
 
 #: From a place on the map, in radii of the sphere, to longitude from the central one and latitude, in radians.
 INVERSES: dict[str, Callable[[MapSystem, float, float], tuple[float, float]]] = {
-    "Mercator": _mercator,
-    "Equidistant cylindrical": _equirectangular,
-    "Sinusoidal": _sinusoidal,
-    "Polar stereographic": _polar_stereographic,
-    "Transverse Mercator": _transverse_mercator,
-    "Lambert conformal conic": _conic_conformal,
-    "Albers equal area": _conic_equal_area,
-    "Cylindrical equal area": _cylindrical_equal_area,
-    "Stereographic": _azimuthal(lambda s, rho: 2 * math.atan(rho / (2 * s.scale))),
-    "Lambert azimuthal equal area": _azimuthal(lambda s, rho: 2 * math.asin(rho / 2)),
-    "Azimuthal equidistant": _azimuthal(lambda s, rho: rho),
-    "Orthographic": _azimuthal(lambda s, rho: math.asin(rho)),
+    "Mercator": _invert_mercator,
+    "Equidistant cylindrical": _invert_equirectangular,
+    "Sinusoidal": _invert_sinusoidal,
+    "Polar stereographic": _invert_polar_stereographic,
+    "Transverse Mercator": _invert_transverse_mercator,
+    "Lambert conformal conic": _invert_conic_conformal,
+    "Albers equal area": _invert_conic_equal_area,
+    "Cylindrical equal area": _invert_cylindrical_equal_area,
+    "Stereographic": _make_azimuthal_inverse(lambda s, rho: 2 * math.atan(rho / (2 * s.scale))),
+    "Lambert azimuthal equal area": _make_azimuthal_inverse(lambda s, rho: 2 * math.asin(rho / 2)),
+    "Azimuthal equidistant": _make_azimuthal_inverse(lambda s, rho: rho),
+    "Orthographic": _make_azimuthal_inverse(lambda s, rho: math.asin(rho)),
 }
 #: Projections by the number of their method (GeoTIFF, section C.4.2).
 _METHODS = {
@@ -337,14 +339,14 @@ _PROJ_DATUMS = {4326: "+datum=WGS84", 4269: "+datum=NAD83", 4267: "+datum=NAD27"
 _GREENWICH = 8901
 
 
-def crs_text(keys: Mapping[int, Any], unit_m: float) -> str:
+def make_crs_text(keys: Mapping[int, Any], unit_m: float) -> str:
     """The map system that GeoKeys state, as PROJ and GDAL take it: ``EPSG:`` and its number, or a PROJ string in the
     unit of the file; empty if they state none, or one that is not known here."""
     geographic = keys.get(_MODEL_KEY) == _GEOGRAPHIC
     code = keys.get(_GEOGRAPHIC_KEY if geographic else _PROJECTED_KEY)
     if isinstance(code, int) and code not in (0, _USER_DEFINED):
         return f"EPSG:{code}"
-    body = _body_text(keys)
+    body = _make_body_text(keys)
     if geographic:
         return f"+proj=longlat {body} +no_defs" if body else ""
     system = read_system(keys, unit_m)
@@ -362,7 +364,7 @@ def crs_text(keys: Mapping[int, Any], unit_m: float) -> str:
     return " ".join([f"+proj={name}", *kept, f"+x_0={system.east_m!r} +y_0={system.north_m!r}", body, unit, "+no_defs"])
 
 
-def _body_text(keys: Mapping[int, Any]) -> str:
+def _make_body_text(keys: Mapping[int, Any]) -> str:
     """PROJ's words for the body's ellipsoid and its prime meridian; empty if they are not known here."""
     if keys.get(2051, _GREENWICH) not in (_GREENWICH, _USER_DEFINED):
         return ""
@@ -374,7 +376,7 @@ def _body_text(keys: Mapping[int, Any]) -> str:
     return _PROJ_DATUMS[code] + first if code in _PROJ_DATUMS else ""
 
 
-def datum_text(keys: Mapping[int, Any]) -> str:
+def make_datum_text(keys: Mapping[int, Any]) -> str:
     """The datum that GeoKeys state: ``EPSG:`` and the number of a geographic system, the half axes of the ellipsoid, or
     the datum of a map system with a number; empty if they state no datum."""
     code, projected = (keys.get(key, 0) for key in (_GEOGRAPHIC_KEY, _PROJECTED_KEY))

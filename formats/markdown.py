@@ -26,21 +26,21 @@ _RULE = re.compile(r"\|?[\s:|-]+\|?")
 _ESCAPED_HTML = re.compile(r'&lt;(br|span id="[\w.]+"|/span)&gt;|&amp;(nbsp|lt);')
 
 
-def formulas(text: str) -> list[tuple[str, bool]]:
+def find_formulas(text: str) -> list[tuple[str, bool]]:
     """The formulas of a page in TeX, each with whether it is displayed apart from the text."""
     outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
-    return [(_tex(found), bool(found["block"])) for found in _KEPT.finditer(outside) if not found["code"]]
+    return [(_clean_tex(found), bool(found["block"])) for found in _KEPT.finditer(outside) if not found["code"]]
 
 
-def _tex(found: re.Match[str]) -> str:
+def _clean_tex(found: re.Match[str]) -> str:
     return " ".join((found["block"] or found["tex"]).split())
 
 
-def page_html(text: str, address: Address, formula: Formula) -> str:
+def render_page(text: str, address: Address, formula: Formula) -> str:
     """The HTML of a page's body."""
 
     def inline(text: str) -> str:
-        return _inline(text, address, formula)
+        return _render_inline(text, address, formula)
 
     text = re.sub(r"\A(?:---\n.*?\n---|<!--[^\n]*-->)\n", "", text, flags=re.DOTALL)
     text = _PICTURE.sub(lambda found: f"*Picture: {found[1]}*" if found[1] else "", text)
@@ -67,12 +67,12 @@ def page_html(text: str, address: Address, formula: Formula) -> str:
             more = inline(" ".join(line.strip() for line in lines[k:end]))
             blocks[-1] = f"{item[1]}<p>{more}</p>{item[2]}"
         else:
-            blocks.append(_block(lines[k:end], inline))
+            blocks.append(_render_block(lines[k:end], inline))
         k = end
     return "\n".join(blocks)
 
 
-def _block(lines: list[str], inline: Callable[[str], str]) -> str:
+def _render_block(lines: list[str], inline: Callable[[str], str]) -> str:
     """One paragraph, heading, list, table or indented code."""
     first = lines[0].strip()
     if heading := re.match(r"(#{1,6}) +(.*)", first):
@@ -81,7 +81,7 @@ def _block(lines: list[str], inline: Callable[[str], str]) -> str:
     if all(line.startswith("    ") for line in lines) and not _ITEM.match(first):
         return f"<pre><code>{html.escape(chr(10).join(line[4:] for line in lines))}</code></pre>"
     if first.startswith("|"):
-        return _table(lines, inline)
+        return _render_table(lines, inline)
     if _ITEM.match(first):
         items: list[str] = []
         for line in lines:
@@ -95,7 +95,7 @@ def _block(lines: list[str], inline: Callable[[str], str]) -> str:
     return f"<p>{inline(' '.join(line.strip() for line in lines))}</p>"
 
 
-def _table(lines: list[str], inline: Callable[[str], str]) -> str:
+def _render_table(lines: list[str], inline: Callable[[str], str]) -> str:
     rows = []
     for number, line in enumerate(lines):
         if _RULE.fullmatch(line.strip()):
@@ -106,11 +106,11 @@ def _table(lines: list[str], inline: Callable[[str], str]) -> str:
     return f"<table>{''.join(rows)}</table>"
 
 
-def _unescaped(found: re.Match[str]) -> str:
+def _unescape(found: re.Match[str]) -> str:
     return f"<{found[1]}>" if found[1] else f"&{found[2]};"
 
 
-def _inline(text: str, address: Address, formula: Formula) -> str:
+def _render_inline(text: str, address: Address, formula: Formula) -> str:
     """Text with code, formulas, links and emphasis."""
 
     def linked(found: re.Match[str]) -> str:
@@ -123,11 +123,11 @@ def _inline(text: str, address: Address, formula: Formula) -> str:
         kept.append(
             f"<code>{html.escape(found['code'])}</code>"
             if found["code"]
-            else formula(_tex(found)) or html.escape(found[0], quote=False)
+            else formula(_clean_tex(found)) or html.escape(found[0], quote=False)
         )
         return f"\0{len(kept) - 1}\0"
 
-    text = _ESCAPED_HTML.sub(_unescaped, html.escape(_KEPT.sub(keep, text), quote=False))
+    text = _ESCAPED_HTML.sub(_unescape, html.escape(_KEPT.sub(keep, text), quote=False))
     text = _LINK.sub(linked, text)
     text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", text)
     text = re.sub(r"(?<![\w*])\*([^\s*](?:[^*]*[^\s*])?)\*(?![\w*])", r"<i>\1</i>", text)

@@ -17,7 +17,7 @@ from ..support.errors import IcyMoonError
 from ..support.files import is_file, shorten
 from ..support.foreign_bytes import Cursor, ForeignBytes, read
 from . import gltf, ply
-from .mesh_file import with_article
+from .mesh_file import add_article
 
 _FIX = "export the mesh again"
 #: Largest content in bytes that packed arrays of an FBX file may have.
@@ -39,17 +39,17 @@ def check_mesh(path: Path, kind: str) -> None:
     something other than a number where it needs one.
     """
     if kind == "glTF":
-        for name in gltf.check(path):
+        for name in gltf.check_gltf(path):
             _check_named(path, path.parent / name)
         return
     parse = {
-        "PLY": ply.check,
+        "PLY": ply.check_ply,
         "STL": stl.check_statements,
         "OBJ": lambda foreign: _check_obj(path, foreign),
         "FBX": _check_fbx,
         "USD": lambda foreign: _check_usd(path, foreign),
     }[kind]
-    read(path, parse, f"{with_article(kind)} file", _FIX, most=ply.MOST_MESH, memory=_MOST_UNPACKED)
+    read(path, parse, f"{add_article(kind)} file", _FIX, most=ply.MOST_MESH, memory=_MOST_UNPACKED)
 
 
 def _check_obj(path: Path, foreign: ForeignBytes) -> None:

@@ -73,12 +73,12 @@ def detect_kind(path: Path) -> str:
         raise IcyMoonError(f"{path}: is empty; export the mesh again.")
     if not _looks_like(kind, path.suffix.lower(), start):
         raise IcyMoonError(
-            f"{path}: is not {with_article(kind)} file, although its name ends so; export the mesh again."
+            f"{path}: is not {add_article(kind)} file, although its name ends so; export the mesh again."
         )
     return kind
 
 
-def with_article(kind: str) -> str:
+def add_article(kind: str) -> str:
     """The kind of a mesh file after its article, as it is spoken."""
     return f"{'an' if kind in ('STL', 'OBJ', 'FBX') else 'a'} {kind}"
 

@@ -82,7 +82,7 @@ def find_images(path: Path) -> MeshImages:
         return _find_in_obj(path)
     if suffix == ".ply":
         return _sort_by_kind(
-            ("albedo", MeshImage(_find_beside(path, _decode_text(name)))) for name in ply.texture_files(path)
+            ("albedo", MeshImage(_find_beside(path, _decode_text(name)))) for name in ply.read_texture_files(path)
         )
     if suffix in (".gltf", ".glb"):
         return _sort_by_kind(read_gltf(path, lambda document: list(_find_in_gltf(path, document))))

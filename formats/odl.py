@@ -83,7 +83,7 @@ class _Parser:
                     self._close(open_groups)
                 continue  # a word of a text that should be in quotes
             self._take()
-            value = self._value(0)
+            value = self._parse_value(0)
             if keyword in _OPENS:
                 if not isinstance(value, str):
                     raise self._fail("a group whose name is a sequence")
@@ -102,7 +102,7 @@ class _Parser:
             raise self._fail("the end of a group that has not begun")
         open_groups.pop()
 
-    def _value(self, depth: int) -> Value:
+    def _parse_value(self, depth: int) -> Value:
         kind, content = self._take()
         if kind != "sign":
             if not kind:
@@ -117,6 +117,6 @@ class _Parser:
             elif not token[0]:
                 raise self._fail(f"{content!r} without its {_ENDS[content]!r}")
             else:
-                found.append(self._value(depth + 1))
+                found.append(self._parse_value(depth + 1))
         self._take()
         return found

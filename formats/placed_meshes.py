@@ -26,7 +26,7 @@ import numpy as np
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
-from .ply import FACE, header_of
+from .ply import FACE, make_header
 
 #: Rows of text that are made at a time.
 _ROWS = 100_000
@@ -65,7 +65,7 @@ class PlacedMesh:
             )
 
 
-def by_kind(meshes: Iterable[PlacedMesh]) -> dict[str, list[PlacedMesh]]:
+def group_by_kind(meshes: Iterable[PlacedMesh]) -> dict[str, list[PlacedMesh]]:
     """Meshes by their kind, in their order."""
     kinds: dict[str, list[PlacedMesh]] = {}
     for mesh in meshes:
@@ -82,7 +82,7 @@ def write_ply(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
 
     def write(part: Path) -> None:
         with part.open("wb") as stream:
-            stream.write(header_of(("x", "y", "z", "nx", "ny", "nz"), vertices, triangles, (comment,)))
+            stream.write(make_header(("x", "y", "z", "nx", "ny", "nz"), vertices, triangles, (comment,)))
             for mesh in meshes:
                 for positions, normals, _ in mesh.in_places():
                     stream.write(np.hstack([positions, normals]).astype("<f4").tobytes())
@@ -104,7 +104,7 @@ def write_obj(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
         with part.open("w", encoding="utf-8", newline="\n") as stream:
             stream.write(f"# {comment}\n")
             first = 1
-            for kind, own in by_kind(meshes).items():
+            for kind, own in group_by_kind(meshes).items():
                 stream.write(f"o {kind}\n")
                 for positions, normals, corners in itertools.chain.from_iterable(mesh.in_places() for mesh in own):
                     _write_rows(stream, "v %.9g %.9g %.9g\n", positions.astype(np.float32))
@@ -132,7 +132,7 @@ def write_usd(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
                 '    metersPerUnit = 1\n    upAxis = "Z"\n)\n\n'
             )
             stream.write('class "shapes"\n{\n')
-            names = _names(meshes)
+            names = _make_names(meshes)
             for name, mesh in zip(names, meshes, strict=True):
                 if len(mesh.places) > 1:
                     stream.write(f'    def Xform "{name}"\n    {{\n')
@@ -140,8 +140,8 @@ def write_usd(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
                     stream.write("    }\n")
             stream.write('}\n\ndef Xform "ground"\n{\n')
             at = dict(zip(map(id, meshes), names, strict=True))
-            for kind, own in by_kind(meshes).items():
-                stream.write(f'    def Xform "{_identifier(kind)}"\n    {{\n')
+            for kind, own in group_by_kind(meshes).items():
+                stream.write(f'    def Xform "{_make_identifier(kind)}"\n    {{\n')
                 for mesh in own:
                     name = at[id(mesh)]
                     if len(mesh.places) == 1:
@@ -151,7 +151,7 @@ def write_usd(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
                         stream.write(
                             f'        def "{name}_{number}" (\n            instanceable = true\n'
                             f"            prepend references = </shapes/{name}>\n        )\n        {{\n"
-                            f"{_usd_matrix(matrix)}        }}\n"
+                            f"{_format_usd_matrix(matrix)}        }}\n"
                         )
                 stream.write("    }\n")
             stream.write("}\n")
@@ -159,16 +159,16 @@ def write_usd(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
     write_atomically(path, write)
 
 
-def _names(meshes: Sequence[PlacedMesh]) -> list[str]:
+def _make_names(meshes: Sequence[PlacedMesh]) -> list[str]:
     """Names of meshes, which differ."""
-    return [f"{_identifier(mesh.kind)}_{number}" for number, mesh in enumerate(meshes)]
+    return [f"{_make_identifier(mesh.kind)}_{number}" for number, mesh in enumerate(meshes)]
 
 
-def _identifier(text: str) -> str:
+def _make_identifier(text: str) -> str:
     return re.sub("[^A-Za-z0-9_]", "_", text)
 
 
-def _usd_matrix(matrix: Array) -> str:
+def _format_usd_matrix(matrix: Array) -> str:
     """The transform of a prim. USD multiplies rows by matrices, so it has the transpose."""
     rows = ", ".join("(" + ", ".join(f"{value:.17g}" for value in row) + ")" for row in matrix.T.tolist())
     return (
@@ -197,7 +197,7 @@ def _write_usd_mesh(stream: IO[str], name: str, mesh: PlacedMesh, matrix: Array 
             "]" + (' (\n                interpolation = "vertex"\n            )' if "normals" in text else "") + "\n"
         )
     stream.write('            uniform token subdivisionScheme = "none"\n')
-    stream.write(_usd_matrix(matrix) if matrix is not None else "")
+    stream.write(_format_usd_matrix(matrix) if matrix is not None else "")
     stream.write("        }\n")
 
 
@@ -215,7 +215,7 @@ def write_gltf(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
             np.ascontiguousarray(mesh.triangles, "<u4"),
         )
     ]
-    text = json.dumps(_gltf(meshes, arrays, comment), separators=(",", ":")).encode("ascii")
+    text = json.dumps(_make_gltf_json(meshes, arrays, comment), separators=(",", ":")).encode("ascii")
     text += b" " * (-len(text) % 4)
     size = sum(array.nbytes for array in arrays)
     whole = 12 + 8 + len(text) + 8 + size
@@ -235,7 +235,7 @@ def write_gltf(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
     write_atomically(path, write)
 
 
-def _gltf(meshes: Sequence[PlacedMesh], arrays: Sequence[Array], comment: str) -> Mapping[str, Any]:
+def _make_gltf_json(meshes: Sequence[PlacedMesh], arrays: Sequence[Array], comment: str) -> Mapping[str, Any]:
     """The JSON of a glTF file whose data are ``arrays``: vertices, normals and triangles of each mesh."""
     starts = np.cumsum([0, *(array.nbytes for array in arrays)]).tolist()
     views = [
@@ -247,7 +247,7 @@ def _gltf(meshes: Sequence[PlacedMesh], arrays: Sequence[Array], comment: str) -
         }
         for start, array in zip(starts, arrays, strict=False)
     ]
-    names = _names(meshes)
+    names = _make_names(meshes)
     shapes = [
         {"name": name, "primitives": [{"attributes": {"POSITION": 3 * k, "NORMAL": 3 * k + 1}, "indices": 3 * k + 2}]}
         for k, name in enumerate(names)
@@ -277,7 +277,7 @@ def _nodes(meshes: Sequence[PlacedMesh], names: Sequence[str]) -> list[dict[str,
     """The tree of a scene: the ground, a node for each kind below it, and in that one for each place of a mesh."""
     nodes: list[dict[str, Any]] = [{"name": "ground", "matrix": _Y_UP, "children": []}]
     numbers = {id(mesh): k for k, mesh in enumerate(meshes)}
-    for kind, own in by_kind(meshes).items():
+    for kind, own in group_by_kind(meshes).items():
         nodes[0]["children"].append(len(nodes))
         count = sum(len(mesh.places) for mesh in own)
         nodes.append({"name": kind, "children": list(range(len(nodes) + 1, len(nodes) + 1 + count))})

@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 
 from ..physics.mesh.check import find_equal_rows
-from ..physics.mesh.line_forms import Forms, Rows, UnusualError, reduced
+from ..physics.mesh.line_forms import LineForms, LineRows, UnusualTextError, reduce_digits
 from ..support.arrays import Array
 from ..support.files import shorten, write_atomically
-from ..support.foreign_bytes import ForeignBytes, read, whole_numbers
+from ..support.foreign_bytes import ForeignBytes, parse_whole_numbers, read
 
 _TYPES = {
     "char": "i1",
@@ -163,7 +163,7 @@ def count_triangles(path: Path) -> int | None:
     return next((element.count for element in header.elements if element.name == "face"), None)
 
 
-def texture_files(path: Path) -> list[bytes]:
+def read_texture_files(path: Path) -> list[bytes]:
     """The names of images in comments of the header, as VCGlib writes them. Raises IcyMoonError."""
     header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH)
     return [
@@ -171,7 +171,7 @@ def texture_files(path: Path) -> list[bytes]:
     ]
 
 
-def check(foreign: ForeignBytes) -> None:
+def check_ply(foreign: ForeignBytes) -> None:
     """Compare the data with the header's statements, before a library makes room for the data.
 
     Raises ValueError, with the line, for rows that are not there, values that are no numbers, and faces and edges with
@@ -209,7 +209,7 @@ def _check_range(name: str, values: Array, lowest: int, vertices: int, row: int)
         )
 
 
-def _lowest(element: _Element, name: str) -> int | None:
+def _find_lowest(element: _Element, name: str) -> int | None:
     """The lowest number of a vertex that a property may have, None if it is no such number."""
     if (element.name, name) in _VERTEX_NUMBERS:
         return 0
@@ -218,7 +218,7 @@ def _lowest(element: _Element, name: str) -> int | None:
 
 def _check_plain(foreign: ForeignBytes, at: int, element: _Element, order: str, vertices: int) -> None:
     kind = element.row_type(order)
-    names = [each.name for each in element.properties if _lowest(element, each.name) is not None]
+    names = [each.name for each in element.properties if _find_lowest(element, each.name) is not None]
     for row in range(0, element.count if names else 0, _ROWS):
         count = min(_ROWS, element.count - row)
         table = np.frombuffer(foreign.part(at + row * kind.itemsize, count * kind.itemsize), kind)
@@ -238,7 +238,7 @@ def _check_lists(foreign: ForeignBytes, at: int, element: _Element, order: str, 
         if any((table[f"length of {name}"] != length).any() for name, length in lengths.items()):
             break
         for each in element.properties:
-            if (lowest := _lowest(element, each.name)) is not None:
+            if (lowest := _find_lowest(element, each.name)) is not None:
                 _check_range(element.name, table[each.name], lowest, vertices, row)
         at += count * kind.itemsize
         row += count
@@ -271,7 +271,7 @@ def _check_length(length: int, at: int) -> None:
 def _check_rows(foreign: ForeignBytes, at: int, element: _Element, order: str, vertices: int, row: int) -> int:
     """Check rows from number ``row`` on one by one, and give the place after them."""
     data = foreign.part(at, foreign.size - at)
-    plan = [(each, np.dtype(each.kind).itemsize, _lowest(element, each.name)) for each in element.properties]
+    plan = [(each, np.dtype(each.kind).itemsize, _find_lowest(element, each.name)) for each in element.properties]
     unpack = functools.lru_cache(maxsize=1000)(lambda layout: struct.Struct(layout).unpack_from)
     place = 0
     for number in range(row, element.count):
@@ -294,7 +294,7 @@ def _check_rows(foreign: ForeignBytes, at: int, element: _Element, order: str, v
 
 
 def _check_text(foreign: ForeignBytes, header: _Header, vertices: int) -> None:
-    with suppress(UnusualError, ValueError):  # the check line by line finds the fault
+    with suppress(UnusualTextError, ValueError):  # the check line by line finds the fault
         _check_usual_text(foreign, header, vertices)
         return
     lines = foreign.lines(header.start, _LONGEST_ROW)
@@ -312,25 +312,27 @@ def _check_usual_text(foreign: ForeignBytes, header: _Header, vertices: int) -> 
     elements = [each for each in header.elements if each.count]
     is_usual = [each.name for each in elements] in (["vertex"], ["vertex", "face"]) and elements[0].is_plain
     if not is_usual or any(
-        len(each.properties) != 1 or _lowest(each, each.properties[0].name) != 0 or each.properties[0].kind[0] == "f"
+        len(each.properties) != 1
+        or _find_lowest(each, each.properties[0].name) != 0
+        or each.properties[0].kind[0] == "f"
         for each in elements[1:]
     ):
-        raise UnusualError
-    width, lengths, rows = len(elements[0].properties), set[int](), Rows(foreign, header.start)
+        raise UnusualTextError
+    width, lengths, rows = len(elements[0].properties), set[int](), LineRows(foreign, header.start)
 
     def check_vertex(line: bytes) -> None:
         if len(list(map(float, line.split()))) < width or b"_" in line:
-            raise UnusualError
+            raise UnusualTextError
 
-    forms_of_vertices, forms_of_faces = Forms(check_vertex), Forms(lambda line: lengths.add(len(line.split())))
+    forms_of_vertices, forms_of_faces = LineForms(check_vertex), LineForms(lambda line: lengths.add(len(line.split())))
     for text in rows.take(elements[0].count):
-        forms_of_vertices.look_at(reduced(text))
+        forms_of_vertices.check_lines(reduce_digits(text))
     for text in rows.take(elements[1].count if len(elements) > 1 else 0):
-        forms_of_faces.look_at(reduced(text))
+        forms_of_faces.check_lines(reduce_digits(text))
         (length,) = lengths
-        table = whole_numbers(text).reshape(-1, length)
+        table = parse_whole_numbers(text).reshape(-1, length)
         if (table[:, 0] != length - 1).any() or table[:, 1:].max(initial=0) >= vertices:
-            raise UnusualError
+            raise UnusualTextError
 
 
 def _number_rows(lines: Iterator[tuple[int, bytes]], header: _Header, element: _Element) -> Iterator[list[float]]:
@@ -343,11 +345,11 @@ def _number_rows(lines: Iterator[tuple[int, bytes]], header: _Header, element: _
         except ValueError:
             row = []
         if len(row) < width or b"_" in line:
-            raise _bad_row(header, element, number, line)
+            raise _make_row_error(header, element, number, line)
         yield row
 
 
-def _bad_row(header: _Header, element: _Element, number: int, line: bytes, why: str = "") -> ValueError:
+def _make_row_error(header: _Header, element: _Element, number: int, line: bytes, why: str = "") -> ValueError:
     return ValueError(
         f"line {header.lines + number} is no row of the element {shorten(element.name)!r}{why}: "
         f"{shorten(line[:200].decode('utf-8', 'replace'))!r}"
@@ -358,7 +360,7 @@ def _bad_row(header: _Header, element: _Element, number: int, line: bytes, why: 
 
 def _check_words(lines: Iterator[tuple[int, bytes]], header: _Header, element: _Element, vertices: int) -> None:
     """Check the rows of an element that has lists, or numbers of vertices, in ASCII."""
-    lowest = [_lowest(element, each.name) for each in element.properties]
+    lowest = [_find_lowest(element, each.name) for each in element.properties]
     only = lowest[0] if len(lowest) == 1 and element.properties[0].kind[0] != "f" else None
     for _ in range(element.count):
         number, line = next(lines, (0, b""))
@@ -371,15 +373,15 @@ def _check_words(lines: Iterator[tuple[int, bytes]], header: _Header, element: _
                     raise ValueError
                 found = [(only, values[:count])]
             else:
-                found = _lists_of(element, lowest, line.split())
+                found = _split_lists(element, lowest, line.split())
         except (ValueError, IndexError):
-            raise _bad_row(header, element, number, line) from None
+            raise _make_row_error(header, element, number, line) from None
         for least, values in found:
             if values and not (least <= min(values) and max(values) < vertices):
-                raise _bad_row(header, element, number, line, f", whose vertices are {least} to {vertices - 1}")
+                raise _make_row_error(header, element, number, line, f", whose vertices are {least} to {vertices - 1}")
 
 
-def _lists_of(element: _Element, lowest: list[int | None], words: list[bytes]) -> list[tuple[int, list[int]]]:
+def _split_lists(element: _Element, lowest: list[int | None], words: list[bytes]) -> list[tuple[int, list[int]]]:
     """The numbers of vertices in the words of a row, each with the lowest that there may be."""
     found, at = [], 0
     for each, least in zip(element.properties, lowest, strict=True):
@@ -563,13 +565,13 @@ def encode_triangles(
     faces = np.empty(len(triangles), FACE)
     faces["count"], faces["corners"] = 3, triangles
     return (
-        header_of(names, len(vertices), len(faces), comments)
+        make_header(names, len(vertices), len(faces), comments)
         + np.ascontiguousarray(vertices, "<f4").tobytes()
         + faces.tobytes()
     )
 
 
-def header_of(names: tuple[str, ...], vertices: int, triangles: int, comments: tuple[str, ...] = ()) -> bytes:
+def make_header(names: tuple[str, ...], vertices: int, triangles: int, comments: tuple[str, ...] = ()) -> bytes:
     """The header of a binary file with numbers of vertices and triangles; ``names`` are the vertices' properties, in
     single precision."""
     header = [

@@ -71,10 +71,10 @@ def encode_png(picture: Array, level: int = 1) -> bytes:
     rows[:, 1:] = values
     header = struct.pack(">2I5B", width, height, 8 * picture.itemsize, 2 if picture.ndim == 3 else 0, 0, 0, 0)
     return _START + b"".join(
-        _chunk(name, data)
+        _make_chunk(name, data)
         for name, data in ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), level)), (b"IEND", b""))
     )
 
 
-def _chunk(name: bytes, data: bytes) -> bytes:
+def _make_chunk(name: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))

@@ -67,10 +67,10 @@ class RosCamera:
 
 def read_ros_camera(path: Path) -> RosCamera:
     """Read a calibration. Raises IcyMoonError if the file is not one, or its lens model is not supported."""
-    return read(path, _parse, "a calibration of ROS", _FIX, _MOST_BYTES)
+    return read(path, _parse_camera, "a calibration of ROS", _FIX, _MOST_BYTES)
 
 
-def _parse(foreign: ForeignBytes) -> RosCamera:
+def _parse_camera(foreign: ForeignBytes) -> RosCamera:
     text = foreign.text()
     if text.startswith("%YAML:1.0"):
         raise RefusedError(f"is a calibration in the YAML of OpenCV, and none of ROS; {_FIX}.")
@@ -85,15 +85,15 @@ def _parse(foreign: ForeignBytes) -> RosCamera:
             f"has the lens model {model[:40]!r}, and {', '.join(_COEFFICIENTS)} alone are read; "
             "calibrate the camera with one of them."
         )
-    k = _numbers(stated, "distortion_coefficients", *_COEFFICIENTS[model])
-    rotation = _numbers(stated, "rectification_matrix", 9).reshape(3, 3)
+    k = _read_numbers(stated, "distortion_coefficients", *_COEFFICIENTS[model])
+    rotation = _read_numbers(stated, "rectification_matrix", 9).reshape(3, 3)
     if not np.abs(rotation @ rotation.T - np.eye(3)).max() < _TURNED or np.linalg.det(rotation) < 0:
         raise ValueError("rectification_matrix is no rotation")
-    matrix = _numbers(stated, "camera_matrix", 9).reshape(3, 3)
-    projection = _numbers(stated, "projection_matrix", 12).reshape(3, 4)
-    whole = 0, 0, _whole(stated, "image_width"), _whole(stated, "image_height")
-    window = _window(stated.get("roi", {}), whole)
-    binning = _binning(stated, "binning_x"), _binning(stated, "binning_y")
+    matrix = _read_numbers(stated, "camera_matrix", 9).reshape(3, 3)
+    projection = _read_numbers(stated, "projection_matrix", 12).reshape(3, 4)
+    whole = 0, 0, _read_whole(stated, "image_width"), _read_whole(stated, "image_height")
+    window = _read_window(stated.get("roi", {}), whole)
+    binning = _read_binning(stated, "binning_x"), _read_binning(stated, "binning_y")
     for each in (matrix, projection):
         each[:2, 2] -= window[:2]
         each[:2] /= np.array(binning)[:, None]
@@ -111,12 +111,12 @@ def _parse(foreign: ForeignBytes) -> RosCamera:
     )
 
 
-def _window(roi: Any, whole: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
+def _read_window(roi: Any, whole: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
     """The part of the calibrated images that is read out: its corner, its width and its height."""
     if not isinstance(roi, dict):
         raise ValueError("roi is no mapping")
     x, y, wide, high = (
-        _whole(roi, key, least=0) if key in roi else 0 for key in ("x_offset", "y_offset", "width", "height")
+        _read_whole(roi, key, least=0) if key in roi else 0 for key in ("x_offset", "y_offset", "width", "height")
     )
     if not (x or y or wide or high):
         return whole
@@ -129,15 +129,15 @@ def _window(roi: Any, whole: tuple[int, int, int, int]) -> tuple[int, int, int, 
     return x, y, wide, high
 
 
-def _binning(stated: dict[str, Any], key: str) -> int:
+def _read_binning(stated: dict[str, Any], key: str) -> int:
     """How many pixels make one; 0 means none, as 1 does."""
-    count = max(_whole(stated, key, least=0), 1) if key in stated else 1
+    count = max(_read_whole(stated, key, least=0), 1) if key in stated else 1
     if count > _MOST_BINNED:
         raise RefusedError(f"has {key} of {count}, and at most {_MOST_BINNED} pixels are read as one; correct it.")
     return count
 
 
-def _numbers(stated: dict[str, Any], key: str, *counts: int) -> Array:
+def _read_numbers(stated: dict[str, Any], key: str, *counts: int) -> Array:
     table = stated.get(key)
     values = table.get("data") if isinstance(table, dict) else table
     if not isinstance(values, list) or len(values) not in counts or not np.isfinite(values).all():
@@ -145,7 +145,7 @@ def _numbers(stated: dict[str, Any], key: str, *counts: int) -> Array:
     return np.array(values)
 
 
-def _whole(stated: dict[str, Any], key: str, least: int = 1) -> int:
+def _read_whole(stated: dict[str, Any], key: str, least: int = 1) -> int:
     text = str(stated.get(key, ""))
     if not text.isascii() or not text.isdecimal() or not least <= int(text[:9]) < 2**20:
         raise ValueError(f"{key} is {text[:40]!r}, not a number of pixels")

@@ -207,7 +207,7 @@ def read_pixels(
     is of a kind that is not read, or more than a file of its size may take of memory, and ValueError or an error of the
     decompressor if the file is torn or has no such window.
     """
-    number, unpack = _number_type(image), _choose_unpacker(image)
+    number, unpack = _find_number_type(image), _choose_unpacker(image)
     rows, columns = image.shape
     tiled = 322 in image.tags
     width, height = _tile_size(image)
@@ -229,13 +229,13 @@ def read_pixels(
     grid = np.full((len(down), len(right)), np.nan)
     predictor, packed = image.number(317, 1), image.number(259, 1) != 1
     lefts = range(right.start // width * width, right.stop, width)
-    columns_of = [(left // width, *_overlap(left, width, right)) for left in lefts]
+    columns_of = [(left // width, *_find_overlap(left, width, right)) for left in lefts]
     for top in range(down.start // height * height, down.stop, height):
         tall = height if tiled else min(height, rows - top)
         length = tall * row_bytes
         # No compression makes data much longer; what a strip states beyond that is not its own.
         most = 2 * length + 2**16 if packed else length
-        rows_there, rows_here = _overlap(top, tall, down)
+        rows_there, rows_here = _find_overlap(top, tall, down)
         for place, columns_there, columns_here in columns_of:
             k = top // height * across + place
             if sizes[k] == 0:
@@ -252,10 +252,10 @@ def read_pixels(
 def _make_smaller(image: Directory, wanted: int) -> str:
     """The fix for a file whose ``wanted`` pixels take too much memory: tiles, or coarser pixels."""
     if _PIXEL_MEMORY * wanted <= _MEMORY // 2:
-        return f"store it in tiles, in its folder with: {gdal_lines.tile(image.name)}"
+        return f"store it in tiles, in its folder with: {gdal_lines.tile_command(image.name)}"
     rows, columns = image.shape
     width = max(2, int(math.sqrt(_MEMORY / 2 / _PIXEL_MEMORY * columns / rows)))
-    return "make it coarser in its folder with: " + gdal_lines.tile(
+    return "make it coarser in its folder with: " + gdal_lines.tile_command(
         image.name, f"-r average -outsize {min(width, columns)} 0"
     )
 
@@ -287,17 +287,17 @@ def _checked_window(image: Directory, window: tuple[range, range] | None) -> tup
     return down, right
 
 
-def _overlap(start: int, size: int, wanted: range) -> tuple[slice, slice]:
+def _find_overlap(start: int, size: int, wanted: range) -> tuple[slice, slice]:
     """The overlap of ``size`` rows (or columns) from ``start`` on with the ``wanted`` ones, as slices of both."""
     first, last = max(start, wanted.start), min(start + size, wanted.stop)
     return slice(first - start, last - start), slice(first - wanted.start, last - wanted.start)
 
 
-def _number_type(image: Directory) -> np.dtype[Any]:
+def _find_number_type(image: Directory) -> np.dtype[Any]:
     """The number type of the pixels of the only band; bool for one bit. Raises UnreadError for any other kind."""
     bands = image.number(277, 1)
     if bands != 1:
-        raise UnreadError(f"has {bands} bands, a height map has one; {_convert(image)}")
+        raise UnreadError(f"has {bands} bands, a height map has one; {_convert_fix(image)}")
     if image.number(262, 1) == 3:
         raise UnreadError("holds colours of a palette, not heights; give a file with the numbers themselves.")
     if image.number(274, 1) != 1:  # GDAL would copy the rows as they are
@@ -306,21 +306,21 @@ def _number_type(image: Directory) -> np.dtype[Any]:
             "save it again with its first row on top."
         )
     if image.number(266, 1) != 1:
-        raise UnreadError(f"is stored with its bits in reverse order; {_convert(image)}")
+        raise UnreadError(f"is stored with its bits in reverse order; {_convert_fix(image)}")
     bits = image.number(258, 1)
     if bits == 1 and image.is_mask:
         return np.dtype(bool)
     kind = {1: "u", 2: "i", 3: "f", 4: "u"}.get(image.number(339, 1), "?")
     if bits % 8 or f"{kind}{bits // 8}" not in _NUMBERS:
         raise UnreadError(
-            f"holds {bits}-bit values of a kind that Icy Moon does not read; {_convert(image, '-ot Float32')}"
+            f"holds {bits}-bit values of a kind that Icy Moon does not read; {_convert_fix(image, '-ot Float32')}"
         )
     return np.dtype(f"{image.order}{kind}{bits // 8}")
 
 
-def _convert(image: Directory, *options: str) -> str:
+def _convert_fix(image: Directory, *options: str) -> str:
     """The fix for a kind of file that only GDAL reads."""
-    return f"convert it in its folder with: {gdal_lines.translate(image.name, *options)}"
+    return f"convert it in its folder with: {gdal_lines.translate_command(image.name, *options)}"
 
 
 def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
@@ -338,7 +338,7 @@ def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
     }
     if compression not in known:
         name = _OTHERS.get(compression, f"method {compression}")
-        raise UnreadError(f"is compressed with {name}, which Icy Moon does not read here; {_convert(image)}")
+        raise UnreadError(f"is compressed with {name}, which Icy Moon does not read here; {_convert_fix(image)}")
     return known[compression]
 
 

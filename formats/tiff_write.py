@@ -69,11 +69,11 @@ def encode_tiff(pixels: Array, place: Place | None = None, description: str = ""
     if extra := bands - (3 if bands >= 3 else 1):
         tags[338] = (_SHORT, [0] * extra)
     if place is not None:
-        tags |= _place_tags(place, image.dtype.kind == "f")
-    return _assemble(tags, strips)
+        tags |= _make_place_tags(place, image.dtype.kind == "f")
+    return _assemble_file(tags, strips)
 
 
-def _place_tags(place: Place, floats: bool) -> dict[int, tuple[tuple[int, str], list[float] | bytes]]:
+def _make_place_tags(place: Place, floats: bool) -> dict[int, tuple[tuple[int, str], list[float] | bytes]]:
     """Scale, tie point and GeoKeys of a user-defined map in metres, which readers take for a local frame."""
     name = place.frame.encode("ascii", "replace") + b"|"
     keys = [
@@ -90,18 +90,18 @@ def _place_tags(place: Place, floats: bool) -> dict[int, tuple[tuple[int, str], 
         33922: (_DOUBLE, [0.0, 0.0, 0.0, place.west_m, place.north_m, 0.0]),
         34735: (_SHORT, list(directory)),
         34737: (_ASCII, name + b"\0"),
-        **({42112: (_ASCII, _metadata(place.notes))} if place.notes else {}),
+        **({42112: (_ASCII, _make_metadata(place.notes))} if place.notes else {}),
         **({42113: (_ASCII, b"nan\0")} if floats else {}),
     }
 
 
-def _metadata(notes: Mapping[str, str]) -> bytes:
+def _make_metadata(notes: Mapping[str, str]) -> bytes:
     """GDAL_METADATA (gdal.org/drivers/raster/gtiff.html) with these texts, which GDAL escapes twice."""
     items = "".join(f"<Item name={quoteattr(name)}>{escape(escape(text))}</Item>" for name, text in notes.items())
     return f"<GDALMetadata>{items}</GDALMetadata>".encode() + b"\0"
 
 
-def _assemble(tags: dict[int, tuple[tuple[int, str], list[float] | bytes]], strips: list[bytes]) -> bytes:
+def _assemble_file(tags: dict[int, tuple[tuple[int, str], list[float] | bytes]], strips: list[bytes]) -> bytes:
     """The file: its header, the values of its tags, the strips, and the directory at the end."""
     body = bytearray(b"II*\0\0\0\0\0")
     offsets = []

@@ -13,7 +13,7 @@ from ..support.foreign_bytes import Budget, OverBudgetError, parse_toml
 Key = tuple[str | int, ...]
 
 
-def _has(data: Any, key: Key) -> bool:
+def _has_key(data: Any, key: Key) -> bool:
     for step in key:
         try:
             data = data[step]
@@ -51,7 +51,7 @@ def find_line(text: str, key: Key, budget: Budget | None = None) -> int | None:
     # one of ``least`` to ``within`` - 1 lines is there.
     without, within = 0, len(lines)
     try:
-        if (whole := _parse_beginning("\n".join(lines), budget)) is None or not _has(whole, key):
+        if (whole := _parse_beginning("\n".join(lines), budget)) is None or not _has_key(whole, key):
             return None
         least = within
         while least > without + 1:
@@ -60,7 +60,7 @@ def find_line(text: str, key: Key, budget: Budget | None = None) -> int | None:
                 data = _parse_beginning("\n".join(lines[:end]), budget)
                 if data is None:
                     continue  # in the middle of a value
-                if _has(data, key):
+                if _has_key(data, key):
                     within = least = end
                 else:
                     without = end
@@ -87,10 +87,10 @@ def _find_plain_line(text: str, key: Key) -> int | None:
     for number, line in enumerate(text.splitlines(), 1):
         stated = line.strip()
         if stated.startswith("["):
-            header = _find_table(_parts_of(stated.partition("]")[0].strip("[")), counts, stated.startswith("[["))
+            header = _find_table(_split_key(stated.partition("]")[0].strip("[")), counts, stated.startswith("[["))
             found = header
         elif "=" in stated and not stated.startswith("#"):
-            found = (*header, *_parts_of(stated.partition("=")[0]))
+            found = (*header, *_split_key(stated.partition("=")[0]))
         else:
             continue
         if found[: len(key)] == key:
@@ -98,7 +98,7 @@ def _find_plain_line(text: str, key: Key) -> int | None:
     return None
 
 
-def _parts_of(name: str) -> tuple[str, ...]:
+def _split_key(name: str) -> tuple[str, ...]:
     return tuple(part.strip(" \t\"'") for part in name.split("."))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from ..settings.topics.declaration import Parts
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from .rendered_pair import RenderedPair, response_of
 
 #: Finds the disparity in px, (H, W), NaN where it finds none, of rectified images, uint8 (H, W) each.
@@ -88,7 +88,7 @@ def evaluate(
     packages.require_modules(*packages.PACKAGES)
     from ..stereo.evaluate import evaluate as evaluate_folders
     from ..stereo.matchers.methods import parse_methods
-    from ..support.scratch import scratch_folder
+    from ..support.scratch import open_scratch_folder
 
     folders = [
         each.folder if isinstance(each, RenderedPair) else Path(each)
@@ -98,7 +98,7 @@ def evaluate(
     ours, named, functions = _sort(matchers)
     stated = [f"{name}={text}" for name, text in named.items()]
     methods = parse_methods(",".join(ours), named=stated) if ours or named else []
-    with scratch_folder() as scratch:
+    with open_scratch_folder() as scratch:
         predictions = [
             f"{name}={_predict(name, function, folders, response, scratch)}" for name, function in functions.items()
         ]
@@ -106,7 +106,7 @@ def evaluate(
     rows = [dict(row) for row in report["rows"]]
     if failed := [row for row in rows if row["status"] == "failed"]:
         raise IcyMoonError(
-            f"{len(failed)} of {count_of(len(rows), 'measurement')} failed, the first one: {failed[0]['error']}"
+            f"{len(failed)} of {format_count(len(rows), 'measurement')} failed, the first one: {failed[0]['error']}"
         )
     return Evaluation(Path(out).absolute(), _means(rows), rows, list(report["notes"]))
 

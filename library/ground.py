@@ -10,8 +10,8 @@ from ..render.plans.planned_pair import expand_headings
 from ..settings import user_files
 from ..stereo.export import ground
 from ..support.errors import IcyMoonError
-from ..support.scratch import scratch_folder
-from ..support.suggestions import nearest
+from ..support.scratch import open_scratch_folder
+from ..support.suggestions import suggest_nearest
 from .rendered_pair import RenderedPair, open_pairs
 from .renderers import this_blender
 from .scene import Scene
@@ -34,12 +34,12 @@ def export_ground(
     cells that are too small, and for pairs that were edited by hand.
     """
     if kind not in ground.FORMATS:
-        raise IcyMoonError(f"There is no format {kind!r} of ground, {nearest(kind, ground.FORMATS)}")
+        raise IcyMoonError(f"There is no format {kind!r} of ground, {suggest_nearest(kind, ground.FORMATS)}")
     program, folder = str(blender or this_blender()), Path(out).absolute()
     if isinstance(of, Scene):
-        with scratch_folder() as scratch:
+        with open_scratch_folder() as scratch:
             settings = of.stored(scratch)
-            planned = expand_headings(settings, user_files.content(settings))[:1]
+            planned = expand_headings(settings, user_files.hash_content(settings))[:1]
             return ground.write_grounds(planned, folder, kind, program, cell_m)
     pairs = [of] if isinstance(of, RenderedPair) else open_pairs(of) if isinstance(of, str | Path) else of
     return ground.export_ground([read_pair(each.folder) for each in pairs], folder, kind, program, cell_m)

@@ -22,7 +22,7 @@ from ..settings.description import defaults
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import read_checksum, write_atomically
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 
 #: A quantity over the patch: an array, or a function of arrays of east and north coordinates in metres.
 Field = Callable[[Array, Array], ArrayLike] | ArrayLike
@@ -91,7 +91,7 @@ def sample_field(field: Field, x_m: Array, y_m: Array, what: str) -> Array:
         )
     if not np.isfinite(values).all():
         raise IcyMoonError(
-            f"The array of {what} has {count_of(np.count_nonzero(~np.isfinite(values)), 'value')} "
+            f"The array of {what} has {format_count(np.count_nonzero(~np.isfinite(values)), 'value')} "
             "that are not finite; fill them."
         )
     return values
@@ -146,7 +146,9 @@ def rocks_input(rocks: ArrayLike, size_m: float) -> tuple[Input, dict[str, dict[
     stated: dict[str, Any] = {"law": TABLE, "coverage": min(max(covered_share(table, size_m), 1e-6), 0.5)}
     if len(table) > defaults().rocks.most:
         stated["most"] = len(table)
-    return Input("rocks.file", "\n".join(lines).encode(), ".csv", count_of(len(table), "own rock")), {"rocks": stated}
+    return Input("rocks.file", "\n".join(lines).encode(), ".csv", format_count(len(table), "own rock")), {
+        "rocks": stated
+    }
 
 
 def albedo_input(field: Field, size_m: float, resolution: int) -> tuple[Input, dict[str, dict[str, Any]]]:

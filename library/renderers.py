@@ -17,7 +17,7 @@ from ..render.workers.process import Message, Process
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.files import write_text
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from ..support.printer import show_controls
 from ..support.scratch import make_scratch_folder
 from ..support.system import remove_folder
@@ -67,7 +67,7 @@ class Worker:
         self._jobs = 0
 
     def __repr__(self) -> str:
-        state = f"process {self._process.pid}, {count_of(self._jobs, 'render')}" if self._process else "not started"
+        state = f"process {self._process.pid}, {format_count(self._jobs, 'render')}" if self._process else "not started"
         return f"<Worker {self.blender}: {state}>"
 
     def __enter__(self) -> Self:

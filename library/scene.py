@@ -160,7 +160,7 @@ class Scene:
         """The pairs of this scene, one for each of ``dataset.headings``; see ``render``."""
         folder = Path(dataset).absolute() if dataset is not None else absolute_folder(self._settings.dataset.folder)
         settings = self.stored(folder)
-        folders = [pair.folder(folder) for pair in expand_headings(settings, user_files.content(settings))]
+        folders = [pair.folder(folder) for pair in expand_headings(settings, user_files.hash_content(settings))]
         if again or not all(map(is_complete, folders)):
             folders = (renderer or default_renderer()).render(settings, folder, again, as_warnings(on_event))
         return [RenderedPair(read_unchanged_pair(each)) for each in folders]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..support.errors import IcyMoonError
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from .rendered_pair import RenderedPair
 from .renderers import Hear, Renderer, ignore
 from .scene import Scene
@@ -76,7 +76,7 @@ class Sweep:
 
     def __repr__(self) -> str:
         axes = " x ".join(f"{len(values)} {name}" for name, values in self._axes.items())
-        return f"<Sweep of {count_of(len(self), 'pair')}: {axes}, in {self.dataset}>"
+        return f"<Sweep of {format_count(len(self), 'pair')}: {axes}, in {self.dataset}>"
 
     def __iter__(self) -> Iterator[SweepPoint]:
         """The points in order, each rendered when its turn comes. Raises IcyMoonError that names the point."""

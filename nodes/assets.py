@@ -52,7 +52,7 @@ def _header_of(name: str) -> tuple[str, str]:
     """Title and description of an asset."""
     if name == SKY:
         return "Airless Sky", "A black world: an airless moon has no light from its sky."
-    title, text = preset_files.preset_header(name)
+    title, text = preset_files.read_preset_header(name)
     return title, f"{text}. {_resolution_text(asset_settings(name)) if name.startswith('rigs/') else ''}Preset {name}"
 
 
@@ -71,7 +71,7 @@ def write_asset(name: str, path: Path) -> None:
     facts.description = text
     for tag in _tags(kind, settings):
         facts.tags.new(tag, skip_if_exists=True)
-    _set_picture(block, preset_files.preview_path(_PICTURE_OF_SKY if name == SKY else name))
+    _set_picture(block, preset_files.find_preview(_PICTURE_OF_SKY if name == SKY else name))
     path.parent.mkdir(parents=True, exist_ok=True)
     _forget_scene()
     # In Blender 5.0, ``libraries.write`` leaves out the pictures of collections.
@@ -140,7 +140,7 @@ def _give_to_user(title: str) -> None:
     """Take away the marks by which Build Scene knows its data-blocks, and name the data-blocks after the asset."""
     for block in bpy.data.user_map():
         if not isinstance(block, bpy.types.Scene):
-            for key in [key for key in compat.custom_properties(block) if key.startswith(TAG)]:
+            for key in [key for key in compat.list_custom_properties(block) if key.startswith(TAG)]:
                 del block[key]
             if block.library is None and block.name.startswith(NAME):
                 block.name = block.name.replace(NAME, title, 1)

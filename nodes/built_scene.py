@@ -167,7 +167,7 @@ class Built:
 
     @property
     def sky(self) -> dict[str, Any]:
-        """Positions and brightness of the lights, see ``physics.light.sky.sky_facts``."""
+        """Positions and brightness of the lights, see ``physics.light.sky.describe_sky``."""
         return dict(read_stored(self.sun, SKY, TABLE))
 
     @property

@@ -64,7 +64,7 @@ def update_object(old: bpy.types.Object, new: bpy.types.Object) -> bpy.types.Obj
         _copy_properties(old.modifiers.new(modifier.name, modifier.type), modifier)
     for constraint in new.constraints:
         _copy_properties(old.constraints.new(constraint.type), constraint)
-    for key in compat.custom_properties(new):
+    for key in compat.list_custom_properties(new):
         if not hasattr(new[key], "keys"):
             old[key] = new[key]
     new.user_remap(old)  # the planet follows the camera
@@ -79,7 +79,7 @@ def _clear_object(item: bpy.types.Object) -> None:
     item.constraints.clear()
     for slot in item.material_slots:
         slot.link = "DATA"
-    for key in compat.custom_properties(item):
+    for key in compat.list_custom_properties(item):
         if not hasattr(item[key], "keys"):
             del item[key]
 

@@ -18,7 +18,7 @@ from ..stereo.images.colours import ERROR, colour_signed_errors
 from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.errors import IcyMoonError
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from .datablocks.array_marks import read_property
 from .datablocks.fingerprint import TAG
 from .tree.builder import Tree
@@ -117,7 +117,7 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
         "Depth error of the surface shown", counts, {**KINDS, "missing": ("Missing, no point", "BLANK1")}, true
     )
     if counts.get("unknown"):
-        lines.append((f"No true depth, grey: {count_of(counts['unknown'], 'point')}", "BLANK1"))
+        lines.append((f"No true depth, grey: {format_count(counts['unknown'], 'point')}", "BLANK1"))
     return tuple(lines)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import bpy
 
 from ..physics import scene_checks
-from ..physics.camera.depth_accuracy import rounding_advice
+from ..physics.camera.depth_accuracy import advise_on_rounding
 from ..settings import changes
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
@@ -34,7 +34,11 @@ def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
     Surfaces, lights and camera are made again if their settings differ. If more differs, or there is no built scene, a
     new file is opened. Raises IcyMoonError as ``build`` does; then there is no scene.
     """
-    if built is None or SETTINGS not in built.collection or changes.scene(settings) != changes.scene(built.settings):
+    if (
+        built is None
+        or SETTINGS not in built.collection
+        or changes.select_scene(settings) != changes.select_scene(built.settings)
+    ):
         return open_empty_scene(settings), False
     if content(settings) != built.content:
         return open_empty_scene(settings), False
@@ -46,8 +50,8 @@ def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
         *ground_and_rock_materials.advice(settings),
         *reflectance_laws.advice(settings),
         *light_advice(described_sky(settings), settings),
-        *rounding_advice(settings.rig, built.site_m),
-        *scene_checks.scene_advice(settings),
+        *advise_on_rounding(settings.rig, built.site_m),
+        *scene_checks.advise_on_scene(settings),
         *built.excavation.get("advice", []),
     ]
     now = find(bpy.context.scene)

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..physics.camera.blur import blur_identity
+from ..physics.camera.blur import describe_blur_identity
 from ..physics.mesh.subdivide import halve_edges
 from ..render.pairs.pair_folder import Pair
 from ..render.plans.planned_pair import expand_headings
@@ -35,7 +35,7 @@ from ..stereo.ground_errors import (
 from ..stereo.images.colours import SKY_GREY
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from .built_scene import Built
 from .datablocks.array_marks import PAINTED, read_property
 from .datablocks.fingerprint import TAG, added_objects, instanced_objects
@@ -67,12 +67,12 @@ def why_another(built: Built, headings: int, pair: Pair) -> str:
     cannot be detected.
     """
     now, then = built.settings, pair.settings
-    if names := _differing(changes.geometry(now), changes.geometry(then)):
+    if names := _differing(changes.select_geometry(now), changes.select_geometry(then)):
         return f"The evaluated pair {pair.id} has another ground than the one that is built: {_differ(names)}."
     if then.source.kind != "PROCEDURAL" and built.content != pair.data.get("own_files_sha256", ""):
         return f"The file of the ground has changed since the evaluated pair {pair.id} was rendered."
     views = (planned.settings for planned in expand_headings(merged(now, {"dataset": {"headings": headings}})))
-    cameras = [_differing(changes.camera(view), changes.camera(then)) for view in views]
+    cameras = [_differing(changes.select_camera(view), changes.select_camera(then)) for view in views]
     if all(cameras):
         return f"The evaluated pair {pair.id} has another camera than the one that is built: {_differ(cameras[0])}."
     if not _same_by_hand(built, pair):
@@ -85,14 +85,14 @@ def _differing(one: Mapping[str, Mapping[str, Any]], other: Mapping[str, Mapping
 
 
 def _differ(names: Sequence[str]) -> str:
-    more = f" and {count_of(len(names) - 1, 'more setting')} differ" if len(names) > 1 else " differs"
+    more = f" and {format_count(len(names) - 1, 'more setting')} differ" if len(names) > 1 else " differs"
     return f"{names[0]}{more}"
 
 
 def _same_by_hand(built: Built, pair: Pair) -> bool:
     """Whether ground and camera have the same edits by hand as when a pair was rendered."""
     if pair.data.get("edited_by_hand"):  # the id identifies all edits
-        return digest(pair.settings, built.extra + blur_identity(pair.settings)) == pair.id
+        return digest(pair.settings, built.extra + describe_blur_identity(pair.settings)) == pair.id
     return not added_objects(built.collection) and not built.edited_parts(*_GROUND_AND_CAMERA)
 
 

@@ -17,16 +17,16 @@ import numpy as np
 
 from ..physics import scene_checks
 from ..physics.arm.parametric import JOINTS
-from ..physics.excavation.jitter import jittered_rig
+from ..physics.excavation.jitter import jitter_rig
 from ..physics.mesh import fine_relief
 from ..physics.mesh.grading import OF_THE_RIG
 from ..physics.mesh.height_map import HeightMap
 from ..physics.mesh.height_surface import Surface
 from ..physics.mesh.horizon import drop_m
-from ..physics.rocks.rocks import LEVEL_RANKS, Rocks, scatter
-from ..physics.rocks.shapes import Shape, make_rock_shapes
+from ..physics.rocks.rocks import LEVEL_RANKS, Rocks, scatter_rocks
+from ..physics.rocks.shapes import RockShape, make_rock_shapes
 from ..settings import changes
-from ..settings.changes import geometry
+from ..settings.changes import select_geometry
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..support.arrays import Array
@@ -104,7 +104,7 @@ def build_coarse(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
             },
         ),
     )
-    built.remember(settings, geometry(settings))
+    built.remember(settings, select_geometry(settings))
     await_ground(built, settings)
     return replace(built, warnings=())  # they are about the coarse ground; those about the fine one follow with it
 
@@ -112,13 +112,13 @@ def build_coarse(scene: bpy.types.Scene, settings: Settings) -> scenes.Built:
 def await_ground(built: scenes.Built, settings: Settings) -> None:
     """Mark a scene: if it shows a preview of ``settings``, the ground at full resolution will follow."""
     if built.preview:
-        built.collection[scenes.REFINED] = json.dumps(geometry(settings))
+        built.collection[scenes.REFINED] = json.dumps(select_geometry(settings))
 
 
 def awaits_ground(scene: bpy.types.Scene, settings: Settings) -> scenes.Built | None:
     """The built scene if its ground at full resolution is to follow; None after a change of the ground's settings."""
     built = scenes.find(scene)
-    marked = built is not None and built.collection.get(scenes.REFINED) == json.dumps(geometry(settings))
+    marked = built is not None and built.collection.get(scenes.REFINED) == json.dumps(select_geometry(settings))
     return built if marked and built is not None and built.preview else None
 
 
@@ -130,12 +130,12 @@ def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
     messages: list[str] = []
     before = merged(built.settings, built.preview)
     ground = None
-    if geometry(settings) != geometry(before):
+    if select_geometry(settings) != select_geometry(before):
         try:
             ground = _show_ground(built, settings, side)
         except IcyMoonError as error:
             messages.append(str(error))
-            settings = merged(settings, geometry(before))
+            settings = merged(settings, select_geometry(before))
     messages += _show_surfaces(built, settings, before)
     if settings_of_lights(settings) != settings_of_lights(before):
         if built.edited_parts("sun"):
@@ -144,7 +144,7 @@ def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
             messages += _show_lights(built, settings)
     if merged(built.settings, built.preview) != before:
         _show_sunlight(built)
-    if jittered_rig(settings) != jittered_rig(before) or settings.rig != before.rig or ground is not None:
+    if jitter_rig(settings) != jitter_rig(before) or settings.rig != before.rig or ground is not None:
         if built.edited_parts("camera"):
             messages.append(_EDITED.format("camera"))
         else:
@@ -193,11 +193,11 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     if moved:
         leave_unmoved(built.terrain.data)
     changed = _show_rocks(built, coarse, rocks)
-    built.remember(built.settings, merged(built.preview, geometry(settings)), "terrain data", *changed)
+    built.remember(built.settings, merged(built.preview, select_geometry(settings)), "terrain data", *changed)
     return ground
 
 
-def _coarse_shapes(settings: Settings) -> tuple[tuple[Shape, ...], ...]:
+def _coarse_shapes(settings: Settings) -> tuple[tuple[RockShape, ...], ...]:
     rocks = settings.rocks
     return make_rock_shapes(rocks.family, rocks.angularity, int(settings.dataset.seed))[-1:]
 
@@ -209,7 +209,7 @@ def _scatter_largest(settings: Settings, positions: Array) -> Rocks:
     pixel = size / (n - 1)
     heights = positions[:, 2].reshape(n, n)[::-1].astype(np.float64)
     ground = HeightMap(heights, (pixel, pixel), -size / 2, -size / 2, size)
-    found = scatter(
+    found = scatter_rocks(
         rocks | {"most": min(rocks.most, MOST_ROCKS)},
         size,
         int(settings.dataset.seed),
@@ -251,7 +251,7 @@ def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) ->
 def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) -> list[str]:
     """Replace the materials of ground and rocks according to ``settings``; sentences on materials that stay."""
     seeds = settings.dataset.seed, before.dataset.seed
-    if changes.look(settings) == changes.look(before) and seeds[0] == seeds[1]:
+    if changes.select_look(settings) == changes.select_look(before) and seeds[0] == seeds[1]:
         return []
     rocks = (item for item in built.collection.all_objects if item.get(TAG) == "rock")
     shapes = [shape for item in rocks for shape in instanced_objects(item)]
@@ -277,9 +277,11 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
                 messages.append(str(error))
                 break
     remove_unused_images()
-    shown = built.settings if messages else merged(built.settings, changes.materials(settings))
+    shown = built.settings if messages else merged(built.settings, changes.select_materials(settings))
     preview = {topic: values for topic, values in built.preview.items() if topic != "surface"}
-    if changes.relief_in_mesh(shown) != changes.relief_in_mesh(built.settings):  # the mesh was made for other relief
+    if changes.describe_mesh_relief(shown) != changes.describe_mesh_relief(
+        built.settings
+    ):  # the mesh was made for other relief
         preview["surface"] = {key: shown.surface[key] for key in fine_relief.OF_THE_SURFACE}
         shown = merged(shown, {"surface": {key: built.settings.surface[key] for key in fine_relief.OF_THE_SURFACE}})
     built.remember(shown, preview, *changed)
@@ -321,11 +323,11 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
 def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_ground: bool) -> list[str]:
     """Move the lander and its arm according to ``settings``, or build it again; a sentence if it stays."""
     there = settings.lander.kind != "NONE"
-    if changes.lander(settings) == changes.lander(before) and not (new_ground and there):
+    if changes.select_lander(settings) == changes.select_lander(before) and not (new_ground and there):
         return []
     if built.edited_parts("lander"):
         return [_EDITED.format("lander")]
-    if reasons := list(scene_checks.lander_reasons(settings)):
+    if reasons := list(scene_checks.find_lander_reasons(settings)):
         return [str(reason) for reason in reasons]
     old = {role: item for role, item in built_objects(built.collection).items() if role in LANDER_ROLES.values()}
     if there and old and not new_ground and _only_joints_differ(settings, before):
@@ -343,7 +345,7 @@ def _only_joints_differ(settings: Settings, before: Settings) -> bool:
     """Whether the lander keeps its shape and place, and only joints turn."""
     turned = {("arm", f"{joint}{key}") for joint in JOINTS for key in ("_deg", "_offset_deg", "_low_deg", "_high_deg")}
     turned.add(("lander", "joints"))
-    now, then = changes.lander(settings), changes.lander(before)
+    now, then = changes.select_lander(settings), changes.select_lander(before)
     return all((topic, key) in turned or now[topic][key] == then[topic].get(key) for topic in now for key in now[topic])
 
 
@@ -359,7 +361,7 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
         if moved or ground is not None or preview:
             site_m = scenes.site_ground_m(settings, ground or scenes.ground_of(settings))
         if settings.mesh.kind == "GRADED":  # the mesh was made for the rig that it was built with
-            of_relief = changes.relief_in_mesh(settings) != changes.relief_in_mesh(built.settings)
+            of_relief = changes.describe_mesh_relief(settings) != changes.describe_mesh_relief(built.settings)
             keys = (*OF_THE_RIG, *(fine_relief.OF_THE_RIG if of_relief else ()))
             other = {key: built_rig[key] for key in keys if built_rig[key] != rig[key]}
             preview |= {"rig": {key: rig[key] for key in other}} if other else {}
@@ -370,7 +372,7 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
         site_m = site_m if math.isnan(under) else under
         preview["rig"] = {"x_m": rig.x_m, "y_m": rig.y_m}
         settings = merged(settings, {"rig": {"x_m": built_rig.x_m, "y_m": built_rig.y_m}})
-    place_rig(built.camera, jittered_rig(merged(settings, {"rig": rig})), site_m)
+    place_rig(built.camera, jitter_rig(merged(settings, {"rig": rig})), site_m)
     if moved and not preview:
         built.collection[scenes.SITE] = site_m
     shown = {key: settings.excavation[key] for key in ("jitter_m", "jitter_deg")}

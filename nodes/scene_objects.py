@@ -11,23 +11,23 @@ import bpy
 
 from ..physics import scene_checks
 from ..physics.camera import blur
-from ..physics.camera.depth_accuracy import rounding_advice
-from ..physics.excavation.jitter import jittered_rig
+from ..physics.camera.depth_accuracy import advise_on_rounding
+from ..physics.excavation.jitter import jitter_rig
 from ..physics.excavation.unsupported_rocks import settle_rocks
-from ..physics.light.map_sky import doubt_sky
-from ..physics.mesh.fine_relief import displacement_advice, nearest_m
-from ..physics.mesh.graded_ground import Graded
+from ..physics.light.map_sky import warn_sky_of_other_place
+from ..physics.mesh.fine_relief import advise_on_displacement, nearest_ground_m
+from ..physics.mesh.graded_ground import GradedGround
 from ..physics.mesh.height_surface import Surface
 from ..physics.rig.focal_length import focal_px
-from ..physics.rocks.beyond_patch import view_beyond
-from ..physics.rocks.rocks import scatter
+from ..physics.rocks.beyond_patch import make_view_beyond
+from ..physics.rocks.rocks import scatter_rocks
 from ..physics.rocks.shapes import make_rock_shapes
-from ..physics.rocks.table import TABLE, read_table
-from ..physics.terrain.terrain import Terrain, make_terrain, terrain_advice
+from ..physics.rocks.table import TABLE, read_rock_table
+from ..physics.terrain.terrain import Terrain, advise_on_terrain, make_terrain
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.labels import TERRAIN_INSTANCE
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from .datablocks.blend_file_paths import with_absolute_files
 from .datablocks.fingerprint import NAME, TAG
 from .ground.dug_ground import DugGround, mesh_whole_ground
@@ -85,7 +85,7 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects
 
     Raises IcyMoonError, before anything is made, for settings that cannot be built.
     """
-    if reasons := scene_checks.reasons_of_settings(settings):
+    if reasons := scene_checks.find_reasons_in_settings(settings):
         raise IcyMoonError(" ".join(reasons))
     hapke_warnings = reflectance_laws.advice(settings)
     sky = described_sky(settings)
@@ -95,14 +95,14 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects
     site_m, warnings = _site(settings, ground.surface, own)
     warnings += [
         *hapke_warnings,
-        *rounding_advice(settings.rig, site_m),
-        *scene_checks.scene_advice(settings),
+        *advise_on_rounding(settings.rig, site_m),
+        *scene_checks.advise_on_scene(settings),
         *_advise_on_ground(settings, ground.surface, own),
     ]
     terrain = _make_terrain(settings, ground, warnings)
-    camera = tag(build_rig(f"{NAME} Camera", jittered_rig(settings), site_m), "camera")
+    camera = tag(build_rig(f"{NAME} Camera", jitter_rig(settings), site_m), "camera")
     lights = build_lights(settings, sky, camera)
-    warnings += [*light_advice(sky, settings), *blur.blur_advice(settings)]
+    warnings += [*light_advice(sky, settings), *blur.advise_on_blur(settings)]
     made = MadeObjects(
         [terrain, lights[0], camera, *lights[1:]], tag(build_sky(f"{NAME} Sky"), "sky"), own, site_m, warnings
     )
@@ -113,21 +113,21 @@ def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects
 def _advise_on_ground(settings: Settings, ground: Surface, own: UserGround | None) -> list[str]:
     if own is None:
         return [
-            *terrain_advice(settings, site_wavelength_m(settings.terrain, ground)),
-            *(ground.advice(settings) if isinstance(ground, Graded) else []),
+            *advise_on_terrain(settings, site_wavelength_m(settings.terrain, ground)),
+            *(ground.advice(settings) if isinstance(ground, GradedGround) else []),
         ]
     if settings.rocks.coverage > 0:
         scene_checks.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
-    return [*own.warnings, *doubt_sky(settings.light, own.map_place)]
+    return [*own.warnings, *warn_sky_of_other_place(settings.light, own.map_place)]
 
 
 def _make_terrain(settings: Settings, made: MeshedGround | UserGround, warnings: list[str]) -> bpy.types.Object:
     """The object of the ground with its material; adds to the ``warnings``."""
     ground = made.surface
     mesh = made.build_mesh(f"{NAME} Terrain")
-    mark_elevation(mesh, settings.surface, ground.drop_m if isinstance(ground, Graded) else None)
+    mark_elevation(mesh, settings.surface, ground.drop_m if isinstance(ground, GradedGround) else None)
     warnings += ground_and_rock_materials.advice(settings)
-    warnings += displacement_advice(settings, _nearest_spacing_m(settings, ground, mesh))
+    warnings += advise_on_displacement(settings, _nearest_spacing_m(settings, ground, mesh))
     try:
         mesh.materials.append(build_ground_material(settings, mesh))
     except IcyMoonError:  # an image that cannot be read
@@ -164,7 +164,7 @@ def _site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[
             "There is no ground under the camera; change rig.x_m or rig.y_m, or move the ground with source.origin_x_m "
             "and source.origin_y_m."
         ]
-    if own is None and not isinstance(ground, Graded) and max(abs(rig.x_m), abs(rig.y_m)) > size / 2:
+    if own is None and not isinstance(ground, GradedGround) and max(abs(rig.x_m), abs(rig.y_m)) > size / 2:
         return height, [
             f"The camera is outside the {size:g} m patch of ground; change rig.x_m, rig.y_m or terrain.size_m."
         ]
@@ -178,24 +178,26 @@ def _build_rocks(
     seed, wanted, rig = int(settings.dataset.seed), with_absolute_files(settings).rocks, settings.rig
     shapes = make_rock_shapes(wanted.family, wanted.angularity, seed)
     with probe_heights(terrain) as height_at:
-        view = view_beyond(settings)
+        view = make_view_beyond(settings)
         clear = rig.x_m, rig.y_m, wanted.clear_radius_m
         before, moved = height_at if dug is None else dug.before(height_at), 0
-        rocks = scatter(wanted, size_m, seed, before, shapes, clear, view)
+        rocks = scatter_rocks(wanted, size_m, seed, before, shapes, clear, view)
         if dug is not None:
             rocks, moved = settle_rocks(rocks, dug.change_m, height_at, shapes)
     ice = build_rock_material(settings, terrain.data)
     item = tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # it has no users if there are no rocks
-    warnings, most = [], count_of(wanted.most, "rock")
+    warnings, most = [], format_count(wanted.most, "rock")
     if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):
         warnings.append(
             f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {most}; "
             "raise rocks.most or rocks.smallest_m."
         )
-    if wanted.law == TABLE and (lost := min(len(read_table(Path(wanted.file))), wanted.most) - len(rocks.diameter_m)):
+    if wanted.law == TABLE and (
+        lost := min(len(read_rock_table(Path(wanted.file))), wanted.most) - len(rocks.diameter_m)
+    ):
         warnings.append(
-            f"The scene lacks {count_of(lost, 'rock')} of {wanted.file}, off the ground or closer to the "
+            f"The scene lacks {format_count(lost, 'rock')} of {wanted.file}, off the ground or closer to the "
             "site than rocks.clear_radius_m."
         )
     if view is not None and rocks.beyond_rad > view.smallest_rad:
@@ -209,9 +211,9 @@ def _build_rocks(
 
 def _nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types.Mesh) -> float:
     """Distance in metres between the nearest vertices that the cameras see; on ground from a file, a mean distance."""
-    if isinstance(ground, Graded):
+    if isinstance(ground, GradedGround):
         height_m = float(settings.rig.height_m)
-        return float(ground.grading.spacing_at(math.sqrt(max(nearest_m(settings.rig) ** 2 - height_m**2, 0.0))))
+        return float(ground.grading.spacing_at(math.sqrt(max(nearest_ground_m(settings.rig) ** 2 - height_m**2, 0.0))))
     if is_from_file(settings):
         return math.sqrt(sum(each.area for each in mesh.polygons) / max(len(mesh.vertices), 1))
     return vertex_spacing_m(settings.terrain)

@@ -11,7 +11,7 @@ from ..nodes.add_objects import build_rock_object, build_terrain_object
 from ..settings import description
 from ..settings.blender import scene_properties
 from ..settings.preset_files import load_preset
-from ..settings.table import TOPICS, ground_settings
+from ..settings.table import TOPICS, list_ground_settings
 from ..settings.topics.declaration import LANDFORMS
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
@@ -73,7 +73,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
     bl_label = "Icy Terrain"
     bl_options = {"REGISTER", "UNDO"}
 
-    own_settings = ground_settings()
+    own_settings = list_ground_settings()
     __annotations__ = {
         name: scene_properties.make_property(TOPICS[topic][key], options={"SKIP_SAVE"}, **_OPTIONS.get(name, {}))
         for name, (topic, key) in own_settings.items()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import bpy
 
-from ..formats.asset_library import uninstall
+from ..formats.asset_library import uninstall_library
 from ..render.workers.job import blender_command
 from ..support.errors import IcyMoonError
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from ..support.printer import show_controls
 from . import jobs
 from .job_operators import JobOperator
@@ -44,7 +44,7 @@ class ICYMOON_OT_make_asset_library(JobOperator, bpy.types.Operator):
             library = context.preferences.filepaths.asset_libraries.new(name=_NAME, directory=str(asset_folder()))
             library.import_method = "APPEND"  # dropped assets can be edited; Blender 5 would pack them otherwise
         _show_in_browsers()
-        made = count_of(int(self._job.result["assets"]), "asset")
+        made = format_count(int(self._job.result["assets"]), "asset")
         self.report({"INFO"}, f"Made {made}; choose the library {_NAME} in the Asset Browser")
 
 
@@ -69,7 +69,7 @@ class ICYMOON_OT_remove_asset_library(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            left = uninstall(asset_folder())
+            left = uninstall_library(asset_folder())
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}

@@ -13,7 +13,7 @@ from ..nodes.measured_surface import find_points
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from . import view_exposure, view_resolution
 from .coloured_views import hide_errors
 from .events import call, follow
@@ -178,8 +178,8 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
     mesh = built.terrain.data
     operator.report(
         {"INFO"},
-        f"Built {count_of(len(mesh.loops) - 2 * len(mesh.polygons), 'ground triangle')} "
-        f"and {count_of(built.rock_count, 'rock')}",
+        f"Built {format_count(len(mesh.loops) - 2 * len(mesh.polygons), 'ground triangle')} "
+        f"and {format_count(built.rock_count, 'rock')}",
     )
     return {"FINISHED"}
 

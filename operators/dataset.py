@@ -22,7 +22,7 @@ from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.files import absolute_path
 from ..support.printer import show_controls
-from ..support.system import user_key
+from ..support.system import find_user_key
 from . import dialogs, evaluate, jobs
 from .events import call, follow
 from .job_operators import JobOperator
@@ -70,7 +70,7 @@ def state_folder() -> Path:
     try:
         return extension_folder() / "running"
     except IcyMoonError:  # not installed as an extension
-        return Path(tempfile.gettempdir()) / f"icymoon-running-{user_key()}"
+        return Path(tempfile.gettempdir()) / f"icymoon-running-{find_user_key()}"
 
 
 def verb_command(*arguments: str) -> list[str]:

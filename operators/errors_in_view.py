@@ -17,7 +17,7 @@ from ..settings.table import TOPICS
 from ..stereo.ground_errors import DepthErrors, read_depth_errors
 from ..stereo.matchers.methods import describe_method
 from ..support.errors import IcyMoonError
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from ..support.printer import show_controls
 from .build import leave_edit_mode
 from .coloured_views import hide_errors, is_shown, show_colours
@@ -51,7 +51,7 @@ class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         show_colours(context, [item])
-        points = count_of(len(item.data.polygons), "point")
+        points = format_count(len(item.data.polygons), "point")
         self.report({"INFO"}, show_controls(f"{points} measured by {describe_method(method)}"))
         return {"FINISHED"}
 

@@ -11,7 +11,7 @@ from ..render.pairs.pair_folder import is_complete
 from ..render.workers.job import python_command
 from ..render.workers.process import Message
 from ..settings.blender import scene_properties
-from ..settings.table import all_settings
+from ..settings.table import list_all_settings
 from ..settings.topics.scene import Settings
 from ..settings.topics.trust_boundary import OWN
 from ..stereo.matchers import matcher_needs, matcher_titles
@@ -39,7 +39,7 @@ def response_arguments(settings: Settings) -> list[str]:
     """The settings that need no new render, as arguments of the evaluator."""
     texts = [
         f"{topic}.{s.key}={settings[topic][s.key]}".replace("True", "true").replace("False", "false")
-        for topic, s in all_settings()
+        for topic, s in list_all_settings()
         if s.effect == "response"
     ]
     return [word for text in texts for word in ("--set", text)]

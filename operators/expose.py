@@ -9,7 +9,7 @@ import bpy
 from ..render.workers.job import python_command
 from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from ..support.printer import show_controls
 from . import jobs, results
 from .evaluate import rendered_pairs, response_arguments
@@ -46,7 +46,7 @@ class ICYMOON_OT_expose(JobOperator, bpy.types.Operator):
     def report_success(self, context: bpy.types.Context) -> None:
         folders = map(Path, self._job.result["folders"])
         images = [folder / f"{eye}.png" for folder in folders for eye in ("left", "right")]
-        self.report({"INFO"}, show_controls(f"{count_of(len(images), 'image')} in {images[0].parent.parent}"))
+        self.report({"INFO"}, show_controls(f"{format_count(len(images), 'image')} in {images[0].parent.parent}"))
         results.show_images(context, images, open_window=True)
 
 

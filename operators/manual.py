@@ -11,7 +11,7 @@ from pathlib import Path
 
 import bpy
 
-from ..formats.markdown import page_html
+from ..formats.markdown import render_page
 from ..settings.table import TOPICS
 from ..settings.topics.declaration import LANDFORMS
 from ..support.errors import IcyMoonError
@@ -121,7 +121,7 @@ def _whole(page: str, text: str, titles: dict[str, str]) -> str:
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(titles[page])} · Icy Moon '
         f"{version()}</title><style>{_STYLE}</style></head><body><nav>{groups}</nav>\n"
-        f"{page_html(text, address, _formulas().get)}\n</body></html>\n"
+        f"{render_page(text, address, _formulas().get)}\n</body></html>\n"
     )
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from ..support.cache import own_cache_folder
 from ..support.errors import IcyMoonError
 from ..support.file_shapes import TABLE, read_record
-from ..support.files import sha256, write_json
+from ..support.files import hash_file, write_json
 
 #: Maximum number of checksums in the file, the newest last.
 _MOST = 500
@@ -33,7 +33,7 @@ def _known() -> list[str]:
 def remember(page: Path) -> None:
     """Record the checksum of a page that the evaluator has just written."""
     with suppress(OSError):  # a page that no longer exists needs no record
-        checksum = sha256(page)
+        checksum = hash_file(page)
         _session.add(checksum)
         with suppress(IcyMoonError):
             write_json(_file(), dict.fromkeys([*_known(), checksum][-_MOST:], "sha256 of a report that was made here"))
@@ -41,5 +41,5 @@ def remember(page: Path) -> None:
 
 def is_ours(page: Path) -> bool:
     """Whether a page is one that was recorded, byte for byte. Raises OSError if it cannot be read."""
-    checksum = sha256(page)
+    checksum = hash_file(page)
     return checksum in _session or checksum in _known()

@@ -18,7 +18,7 @@ from ..stereo.matchers import list_set_ups
 from ..support import bundled_wheels, cache
 from ..support.errors import IcyMoonError
 from ..support.files import parse_path
-from ..support.system import venv_python
+from ..support.system import find_venv_python
 from ..support.version import ROOT
 
 #: Packages that the evaluator's Python needs, as shown to the user.
@@ -48,7 +48,7 @@ def can_install_evaluator() -> bool:
 
 def own_evaluator_python() -> Path:
     """The Python of the evaluator that the Install button installs."""
-    return venv_python(extension_folder() / "evaluator")
+    return find_venv_python(extension_folder() / "evaluator")
 
 
 def has_own_evaluator() -> bool:
@@ -72,7 +72,7 @@ def asset_folder() -> Path:
 def has_assets() -> bool:
     """Whether there is a whole asset library."""
     try:
-        return asset_library.is_there(asset_folder())
+        return asset_library.has_library(asset_folder())
     except IcyMoonError:  # not installed as an extension
         return False
 
@@ -118,7 +118,7 @@ def find_evaluator_python() -> str:
             return str(path)
     if not bpy.app.binary_path:
         return sys.executable
-    if bundled_wheels.are_there() and (blenders := bundled_wheels.find_python()):
+    if bundled_wheels.has_bundled_wheels() and (blenders := bundled_wheels.find_python()):
         return blenders
     if has_own_evaluator():
         return str(own_evaluator_python())
@@ -192,7 +192,7 @@ def own_matcher_arguments(methods: str) -> list[str]:
     preferences = _preferences()
     known = {item.name: item for item in preferences.matchers} if preferences else {}
     arguments = []
-    for name in trust_boundary.own_names(methods):
+    for name in trust_boundary.list_own_names(methods):
         if name not in known:
             raise IcyMoonError(
                 f"The matcher {trust_boundary.OWN}:{name} is not set up on this machine; add it under "
@@ -302,7 +302,7 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         if there:
             row.operator("icymoon.remove_evaluator", text="Remove Evaluator", icon="TRASH")
             layout.label(text=f"The evaluator is installed in {own_evaluator_python().parents[1]}", icon="CHECKMARK")
-        if bundled_wheels.are_there():
+        if bundled_wheels.has_bundled_wheels():
             layout.label(
                 text="The evaluator is part of the extension; only networks need a Python of their own",
                 icon="CHECKMARK",
@@ -362,7 +362,7 @@ def show_findings(found: list[Finding]) -> None:
 
 def register() -> None:
     """Register the preferences. From now on, scenes that need kernels and name none get the preferred ones."""
-    bundled_wheels.announce(Path(bpy.utils.user_resource("EXTENSIONS")))
+    bundled_wheels.announce_folder(Path(bpy.utils.user_resource("EXTENSIONS")))
     bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)
     change_announcements.listeners.append(_give_kernels)
@@ -383,4 +383,4 @@ def unregister() -> None:
     _found_matchers.clear()
     bpy.utils.unregister_class(ICYMOON_AP_preferences)
     bpy.utils.unregister_class(ICYMOON_PG_matcher)
-    bundled_wheels.withdraw()
+    bundled_wheels.withdraw_folder()

@@ -22,7 +22,7 @@ from ..stereo.pair_views import read_pair_views
 from ..support.errors import IcyMoonError
 from ..support.files import explain_disk_errors, write_atomically, write_text
 from ..support.printer import show_controls
-from ..support.system import name_fault, remove
+from ..support.system import find_name_fault, remove
 from . import dialogs, live_preview, refine
 from .build import build_and_report
 from .evaluate import rendered_pairs
@@ -60,7 +60,7 @@ def own_presets() -> dict[str, Path]:
 def path_of(name: str) -> Path:
     """The file of a preset, shipped or the user's own. Raises IcyMoonError if the preset does not exist."""
     if not name.startswith(OWN):
-        return preset_files.preset_path(name)
+        return preset_files.find_preset(name)
     try:
         return own_presets()[name]
     except KeyError:
@@ -72,7 +72,7 @@ def path_of(name: str) -> Path:
 def picture_of(name: str) -> Path:
     """The picture of a scene preset, shipped or the user's own, if it has one."""
     return (
-        preset_files.preview_path(name)
+        preset_files.find_preview(name)
         if not name.startswith(OWN)
         else own_folder() / (f"{name.removeprefix(OWN)}{_PICTURE}")
     )
@@ -85,7 +85,7 @@ def _fill(path: Path, content: bytes) -> None:
 def _save_picture(context: bpy.types.Context, settings: Settings, target: Path) -> bool:
     """Save the left image of the rendered pair of ``settings`` beside a preset; whether there is such a pair."""
     try:
-        views = read_pair_views(rendered_pairs(context, settings)[0], changes.response(settings), PICTURE_PX)
+        views = read_pair_views(rendered_pairs(context, settings)[0], changes.select_response(settings), PICTURE_PX)
     except IcyMoonError:
         return False
     content = encode_png(views.pictures("LEFT")[0])
@@ -96,7 +96,7 @@ def _save_picture(context: bpy.types.Context, settings: Settings, target: Path) 
 def preset_items(_self: object = None, _context: object = None) -> list[tuple[str, str, str]]:
     """(name, title, description) of all presets. The shipped ones are read once."""
     if not _shipped:
-        _shipped.extend((name, *preset_files.preset_header(name)) for name in preset_files.preset_names())
+        _shipped.extend((name, *preset_files.read_preset_header(name)) for name in preset_files.preset_names())
     own = [(name, *_header(path, path.stat().st_mtime_ns)) for name, path in own_presets().items()]
     return [*_shipped, *(_kept.setdefault(item, item) for item in own)]
 
@@ -105,7 +105,7 @@ def preset_items(_self: object = None, _context: object = None) -> list[tuple[st
 def _header(path: Path, modified_ns: int) -> tuple[str, str]:
     """(title, description) of one of the user's own presets, cached because the sidebar asks at every redraw."""
     try:
-        return preset_files.header_of(path, path.stem)
+        return preset_files.read_header(path, path.stem)
     except IcyMoonError as error:
         return path.stem, str(error)
 
@@ -222,7 +222,7 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
-        if preset_files.is_whole(self.preset):
+        if preset_files.is_whole_scene(self.preset):
             loaded = description.merged(_fresh_settings(group), loaded)
             group.preset = self.preset
         scene_properties.write_settings(group, loaded)
@@ -274,7 +274,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group, stem = context.scene.icymoon, re.sub(r"\W+", "_", self.title.lower()).strip("_")
-        stem += "_" if name_fault(stem) else ""  # such as con, the name of a device in Windows
+        stem += "_" if find_name_fault(stem) else ""  # such as con, the name of a device in Windows
         try:
             if not stem:
                 raise IcyMoonError(f"The preset's name is {self.title!r}; give it a name with letters or digits.")
@@ -285,7 +285,9 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
             pictured = _save_picture(context, settings, own_folder() / f"{stem}{_PICTURE}")
             write_text(
                 own_folder() / f"{stem}.toml",
-                preset_files.preset_text(self.title, "A preset of yours", wanted, known_sources(wanted, group.preset)),
+                preset_files.make_preset_text(
+                    self.title, "A preset of yours", wanted, known_sources(wanted, group.preset)
+                ),
             )
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))

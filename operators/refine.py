@@ -70,7 +70,7 @@ def _work() -> float | None:
         return None
     built, settings = found
     job = session.meshing
-    if job is None or changes.scene(session.meshed_settings or settings) != changes.scene(settings):
+    if job is None or changes.select_scene(session.meshed_settings or settings) != changes.select_scene(settings):
         work = Calculation(partial(mesh_whole_ground, scenes.ground_of, settings), "the ground")
         session.meshing, session.meshed_settings = jobs.Job("Fine Ground", work), settings
     elif not job.poll() and not _is_busy():

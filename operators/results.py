@@ -14,7 +14,7 @@ import bpy
 
 from ..settings import description
 from ..settings.blender import scene_properties
-from ..settings.table import all_settings
+from ..settings.table import list_all_settings
 from ..settings.topics.declaration import Setting
 from ..settings.topics.scene import Settings, typed
 from ..stereo.matchers.methods import describe_method
@@ -23,7 +23,7 @@ from ..support.errors import IcyMoonError
 from ..support.file_shapes import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, read_record
 from ..support.files import explain_disk_errors
 from ..support.foreign_bytes import parse_json
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from . import image_editor, own_reports
 from .operator_type import OperatorMixin
 from .render import dataset_folder
@@ -210,7 +210,7 @@ def _differing(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
     present = scene_properties.read_for_display(scene.icymoon)
     return [
         (topic, s)
-        for topic, s in all_settings()
+        for topic, s in list_all_settings()
         if _counts(topic, s, found.scope)
         and s.key in found.settings.get(topic, {})
         and found.settings[topic][s.key] != present[topic][s.key]
@@ -235,7 +235,7 @@ def notes(scene: bpy.types.Scene) -> list[str]:
     subject = f"Of pair {', '.join(found.pairs[:1])}"
     if found.scope == "DATASET":
         count = max((row.get("pairs", 0) for row in found.summary), default=0)  # none of an older version
-        subject = "Of the data set" + (f", {count_of(count, 'pair')}" if count else "")
+        subject = "Of the data set" + (f", {format_count(count, 'pair')}" if count else "")
     more = f" and {len(found.pairs) - 1} more" if len(found.pairs) > 1 else ""
     sentences = [f"{subject}{more}, {found.made.replace('T', ' ')[:16]} UTC"]
     other = _differing(scene)

@@ -23,7 +23,7 @@ from ..nodes.datablocks.fingerprint import TAG
 from ..render.pairs.our_files import checked_id, folder_of_pair
 from ..render.workers.calculation import Calculation
 from ..settings.blender import scene_properties
-from ..settings.changes import response
+from ..settings.changes import select_response
 from ..settings.topics.scene import typed
 from ..stereo.pair_views import read_pair_views
 from ..support.errors import IcyMoonError
@@ -167,7 +167,7 @@ class ShowsPair(WatchingOperator):
         """Read the pair, unless it is developed already. An earlier reading is given up."""
         if self.automatic and session.shown is not None:
             self.view = session.shown.view
-        camera_response = response(scene_properties.read_settings(context.scene.icymoon))
+        camera_response = select_response(scene_properties.read_settings(context.scene.icymoon))
         folder = self.find_folder(context)
         self._folder, self._made_of = folder, _made_of(folder, camera_response)
         if session.shown is not None and session.shown.made_of == self._made_of:

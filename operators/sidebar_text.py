@@ -12,11 +12,11 @@ from typing import Any, TypeVar
 
 import bpy
 
-from ..physics.camera.blur import blur_advice, blur_of, confusion_px, motion_px
-from ..physics.camera.depth_accuracy import GroundRow, depth_error_m, ground_row, shared_width_px
-from ..physics.camera.lens_distortion import coefficients, overscan_needed
-from ..physics.light.scene_sun import described_by
-from ..physics.light.sky import sky, sky_facts
+from ..physics.camera.blur import advise_on_blur, circle_of_confusion_px, find_blur, motion_blur_px
+from ..physics.camera.depth_accuracy import GroundRow, depth_error_m, measure_ground_row, shared_width_px
+from ..physics.camera.lens_distortion import find_overscan, read_coefficients
+from ..physics.light.scene_sun import sun_from_facts
+from ..physics.light.sky import compute_sky, describe_sky
 from ..physics.rig.focal_length import focal_px
 from ..physics.scene_requirements import find_left_out
 from ..render.cost.abilities import Abilities
@@ -159,21 +159,21 @@ def camera_notes(settings: Settings) -> tuple[str, ...]:
 def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
     rig, sensor = RigSettings.from_values(parts[0]), SensorSettings.from_values(parts[1])
     settings = Settings(rig=rig, sensor=sensor)
-    lines = [plain(sentence) for sentence in blur_advice(settings)]
+    lines = [plain(sentence) for sentence in advise_on_blur(settings)]
     try:
-        found = blur_of(settings)
+        found = find_blur(settings)
     except IcyMoonError:
         found = None
     for name, row in (("Near edge", float(rig.height_px)), ("Middle", rig.height_px / 2), ("Far edge", 0.0)):
-        depth = ground_row(rig, row).depth_m
+        depth = measure_ground_row(rig, row).depth_m
         if found is not None and math.isfinite(depth):
             below = row - rig.height_px / 2 - float(rig.principal_y_px)
             lines.append(
-                f"{name} focus {confusion_px(depth, rig, found):.3g} px, motion "
-                f"{motion_px(0.0, below, depth, rig, found):.3g} px"
+                f"{name} focus {circle_of_confusion_px(depth, rig, found):.3g} px, motion "
+                f"{motion_blur_px(0.0, below, depth, rig, found):.3g} px"
             )
-    if any(coefficients(rig)):
-        lines.append(_overscan_line(overscan_needed(rig), float(rig.overscan)))
+    if any(read_coefficients(rig)):
+        lines.append(_overscan_line(find_overscan(rig), float(rig.overscan)))
     return tuple(lines)
 
 
@@ -212,8 +212,8 @@ def planetshine_wm2(light: LightSettings) -> float:
 def _facts(light: tuple[tuple[str, Any], ...], blend: str) -> dict[str, Any]:
     """The facts of the sky, with the Sun as it lights the scene."""
     described = LightSettings.from_values(light)
-    found = sky_facts(sky(described, str(Path(blend).parent) if blend else None))
-    return {**found, "sun": described_by(found["sun"], described.directions_from).to_json()}
+    found = describe_sky(compute_sky(described, str(Path(blend).parent) if blend else None))
+    return {**found, "sun": sun_from_facts(found["sun"], described.directions_from).to_json()}
 
 
 def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...]:
@@ -255,7 +255,7 @@ def _rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
         f"Level ground, disparity ± {DISPARITY_ERROR_PX:g} px:",
     ]
     for name, row in (("Near edge", float(height)), ("Middle", height / 2), ("Far edge", 0.0)):
-        lines += _row_lines(name, ground_row(described, row), described)
+        lines += _row_lines(name, measure_ground_row(described, row), described)
     return tuple(lines)
 
 

@@ -15,7 +15,7 @@ import bpy
 
 from ..nodes import scene as scenes
 from ..nodes.datablocks.stored_json import read_stored
-from ..physics.scene_requirements import clear_rocks
+from ..physics.scene_requirements import are_rocks_clear
 from ..render import cycles_settings
 from ..settings import description
 from ..support.blender import compat
@@ -64,7 +64,7 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     settings = built.settings
     if not compat.has_oidn():  # a render of a pair is refused; F12 goes on without, and Build Scene has warned
         settings = description.merged(settings, {"quality": {"denoiser": "NONE"}})
-    cycles_settings.apply(scene, settings.quality, int(settings.dataset.seed), through=clear_rocks(settings))
+    cycles_settings.apply(scene, settings.quality, int(settings.dataset.seed), through=are_rocks_clear(settings))
     scene.cycles.shading_system = uses_osl
     scene.cycles.sampling_pattern = "AUTOMATIC"  # a view whose first light paths are spread evenly over the pixels
     if not 0 < scene.cycles.preview_samples <= _VIEW_SAMPLES:  # 0 has no end

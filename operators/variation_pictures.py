@@ -121,7 +121,7 @@ class ICYMOON_OT_show_ends(JobOperator, bpy.types.Operator):
         settings = scene_properties.read_settings(scene.icymoon)
         ends = end_settings(with_absolute_files(settings), scene_properties.read_variations(scene.icymoon))
         pairs = [expand_headings(rough(end))[0] for end in ends]
-        self._key, self._response = _key_of(scene, settings), changes.response(settings)
+        self._key, self._response = _key_of(scene, settings), changes.select_response(settings)
         self._ids, self._found = [pair.id for pair in pairs], dict[str, Array]()
         folder = make_scratch_folder()
         files = JobFiles(folder, pairs=list({pair.id: pair for pair in pairs}.values()))

@@ -22,7 +22,7 @@ from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from ..support.files import read_text, write_text
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from ..support.printer import show_controls
 from . import dialogs
 from .sidebar_text import in_window
@@ -47,7 +47,7 @@ def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
         return ""
     names = [item.name for item in added_objects(collection)]
     if names:
-        more = f" and {count_of(len(names) - 1, 'more object')} of yours" if len(names) > 1 else ""
+        more = f" and {format_count(len(names) - 1, 'more object')} of yours" if len(names) > 1 else ""
         return (
             f"The scene contains {names[0]}{more}, and a plan contains settings only, so its pairs would not show "
             f"{'them' if more else 'it'}; move {'them' if more else 'it'} out of the collection "

@@ -20,7 +20,7 @@ from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from ..settings.topics.declaration import Setting
 from ..support.errors import IcyMoonError
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from .list_editing import EditedList, MoveEntry, RemoveEntry
 from .sidebar_text import in_window
 
@@ -64,7 +64,9 @@ def _choice_items(operator: bpy.types.Operator, _context: bpy.types.Context) -> 
 
 
 #: The values of a number, as properties of a dialog.
-_ValueFields: Any = type("_ValueFields", (), {"__annotations__": scene_properties.varied_fields(options={"SKIP_SAVE"})})
+_ValueFields: Any = type(
+    "_ValueFields", (), {"__annotations__": scene_properties.make_varied_fields(options={"SKIP_SAVE"})}
+)
 
 
 class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
@@ -164,7 +166,9 @@ def draw_values(layout: bpy.types.UILayout, fields: bpy.types.bpy_struct, name: 
         return
     column = layout.column(align=True)
     for end, label in (("first", "From"), ("last", "To")):
-        shown = f"{end}_whole" if setting.kind == "int" else scene_properties.shown_as(end, setting.precision)
+        shown = (
+            f"{end}_whole" if setting.kind == "int" else scene_properties.shown_property_name(end, setting.precision)
+        )
         column.prop(fields, shown, text=f"{label} ({unit})" if unit else label)
     column.prop(fields, "count")
     layout.prop(fields, "spacing", text="")
@@ -180,7 +184,7 @@ def title_of_varied(varied: VariedSetting) -> str:
     if setting.kind in ("bool", "choice"):
         labels = {choice[0]: choice[1] for choice in setting.choices}
         title = f"{label_of(varied.name)}: {', '.join(labels[v] for v in varied.values) if labels else 'off, on'}"
-        short = f"{label_of(varied.name)}: {count_of(len(varied.values), 'value')}"
+        short = f"{label_of(varied.name)}: {format_count(len(varied.values), 'value')}"
         return title if len(title) <= _LIST_LINE else short
     count = len(list_values(varied)) if varied.spacing != "RANDOM" else varied.count
     unit = unit_of(varied.name)

@@ -62,7 +62,7 @@ def _brightest(settings: Settings) -> float:
 
 
 def _albedo(settings: Settings) -> float:
-    found = albedos.albedos(settings.surface, settings.hapke)
+    found = albedos.find_albedos(settings.surface, settings.hapke)
     return max(found.bond if found else settings.surface.albedo, 0.02)
 
 
@@ -77,7 +77,7 @@ def expose(scene: bpy.types.Scene, settings: Settings, anew: bool = False) -> No
     if not (anew or is_ours(scene)):
         _show_planetshine(collection, True)
         return
-    present = changes.response(scene_properties.read_unchecked(scene.icymoon))
+    present = changes.select_response(scene_properties.read_unchecked(scene.icymoon))
     stored = collection.get(MEASURED)  # of a file, which anyone may have written
     measured = stored if isinstance(stored, float) and 0 < stored < math.inf else 1.0
     white = white_of(merged(settings, present), measured)
@@ -117,7 +117,7 @@ def measure(scene: bpy.types.Scene, folder: Path, exposures_s: tuple[float, ...]
     built = scenes.find(scene)
     if built is None or len(exposures_s) != 1:
         return
-    present = changes.response(scene_properties.read_unchecked(scene.icymoon))
+    present = changes.select_response(scene_properties.read_unchecked(scene.icymoon))
     try:
         settings = merged(read_pair(folder).settings, present)
     except IcyMoonError:  # it is gone by now

@@ -9,7 +9,7 @@ import bpy
 
 from ..operators.presets import OWN, is_changed, picture_of, preset_items
 from ..operators.window import ButtonPictures
-from ..settings.preset_files import is_whole, preview_path
+from ..settings.preset_files import find_preview, is_whole_scene
 
 #: Property of the window manager, which is not saved: the scene preset whose picture the sidebar shows.
 CHOICE = "icymoon_scene_preset"
@@ -22,14 +22,14 @@ _items: dict[tuple[tuple[str, int], ...], list[Item]] = {}  # by picture and tim
 
 def load_choices(_self: object = None, _context: object = None) -> list[Item]:
     """Choices of scenes that have a picture, each picture read once in each state."""
-    whole = [(item, picture_of(item[0])) for item in preset_items() if is_whole(item[0])]
+    whole = [(item, picture_of(item[0])) for item in preset_items() if is_whole_scene(item[0])]
     shown = sorted(
         (each for each in whole if _exists(each[0][0], each[1])),
         key=lambda each: _KINDS.index(each[0][0].split("/")[0]),
     )
     state = tuple((item[0], path.stat().st_mtime_ns if item[0].startswith(OWN) else 0) for item, path in shown)
     if state not in _items:
-        items = [(*_NONE, _icon("choose", preview_path("choose")), 0)]
+        items = [(*_NONE, _icon("choose", find_preview("choose")), 0)]
         for (name, changed_ns), (item, path) in zip(state, shown, strict=True):
             items.append((*item, _icon(f"{name} {changed_ns}", path), len(items)))
         _items[state] = items

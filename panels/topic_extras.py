@@ -15,13 +15,13 @@ from ..operators.sidebar_text import remember
 from ..paper_stand_ins.items import describe, items_of
 from ..physics.surfaces import albedos, principled
 from ..settings.blender import scene_properties
-from ..settings.preset_files import load, preset_header, preset_names, preset_path
+from ..settings.preset_files import find_preset, load, preset_names, read_preset_header
 from ..settings.table import TOPICS
 from ..settings.topics.stand_ins import MeshItem, TextureItem
 from ..settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 
-_albedo_advice, _albedos = remember(principled.albedo_advice), remember(albedos.albedos)
+_albedo_advice, _albedos = remember(principled.advise_on_albedo), remember(albedos.find_albedos)
 Extra = Callable[[Any, bpy.types.Context], None]
 
 
@@ -69,7 +69,7 @@ def _draw_moons(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 @cache
 def _moons() -> list[tuple[str, str, object]]:
     """The name, title and ``light.body`` of the shipped moons; read once, since the window asks at every redraw."""
-    return [(name, preset_header(name)[0], load(preset_path(name)).light.body) for name in preset_names("bodies")]
+    return [(name, read_preset_header(name)[0], load(find_preset(name)).light.body) for name in preset_names("bodies")]
 
 
 def _draw_sky_fault(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -16,12 +16,12 @@ import numpy as np
 
 from ..formats.ply import encode_triangles
 from ..formats.png import encode_png
-from ..settings.topics.stand_ins import MeshItem, TextureItem, mesh_item, texture_item
+from ..settings.topics.stand_ins import MeshItem, TextureItem, find_mesh_item, find_texture_item
 from ..support.arrays import Array
 from ..support.cache import FOLDER_VARIABLE, own_cache_folder
 from ..support.errors import DiskError, IcyMoonError
 from ..support.file_shapes import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
-from ..support.files import PART, explain_disk_errors, sha256, write_atomically, write_json
+from ..support.files import PART, explain_disk_errors, hash_file, write_atomically, write_json
 from ..support.system import remove
 from .items import RECIPE
 from .reconstructions import reconstruct
@@ -43,7 +43,7 @@ def find_texture_files(key: str) -> dict[str, Path]:
 
     Raises IcyMoonError if the cache folder cannot be written to.
     """
-    item = texture_item(key)
+    item = find_texture_item(key)
     folder = make_files(item)
     return {kind: folder / f"{item.stem}_{kind}.png" for kind in item.kinds}
 
@@ -53,7 +53,7 @@ def find_mesh_file(key: str) -> Path:
 
     Raises IcyMoonError if the cache folder cannot be written to.
     """
-    item = mesh_item(key)
+    item = find_mesh_item(key)
     return make_files(item) / f"{item.stem}.ply"
 
 
@@ -100,7 +100,7 @@ def _is_whole(folder: Path, item: TextureItem | MeshItem) -> bool:
 @functools.lru_cache(maxsize=256)
 def _checksum(path: Path, size: int, modified_ns: int) -> str:
     """Checksum of a file, read once for each size and time of change."""
-    return sha256(path)
+    return hash_file(path)
 
 
 def _write_all(folder: Path, height_m: float, encoded: Mapping[str, bytes]) -> None:
@@ -115,7 +115,7 @@ def _write_all(folder: Path, height_m: float, encoded: Mapping[str, bytes]) -> N
         write_atomically(folder / name, functools.partial(_write, data))
     write_json(
         folder / _RECORD,
-        {"recipe": RECIPE, "height_m": height_m, "sha256": {name: sha256(folder / name) for name in encoded}},
+        {"recipe": RECIPE, "height_m": height_m, "sha256": {name: hash_file(folder / name) for name in encoded}},
     )
 
 

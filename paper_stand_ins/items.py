@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..settings.topics.scene import Settings
-from ..settings.topics.stand_ins import MeshItem, TextureItem, mesh_item, texture_item
+from ..settings.topics.stand_ins import MeshItem, TextureItem, find_mesh_item, find_texture_item
 
 #: Pixels along a side of every stand-in texture, and of the image of every stand-in mesh.
 PIXELS, MESH_PIXELS = 1024, 2048
@@ -15,9 +15,9 @@ def items_of(settings: Settings) -> list[TextureItem | MeshItem]:
     """The stand-ins that complete settings show."""
     found: list[TextureItem | MeshItem] = []
     if settings.source.kind == "STAND_IN":
-        found.append(mesh_item(settings.source.stand_in))
+        found.append(find_mesh_item(settings.source.stand_in))
     if settings.textures.set == "STAND_IN":
-        found.append(texture_item(settings.textures.stand_in))
+        found.append(find_texture_item(settings.textures.stand_in))
     return found
 
 

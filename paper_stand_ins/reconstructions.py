@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..physics.mesh.check import examine, label_components
-from ..physics.random_numbers.seeds import generator
-from ..settings.topics.stand_ins import MeshItem, mesh_item
+from ..physics.mesh.check import examine_mesh, label_components
+from ..physics.random_numbers.seeds import make_generator
+from ..settings.topics.stand_ins import MeshItem, find_mesh_item
 from ..support.arrays import Array
 from . import fields
 from .fields import Draw
@@ -58,8 +58,8 @@ class _Ground:
 
 def reconstruct(key: str, seed: int = SEED) -> Reconstruction:
     """The stand-in mesh ``key``. Raises KeyError for another name."""
-    item = mesh_item(key)
-    random = generator(seed, "stand_ins", 1, item.number)
+    item = find_mesh_item(key)
+    random = make_generator(seed, "stand_ins", 1, item.number)
     draw = Draw(random, _GROUND)
     ground = _RECIPES[key](draw, item)
     pixel_m = item.size_m / _GROUND
@@ -170,7 +170,7 @@ def _with_holes(
         ragged = 1.0 + 0.25 * np.cos(2 * turn + 6.3 * random.random()) + 0.2 * np.cos(5 * turn + 6.3 * random.random())
         before = keep
         keep = _largest_sheet(xy, faces, keep & (np.hypot(*(middle - at).T) > radius * ragged))
-        if examine(_flat(xy), faces[keep]).boundary_loops == len(made) + 2:
+        if examine_mesh(_flat(xy), faces[keep]).boundary_loops == len(made) + 2:
             made.append((at, radius))
         else:
             keep = before

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..physics.random_numbers.seeds import generator
-from ..settings.topics.stand_ins import TextureItem, texture_item
+from ..physics.random_numbers.seeds import make_generator
+from ..settings.topics.stand_ins import TextureItem, find_texture_item
 from ..support.arrays import Array
 from . import fields
 from .fields import Draw
@@ -57,8 +57,8 @@ class _Made:
 
 def make_maps(key: str, seed: int = SEED, size: int = PIXELS) -> Maps:
     """The maps of the stand-in texture ``key``. Raises KeyError for another name."""
-    item = texture_item(key)
-    random = generator(seed, "stand_ins", 0, item.number)
+    item = find_texture_item(key)
+    random = make_generator(seed, "stand_ins", 0, item.number)
     made = _RECIPES[key](Draw(random, size), item)
     pixel_m = item.width_m / size
     height_m = made.height_m - made.height_m.mean()

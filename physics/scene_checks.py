@@ -20,18 +20,18 @@ from ..settings.topics.rocks import RocksSettings
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
 from .arm.collisions import find_link_around
-from .arm.kinematics import Joint, beyond_limits
-from .arm.lander_arm import arm_of, is_own, joint_values
+from .arm.kinematics import Joint, find_joints_beyond_limits
+from .arm.lander_arm import is_users_arm, joint_values, make_arm
 from .arm.parametric import JOINTS
-from .camera.depth_accuracy import centre_advice, coarse_advice, ground_row
+from .camera.depth_accuracy import advise_on_coarse_triangles, advise_on_principal_point, measure_ground_row
 from .excavation import reach
 from .excavation import site as excavation
 from .light.directions import camera_axes
-from .light.sky import check_body, sky
-from .rocks.size_laws import size_law
+from .light.sky import check_body, compute_sky
+from .rocks.size_laws import make_size_law
 from .rocks.table import TABLE
-from .scene_requirements import bake_advice, surface_topics
-from .surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
+from .scene_requirements import advise_on_bake, surface_topics
+from .surfaces.hapke import HapkeParameters, bidirectional_reflectance, hapke_from_settings
 from .surfaces.photometry import hemispherical_albedo
 from .terrain.sites import RockyGround, make_rocky_ground
 
@@ -62,52 +62,52 @@ class Reason(str):
 
 def find_reasons(settings: Settings) -> list[Reason]:
     """Why a description is not rendered: all reasons; none if it is."""
-    said = reasons_of_settings(settings)
+    said = find_reasons_in_settings(settings)
     if settings.source.kind == "PROCEDURAL":
         try:
-            (found,) = reasons_of_eyes(make_rocky_ground(settings), [settings.rig])
+            (found,) = find_eye_reasons(make_rocky_ground(settings), [settings.rig])
         except IcyMoonError as error:
             found = Reason(str(error))
         said += [found] if found and found.names != OUTSIDE and found not in said else []
     return said
 
 
-def refuse(settings: Settings) -> None:
+def refuse_scene(settings: Settings) -> None:
     """Raise IcyMoonError with all reasons for which a description is not rendered."""
     if said := find_reasons(settings):
         raise IcyMoonError(" ".join(said))
 
 
-def reasons_of_settings(settings: Settings) -> list[Reason]:
+def find_reasons_in_settings(settings: Settings) -> list[Reason]:
     """The reasons that are found without making the ground."""
     return [
-        *_ice_reasons(settings),
-        *_rock_reasons(settings),
-        *_sky_reasons(settings),
-        *_lamp_reasons(settings),
+        *_find_ice_reasons(settings),
+        *_find_rock_reasons(settings),
+        *_find_sky_reasons(settings),
+        *_find_lamp_reasons(settings),
         *_veil_reasons(settings),
-        *lander_reasons(settings),
-        *(Reason(text, "excavation.path") for text in excavation.find_reasons(settings)),
+        *find_lander_reasons(settings),
+        *(Reason(text, "excavation.path") for text in excavation.find_refusals(settings)),
     ]
 
 
-def scene_advice(settings: Settings) -> list[str]:
+def advise_on_scene(settings: Settings) -> list[str]:
     """Sentences about a scene that can be rendered but may not be as the user expects."""
     rig, patch = settings.rig, settings.terrain
-    said = centre_advice(rig)
-    if not math.isfinite(ground_row(rig, float(rig.height_px)).depth_m):
+    said = advise_on_principal_point(rig)
+    if not math.isfinite(measure_ground_row(rig, float(rig.height_px)).depth_m):
         said.append(
             "The whole image is above the horizon and shows only sky where the ground is level; raise "
             f"rig.pitch_deg ({rig.pitch_deg:g}°)."
         )
     if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRID":
-        said += coarse_advice(rig, patch.size_m / (patch.resolution - 1))
-    said += bake_advice(settings)
-    dug = excavation.advice(settings)
-    return said + dug + (reach.advice(settings) if not excavation.find_reasons(settings) else [])
+        said += advise_on_coarse_triangles(rig, patch.size_m / (patch.resolution - 1))
+    said += advise_on_bake(settings)
+    dug = excavation.advise_on_excavation(settings)
+    return said + dug + (reach.advise_on_reach(settings) if not excavation.find_refusals(settings) else [])
 
 
-def returned_share(parameters: HapkeParameters) -> tuple[float, float]:
+def find_returned_share(parameters: HapkeParameters) -> tuple[float, float]:
     """The largest share of a beam that ice of Hapke's law returns, and the incidence in degrees of that beam."""
     share = hemispherical_albedo(partial(bidirectional_reflectance, parameters=parameters), np.arccos(_COSINES))
     k = int(share.argmax())
@@ -115,32 +115,34 @@ def returned_share(parameters: HapkeParameters) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=64)
-def _excess_light(parameters: HapkeParameters) -> tuple[float, float, float] | None:
+def _find_excess_light(parameters: HapkeParameters) -> tuple[float, float, float] | None:
     """The share of light that ice returns, the incidence in degrees and the largest allowed w of two digits, if ice
     returns too much; else None."""
     most = _MOST_RETURNED[parameters.h_function]
-    share, incidence = returned_share(parameters)
+    share, incidence = find_returned_share(parameters)
     if share <= most:
         return None
     low, high = 0, math.ceil(100 * parameters.w)
     while high - low > 1:  # the share grows with w
         middle = (low + high) // 2
-        low, high = (middle, high) if returned_share(replace(parameters, w=middle / 100))[0] <= most else (low, middle)
+        low, high = (
+            (middle, high) if find_returned_share(replace(parameters, w=middle / 100))[0] <= most else (low, middle)
+        )
     return share, incidence, low / 100
 
 
-def _ice_reasons(settings: Settings) -> Iterator[Reason]:
+def _find_ice_reasons(settings: Settings) -> Iterator[Reason]:
     hapke = settings.hapke
     if not any(settings[topic]["model"] == "HAPKE" for topic in surface_topics(settings)):
         return
     try:
-        parameters = from_settings(hapke)
+        parameters = hapke_from_settings(hapke)
     except IcyMoonError as error:
         yield Reason(str(error), "hapke.filling_factor", "hapke.c")
         return
     # The smoother, the brighter. An image goes to half the range under its mean, if it is one of even greys.
     varies = math.radians(abs(hapke.theta_bar_range_deg)) / 2 if settings.textures.set != "NONE" else 0.0
-    gain = _excess_light(replace(parameters, theta_bar=max(float(parameters.theta_bar) - varies, 0.0)))
+    gain = _find_excess_light(replace(parameters, theta_bar=max(float(parameters.theta_bar) - varies, 0.0)))
     if gain is not None:
         share, incidence, w = gain
         others = [
@@ -156,7 +158,7 @@ def _ice_reasons(settings: Settings) -> Iterator[Reason]:
         )
 
 
-def _rock_reasons(settings: Settings) -> Iterator[Reason]:
+def _find_rock_reasons(settings: Settings) -> Iterator[Reason]:
     if settings.source.kind == "PROCEDURAL" and settings.rocks.coverage > 0:
         try:
             refuse_no_rocks(settings.rocks, float(settings.terrain.size_m), "terrain.size_m")
@@ -169,7 +171,7 @@ def refuse_no_rocks(rocks: RocksSettings, size_m: float, size_is: str) -> None:
     whose setting is called ``size_is``."""
     if rocks.law == TABLE:
         return
-    number = size_law(rocks).total_per_m2 * size_m**2
+    number = make_size_law(rocks).total_per_m2 * size_m**2
     if round(number) == 0:
         raise IcyMoonError(
             f"rocks.coverage is {rocks.coverage:g}, but a ground of {size_m:g} m ({size_is}) then has "
@@ -178,16 +180,16 @@ def refuse_no_rocks(rocks: RocksSettings, size_m: float, size_is: str) -> None:
         )
 
 
-def _sky_reasons(settings: Settings) -> Iterator[Reason]:
+def _find_sky_reasons(settings: Settings) -> Iterator[Reason]:
     try:
         check_body(settings)
         if settings.light.directions_from == "DATE":  # kernels are read where SpiceyPy is
-            sky(settings.light)
+            compute_sky(settings.light)
     except IcyMoonError as error:
         yield Reason(str(error), "light.date_utc", "light.body", "terrain.body_radius_m")
 
 
-def _lamp_reasons(settings: Settings) -> Iterator[Reason]:
+def _find_lamp_reasons(settings: Settings) -> Iterator[Reason]:
     """A lamp near the ground has one place, and sends light in another direction to each point."""
     light, key = settings.light, "light.sun_distance_m"
     if light.sun_distance_m <= 0:
@@ -234,7 +236,7 @@ def _veil_reasons(settings: Settings) -> Iterator[Reason]:
         )
 
 
-def _own_limit(joint: Joint, value: float) -> Reason:
+def _make_limit_reason(joint: Joint, value: float) -> Reason:
     unit, scale = (" m", 1.0) if joint.slides else ("°", 180.0 / math.pi)
     low, high, there = (f"{scale * each:.4g}{unit}" for each in (joint.low, joint.high, value))
     return Reason(
@@ -244,19 +246,19 @@ def _own_limit(joint: Joint, value: float) -> Reason:
     )
 
 
-def lander_reasons(settings: Settings) -> Iterator[Reason]:
+def find_lander_reasons(settings: Settings) -> Iterator[Reason]:
     """Joints beyond their limits, and an arm around an eye, which would see only black."""
     if settings.lander.kind == "NONE":
         return
     try:
-        arm, joints, rig = arm_of(settings), joint_values(settings), settings.rig
+        arm, joints, rig = make_arm(settings), joint_values(settings), settings.rig
     except IcyMoonError as error:
         yield Reason(str(error), "lander.file", "lander.joints")
         return
-    for k in beyond_limits(arm, joints):
+    for k in find_joints_beyond_limits(arm, joints):
         name = arm.joints[k].name
-        if is_own(settings):
-            yield _own_limit(arm.joints[k], float(joints[k]))
+        if is_users_arm(settings):
+            yield _make_limit_reason(arm.joints[k], float(joints[k]))
             continue
         low, high = settings.arm[f"{name}_low_deg"], settings.arm[f"{name}_high_deg"]
         yield Reason(
@@ -276,7 +278,7 @@ def lander_reasons(settings: Settings) -> Iterator[Reason]:
             )
 
 
-def reasons_of_eyes(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[Reason | None]:
+def find_eye_reasons(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[Reason | None]:
     """For each ``rig`` on a ground that is made up, why its camera cannot stand there; None if it can.
 
     Raises IcyMoonError if the settings of ground or rocks contradict each other.

@@ -12,7 +12,7 @@ from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..settings.topics.surfaces import SurfaceSettings
 from .light.sky import Sky
-from .mesh.fine_relief import nearest_m
+from .mesh.fine_relief import nearest_ground_m
 from .rig.focal_length import focal_px
 from .surfaces.principled import lets_light_through
 
@@ -29,36 +29,36 @@ def surface_topics(settings: Settings) -> tuple[str, ...]:
     return SURFACES if settings.rocks.coverage > 0 and settings.rocks.own_surface else SURFACES[:1]
 
 
-def clear_rocks(settings: Settings) -> bool:
+def are_rocks_clear(settings: Settings) -> bool:
     """Whether rocks let light through."""
     topic = "rock_surface" if settings.rocks.own_surface else "surface"
     return settings.rocks.coverage > 0 and lets_light_through(settings[topic])
 
 
-def walk_px(settings: Settings, topic: str) -> float:
+def random_walk_px(settings: Settings, topic: str) -> float:
     """Mean free path of subsurface light, in pixels of the nearest level ground; 0 if no light enters the surface."""
     surface = settings[topic]
     if surface["model"] != "PRINCIPLED" or surface["subsurface_weight"] <= 0:
         return 0.0
-    return float(surface["subsurface_radius_m"]) * focal_px(settings.rig) / nearest_m(settings.rig)
+    return float(surface["subsurface_radius_m"]) * focal_px(settings.rig) / nearest_ground_m(settings.rig)
 
 
-def follows_walk(settings: Settings, topic: str) -> bool:
+def traces_random_walk(settings: Settings, topic: str) -> bool:
     """Whether subsurface light is traced through a surface, see ``quality.walk_px``."""
-    length = walk_px(settings, topic)
+    length = random_walk_px(settings, topic)
     return length > 0 and length >= settings.quality.walk_px
 
 
-def rendered_surface(settings: Settings, topic: str) -> SurfaceSettings:
+def simplify_surface(settings: Settings, topic: str) -> SurfaceSettings:
     """The settings of a surface as it is rendered, without subsurface scattering that is not traced."""
     surface: SurfaceSettings = settings[topic]
-    return surface if follows_walk(settings, topic) else surface | {"subsurface_weight": 0.0}
+    return surface if traces_random_walk(settings, topic) else surface | {"subsurface_weight": 0.0}
 
 
 def only_camera_meets_relief(surface: SurfaceSettings, quality: QualitySettings) -> bool:
     """Whether a surface reflects light onto other ground as if it were smooth, see ``quality.fine_relief``.
 
-    ``surface`` is as ``rendered_surface`` returns it. A surface with subsurface scattering always keeps its relief,
+    ``surface`` is as ``simplify_surface`` returns it. A surface with subsurface scattering always keeps its relief,
     since camera rays too see the light that leaves at the end of a random walk.
     """
     law = surface.model
@@ -67,9 +67,9 @@ def only_camera_meets_relief(surface: SurfaceSettings, quality: QualitySettings)
     )
 
 
-def relief_of_camera_alone(settings: Settings, topic: str) -> bool:
+def is_relief_for_camera_alone(settings: Settings, topic: str) -> bool:
     """Whether a surface has fine relief, from noise or from images, that only camera rays see."""
-    surface = rendered_surface(settings, topic)
+    surface = simplify_surface(settings, topic)
     shaded = (surface.relief != "DISPLACEMENT" and surface.grain_amplitude_m > 0) or (settings.textures.set != "NONE")
     return shaded and only_camera_meets_relief(surface, settings.quality)
 
@@ -114,7 +114,7 @@ def is_baked(settings: Settings) -> bool:
     return settings.quality.indirect == "BAKED" and not why_not_baked(settings)
 
 
-def bake_advice(settings: Settings) -> list[str]:
+def advise_on_bake(settings: Settings) -> list[str]:
     """A sentence on light that is baked with too few samples for evaluation; none if it is not."""
     few = settings.quality.bake_samples
     if not can_be_baked(settings) or few >= FEWEST_BAKE_SAMPLES:
@@ -126,17 +126,17 @@ def bake_advice(settings: Settings) -> list[str]:
     ]
 
 
-def images_per_bake(settings: Settings, images: int) -> int:
+def count_images_per_bake(settings: Settings, images: int) -> int:
     """Number of the ``images`` of a ground under one Sun that share a bake: all, or one if only its view is baked."""
     return images if settings.quality.bake_area == "GROUND" else 1
 
 
-def image_quality(settings: Settings) -> QualitySettings:
+def choose_image_quality(settings: Settings) -> QualitySettings:
     """The quality of a pair's images: of direct light alone if the rest is baked."""
-    return direct_quality(settings.quality) if is_baked(settings) else settings.quality
+    return make_direct_quality(settings.quality) if is_baked(settings) else settings.quality
 
 
-def direct_quality(quality: QualitySettings) -> QualitySettings:
+def make_direct_quality(quality: QualitySettings) -> QualitySettings:
     """The quality of images of direct light, to which baked light is added."""
     return quality | {
         "samples": quality.direct_samples,
@@ -153,14 +153,14 @@ def planet_gives_light(settings: Settings, sky: Sky) -> bool:
 
 def _left_out_of(topic: str, settings: Settings) -> Iterator[str]:
     """The sentences of ``find_left_out`` on the surface of ground or rocks."""
-    length = walk_px(settings, topic)
-    if length > 0 and not follows_walk(settings, topic):
+    length = random_walk_px(settings, topic)
+    if length > 0 and not traces_random_walk(settings, topic):
         yield (
             f"{topic}: no subsurface scattering, because its mean free path of "
             f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest "
             "pixel, which is below quality.walk_px."
         )
-    if follows_walk(settings, topic) and settings[topic]["subsurface_method"] == "BURLEY":
+    if traces_random_walk(settings, topic) and settings[topic]["subsurface_method"] == "BURLEY":
         yield (f"{topic}: no light under the surface through edges, because {topic}.subsurface_method is BURLEY.")
     if (
         topic == "surface"
@@ -169,7 +169,7 @@ def _left_out_of(topic: str, settings: Settings) -> Iterator[str]:
         and (settings.surface.grain_amplitude_m > 0)
     ):
         yield "surface: fine relief is bump, because ground from a file keeps its own vertices."
-    if relief_of_camera_alone(settings, topic):
+    if is_relief_for_camera_alone(settings, topic):
         yield f"{topic}: fine relief for camera rays only, because quality.fine_relief is CAMERA."
 
 
@@ -190,7 +190,7 @@ def _left_out_of_veil(settings: Settings) -> Iterator[str]:
 def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
     """Sentences, for the user and ``pair.json``, on each part of the settings that is not rendered, with its reason.
 
-    ``lights`` are the ``sky.sky_facts`` of the built scene.
+    ``lights`` are the ``sky.describe_sky`` of the built scene.
     """
     sentences = [each for topic in surface_topics(settings) for each in _left_out_of(topic, settings)]
     if lets_light_through(settings.surface):

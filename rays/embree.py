@@ -106,7 +106,7 @@ class EmbreeTracer:
         self._kept: list[Array] = []
         self._device = library.rtcNewDevice(None)
         self._top: int | None = None
-        self._shapes = [self._build_shape(each.shape.vertices, each.shape.triangles) for each in world.placed]
+        self._read_shapes = [self._build_shape(each.shape.vertices, each.shape.triangles) for each in world.placed]
         self.place(world)
 
     def _build_shape(self, vertices: Array, triangles: Array) -> int:
@@ -143,7 +143,7 @@ class EmbreeTracer:
         """Let the shapes stand where they do in another world with the same shapes."""
         library, geometries = self._library, []
         self._counts = np.concatenate([[0], np.cumsum([len(each.places) for each in world.placed])])
-        for scene, each in zip(self._shapes, world.placed, strict=True):
+        for scene, each in zip(self._read_shapes, world.placed, strict=True):
             columns = np.ascontiguousarray(each.places[:, :3].swapaxes(1, 2), np.float32)
             for matrix in columns:
                 geometry = library.rtcNewGeometry(self._device, _INSTANCE)
@@ -157,7 +157,7 @@ class EmbreeTracer:
     def close(self) -> None:
         """Free the trees."""
         if self._top is not None:
-            for scene in (self._top, *self._shapes):
+            for scene in (self._top, *self._read_shapes):
                 self._library.rtcReleaseScene(scene)
             self._library.rtcReleaseDevice(self._device)
             self._top, self._kept = None, []
@@ -170,26 +170,28 @@ class EmbreeTracer:
         count = len(direction)
         along, place, triangle = np.empty(count), np.empty(count, np.int32), np.empty(count, np.int32)
         u, v = np.empty(count, np.float32), np.empty(count, np.float32)
-        for part, packets in self._packets(origin, direction, near, np.array(far, np.float32)):
+        for part, packets in self._make_ray_packets(origin, direction, near, np.array(far, np.float32)):
             self._trace(self._library.rtcIntersect16, packets)
             own = packets.view(np.uint32)
-            met = _flat(own[:, _SHAPE], part) != _NONE
-            place[part] = np.where(met, _flat(own[:, _PLACE], part), np.uint32(_NONE)).view(np.int32)
-            triangle[part] = _flat(own[:, _TRIANGLE], part).view(np.int32)
-            along[part] = np.where(met, _flat(packets[:, _FAR], part), np.inf)
-            u[part], v[part] = _flat(packets[:, _U], part), _flat(packets[:, _V], part)
+            met = _flatten_packets(own[:, _SHAPE], part) != _NONE
+            place[part] = np.where(met, _flatten_packets(own[:, _PLACE], part), np.uint32(_NONE)).view(np.int32)
+            triangle[part] = _flatten_packets(own[:, _TRIANGLE], part).view(np.int32)
+            along[part] = np.where(met, _flatten_packets(packets[:, _FAR], part), np.inf)
+            u[part], v[part] = _flatten_packets(packets[:, _U], part), _flatten_packets(packets[:, _V], part)
         return Hits(along, place, triangle, u, v)
 
     def is_blocked(self, origin: Array, direction: Array, near: float, far: Array) -> Array:
         """Whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction; a ray that ends
         before it begins meets nothing."""
         blocked = np.empty(len(direction), bool)
-        for part, packets in self._packets(origin, direction, near, np.asarray(far, np.float32)):
+        for part, packets in self._make_ray_packets(origin, direction, near, np.asarray(far, np.float32)):
             self._trace(self._library.rtcOccluded16, packets)
-            blocked[part] = np.isneginf(_flat(packets[:, _FAR], part))
+            blocked[part] = np.isneginf(_flatten_packets(packets[:, _FAR], part))
         return blocked
 
-    def _packets(self, origin: Array, direction: Array, near: float, far: Array) -> Iterator[tuple[slice, Array]]:
+    def _make_ray_packets(
+        self, origin: Array, direction: Array, near: float, far: Array
+    ) -> Iterator[tuple[slice, Array]]:
         """Records (k, _ROWS, PACKET) of rays, and which of the rays they are."""
         count = len(direction)
         for first in range(0, count, _MOST_PACKETS * PACKET):
@@ -197,9 +199,9 @@ class EmbreeTracer:
             number = part.stop - part.start
             packets = _make_packets(-(-number // PACKET))
             for k in range(3):
-                _fill(packets[:, _ORIGIN + k], origin[k] if origin.ndim == 1 else origin[part, k])
-                _fill(packets[:, _DIRECTION + k], direction[part, k])
-            _fill(packets[:, _FAR], np.broadcast_to(far if far.ndim == 0 else far[part], number))
+                _fill_packets(packets[:, _ORIGIN + k], origin[k] if origin.ndim == 1 else origin[part, k])
+                _fill_packets(packets[:, _DIRECTION + k], direction[part, k])
+            _fill_packets(packets[:, _FAR], np.broadcast_to(far if far.ndim == 0 else far[part], number))
             packets[:, _NEAR] = near
             whole = packets.view(np.uint32)
             whole[:, _MASK], whole[:, _SHAPE:] = _NONE, _NONE
@@ -223,7 +225,7 @@ def _make_packets(count: int) -> Array:
     return memory[skip : skip + count * _ROWS * PACKET].reshape(count, _ROWS, PACKET)
 
 
-def _fill(target: Array, values: Array) -> None:
+def _fill_packets(target: Array, values: Array) -> None:
     """Write values of rays, one (no axis) or (n,), to (k, PACKET) of packets; the last may have room for more rays."""
     if values.ndim == 0:
         target[:] = values
@@ -234,6 +236,6 @@ def _fill(target: Array, values: Array) -> None:
         target[whole, :rest], target[whole, rest:] = values[-rest:], values[-1]
 
 
-def _flat(values: Array, part: slice) -> Array:
+def _flatten_packets(values: Array, part: slice) -> Array:
     """Values (k, 16) of the rays of a part, in a row."""
     return values.reshape(-1)[: part.stop - part.start]

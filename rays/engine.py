@@ -14,7 +14,7 @@ from .surface import Tracer
 
 
 @lru_cache
-def _library(folders: tuple[Path, ...]) -> Library | None:
+def _load_library(folders: tuple[Path, ...]) -> Library | None:
     return load_library(folders)
 
 
@@ -27,7 +27,7 @@ def open_tracer(
     Raises IcyMoonError if there is no Embree and nothing that would do without, MemoryError if trees need more memory
     than there is.
     """
-    library = _library(tuple(folders))
+    library = _load_library(tuple(folders))
     if library is not None:
         return EmbreeTracer(library, world)
     if without_embree is None:

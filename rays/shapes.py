@@ -33,10 +33,10 @@ class Shape:
         asked[triangles] = True
         each = np.flatnonzero(asked)
         first, second, third = (self.vertices[corner].astype(np.float64) for corner in self.triangles[each].T)
-        normal = cross(second - first, third - first)
+        normal = cross_products(second - first, third - first)
         place = np.empty(len(self.triangles), np.int32)
         place[each] = np.arange(len(each))
-        return np.column_stack([normal, dot(normal, first)])[place[triangles]]
+        return np.column_stack([normal, dot_products(normal, first)])[place[triangles]]
 
     @cached_property
     def normals(self) -> Array:
@@ -83,9 +83,9 @@ class World:
         planes = self.placed[number].shape.planes(triangle)
         normal = self.turn_normals(number, place, planes[:, :3])
         if len(self.placed[number].places) == 1:
-            first = self._first(number)
+            first = self._first_place(number)
             return normal, planes[:, 3] * self._determinants[first] + normal @ self.places[first, :3, 3]
-        return normal, planes[:, 3] * self._determinants[place] + dot(normal, self.places[place, :3, 3])
+        return normal, planes[:, 3] * self._determinants[place] + dot_products(normal, self.places[place, :3, 3])
 
     def turn_normals(self, number: int, place: Array, normals: Array) -> Array:
         """Normals (n, 3) of a shape, by its number, in the world, of any length, each as at its ``place`` (n,).
@@ -94,10 +94,10 @@ class World:
         product of two sides so stays the one of the turned sides.
         """
         if len(self.placed[number].places) == 1:
-            return np.asarray(normals @ self._cofactors[self._first(number)].T)
+            return np.asarray(normals @ self._cofactors[self._first_place(number)].T)
         return np.asarray(np.einsum("nij,nj->ni", self._cofactors[place], normals))
 
-    def _first(self, number: int) -> int:
+    def _first_place(self, number: int) -> int:
         """The first place of a shape."""
         return int(np.searchsorted(self.of, number))
 
@@ -108,7 +108,7 @@ class World:
 
     @cached_property
     def _determinants(self) -> Array:
-        return dot(self.places[:, 0, :3], self._cofactors[:, 0])
+        return dot_products(self.places[:, 0, :3], self._cofactors[:, 0])
 
     def highest_m(self) -> float:
         """A height that no vertex is above, the least of boxes around shapes where they stand; 0 without any."""
@@ -141,17 +141,17 @@ class Hits:
         return np.asarray(self.place >= 0)
 
 
-def cross(one: Array, other: Array) -> Array:
+def cross_products(one: Array, other: Array) -> Array:
     """Cross products (n, 3); numpy's own takes three times as long."""
     (a, b, c), (d, e, f) = one.T, other.T
     return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=1)
 
 
-def dot(one: Array, other: Array) -> Array:
+def dot_products(one: Array, other: Array) -> Array:
     """Dot products (n,) of vectors (n, 3)."""
     return np.asarray(np.einsum("ij,ij->i", one, other))
 
 
 def normalize(vectors: Array) -> Array:
     """Unit vectors (n, 3); 0 stays 0."""
-    return np.asarray(vectors / np.maximum(np.sqrt(dot(vectors, vectors)), np.finfo(float).tiny)[:, None])
+    return np.asarray(vectors / np.maximum(np.sqrt(dot_products(vectors, vectors)), np.finfo(float).tiny)[:, None])

@@ -106,9 +106,9 @@ def _trace_eye(stage: Stage, eye: Eye, other: Eye, baseline_m: float, near_m: fl
         np.empty(shape, np.int64),
         np.empty(shape, bool),
     )
-    for pixels in squares(eye.rows, eye.columns):
+    for pixels in list_squares(eye.rows, eye.columns):
         direction = eye.directions(pixels)
-        seen = _see(stage, eye.position, direction, near_m, far_m)
+        seen = _find_first_surface(stage, eye.position, direction, near_m, far_m)
         hidden = _find_hidden(stage.ground_tracer, eye, other, direction, seen.along, baseline_m, near_m)
         for values, target in (
             (seen.along, truth.depth_m),
@@ -121,7 +121,7 @@ def _trace_eye(stage: Stage, eye: Eye, other: Eye, baseline_m: float, near_m: fl
     return truth
 
 
-def squares(rows: int, columns: int) -> Iterator[Array]:
+def list_squares(rows: int, columns: int) -> Iterator[Array]:
     """Pixels, counted along rows, in parts: square by square, so that rays in a row meet about the same. Some come
     twice at the borders."""
     step = max(_TILE, _MOST_PIXELS // max(1, columns) // _TILE * _TILE)
@@ -131,7 +131,7 @@ def squares(rows: int, columns: int) -> Iterator[Array]:
         yield part.reshape(part.shape[0] // _TILE, _TILE, -1, _TILE).swapaxes(1, 2).reshape(-1)
 
 
-def _see(stage: Stage, origin: Array, direction: Array, near_m: float, far_m: float) -> Surface:
+def _find_first_surface(stage: Stage, origin: Array, direction: Array, near_m: float, far_m: float) -> Surface:
     """The first surface that rays meet: the ground, else the sky."""
     seen = find_surface(
         stage.ground, stage.ground_tracer.intersect(origin, direction, near_m, far_m), origin, direction

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from ..support.arrays import Array
-from .shapes import Hits, World, dot, normalize
+from .shapes import Hits, World, dot_products, normalize
 
 #: From a surface that a ray passes to where it goes on, relative to the distance.
 _BEYOND = 1e-6
@@ -62,12 +62,12 @@ def find_surface(world: World, hits: Hits, origin: Array, direction: Array) -> S
     """
     count = len(direction)
     found = Surface(np.full(count, np.inf), np.zeros((count, 3)), np.zeros(count, np.uint8), np.zeros(count, np.int64))
-    for number, rays in _by_shape(world, hits):
+    for number, rays in _group_by_shape(world, hits):
         place, triangle = hits.place[rays], hits.triangle[rays]
         normal, height = world.move_planes(number, place, triangle)
-        toward = dot(normal, direction[rays])
+        toward = dot_products(normal, direction[rays])
         with np.errstate(divide="ignore", invalid="ignore"):
-            before = normal @ origin if origin.ndim == 1 else dot(normal, origin[rays])
+            before = normal @ origin if origin.ndim == 1 else dot_products(normal, origin[rays])
             exact = (height - before) / toward
             near = np.abs(exact - hits.along[rays]) <= _GRAZING * hits.along[rays]
         found.along[rays] = np.where(near, exact, hits.along[rays])
@@ -83,7 +83,7 @@ def find_shading_normals(world: World, hits: Hits, surface: Surface) -> Array:
     Bump of a material is not in them.
     """
     found = surface.normal.copy()
-    for number, rays in _by_shape(world, hits):
+    for number, rays in _group_by_shape(world, hits):
         shape = world.placed[number].shape
         rays = rays[shape.smooth[hits.triangle[rays]]]
         corners = shape.triangles[hits.triangle[rays]]
@@ -91,7 +91,9 @@ def find_shading_normals(world: World, hits: Hits, surface: Surface) -> Array:
             world.turn_normals(number, hits.place[rays], each)
             for each in (_interpolate(shape.normals, corners, hits, rays), shape.planes(hits.triangle[rays])[:, :3])
         ]
-        found[rays] = normalize(sides[0]) * np.where(dot(sides[1], surface.normal[rays]) < 0, -1.0, 1.0)[:, None]
+        found[rays] = (
+            normalize(sides[0]) * np.where(dot_products(sides[1], surface.normal[rays]) < 0, -1.0, 1.0)[:, None]
+        )
     return found
 
 
@@ -101,7 +103,7 @@ def _interpolate(values: Array, corners: Array, hits: Hits, rays: Array) -> Arra
     return np.asarray((1 - u - v) * values[corners[:, 0]] + u * values[corners[:, 1]] + v * values[corners[:, 2]])
 
 
-def _by_shape(world: World, hits: Hits) -> Iterator[tuple[int, Array]]:
+def _group_by_shape(world: World, hits: Hits) -> Iterator[tuple[int, Array]]:
     """The number of each shape that is met, and the rays that meet it."""
     rays = np.flatnonzero(hits.met)
     if not len(rays):
@@ -117,7 +119,7 @@ def intersect_opaque(tracer: Tracer, world: World, origin: Array, direction: Arr
     hits = tracer.intersect(origin, direction, near, far)
     if all(each.shape.passing is None for each in world.placed):
         return hits
-    going = np.flatnonzero(_passes(world, hits))
+    going = np.flatnonzero(_lets_pass(world, hits))
     for _ in range(_MOST_PASSED):
         if not len(going):
             break
@@ -127,15 +129,15 @@ def intersect_opaque(tracer: Tracer, world: World, origin: Array, direction: Arr
         for name in ("place", "triangle", "u", "v"):
             getattr(hits, name)[going] = getattr(beyond, name)
         hits.along[going] = beyond.along + passed
-        going = going[_passes(world, beyond)]
+        going = going[_lets_pass(world, beyond)]
     hits.place[going] = -1
     return hits
 
 
-def _passes(world: World, hits: Hits) -> Array:
+def _lets_pass(world: World, hits: Hits) -> Array:
     """Whether (n,) rays meet something that lets them pass."""
     found = np.zeros(len(hits.place), bool)
-    for number, rays in _by_shape(world, hits):
+    for number, rays in _group_by_shape(world, hits):
         shape = world.placed[number].shape
         if shape.passing is not None:
             corners = shape.triangles[hits.triangle[rays]]

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ..formats.asset_library import install
+from ..formats.asset_library import install_library
 from ..nodes.assets import asset_names, write_asset
 from ..support.printer import emit
-from ..support.scratch import scratch_folder
+from ..support.scratch import open_scratch_folder
 from .worker import run_to_exit
 
 _NO_MEMORY = "There is not enough memory to make the asset library; close other programs and make it again."
@@ -23,11 +23,11 @@ def make_library(folder: Path, names: Sequence[str], send: Callable[..., None] =
     They are made in a temporary folder, so that a library that was there stays whole until all are made.
     ``send(type, **facts)`` receives ``progress`` and ``done`` messages. Raises IcyMoonError.
     """
-    with scratch_folder() as made:
+    with open_scratch_folder() as made:
         for k, name in enumerate(names):
             send("progress", fraction=k / len(names), message=f"Asset {k + 1} of {len(names)}")
             write_asset(name, made / f"{name}.blend")
-        files = install(made, folder)
+        files = install_library(made, folder)
     send("done", assets=len(files))
 
 

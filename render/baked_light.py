@@ -25,10 +25,10 @@ from ..nodes.datablocks.fingerprint import added_objects
 from ..nodes.rig import turn_about_eye
 from ..nodes.scene import Built
 from ..physics.light import baked_texels
-from ..physics.light.baked_noise import largest_share, noise_of, samples_needed
-from ..physics.light.baked_rocks import TERMS, fit
-from ..physics.random_numbers.seeds import generator, stream
-from ..physics.rig.seen_points import find_seen_facets, sides_passed
+from ..physics.light.baked_noise import count_samples_needed, find_largest_share, measure_bake_noise
+from ..physics.light.baked_rocks import TERMS, fit_terms
+from ..physics.random_numbers.seeds import make_generator, seed_stream
+from ..physics.rig.seen_points import find_seen_facets, find_sides_passed
 from ..physics.scene_requirements import why_not_baked
 from ..settings import changes
 from ..settings.topics.rendering import QualitySettings
@@ -197,7 +197,7 @@ def find_seen(built: Built, planned: PlannedPair) -> Array:
         to_camera = np.array(camera.matrix_world.inverted() @ built.terrain.matrix_world)
     right, up, back = (read_vertices(mesh) @ to_camera[:3, :3].T + to_camera[:3, 3]).T
     starts, _, corners, _ = texel_bakes.read_facets(mesh)
-    return find_seen_facets(sides_passed(planned.settings.rig, right, -up, -back), starts, corners)
+    return find_seen_facets(find_sides_passed(planned.settings.rig, right, -up, -back), starts, corners)
 
 
 def _vertices_of(mesh: bpy.types.Mesh, facets: Array) -> Array:
@@ -217,10 +217,10 @@ def key_of(built: Built, settings: Settings, group: str = "Sun", seen: Array | N
     quality = settings.quality
     parts = [
         _SCHEME,
-        compat.blender_series(),
-        changes.scene(settings),
-        changes.look(settings),
-        changes.light(settings),
+        compat.find_series(),
+        changes.select_scene(settings),
+        changes.select_look(settings),
+        changes.select_light(settings),
         quality.diffuse_bounces,
         quality.bake_samples,
         quality.bake_noise,
@@ -245,9 +245,9 @@ def _bake_halves(
     direct = run("DIRECT", _DIRECT, int(seeds[4]))
     count = min(_FIRST, quality.bake_samples // 2)
     halves = [run("INDIRECT", count, int(seed)) for seed in seeds[:2]]
-    share = largest_share(direct, (halves[0] + halves[1]) / 2, positions, triangles, eye)
-    noise, asked = noise_of(halves, triangles), quality.bake_noise / _MARGIN
-    more = samples_needed(noise, share, count, asked, quality.bake_samples // 2) - count
+    share = find_largest_share(direct, (halves[0] + halves[1]) / 2, positions, triangles, eye)
+    noise, asked = measure_bake_noise(halves, triangles), quality.bake_noise / _MARGIN
+    more = count_samples_needed(noise, share, count, asked, quality.bake_samples // 2) - count
     if more > 0:
         halves = [
             (count * half + more * run("INDIRECT", more, int(seed))) / (count + more)
@@ -277,7 +277,7 @@ def bake(
     start = time.process_time()
     quality = settings.quality
     kept = scene.render.use_persistent_data, scene.render.use_multiview
-    seeds = stream(int(settings.dataset.seed), "bake", *_OTHERS[group]).generate_state(5) >> 1
+    seeds = seed_stream(int(settings.dataset.seed), "bake", *_OTHERS[group]).generate_state(5) >> 1
     mesh = terrain.data
     lit = np.ones(len(mesh.vertices), bool) if seen is None else _vertices_of(mesh, seen)
     triangles = (np.cumsum(lit) - 1)[_triangles(mesh, seen)]  # by the order of the vertices that get light
@@ -291,8 +291,8 @@ def bake(
         def run(kind: str, samples: int, seed: int) -> Array:
             texels = bake_texels(kind, samples, seed)
             if covered is None:
-                return baked_texels.gather(found, texels, len(mesh.vertices))[lit]
-            return baked_texels.gather_open(found, texels, covered, len(mesh.vertices))[lit]
+                return baked_texels.gather_to_vertices(found, texels, len(mesh.vertices))[lit]
+            return baked_texels.gather_uncovered(found, texels, covered, len(mesh.vertices))[lit]
 
         direct, halves, count = _bake_halves(run, seeds, quality, positions[lit], triangles, eye)
     if rocks is not None and len(rocks.data.vertices):
@@ -305,7 +305,7 @@ def bake(
     mean, straight = (float(each.mean(dtype=np.float64)) if lit.any() else 0.0 for each in (values[lit], direct))
     share = mean / (mean + straight) if mean + straight > 0 else 0.0
     return BakedLight(
-        values, error, numbers, noise_of(halves, triangles), share, 2 * count, time.process_time() - start
+        values, error, numbers, measure_bake_noise(halves, triangles), share, 2 * count, time.process_time() - start
     )
 
 
@@ -336,7 +336,7 @@ def _bake_rocks(
     samples: int,
 ) -> Array:
     """The numbers (rocks, terms, 3) of the indirect light on rocks."""
-    random = generator(int(settings.dataset.seed), "bake", 2, *_OTHERS[group])
+    random = make_generator(int(settings.dataset.seed), "bake", 2, *_OTHERS[group])
     points = baked_rocks.draw_points(rocks, random)
     used = baked_rocks.above_ground(points, terrain)
     seeds = random.integers(0, 2**31 - 1, 2)
@@ -344,7 +344,7 @@ def _bake_rocks(
     with baked_rocks.stand_for(points, scene) as item, _open_bake(item, scene, settings, every) as (found, bake_texels):
         used &= ~_covered(bake_texels, int(seeds[0]))[found.texels[0]].all(axis=1)
         light = bake_texels("INDIRECT", samples, int(seeds[1]))[found.texels[0], :3].mean(axis=1)
-    return fit(points, light, used, len(rocks.data.vertices)).astype(np.float32)
+    return fit_terms(points, light, used, len(rocks.data.vertices)).astype(np.float32)
 
 
 @contextmanager

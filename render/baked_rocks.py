@@ -16,7 +16,7 @@ from ..nodes.ground.heights_under import probe_heights
 from ..nodes.ground.rocks import ROTATION, SCALE, SHAPE, parts_of
 from ..nodes.ground.terrain_mesh import build_mesh_from_arrays
 from ..physics.light import baked_rocks
-from ..physics.light.baked_rocks import Points
+from ..physics.light.baked_rocks import RockPoints
 from ..physics.rocks.rocks import LEVEL_RANKS, euler_matrices
 from ..support.arrays import Array
 from ..support.blender import compat
@@ -26,7 +26,7 @@ from .mesh_arrays import read_corners, read_vertices
 _NAME = "Icy Moon Baked Rocks"
 
 
-def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> Points:
+def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> RockPoints:
     """Points of all rocks of a built object of rocks; of the largest there are most."""
     mesh = rocks.data
     count = len(mesh.vertices)
@@ -49,12 +49,12 @@ def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> Points:
                         vertices, triangles, these, matrices[these], positions[these], points, random
                     )
                 )
-    return Points(
+    return RockPoints(
         *(np.concatenate([getattr(each, name) for each in drawn]) for name in ("rock", "place", "normal", "corners"))
     )
 
 
-def above_ground(points: Points, terrain: bpy.types.Object) -> Array:
+def above_ground(points: RockPoints, terrain: bpy.types.Object) -> Array:
     """Whether points (n,) are over the ground, or beside it."""
     middle = points.corners.mean(axis=1)
     with probe_heights(terrain) as heights:
@@ -62,7 +62,7 @@ def above_ground(points: Points, terrain: bpy.types.Object) -> Array:
 
 
 @contextmanager
-def stand_for(points: Points, scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
+def stand_for(points: RockPoints, scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
     """An object of the points' triangles in a scene, white and seen by no ray."""
     corners = points.corners.reshape(-1, 3)
     mesh = build_mesh_from_arrays(_NAME, corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))

@@ -18,12 +18,12 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..formats.placed_meshes import PlacedMesh, by_kind
+from ..formats.placed_meshes import PlacedMesh, group_by_kind
 from ..nodes.datablocks.blend_file_paths import content
 from ..nodes.scene import Built, extra
 from ..nodes.surface.reflectance_laws import OF_NODES
-from ..physics.camera.blur import blur_identity
-from ..physics.mesh.fine_relief import still_from_m
+from ..physics.camera.blur import describe_blur_identity
+from ..physics.mesh.fine_relief import still_spacing_m
 from ..physics.scene_requirements import surface_topics
 from ..physics.surfaces import principled
 from ..settings.description import digest, merged
@@ -121,7 +121,7 @@ def write_geometry(
         names = write_meshes(meshes, kind, built.settings, folder)
         facts |= {
             "files": names,
-            "meshes": {each: _count(own) for each, own in by_kind(meshes).items()},
+            "meshes": {each: _count(own) for each, own in group_by_kind(meshes).items()},
             "left_out": _left_out_of_meshes(built.settings),
         }
     write_json(folder / "geometry.json", facts)
@@ -188,7 +188,7 @@ def _collect(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[Pl
             ready[item.data.name_full] = mesh_triangles(item.data)
     for name, original in moved.items():
         with as_rendered(
-            original, counted[name].places[0], settings.quality.threads, still_from_m(settings.surface)
+            original, counted[name].places[0], settings.quality.threads, still_spacing_m(settings.surface)
         ) as made:
             ready[name] = mesh_triangles(made)
     return [PlacedMesh(each.kind, *ready[name], np.array(each.places)) for name, each in counted.items()]
@@ -212,11 +212,11 @@ def _without_quality(planned: PlannedPair) -> PlannedPair:
     A pair that is not what its id names, as where a file has changed, stays as it is, and is refused as in a render.
     """
     settings = planned.settings
-    known = (digest(settings, content(settings) + nodes + blur_identity(settings)) for nodes in ("", OF_NODES))
+    known = (digest(settings, content(settings) + nodes + describe_blur_identity(settings)) for nodes in ("", OF_NODES))
     if planned.id not in known:
         return planned
     plain = merged(settings, {"quality": {"denoiser": "NONE", "device": "CPU"}, "hapke": {"backend": "AUTO"}})
-    return PlannedPair(digest(plain, extra(plain) + blur_identity(plain)), plain, 0.0)
+    return PlannedPair(digest(plain, extra(plain) + describe_blur_identity(plain)), plain, 0.0)
 
 
 def run_job(

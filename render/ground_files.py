@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..formats.geotiff import map_facts, map_notes
-from ..formats.placed_meshes import PlacedMesh, by_kind, write_gltf, write_obj, write_ply, write_usd
+from ..formats.geotiff import describe_map_notes, describe_map_place
+from ..formats.placed_meshes import PlacedMesh, group_by_kind, write_gltf, write_obj, write_ply, write_usd
 from ..formats.tiff_write import Place, encode_tiff
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
@@ -41,7 +41,7 @@ def describe_frame(settings: Settings) -> str:
 
 def frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str, Any]:
     """The site's frame, for a file beside the ground's files; ``ground`` is its report, with its place on a map."""
-    place = map_facts(ground)
+    place = describe_map_place(ground)
     zero = (
         f"the height {place['height_zero_m']!r} m of the ground's file"
         if place
@@ -61,7 +61,7 @@ def write_map(made: GroundMap, settings: Settings, ground: Mapping[str, Any], fo
 
     Their metadata ``map`` is the place that ``ground`` states, as JSON.
     """
-    extent, notes = made.extent, map_notes(ground)
+    extent, notes = made.extent, describe_map_notes(ground)
     for (name, text), values in zip(MAPS.items(), (made.ground_m, made.surface_m, made.albedo), strict=True):
         place = Place(extent.cell_m, extent.west_m, extent.north_m, describe_frame(settings), values.ndim == 2, notes)
         _write(folder / name, encode_tiff(np.ascontiguousarray(values, np.float32), place, text))
@@ -89,7 +89,7 @@ def write_meshes(meshes: Sequence[PlacedMesh], suffix: str, settings: Settings, 
     of the files."""
     frame = describe_frame(settings)
     if suffix == "ply":
-        kinds = by_kind(meshes)
+        kinds = group_by_kind(meshes)
         for kind, own in kinds.items():
             write_ply(folder / f"{kind}.ply", own, frame)
         return [f"{kind}.ply" for kind in kinds]

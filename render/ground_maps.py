@@ -23,7 +23,7 @@ from ..nodes.scene import Built
 from ..nodes.surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..rays.shapes import World
-from ..rays.stereo_truth import squares
+from ..rays.stereo_truth import list_squares
 from ..rays.surface import Tracer, find_surface
 from ..support import system
 from ..support.arrays import Array
@@ -102,7 +102,7 @@ def _find_heights(world: World, tracer: Tracer, extent: Extent) -> Array:
     """Heights (rows, columns) of the highest of a world at the centres of cells, NaN where there is nothing."""
     top_m = world.highest_m() + _ABOVE_M
     heights = np.full(extent.rows * extent.columns, np.nan)
-    for cells in squares(extent.rows, extent.columns):
+    for cells in list_squares(extent.rows, extent.columns):
         row, column = np.divmod(cells, extent.columns)
         start = np.stack(
             [

@@ -13,7 +13,7 @@ from ..nodes.datablocks.fingerprint import built_objects
 from ..nodes.lander.contact import find_contact
 from ..nodes.lander.objects import INSTANCES, ROLES, link_poses, names_of_links, pads_of
 from ..physics.arm.keypoints import describe_keypoints
-from ..physics.arm.lander_arm import joint_facts
+from ..physics.arm.lander_arm import describe_joints
 from ..physics.arm.lander_solids import BODY, HEAD
 from ..physics.camera.stereo_camera import StereoCamera
 from ..settings.topics.scene import Settings
@@ -59,7 +59,7 @@ def lander_json(built: Built, settings: Settings, poses: Mapping[str, Array], fo
                 }
                 for link, pose in links.items()
             ],
-            **joint_facts(settings),
+            **describe_joints(settings),
             "pads_m": pads_m,
             "reached_ground": contact.reached_ground,
             "collisions": [list(pair) for pair in contact.collisions],

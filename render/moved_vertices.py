@@ -163,7 +163,7 @@ def _find_shifts(mesh: bpy.types.Mesh, place: Array, groups: Array, many: int, t
         wanted = np.zeros(len(starts), bool)
         wanted[first : first + _BAKED_FACETS] = True
         try:
-            found = baked_texels.lay_out(starts, counts, corners, areas, wanted)
+            found = baked_texels.lay_out_texels(starts, counts, corners, areas, wanted)
         except ValueError:
             raise IcyMoonError(
                 "The ground has facets with more than four corners, whose displacement cannot be "

@@ -14,8 +14,8 @@ from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import describe_hapke
 from ..paper_stand_ins.items import describe, items_of
 from ..physics import scene_checks
-from ..physics.camera.blur import blur_of
-from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
+from ..physics.camera.blur import find_blur
+from ..physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
 from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.light.sky import compare_lights
 from ..physics.scene_requirements import find_left_out, traced_sentence
@@ -23,7 +23,7 @@ from ..settings.topics.scene import Settings
 from ..support.arrays import Array
 from ..support.blender import compat
 from ..support.labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
-from ..support.system import peak_memory_mib
+from ..support.system import measure_peak_memory_mib
 from ..support.version import version
 from .graphics_cards import list_selected_cards
 from .pairs.pair_folder import EYES, FORMAT, VERSION
@@ -106,10 +106,10 @@ def pair_json(
     light, if any.
     """
     settings, workspace = planned.settings, describe_workspace(planned.settings.workspace)
-    camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
+    camera, blur = StereoCamera.from_settings(settings.rig), find_blur(settings)
     eyes = camera.eyes_json()
     for eye in EYES:
-        eyes[eye]["distortion"] = dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True))
+        eyes[eye]["distortion"] = dict(zip(COEFFICIENTS, read_coefficients(settings.rig), strict=True))
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -128,7 +128,7 @@ def pair_json(
         "blur": blur.to_json() if blur else None,
         "light": light,
         "left_out": _left_out(built, settings, indirect),
-        "advice": scene_checks.scene_advice(settings),
+        "advice": scene_checks.advise_on_scene(settings),
         "channels": _channels(settings.quality.truth, settings.quality.files),
         "seeds": {"dataset": settings.dataset.seed, "render": planned.render_seed},
         "versions": {
@@ -146,6 +146,6 @@ def pair_json(
         "platform": platform.platform(),
         **({"workspace": workspace} if workspace else {}),
         "seconds": seconds,
-        "peak_memory_mib": peak_memory_mib(),
+        "peak_memory_mib": measure_peak_memory_mib(),
         "files": files,
     }

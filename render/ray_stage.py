@@ -54,7 +54,7 @@ class RaysOfScene:
 
     def __init__(self, scene: bpy.types.Scene, still_m: float) -> None:
         """For ``still_m`` see ``moved_vertices.as_rendered``."""
-        self._scene, self._still_m = scene, still_m
+        self._find_scene, self._still_m = scene, still_m
         self._meshes: list[Any] = []
         self._standing: list[Any] = []
         self._parts: list[_Part] = []
@@ -89,7 +89,7 @@ class RaysOfScene:
 
     def _look(self) -> None:
         """Read the scene again, as far as it has changed."""
-        items = [item for item in self._scene.objects if item.type not in _NO_SURFACE]
+        items = [item for item in self._find_scene.objects if item.type not in _NO_SURFACE]
         meshes = [(item.name_full, item.data.as_pointer(), item.hide_render) for item in items]
         standing = [tuple(map(tuple, item.matrix_world)) for item in items]
         if meshes != self._meshes:
@@ -100,11 +100,11 @@ class RaysOfScene:
 
     def _read(self) -> None:
         self.close()
-        self._parts, self._refused = _collect(self._scene, self._still_m)
+        self._parts, self._refused = _collect(self._find_scene, self._still_m)
 
     def _move(self) -> None:
         """The same shapes in other places."""
-        made = _find(self._scene, read=False)
+        made = _find(self._find_scene, read=False)
         found, self._refused = list(made.parts.values()), made.refused
         if len(found) != len(self._parts):
             self._read()
@@ -121,7 +121,7 @@ class RaysOfScene:
         """The stage of the scene as it was read, with trees."""
         if self._stage is None:
             ground, sky = self._worlds()
-            tracers = [open_tracer(world, compat.library_folders(), TreeTracer) for world in (ground, sky)]
+            tracers = [open_tracer(world, compat.list_library_folders(), TreeTracer) for world in (ground, sky)]
             self._stage = Stage(ground, tracers[0], sky, tracers[1])
         return self._stage
 

@@ -15,7 +15,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..nodes.rig import OPENCV_FROM_BLENDER
-from ..physics.camera.blur import Blur, pose_after
+from ..physics.camera.blur import Blur, find_pose_after
 from ..physics.camera.stereo_camera import StereoCamera
 from ..support.errors import IcyMoonError
 
@@ -142,7 +142,7 @@ def _set_motion(
     turned[:3, :3] = OPENCV_FROM_BLENDER
     item.rotation_mode = "QUATERNION"
     for side in (-0.5, 0.5, 0.0):
-        step = Matrix((turned @ pose_after(blur, side * exposure_s) @ turned).tolist())
+        step = Matrix((turned @ find_pose_after(blur, side * exposure_s) @ turned).tolist())
         item.matrix_world = pose @ step @ Matrix.Translation((middle, 0.0, 0.0))
         for path in ("location", "rotation_quaternion"):
             item.keyframe_insert(path, frame=scene.frame_current + side)

@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights, noise_of_baked
+from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights, measure_baked_noise
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import Piece, assemble, join_layers, read_pieces
 from ..formats.exr_pixels import compress, drop_passes, round_passes
@@ -25,19 +25,19 @@ from ..nodes.rig import eye_poses, lens_values, turn_about_eye
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.arm.lander_solids import HEAD
-from ..physics.camera.blur import Blur, blur_of
+from ..physics.camera.blur import Blur, find_blur
 from ..physics.camera.stereo_camera import StereoCamera
-from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
+from ..physics.scene_requirements import are_rocks_clear, can_be_baked, make_direct_quality
 from ..rays.stereo_truth import Stage
 from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support import system
 from ..support.arrays import Array
 from ..support.errors import DiskError, IcyMoonError
-from ..support.files import explain_disk_errors, part_of, sha256, write_json
+from ..support.files import explain_disk_errors, hash_file, make_part_path, write_json
 from ..support.foreign_bytes import OverBudgetError
 from ..support.labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from . import cycles_occlusion, cycles_settings, passes, separate_lights, unlit
 from .baked_light import Indirect
 from .cost.estimate import count_bytes_left, pixels_of
@@ -110,7 +110,7 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
     check_no_link(folder_of_pairs(dataset), dataset / CLAIMS_FOLDER, dataset / LIGHT)
     with explain_disk_errors("write to", dataset):
         dataset.mkdir(parents=True, exist_ok=True)
-        probe = part_of(dataset / ".icymoon")
+        probe = make_part_path(dataset / ".icymoon")
         probe.write_bytes(b"")
         system.remove(probe)
         free = shutil.disk_usage(dataset).free
@@ -118,7 +118,7 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
     needed = left + _ROOM_WHILE_WRITING * max(pixels_of(pair.settings) for pair in pairs) if left else 0.0
     if needed > free:
         raise IcyMoonError(
-            f"{dataset} has {free / 1e6:.0f} MB free, {count_of(len(pairs), 'pair')} may need "
+            f"{dataset} has {free / 1e6:.0f} MB free, {format_count(len(pairs), 'pair')} may need "
             f"{needed / 1e6:.0f} MB more; "
             "free some space, choose another folder or render fewer pixels."
         )
@@ -144,7 +144,7 @@ def render_pair(
     """
     folder = planned.folder(dataset)
     check_place(folder)
-    part = part_of(folder)
+    part = make_part_path(folder)
     spent = time.process_time()
     with explain_disk_errors("write", folder):
         part.mkdir(parents=True)
@@ -237,7 +237,7 @@ def _render_into(
 ) -> dict[str, Any]:
     """Render a pair into the folder ``part`` and return the content of its pair.json."""
     settings = planned.settings
-    quality = direct_quality(settings.quality) if indirect.lights else settings.quality
+    quality = make_direct_quality(settings.quality) if indirect.lights else settings.quality
     rounded = rounded_passes(quality.files, quality.half_floats)
     made = _render_takes(part, built, scene, planned, report, bool(indirect.lights), rays, quality, rounded)
     start = time.perf_counter()
@@ -279,7 +279,7 @@ def _render_takes(
 ) -> _Rendered:
     """Render radiance and truth by all cameras of the pair. ``baked`` is whether the light of the ground is."""
     settings = planned.settings
-    camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
+    camera, blur = StereoCamera.from_settings(settings.rig), find_blur(settings)
     takes = _camera_setups(camera, blur, _is_full(planned))
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
@@ -324,7 +324,7 @@ def _prepare_cycles(
     scene: bpy.types.Scene, built: Built, planned: PlannedPair, quality: QualitySettings, blurred: bool, baked: bool
 ) -> list[separate_lights.LightPass]:
     """Set up Cycles for the radiance of a pair and return its lights, each a render."""
-    cycles_settings.apply(scene, quality, planned.render_seed, blurred, clear_rocks(planned.settings))
+    cycles_settings.apply(scene, quality, planned.render_seed, blurred, are_rocks_clear(planned.settings))
     if baked:
         scene.cycles.max_bounces = 0
     prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
@@ -356,7 +356,7 @@ def _write_files(
             if baked and BEAUTY in found:
                 found[BEAUTY], shares[Path(name).stem] = add_baked(found[BEAUTY])
                 if name == f"{_JUDGED}.exr":
-                    noise_of_image, unwanted = noise_of_baked(found[BEAUTY]), set()
+                    noise_of_image, unwanted = measure_baked_noise(found[BEAUTY]), set()
             compact = planned.settings.quality.files == "COMPACT"
             written[name] = _write_layers(found, part / name, rounded, compact, unwanted)
     return written, shares, noise_of_image
@@ -509,4 +509,4 @@ def _write_layers(
 
 def _fact_of(file: Path) -> dict[str, Any]:
     """Size and checksum of a file of a pair."""
-    return {"bytes": file.stat().st_size, "sha256": sha256(file)}
+    return {"bytes": file.stat().st_size, "sha256": hash_file(file)}

@@ -15,8 +15,8 @@ from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.next_scene import adapt_scene
 from ..nodes.scene import Built
 from ..physics import scene_checks
-from ..physics.camera.blur import blur_identity
-from ..physics.mesh.fine_relief import still_from_m
+from ..physics.camera.blur import describe_blur_identity
+from ..physics.mesh.fine_relief import still_spacing_m
 from ..settings import changes
 from ..settings.description import digest
 from ..settings.topics.scene import Settings
@@ -40,13 +40,13 @@ class FixedScene:
         check_camera(built)
         self._built, self._frame, self._seconds = built, frame, seconds_build
         self._held = ExitStack()
-        self._scene: bpy.types.Scene | None = None
+        self._find_scene: bpy.types.Scene | None = None
         self.rays: RaysOfScene | None = None
 
     def __enter__(self) -> Self:
-        self._scene = self._held.enter_context(open_render_scene(self._built, self._frame))
+        self._find_scene = self._held.enter_context(open_render_scene(self._built, self._frame))
         self.rays = self._held.enter_context(
-            closing(RaysOfScene(self._scene, still_from_m(self._built.settings.surface)))
+            closing(RaysOfScene(self._find_scene, still_spacing_m(self._built.settings.surface)))
         )
         return self
 
@@ -57,15 +57,15 @@ class FixedScene:
 
     def prepare(self, planned: PlannedPair) -> PreparedScene:
         """Where this pair is rendered."""
-        assert self._scene is not None
+        assert self._find_scene is not None
         cycles_settings.check_possible(planned.settings.quality)
         _raise_reasons(
             [
-                *scene_checks.reasons_of_settings(planned.settings),
-                *eyes_above_ground.reasons(self._built, planned.turn_deg, self._scene),
+                *scene_checks.find_reasons_in_settings(planned.settings),
+                *eyes_above_ground.reasons(self._built, planned.turn_deg, self._find_scene),
             ]
         )
-        return self._built, self._scene, self._seconds
+        return self._built, self._find_scene, self._seconds
 
 
 class ScenesFromSettings:
@@ -76,7 +76,7 @@ class ScenesFromSettings:
         self._warn, self._extra = warn, extra
         self._warned: set[str] = set()
         self._built: Built | None = None
-        self._scene: bpy.types.Scene | None = None
+        self._find_scene: bpy.types.Scene | None = None
         self.rays: RaysOfScene | None = None
         self._held = ExitStack()
 
@@ -93,7 +93,7 @@ class ScenesFromSettings:
         start = time.perf_counter()
         before, self._built = self._built, None
         cycles_settings.check_possible(planned.settings.quality)
-        scene_checks.refuse(planned.settings)
+        scene_checks.refuse_scene(planned.settings)
         shared = before is not None and _same_scene_and_light(before.settings, planned.settings)
         if not shared:  # the data that Cycles keeps are of no use any more
             self._held.close()
@@ -103,15 +103,15 @@ class ScenesFromSettings:
         _check_id(planned, built, self._extra)
         if not shared or not kept:
             self._held.close()
-            self._scene = self._held.enter_context(open_render_scene(built, bpy.context.scene.frame_current))
+            self._find_scene = self._held.enter_context(open_render_scene(built, bpy.context.scene.frame_current))
             self.rays = self._held.enter_context(
-                closing(RaysOfScene(self._scene, still_from_m(built.settings.surface)))
+                closing(RaysOfScene(self._find_scene, still_spacing_m(built.settings.surface)))
             )
-        assert self._scene is not None
+        assert self._find_scene is not None
         self._built = built
         # Not in a scene that comes and goes, after which Cycles would build its tree of triangles again.
-        _raise_reasons(eyes_above_ground.reasons_when_built(built, self._scene))
-        return built, self._scene, time.perf_counter() - start
+        _raise_reasons(eyes_above_ground.reasons_when_built(built, self._find_scene))
+        return built, self._find_scene, time.perf_counter() - start
 
     def _warn_once(self, warnings: list[str] | tuple[str, ...]) -> None:
         for warning in warnings:
@@ -128,11 +128,14 @@ def _raise_reasons(reasons: Iterable[str]) -> None:
 
 def _same_scene_and_light(one: Settings, other: Settings) -> bool:
     """Whether two descriptions differ in nothing but camera, sampling, response and run."""
-    return all(part(one) == part(other) for part in (changes.scene, changes.look, changes.light, changes.lander))
+    return all(
+        part(one) == part(other)
+        for part in (changes.select_scene, changes.select_look, changes.select_light, changes.select_lander)
+    )
 
 
 def _check_id(planned: PlannedPair, built: Built, extra: str) -> None:
-    if digest(planned.settings, built.extra + extra + blur_identity(planned.settings)) != planned.id:
+    if digest(planned.settings, built.extra + extra + describe_blur_identity(planned.settings)) != planned.id:
         why = (
             "a file that its description names has another content than when it was planned"
             if built.content

@@ -17,7 +17,7 @@ def lay_out(mesh: bpy.types.Mesh, lit: Array) -> baked_texels.Texels:
     """The texels of the facets around the vertices of a mesh that are to be ``lit``."""
     starts, counts, corners, areas = read_facets(mesh)
     wanted = np.logical_or.reduceat(lit[corners], starts) if len(starts) else np.zeros(0, bool)
-    return baked_texels.lay_out(starts, counts, corners, areas, wanted)
+    return baked_texels.lay_out_texels(starts, counts, corners, areas, wanted)
 
 
 def read_facets(mesh: bpy.types.Mesh) -> tuple[Array, Array, Array, Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ..rays.shapes import Hits, World, cross, dot, normalize
+from ..rays.shapes import Hits, World, cross_products, dot_products, normalize
 from ..support.arrays import Array
 
 #: Rays in a row that are tested together for the spheres they may meet. They start at one point, or each is alone.
@@ -114,7 +114,7 @@ class TreeTracer:
         toward = np.einsum("nij,nj->ni", inverse[:, :3, :3], direction[ray])
         of = self._world.of[place]
         entered = _enters(self._boxes[of], own, toward)
-        length = np.sqrt(dot(toward, toward))
+        length = np.sqrt(dot_products(toward, toward))
         most = np.minimum((far - near) * length, _LONGEST)
         for number in np.unique(of[entered]):
             rays = np.flatnonzero(entered & (of == number))
@@ -148,10 +148,10 @@ def _enters(boxes: Array, origin: Array, direction: Array) -> Array:
 def _find_in_triangle(corners: Array, origin: Array, direction: Array) -> tuple[Array, Array]:
     """Where in triangles (n, 3, 3) rays (n, 3) meet them, as the shares of the second and the third corner."""
     second, third = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    away, beside = origin - corners[:, 0], cross(direction, third)
+    away, beside = origin - corners[:, 0], cross_products(direction, third)
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = 1.0 / dot(second, beside)
-        u, v = dot(away, beside) * scale, dot(direction, cross(away, second)) * scale
+        scale = 1.0 / dot_products(second, beside)
+        u, v = dot_products(away, beside) * scale, dot_products(direction, cross_products(away, second)) * scale
     u = np.clip(np.nan_to_num(u), 0.0, 1.0)
     return u, np.clip(np.nan_to_num(v), 0.0, 1.0 - u)
 
@@ -169,7 +169,7 @@ class _Spheres:
     def entered_by(self, origin: Array, direction: Array, far: Array) -> tuple[Array, Array, Array]:
         """Which rays (n, 3) enter which spheres, in pairs, and how many times its direction a ray goes to there.
         ``origin`` is (3,) or (n, 3); rays go to ``far`` (n,) times their direction."""
-        length = np.sqrt(dot(direction, direction))
+        length = np.sqrt(dot_products(direction, direction))
         ahead = direction / length[:, None]
         side = _TOGETHER if origin.ndim == 1 else 1
         bundle, sphere = self._entered_by_bundles(origin, _fill_up(ahead, side), _fill_up(far * length, side))
@@ -178,11 +178,11 @@ class _Spheres:
         ray = ray[ray < len(direction)]
         centre, radius = self._levels[-1]
         away = centre[sphere] - (origin if origin.ndim == 1 else origin[ray])
-        middle = dot(away, ahead[ray])
+        middle = dot_products(away, ahead[ray])
         aside = away - middle[:, None] * ahead[ray]
-        half = np.sqrt(np.maximum(radius[sphere] ** 2 - dot(aside, aside), 0.0))
+        half = np.sqrt(np.maximum(radius[sphere] ** 2 - dot_products(aside, aside), 0.0))
         entry = np.maximum(middle - half, 0.0) / length[ray]
-        entered = (dot(aside, aside) <= radius[sphere] ** 2) & (middle + half >= 0) & (entry <= far[ray])
+        entered = (dot_products(aside, aside) <= radius[sphere] ** 2) & (middle + half >= 0) & (entry <= far[ray])
         return ray[entered], self._order[sphere[entered]], entry[entered]
 
     def _entered_by_bundles(self, origin: Array, ahead: Array, far: Array) -> tuple[Array, Array]:
@@ -197,8 +197,8 @@ class _Spheres:
                 node = (node[:, None] * _GROUP + np.arange(_GROUP)).reshape(-1)
             bundle, node = bundle[node < len(radius)], node[node < len(radius)]
             away = centre[node] - (origin if origin.ndim == 1 else origin[bundle])
-            distance = np.sqrt(dot(away, away))
-            along = dot(away, axis[bundle])
+            distance = np.sqrt(dot_products(away, away))
+            along = dot_products(away, axis[bundle])
             across = np.sqrt(np.maximum(distance**2 - along**2, 0.0))
             inside = distance <= radius[node]
             # Beside the cone of the bundle by less than the radius, and not behind its apex.

@@ -13,8 +13,8 @@ from typing import Any
 from ..physics.mesh import fine_relief
 from ..physics.mesh.broken_walls import breaks_walls
 from ..physics.mesh.fine_relief import is_carried_by_grid
-from ..physics.mesh.grading import OF_THE_RIG, fine_relief_of
-from ..physics.scene_requirements import SURFACES, follows_walk
+from ..physics.mesh.grading import OF_THE_RIG, find_fine_relief
+from ..physics.scene_requirements import SURFACES, traces_random_walk
 from .table import TOPICS
 from .topics.declaration import Parts
 from .topics.scene import Settings
@@ -23,12 +23,12 @@ _SITE = {("rig", "x_m"), ("rig", "y_m")}
 _PIXEL = {("rig", "focal_length_mm"), ("rig", "sensor_width_mm"), ("rig", "width_px")}
 
 
-def _of_effect(effect: str) -> set[tuple[str, str]]:
+def _select_by_effect(effect: str) -> set[tuple[str, str]]:
     return {(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings if s.effect == effect}
 
 
 _SHAPE, _LOOK, _LIGHT, _LANDER, _CAMERA, _SAMPLING, _RESPONSE = map(
-    _of_effect, ("geometry", "material", "light", "lander", "camera", "sampling", "response")
+    _select_by_effect, ("geometry", "material", "light", "lander", "camera", "sampling", "response")
 )
 #: Settings of the rig that the lander uses, because its mast carries the rig.
 _MAST = {("rig", key) for key in ("x_m", "y_m", "height_m", "heading_deg", "pitch_deg", "baseline_m")}
@@ -42,26 +42,27 @@ _DIGS = (
 )
 
 
-def _part(settings: Settings, keys: Iterable[tuple[str, str]]) -> dict[str, dict[str, Any]]:
+def _select_settings(settings: Settings, keys: Iterable[tuple[str, str]]) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     for topic, key in sorted(keys):
         found.setdefault(topic, {})[key] = settings[topic][key]
     return found
 
 
-def geometry(settings: Settings) -> Parts:
+def select_geometry(settings: Settings) -> Parts:
     """The settings on which the shape of ground and rocks depends, with the site if it must be clear of rocks."""
-    return _geometry(settings)
+    return _select_geometry_cached(settings)
 
 
-def _geometry(settings: Settings) -> dict[str, dict[str, Any]]:
+def _select_geometry_cached(settings: Settings) -> dict[str, dict[str, Any]]:
     joints = settings.excavation.path == "JOINTS"
     around = settings.rocks.coverage > 0 and settings.rocks.clear_radius_m > 0
-    return _part(settings, _SHAPE | (_SITE if around else set()) | (_DIGS if joints else set()))
+    return _select_settings(settings, _SHAPE | (_SITE if around else set()) | (_DIGS if joints else set()))
 
 
-def scene(settings: Settings) -> Parts:
-    """``geometry`` and all other settings on which a built scene depends: pairs that differ in them cannot share one.
+def select_scene(settings: Settings) -> Parts:
+    """``select_geometry`` and all other settings on which a built scene depends: pairs that differ in them cannot share
+    one.
 
     A graded mesh depends on the rig, and on fine relief where that is geometry. Ground from a file depends on the site.
     Attributes and images of the mesh are made with it. Whether Hapke's law uses OSL depends on the device.
@@ -70,23 +71,23 @@ def scene(settings: Settings) -> Parts:
     keys = {("quality", "device")} | (set() if procedural else _SITE)
     if procedural and settings.mesh.kind == "GRADED":
         keys |= {("rig", key) for key in OF_THE_RIG}
-    found = _geometry(settings)
-    for topic, values in _part(settings, keys).items():
+    found = _select_geometry_cached(settings)
+    for topic, values in _select_settings(settings, keys).items():
         found.setdefault(topic, {}).update(values)
     found["surface"] = {
         **found.get("surface", {}),
         "elevation_marked": settings.surface.trough_dirt != 0,
         "own_images": settings.textures.set == "MESH",
-        "in_mesh": relief_in_mesh(settings),
+        "in_mesh": describe_mesh_relief(settings),
     }
     return found
 
 
-def relief_in_mesh(settings: Settings) -> str:
+def describe_mesh_relief(settings: Settings) -> str:
     """Text that is equal for settings whose meshes have the same fine relief and broken walls; empty for neither."""
     if settings.mesh.kind != "GRADED":
         return "grid" if is_carried_by_grid(settings) else ""
-    relief, walls = fine_relief_of(settings), breaks_walls(settings)
+    relief, walls = find_fine_relief(settings), breaks_walls(settings)
     if relief is None and not walls:
         return ""
     return " ".join(
@@ -99,40 +100,41 @@ def relief_in_mesh(settings: Settings) -> str:
     )
 
 
-def materials(settings: Settings) -> Parts:
-    """The settings of surfaces that are not in ``scene``."""
-    return _part(settings, _LOOK)
+def select_materials(settings: Settings) -> Parts:
+    """The settings of surfaces that are not in ``select_scene``."""
+    return _select_settings(settings, _LOOK)
 
 
-def look(settings: Settings) -> Parts:
-    """``materials``, whether subsurface light is traced through each surface, and how far a lamp near them is."""
+def select_look(settings: Settings) -> Parts:
+    """``select_materials``, whether subsurface light is traced through each surface, and how far a lamp near them
+    is."""
     return {
-        **materials(settings),
-        "walks": {topic: follows_walk(settings, topic) for topic in SURFACES},
+        **select_materials(settings),
+        "walks": {topic: traces_random_walk(settings, topic) for topic in SURFACES},
         "lamp": {"distance_m": settings.light.sun_distance_m},
     }
 
 
-def light(settings: Settings) -> Parts:
+def select_light(settings: Settings) -> Parts:
     """The settings on which lights depend. Stars also depend on the size of a pixel."""
-    return _part(settings, _LIGHT | (_PIXEL if settings.light.stars else set()))
+    return _select_settings(settings, _LIGHT | (_PIXEL if settings.light.stars else set()))
 
 
-def lander(settings: Settings) -> Parts:
+def select_lander(settings: Settings) -> Parts:
     """The settings on which the lander and its arm depend, with the rig that its mast carries."""
-    return _part(settings, _LANDER | (_MAST if settings.lander.kind != "NONE" else set()))
+    return _select_settings(settings, _LANDER | (_MAST if settings.lander.kind != "NONE" else set()))
 
 
-def camera(settings: Settings) -> Parts:
+def select_camera(settings: Settings) -> Parts:
     """The settings on which the camera depends."""
-    return _part(settings, _CAMERA)
+    return _select_settings(settings, _CAMERA)
 
 
-def sampling(settings: Settings) -> Parts:
+def select_sampling(settings: Settings) -> Parts:
     """The settings of sampling, on which no built part depends."""
-    return _part(settings, _SAMPLING)
+    return _select_settings(settings, _SAMPLING)
 
 
-def response(settings: Settings) -> Parts:
+def select_response(settings: Settings) -> Parts:
     """The settings that need no new render: images are only developed again."""
-    return _part(settings, _RESPONSE)
+    return _select_settings(settings, _RESPONSE)

@@ -22,16 +22,16 @@ from ..plugins.landforms import PREFIX, missing_landform
 from ..support.errors import IcyMoonError
 from ..support.files import quote, shorten
 from ..support.foreign_bytes import parse_toml
-from ..support.suggestions import nearest
+from ..support.suggestions import suggest_nearest
 from ..support.version import is_newer, version
 from . import pair_ids
-from .landform_releases import check_release, kept_of_missing, with_releases
+from .landform_releases import check_release, fill_in_releases, keep_missing_table
 from .table import TOPICS
 from .topics import trust_boundary
 from .topics.declaration import Parts, Setting, Value
 from .topics.scene import Settings, typed, typed_table
 
-#: Similarity from which an error suggests a known word for an unknown one, see ``suggestions.nearest``.
+#: Similarity from which an error suggests a known word for an unknown one, see ``suggestions.suggest_nearest``.
 MIN_SIMILARITY = 0.4
 #: Single precision rounds to infinity from here on: its largest number and half a step.
 _INFINITE = 2.0**128 - 2.0**103
@@ -52,10 +52,10 @@ _TYPES: dict[str, tuple[str, tuple[type, ...]]] = {
 
 def defaults() -> Settings:
     """The complete description of a new scene."""
-    return typed({topic.key: {s.key: canonical(s, s.default) for s in topic.settings} for topic in TOPICS.values()})
+    return typed({topic.key: {s.key: to_canonical(s, s.default) for s in topic.settings} for topic in TOPICS.values()})
 
 
-def _number(value: float) -> float:
+def _to_double(value: float) -> float:
     """A number of any size as double; infinite if it is too large."""
     try:
         return float(value)
@@ -63,27 +63,27 @@ def _number(value: float) -> float:
         return math.inf if value > 0 else -math.inf
 
 
-def _single(value: float | str) -> float:
+def _to_single(value: float | str) -> float:
     """A number rounded to single precision and its shortest spelling; infinite if it is too large."""
     number = float(value)
     # A cache would confuse 0 and -0.
-    return _rounded(number) if number else number
+    return _to_single_cached(number) if number else number
 
 
 @lru_cache(maxsize=4096)
-def _rounded(number: float) -> float:
-    """``_single`` of a number other than 0; kept, since the window reads all settings at every redraw."""
+def _to_single_cached(number: float) -> float:
+    """``_to_single`` of a number other than 0; kept, since the window reads all settings at every redraw."""
     # numpy would warn of infinity, and np.errstate takes longer than everything else here.
     return math.copysign(math.inf, number) if abs(number) >= _INFINITE else float(str(np.float32(number)))
 
 
-def canonical(setting: Setting, value: Value) -> Value:
+def to_canonical(setting: Setting, value: Value) -> Value:
     if isinstance(value, list):
-        return [{s.key: canonical(s, entry[s.key]) for s in setting.entries} for entry in value]
-    return _single(value) if setting.kind == "float" else value
+        return [{s.key: to_canonical(s, entry[s.key]) for s in setting.entries} for entry in value]
+    return _to_single(value) if setting.kind == "float" else value
 
 
-def _checked_list(setting: Setting, value: object, name: str, where: str, stored: bool) -> Value:
+def _check_list(setting: Setting, value: object, name: str, where: str, stored: bool) -> Value:
     """A checked list of tables, each completed with defaults, or with ``Setting.old_value`` if it was ``stored``."""
     if not isinstance(value, (list, tuple)) or not all(isinstance(entry, Mapping) for entry in value):
         raise IcyMoonError(f"{where}: {name} must be a list of tables, not {quote(value)}.")
@@ -94,20 +94,21 @@ def _checked_list(setting: Setting, value: object, name: str, where: str, stored
         for key in entry:
             if key not in known:
                 raise IcyMoonError(
-                    f"{where}: unknown setting {name}[{k}].{shorten(key)}, {nearest(key, known, MIN_SIMILARITY)}"
+                    f"{where}: unknown setting {name}[{k}].{shorten(key)}, "
+                    f"{suggest_nearest(key, known, MIN_SIMILARITY)}"
                 )
         tables.append(
             {
-                key: _checked(s, entry.get(key, missing[key]), f"{name}[{k}].{key}", where, stored)
+                key: _check_value(s, entry.get(key, missing[key]), f"{name}[{k}].{key}", where, stored)
                 for key, s in known.items()
             }
         )
     return tables
 
 
-def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) -> Value:
+def _check_value(setting: Setting, value: Any, name: str, where: str, stored: bool) -> Value:
     if setting.kind == "list":
-        return _checked_list(setting, value, name, where, stored)
+        return _check_list(setting, value, name, where, stored)
     if setting.trust == "mark" and isinstance(value, (int, float)) and not isinstance(value, bool):
         value = repr(value)
     expected, types = _TYPES[setting.kind]
@@ -117,20 +118,20 @@ def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) 
     if setting.kind == "choice":
         names = [choice[0] for choice in setting.choices]
         if value not in names:
-            raise IcyMoonError(f"{where}: {name} is {quote(value)}, {nearest(value, names, MIN_SIMILARITY)}")
-    if setting.kind == "text" and (fault := trust_boundary.fault(setting.trust, value)):
+            raise IcyMoonError(f"{where}: {name} is {quote(value)}, {suggest_nearest(value, names, MIN_SIMILARITY)}")
+    if setting.kind == "text" and (fault := trust_boundary.find_text_fault(setting.trust, value)):
         raise IcyMoonError(f"{where}: {name} {fault}")
     if setting.kind in ("int", "float"):
         _check_range(setting, value, name, where, stored)
-    return canonical(setting, value)
+    return to_canonical(setting, value)
 
 
 def _check_range(setting: Setting, value: float, name: str, where: str, stored: bool) -> None:
     """Raise IcyMoonError for a value out of range. A ``stored`` value must only be finite: ranges may have changed."""
-    low, high, number = setting.minimum, setting.maximum, _number(value)
+    low, high, number = setting.minimum, setting.maximum, _to_double(value)
     # A limit that is rounded to single precision, as Blender stores it, is still within the range.
-    inside = low <= number <= high or low <= _single(number) <= high
-    if not inside and not (stored and math.isfinite(_single(number))):
+    inside = low <= number <= high or low <= _to_single(number) <= high
+    if not inside and not (stored and math.isfinite(_to_single(number))):
         unit = f" {setting.unit}" if setting.unit not in ("", "1") else ""
         shown = f"{number:g}{unit}" if math.isfinite(number) else quote(value)
         raise IcyMoonError(f"{where}: {name} is {shown}, outside {low:g} to {high:g}{unit}.")
@@ -144,10 +145,12 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
     IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that only the user may set
     (see ``trust_boundary``).
     """
-    return with_releases(typed(_joined(_check_table(topic, values, where, stored) for topic, values in data.items())))
+    return fill_in_releases(
+        typed(_join_tables(_check_table(topic, values, where, stored) for topic, values in data.items()))
+    )
 
 
-def _joined(parts: Iterable[Tables]) -> Tables:
+def _join_tables(parts: Iterable[Tables]) -> Tables:
     """The tables of descriptions in one; of a setting that several state, the last value."""
     tables: Tables = {}
     for part in parts:
@@ -161,49 +164,53 @@ def _check_table(topic: str, values: object, where: str, stored: bool) -> Tables
     if topic.startswith(PREFIX) and topic not in TOPICS:
         if not isinstance(values, Mapping) or not stored:
             raise IcyMoonError(f"{where}: {missing_landform(topic, '')}")
-        kept = kept_of_missing(topic, values, where)
+        kept = keep_missing_table(topic, values, where)
         return {topic: kept} if kept else {}
-    if topic not in TOPICS and not _was_topic(topic):
-        raise IcyMoonError(f"{where}: unknown topic [{shorten(topic)}], {nearest_topic(topic, TOPICS, MIN_SIMILARITY)}")
+    if topic not in TOPICS and not _was_renamed_topic(topic):
+        raise IcyMoonError(f"{where}: unknown topic [{shorten(topic)}], {suggest_topic(topic, TOPICS, MIN_SIMILARITY)}")
     if not isinstance(values, Mapping):
         raise IcyMoonError(f"{where}: [{topic}] must be a table of settings, not {quote(values)}.")
     checked: Tables = {}
     for key, value in values.items():
-        name = pair_ids.present_name(f"{topic}.{key}")
-        setting = _setting(name, where)
+        name = pair_ids.find_present_name(f"{topic}.{key}")
+        setting = _find_setting(name, where)
         with suppress(IcyMoonError) if stored and setting.effect == "run" else nullcontext():
-            checked.setdefault(name.partition(".")[0], {})[setting.key] = _checked(setting, value, name, where, stored)
+            checked.setdefault(name.partition(".")[0], {})[setting.key] = _check_value(
+                setting, value, name, where, stored
+            )
     if topic in TOPICS and TOPICS[topic].plugin and not stored:
         check_release(topic, values, where)
     return checked
 
 
-def _was_topic(topic: str) -> bool:
+def _was_renamed_topic(topic: str) -> bool:
     """Whether settings that were renamed were of this topic."""
     return any(name.startswith(f"{topic}.") for name in pair_ids.RENAMED)
 
 
-def nearest_topic(topic: str, known: Iterable[str], cutoff: float = 0.5) -> str:
-    """The end of a sentence about an unknown topic, as ``suggestions.nearest`` has it.
+def suggest_topic(topic: str, known: Iterable[str], cutoff: float = 0.5) -> str:
+    """The end of a sentence about an unknown topic, as ``suggestions.suggest_nearest`` has it.
 
     In quotes TOML takes the whole name of a setting for one key, and so for a topic.
     """
     if topic.partition(".")[0] in TOPICS:
         return f"because quotes make one name of it; write {topic} without quotes."
-    return nearest(topic, known, cutoff)
+    return suggest_nearest(topic, known, cutoff)
 
 
-def _setting(name: str, where: str) -> Setting:
+def _find_setting(name: str, where: str) -> Setting:
     """The setting with a name. Raises IcyMoonError if no setting has it."""
     topic, _, key = name.partition(".")
     try:
         return TOPICS[topic][key]
     except KeyError:
         known = (s.key for s in TOPICS[topic].settings) if topic in TOPICS else TOPICS
-        raise IcyMoonError(f"{where}: unknown setting {shorten(name)}, {nearest(key, known, MIN_SIMILARITY)}") from None
+        raise IcyMoonError(
+            f"{where}: unknown setting {shorten(name)}, {suggest_nearest(key, known, MIN_SIMILARITY)}"
+        ) from None
 
 
-def restored(data: Mapping[str, Any], where: str, written_by: str = "") -> Settings:
+def restore_settings(data: Mapping[str, Any], where: str, written_by: str = "") -> Settings:
     """The complete settings that some version has stored, such as in ``pair.json``; see ``check``.
 
     Newer settings get the values with the effect of that version. ``written_by`` is the version. Raises IcyMoonError as
@@ -213,36 +220,37 @@ def restored(data: Mapping[str, Any], where: str, written_by: str = "") -> Setti
 
 
 class Restorer:
-    """``restored`` for many descriptions: a table that several have is checked once, and is one for all of them.
+    """``restore_settings`` for many descriptions: a table that several have is checked once, and is one for all of
+    them.
 
     So these must not be changed.
     """
 
     def __init__(self) -> None:
-        self._before = _before()
+        self._before = _make_older_defaults()
         self._checked: dict[tuple[str, str], Tables] = {}
         self._whole: dict[tuple[str, str], Settings] = {}
 
     def __call__(self, data: Mapping[str, Any], where: str, written_by: str = "") -> Settings:
-        """The complete settings, see ``restored``."""
-        with asking_to_update(where, written_by):
-            stated = _joined(self._check_once(topic, values, where) for topic, values in data.items())
+        """The complete settings, see ``restore_settings``."""
+        with ask_to_update(where, written_by):
+            stated = _join_tables(self._check_once(topic, values, where) for topic, values in data.items())
         whole = Settings(self._before)
         for topic, values in stated.items():
             whole |= self._complete_once(topic, values)
         return whole
 
     def _check_once(self, topic: str, values: object, where: str) -> Tables:
-        return _made_once(self._checked, topic, values, lambda: _check_table(topic, values, where, stored=True))
+        return _make_once(self._checked, topic, values, lambda: _check_table(topic, values, where, stored=True))
 
     def _complete_once(self, topic: str, values: Mapping[str, Any]) -> Settings:
-        """A table by its topic, completed from ``_before`` with the settings that it lacks."""
-        return _made_once(
+        """A table by its topic, completed from ``_make_older_defaults`` with the settings that it lacks."""
+        return _make_once(
             self._whole, topic, values, lambda: merged({topic: self._before.get(topic, {})}, {topic: values})
         )
 
 
-def _made_once(known: dict[tuple[str, str], Made], topic: str, values: object, make: Callable[[], Made]) -> Made:
+def _make_once(known: dict[tuple[str, str], Made], topic: str, values: object, make: Callable[[], Made]) -> Made:
     """What ``make`` makes of a table, or has made of another of the same content."""
     content = repr(values)  # tells 1 from 1.0 and from true, and 0.0 from -0.0
     if (topic, content) not in known:
@@ -252,13 +260,15 @@ def _made_once(known: dict[tuple[str, str], Made], topic: str, values: object, m
     return known[topic, content]
 
 
-def _before() -> Settings:
+def _make_older_defaults() -> Settings:
     """The complete description with the effect of versions without newer settings."""
-    return typed({topic.key: {s.key: canonical(s, s.old_value) for s in topic.settings} for topic in TOPICS.values()})
+    return typed(
+        {topic.key: {s.key: to_canonical(s, s.old_value) for s in topic.settings} for topic in TOPICS.values()}
+    )
 
 
 @contextmanager
-def asking_to_update(where: str, written_by: str) -> Iterator[None]:
+def ask_to_update(where: str, written_by: str) -> Iterator[None]:
     """Make errors in this context ask the user to update Icy Moon, if a later version wrote the file."""
     try:
         yield
@@ -277,7 +287,7 @@ def merged(*parts: Parts) -> Settings:
     for part in parts:
         for topic, values in part.items():
             result.setdefault(topic, typed_table(topic, {})).update(typed_table(topic, values))
-    return with_releases(result)
+    return fill_in_releases(result)
 
 
 def overlaid(base: Settings, part: Parts) -> Settings:

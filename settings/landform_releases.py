@@ -21,7 +21,7 @@ from .topics.scene import Settings
 _LONGEST = 200
 
 
-def with_releases(settings: Settings) -> Settings:
+def fill_in_releases(settings: Settings) -> Settings:
     """The same settings, complete or not, with ``made_by`` as it must be; changes them in place."""
     for topic, values in settings.items():
         known = TOPICS.get(topic)
@@ -44,7 +44,7 @@ def check_release(topic: str, values: Mapping[str, Any], where: str) -> None:
         )
 
 
-def kept_of_missing(topic: str, values: Mapping[str, Any], where: str) -> dict[str, Any]:
+def keep_missing_table(topic: str, values: Mapping[str, Any], where: str) -> dict[str, Any]:
     """The stored table of a landform that is not installed here; empty if it was off.
 
     It is only kept, so that the pair can be read and has its id. Raises IcyMoonError if it contains anything but
@@ -73,12 +73,12 @@ def refuse_missing(settings: Mapping[str, Mapping[str, Any]], where: str) -> Non
             raise IcyMoonError(f"{where}: {missing_landform(topic, str(values.get(RELEASE, '')))}")
 
 
-def counted_landforms(settings: Mapping[str, Mapping[str, Any]]) -> list[list[Any]]:
+def list_counted_landforms(settings: Mapping[str, Mapping[str, Any]]) -> list[list[Any]]:
     """[name, value] of every setting of the plug-ins' landforms that are on, for the id of a pair."""
     tables = {topic: Table(values) for topic, values in settings.items() if topic.startswith(PREFIX)}
     return [
         [f"{topic}.{key}", value]
-        for topic, values in with_releases(Settings(tables)).items()
+        for topic, values in fill_in_releases(Settings(tables)).items()
         if values.get(RELEASE)
         for key, value in values.items()
     ]

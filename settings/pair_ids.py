@@ -13,10 +13,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from .changes import relief_in_mesh
-from .landform_releases import counted_landforms
-from .table import TOPICS, all_settings
-from .table_texts import MadeOnce
+from .changes import describe_mesh_relief
+from .landform_releases import list_counted_landforms
+from .table import TOPICS, list_all_settings
+from .table_texts import TableCache
 from .topics.declaration import Setting, Value
 from .topics.scene import Settings, typed
 
@@ -24,17 +24,17 @@ from .topics.scene import Settings, typed
 RENAMED: dict[str, str] = {}
 
 
-def present_name(name: str) -> str:
+def find_present_name(name: str) -> str:
     """The present name of a setting (``topic.key``)."""
     return RENAMED.get(name, name)
 
 
-def counts(setting: Setting) -> bool:
+def affects_pixels(setting: Setting) -> bool:
     """Whether a setting can change a rendered pixel. The path of a file cannot."""
     return setting.effect not in ("response", "run") and setting.subtype != "FILE_PATH"
 
 
-def first_settings() -> list[str]:
+def list_first_settings() -> list[str]:
     """The names of the settings of the first release that count, as it called them, in the order of an id."""
     old = {new: name for name, new in RENAMED.items()}
     return [
@@ -44,12 +44,12 @@ def first_settings() -> list[str]:
             for topic in TOPICS.values()
             if not topic.plugin
             for s in topic.settings
-            if not s.since and counts(s)
+            if not s.since and affects_pixels(s)
         )
     ]
 
 
-def counted(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
+def list_counted_values(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
     """The values of complete settings from which a pair's id is made.
 
     They are the list of the first release and, if there are any, the newer settings that differ from their
@@ -59,30 +59,35 @@ def counted(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
 
 
 def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[str]]:
-    """Return a function that does the work of ``counted`` for many descriptions. It returns each list as JSON.
+    """Return a function that does the work of ``list_counted_values`` for many descriptions. It returns each list as
+    JSON.
 
     The result for a table is kept and used for all descriptions that share the table, so do not change a table in
     between.
     """
-    columns = [(name, topic, key) for name in first_settings() for topic, _, key in [present_name(name).partition(".")]]
+    columns = [
+        (name, topic, key)
+        for name in list_first_settings()
+        for topic, _, key in [find_present_name(name).partition(".")]
+    ]
     special = {name for name, topic, key in columns if key == "relief"}
     runs = [
-        (topic, MadeOnce(partial(_text_of, [(name, key) for name, _, key in run])) if topic else run[0][0])
+        (topic, TableCache(partial(_make_text, [(name, key) for name, _, key in run])) if topic else run[0][0])
         for topic, run in _split_columns(columns, special)
     ]
-    newer = {topic: MadeOnce(partial(_find_newer, *those)) for topic, those in _newer_settings().items()}
+    newer = {topic: TableCache(partial(_find_newer, *those)) for topic, those in _list_newer_settings().items()}
 
     def count(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
         first = ", ".join(
             [
-                json.dumps([made, _plain(made, value_in_id(made, settings))])
+                json.dumps([made, _drop_newer_parts(made, value_in_id(made, settings))])
                 if isinstance(made, str)
                 else made.of(settings[topic])
                 for topic, made in runs
             ]
         )
         found = [each for topic, made in newer.items() for each in made.of(settings[topic])]
-        found += counted_landforms(settings)
+        found += list_counted_landforms(settings)
         return [f"[{first}]", json.dumps(sorted(found))] if found else [f"[{first}]"]
 
     return count
@@ -100,18 +105,18 @@ def _split_columns(
     return [(topic, part) for topic, run in runs for part in ([run] if topic else [[each] for each in run])]
 
 
-def _text_of(columns: Sequence[tuple[str, str]], table: Mapping[str, Any]) -> str:
-    return json.dumps([[name, _plain(name, table[key])] for name, key in columns])[1:-1]
+def _make_text(columns: Sequence[tuple[str, str]], table: Mapping[str, Any]) -> str:
+    return json.dumps([[name, _drop_newer_parts(name, table[key])] for name, key in columns])[1:-1]
 
 
-def _newer_settings() -> dict[str, tuple[list[tuple[str, str, Any]], list[tuple[str, str, str, Any]]]]:
+def _list_newer_settings() -> dict[str, tuple[list[tuple[str, str, Any]], list[tuple[str, str, str, Any]]]]:
     """By topic (name, key, value before) of newer settings, and (key, part, name, value before) of newer parts of the
     tables of its lists."""
     found: dict[str, tuple[list[tuple[str, str, Any]], list[tuple[str, str, str, Any]]]] = {}
-    for topic, s in all_settings():
+    for topic, s in list_all_settings():
         values, parts = found.setdefault(topic, ([], []))
         name = f"{topic}.{s.key}"
-        if s.since and counts(s):
+        if s.since and affects_pixels(s):
             values.append((name, s.key, s.old_value))
         parts += [(s.key, part.key, f"{name}.{part.key}", part.old_value) for part in s.entries if part.since]
     return {topic: both for topic, both in found.items() if any(both)}
@@ -121,7 +126,7 @@ def _find_newer(
     values: Sequence[tuple[str, str, Any]], parts: Sequence[tuple[str, str, str, Any]], table: Mapping[str, Any]
 ) -> list[Any]:
     """[name, value] of the newer settings of a table that differ from before."""
-    found = [[name, _plain(name, table[key])] for name, key, old in values if table[key] != old]
+    found = [[name, _drop_newer_parts(name, table[key])] for name, key, old in values if table[key] != old]
     return found + [
         [f"{name} {k}", entry[part]]
         for key, part, name, old in parts
@@ -132,19 +137,19 @@ def _find_newer(
 
 def value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Value:
     """The value of a setting (``topic.key``) from which a pair's id is made."""
-    topic, _, key = present_name(name).partition(".")
+    topic, _, key = find_present_name(name).partition(".")
     value = settings[topic][key]
-    if key == "relief" and value == "REAL" and (topic != "surface" or not relief_in_mesh(_as_typed(settings))):
+    if key == "relief" and value == "REAL" and (topic != "surface" or not describe_mesh_relief(_to_typed(settings))):
         return "BUMP"  # real relief that is not in the mesh renders the same pixels, and was called so before
     return value
 
 
-def _as_typed(settings: Mapping[str, Mapping[str, Any]]) -> Settings:
+def _to_typed(settings: Mapping[str, Mapping[str, Any]]) -> Settings:
     return settings if isinstance(settings, Settings) else typed(settings)
 
 
-def _plain(name: str, value: Value) -> Value:
+def _drop_newer_parts(name: str, value: Value) -> Value:
     """A value without newer settings in the tables of a list."""
-    topic, _, key = present_name(name).partition(".")
+    topic, _, key = find_present_name(name).partition(".")
     keys = [setting.key for setting in TOPICS[topic][key].entries if not setting.since]
     return [{key: table[key] for key in keys} for table in value] if keys and isinstance(value, list) else value

@@ -11,11 +11,11 @@ from pathlib import Path
 
 from ..support.errors import IcyMoonError
 from ..support.files import is_file, quote, shorten
-from ..support.suggestions import nearest
+from ..support.suggestions import suggest_nearest
 from ..support.version import version
-from .description import MIN_SIMILARITY, asking_to_update, check, merged
+from .description import MIN_SIMILARITY, ask_to_update, check, merged
 from .table import TOPICS
-from .toml_text import read_toml, to_toml, toml_value
+from .toml_text import read_toml, to_toml, to_toml_value
 from .topics.scene import Settings
 
 PRESETS = Path(__file__).resolve().parents[1] / "presets"
@@ -50,14 +50,14 @@ def load(path: Path) -> Settings:
     header = data.pop("preset", {})
     data.pop("sources", None)
     data.pop("measured", None)
-    with asking_to_update(str(path), str(header.get("made_with", "")) if isinstance(header, Mapping) else ""):
-        included = [_load_included(name, path) for name in _checked_header(header, path)]
-        return merged(*included, beside(path.parent, check(data, str(path))))
+    with ask_to_update(str(path), str(header.get("made_with", "")) if isinstance(header, Mapping) else ""):
+        included = [_load_included(name, path) for name in _check_header(header, path)]
+        return merged(*included, make_paths_relative_to(path.parent, check(data, str(path))))
 
 
 def load_preset(name: str) -> Settings:
-    """The partial description of a shipped preset; see ``preset_path`` and ``load``."""
-    return load(preset_path(name))
+    """The partial description of a shipped preset; see ``find_preset`` and ``load``."""
+    return load(find_preset(name))
 
 
 def _load_included(name: str, path: Path) -> Settings:
@@ -79,20 +79,22 @@ def _load_included(name: str, path: Path) -> Settings:
         raise IcyMoonError(f"{path}: preset.include: {error}") from None
 
 
-def _checked_header(header: object, path: Path) -> list[str]:
+def _check_header(header: object, path: Path) -> list[str]:
     """The names of the presets that the ``[preset]`` table of a file includes."""
     if not isinstance(header, Mapping):
         raise IcyMoonError(f"{path}: [preset] must be a table, not {quote(header)}.")
     unknown = sorted(set(header) - set(_HEADER))
     if unknown:
-        raise IcyMoonError(f"{path}: unknown key preset.{unknown[0]}, {nearest(unknown[0], _HEADER, MIN_SIMILARITY)}")
+        raise IcyMoonError(
+            f"{path}: unknown key preset.{unknown[0]}, {suggest_nearest(unknown[0], _HEADER, MIN_SIMILARITY)}"
+        )
     included = header.get("include", [])
     if not isinstance(included, list) or not all(isinstance(name, str) for name in included):
         raise IcyMoonError(f"{path}: preset.include must be a list of names in quotes, not {quote(included)}.")
     return included
 
 
-def beside(folder: Path, settings: Settings) -> Settings:
+def make_paths_relative_to(folder: Path, settings: Settings) -> Settings:
     """The settings, with relative paths of files changed to paths in ``folder``."""
     for topic, values in settings.items():
         for key, value in values.items():
@@ -108,7 +110,7 @@ def preset_names(kind: str = "") -> list[str]:
     )
 
 
-def is_whole(name: str) -> bool:
+def is_whole_scene(name: str) -> bool:
     """Whether a preset such as ``scenes/europa_rough_ice`` describes a whole scene."""
     return name.split("/")[0] in WHOLE
 
@@ -118,7 +120,7 @@ def plan_names() -> list[str]:
     return sorted(p.relative_to(PRESETS).with_suffix("").as_posix() for p in PLANS.glob("*.toml"))
 
 
-def preset_path(name: str) -> Path:
+def find_preset(name: str) -> Path:
     """The file of a shipped preset, ``kind/name``, or only the name of a scene preset.
 
     Raises IcyMoonError if the preset does not exist.
@@ -128,25 +130,25 @@ def preset_path(name: str) -> Path:
             return candidate
     raise IcyMoonError(
         f"Unknown preset {quote(name)}, "
-        + nearest(shorten(name), preset_names(), MIN_SIMILARITY, "none of those that icymoon presets lists.")
+        + suggest_nearest(shorten(name), preset_names(), MIN_SIMILARITY, "none of those that icymoon presets lists.")
     )
 
 
-def preview_path(name: str) -> Path:
+def find_preview(name: str) -> Path:
     """The picture of a shipped preset, or 'choose' for one picture of all scenes. Not every preset has a picture.
 
     Pictures of presets of a part are in a folder of their kind.
     """
     kind, _, stem = name.rpartition("/")
-    return PRESETS / "previews" / ("" if not kind or is_whole(name) else kind) / f"{stem}.jpg"
+    return PRESETS / "previews" / ("" if not kind or is_whole_scene(name) else kind) / f"{stem}.jpg"
 
 
-def preset_header(name: str) -> tuple[str, str]:
+def read_preset_header(name: str) -> tuple[str, str]:
     """(title, description) of a shipped preset."""
-    return header_of(preset_path(name), name)
+    return read_header(find_preset(name), name)
 
 
-def header_of(path: Path, name: str) -> tuple[str, str]:
+def read_header(path: Path, name: str) -> tuple[str, str]:
     """(title, description) of a preset file, with ``name`` as default title. Raises IcyMoonError as ``read_toml``."""
     header = read_toml(path).get("preset", {})
     if not isinstance(header, Mapping):
@@ -154,9 +156,9 @@ def header_of(path: Path, name: str) -> tuple[str, str]:
     return str(header.get("title", name)), str(header.get("description", ""))
 
 
-def preset_text(title: str, description: str, settings: Settings, sources: Mapping[str, str]) -> str:
+def make_preset_text(title: str, description: str, settings: Settings, sources: Mapping[str, str]) -> str:
     """The text of a preset file for ``load``, with the version that writes it and its sources by ``topic.key``."""
     header = {"title": title, "description": description, "made_with": version()}
-    lines = ["[preset]", *(f"{key} = {toml_value(value)}" for key, value in header.items()), ""]
-    source_lines = [f"{toml_value(name)} = {toml_value(source)}" for name, source in sources.items()]
+    lines = ["[preset]", *(f"{key} = {to_toml_value(value)}" for key, value in header.items()), ""]
+    source_lines = [f"{to_toml_value(name)} = {to_toml_value(source)}" for name, source in sources.items()]
     return "\n".join(lines) + "\n" + to_toml(settings) + "\n".join(["[sources]", *source_lines, ""])

@@ -30,7 +30,7 @@ def _is_same(table: Mapping[str, Any], key: str, value: object) -> bool:
     return key in table and repr(table[key]) == repr(value)
 
 
-def without_shared(settings: Parts, shared: Parts) -> Tables:
+def remove_shared(settings: Parts, shared: Parts) -> Tables:
     """The settings of a description that are not shared."""
     own = {
         topic: {key: value for key, value in table.items() if key not in shared.get(topic, {})}
@@ -39,6 +39,6 @@ def without_shared(settings: Parts, shared: Parts) -> Tables:
     return {topic: table for topic, table in own.items() if table}
 
 
-def with_shared(own: Parts, shared: Parts) -> Tables:
+def add_shared(own: Parts, shared: Parts) -> Tables:
     """A description from its own and the shared settings; its own override the shared ones."""
     return {topic: {**shared.get(topic, {}), **own.get(topic, {})} for topic in {**shared, **own}}

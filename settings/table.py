@@ -14,7 +14,7 @@ from .topics.ground import ABOVE_A_MAP
 from .topics.scene import OUR_TOPICS
 
 
-def _topic_of(landform: PluginLandform) -> Topic:
+def _make_topic(landform: PluginLandform) -> Topic:
     """The topic of a plug-in's landform: its numbers, and the release that made it."""
     settings = []
     for n in landform.settings:
@@ -58,16 +58,16 @@ def _topic_of(landform: PluginLandform) -> Topic:
 
 
 TOPICS: dict[str, Topic] = OUR_TOPICS | {
-    landform.topic: _topic_of(landform) for landform in landform_plugins()[0].values()
+    landform.topic: _make_topic(landform) for landform in landform_plugins()[0].values()
 }
 
 
-def all_settings() -> list[tuple[str, Setting]]:
+def list_all_settings() -> list[tuple[str, Setting]]:
     """All (topic key, setting) in the order of the sidebar."""
     return [(topic.key, setting) for topic in TOPICS.values() for setting in topic.settings]
 
 
-def ground_settings() -> dict[str, tuple[str, str]]:
+def list_ground_settings() -> dict[str, tuple[str, str]]:
     """(topic, key) of the seed, of each number of a patch of ground and of all of its landforms, by a keyword.
 
     The radius of the body is left out, because a patch is flat.

@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar
 Made = TypeVar("Made")
 
 
-class MadeOnce(Generic[Made]):
+class TableCache(Generic[Made]):
     """The result of ``make`` for a table, remembered by the identity of the table. Tables must not be changed."""
 
     def __init__(self, make: Callable[[Mapping[str, Any]], Made]) -> None:
@@ -29,18 +29,18 @@ class MadeOnce(Generic[Made]):
         return known[1]
 
 
-def _text_of(keys: Sequence[str], table: Mapping[str, Any]) -> str:
+def _make_text(keys: Sequence[str], table: Mapping[str, Any]) -> str:
     return json.dumps([table[key] for key in keys])
 
 
-class Texts:
+class SettingsTexts:
     """Texts that are equal for descriptions in which these settings (topic, key) are."""
 
     def __init__(self, names: Sequence[tuple[str, str]]) -> None:
         keys: dict[str, list[str]] = {}
         for topic, key in names:
             keys.setdefault(topic, []).append(key)
-        self._made = {topic: MadeOnce(partial(_text_of, those)) for topic, those in keys.items()}
+        self._made = {topic: TableCache(partial(_make_text, those)) for topic, those in keys.items()}
 
     def of(self, settings: Mapping[str, Mapping[str, Any]]) -> str:
         """The text of a description."""

@@ -10,24 +10,24 @@ from typing import Any
 from ..plugins.landforms import PREFIX, RELEASE
 from ..support.errors import IcyMoonError
 from ..support.files import read_text
-from ..support.foreign_bytes import parse_toml, path_hint, reason_of
+from ..support.foreign_bytes import describe_reason, hint_on_paths, parse_toml
 from .topics.declaration import Value
 
 
-def toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
+def read_toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
     """The raw content of a TOML file, and its text. Raises IcyMoonError if it cannot be read or parsed."""
     try:
         text = read_text(path)
         return parse_toml(text), text
     except OSError as error:
-        raise IcyMoonError(f"{path}: cannot be read ({reason_of(error)}).") from None
+        raise IcyMoonError(f"{path}: cannot be read ({describe_reason(error)}).") from None
     except ValueError as error:  # no TOML, or no UTF-8
-        raise IcyMoonError(f"{path}: is not valid TOML ({error}){path_hint(error)}.") from None
+        raise IcyMoonError(f"{path}: is not valid TOML ({error}){hint_on_paths(error)}.") from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The raw content of a TOML file. Raises IcyMoonError if it cannot be read or parsed."""
-    return toml_and_text(path)[0]
+    return read_toml_and_text(path)[0]
 
 
 def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
@@ -42,15 +42,17 @@ def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
         lines.append(f"[{topic}]")
         # The lists of tables come last: what follows a [[table]] header belongs to that table.
         lines += [
-            f"{key} = {toml_value(value)}" for key, value in values.items() if not isinstance(value, list) or not value
+            f"{key} = {to_toml_value(value)}"
+            for key, value in values.items()
+            if not isinstance(value, list) or not value
         ]
         for key, value in values.items():
             for entry in value if isinstance(value, list) else ():
-                lines += ["", f"[[{topic}.{key}]]", *(f"{k} = {toml_value(v)}" for k, v in entry.items())]
+                lines += ["", f"[[{topic}.{key}]]", *(f"{k} = {to_toml_value(v)}" for k, v in entry.items())]
         lines.append("")
     return "\n".join(lines)
 
 
-def toml_value(value: object) -> str:
+def to_toml_value(value: object) -> str:
     # JSON writes numbers, booleans and texts as TOML does, except for one control character.
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -12,15 +12,15 @@ from pathlib import Path
 from ..formats import mesh_file, mesh_images
 from ..paper_stand_ins.items import RECIPE, items_of
 from ..physics.arm.own_arm import arm_files
-from ..physics.light.kernels import kernel_files
+from ..physics.light.kernels import list_kernel_files
 from ..support.errors import IcyMoonError
-from ..support.files import absolute_path, sha256
-from ..support.foreign_bytes import reason_of
+from ..support.files import absolute_path, hash_file
+from ..support.foreign_bytes import describe_reason
 from .table import TOPICS
 from .topics.scene import Settings
 
 
-def used_files(settings: Settings, blend_folder: str | None = None) -> dict[str, Path]:
+def find_used_files(settings: Settings, blend_folder: str | None = None) -> dict[str, Path]:
     """The absolute path of each file in use, by the setting that names it (``topic.key``).
 
     ``blend_folder`` is the folder for //, or None without a saved .blend file. Raises IcyMoonError if a required path
@@ -46,44 +46,46 @@ def used_files(settings: Settings, blend_folder: str | None = None) -> dict[str,
     return {name: absolute_path(text, name, blend_folder) for name, text in named.items()}
 
 
-def content(settings: Settings, blend_folder: str | None = None) -> str:
+def hash_content(settings: Settings, blend_folder: str | None = None) -> str:
     """A hash of the content of the files in use and of the recipes of stand-ins; empty without files and stand-ins.
 
     Raises IcyMoonError if a file cannot be read.
     """
     marks = []
-    for name, path in used_files(settings, blend_folder).items():
+    for name, path in find_used_files(settings, blend_folder).items():
         try:
-            states = [(part, part.stat().st_size, part.stat().st_mtime_ns) for part in _parts(settings, name, path)]
+            states = [
+                (part, part.stat().st_size, part.stat().st_mtime_ns) for part in _list_parts(settings, name, path)
+            ]
             marks.append(name + "".join(_sha256(*state) for state in states))
         except OSError as error:
             raise IcyMoonError(
-                f"{error.filename or path}: cannot be read ({reason_of(error)}); check {name}."
+                f"{error.filename or path}: cannot be read ({describe_reason(error)}); check {name}."
             ) from None
     # Stand-ins are made where they are needed. Their recipe counts, not how this machine has rounded them.
     marks += [f"{item.key} {RECIPE}" for item in items_of(settings)]
     return hashlib.sha256("".join(marks).encode()).hexdigest() if marks else ""
 
 
-def are_there(settings: Settings, blend_folder: str | None = None) -> bool:
+def do_files_exist(settings: Settings, blend_folder: str | None = None) -> bool:
     """Whether all files in use exist, with the files that belong to them."""
     return all(
-        path.is_file() and all(part.is_file() for part in _parts(settings, name, path))
-        for name, path in used_files(settings, blend_folder).items()
+        path.is_file() and all(part.is_file() for part in _list_parts(settings, name, path))
+        for name, path in find_used_files(settings, blend_folder).items()
     )
 
 
-def _parts(settings: Settings, name: str, path: Path) -> list[Path]:
+def _list_parts(settings: Settings, name: str, path: Path) -> list[Path]:
     """The files whose content counts: for a mesh also its buffers and, if shown, its images; all files of a folder."""
     if name == "source.file":
         shown = mesh_images.find_images(path).files() if settings.textures.set == "MESH" else []
         return [*mesh_file.find_geometry_files(path), *shown]
     if name == "lander.file":
         return arm_files(path)
-    return kernel_files(path)
+    return list_kernel_files(path)
 
 
 @functools.lru_cache(maxsize=256)
 def _sha256(path: Path, size: int, modified_ns: int) -> str:
     """Checksum of a file, read once for each size and time of change."""
-    return sha256(path)
+    return hash_file(path)

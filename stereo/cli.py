@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ..plugins.installed import Found
 from ..support import printer
 from ..support.errors import IcyMoonError
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from ..support.terminal import (
     Parser,
     add_json_lines,
@@ -20,7 +20,7 @@ from ..support.terminal import (
     add_own_matchers,
     as_path,
     check_least,
-    only_progress,
+    keep_progress,
     run_verb,
     show_counted_progress,
     show_progress,
@@ -493,7 +493,7 @@ def _export_folders(exporter: PluginExport, parsed: argparse.Namespace) -> None:
 def _show_progress_alone(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
     """A progress bar that errors, which are raised, do not reach."""
     with show_progress(title) as show:
-        yield only_progress(show)
+        yield keep_progress(show)
 
 
 def _export_images(parsed: argparse.Namespace) -> None:
@@ -575,7 +575,7 @@ def _print_summary(report: Report) -> None:
 
     summary = report["summary"]
     pairs = max((entry["pairs"] for entry in summary), default=0)
-    means = f"Means over {count_of(pairs, 'pair')}"
+    means = f"Means over {format_count(pairs, 'pair')}"
     for title, ranking, columns in (
         (f"{means}, all pixels with a true depth", RANKING, (*TOTALS, SECONDS)),
         (f"{means}, only the pixels that each method measured", "common_l1_m", (TOTALS[0], *MEASURED)),

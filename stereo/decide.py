@@ -16,7 +16,7 @@ import numpy as np
 
 from ..physics.excavation import reach
 from ..physics.light.sky import elevation_deg
-from ..physics.random_numbers.seeds import generator
+from ..physics.random_numbers.seeds import make_generator
 from ..support.arrays import Array
 from ..support.errors import DiskError, IcyMoonError, describe_error
 from ..support.file_shapes import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
@@ -197,7 +197,7 @@ def _decide_pair(source: Source, run: _DecideRun, log: RowLog) -> Iterator[Row]:
         for label, key in keys.items():
             yield _log_row(log, _make_failed_row(source.name, label, key, describe_error(error, source.folder)))
         return
-    random = generator(run.seed, "pose", int(digest_json(source.name), 16) % 2**32)
+    random = make_generator(run.seed, "pose", int(digest_json(source.name), 16) % 2**32)
     pose = disturb_pose(workspace.pose, run.pose.mm, run.pose.deg, random)
     scoop = find_scoop(workspace.pair, workspace.pose, random)
     for label, key in keys.items():
@@ -240,7 +240,7 @@ def _read_excavation_facts(workspace: Workspace) -> dict[str, Any] | None:
     return (
         {
             **{key: stated[key] for key in wanted},
-            "advice": [*reach.advice(workspace.pair.settings), *stated.get("advice", [])],
+            "advice": [*reach.advise_on_reach(workspace.pair.settings), *stated.get("advice", [])],
         }
         if stated
         else None

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
+from ..physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
 from ..render.pairs.pair_folder import EYES, Pair, read_unchanged_pair
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
@@ -158,7 +158,7 @@ def _develop(pair: Pair, settings: Settings) -> DevelopedImages:
 
 def _describe_left_out(pair: Pair, settings: Settings) -> list[str]:
     parts = [
-        *(["lens distortion"] if any(coefficients(settings.rig)) else []),
+        *(["lens distortion"] if any(read_coefficients(settings.rig)) else []),
         *(["the rectification of toed-in eyes"] if pair.camera.toe_in_deg else []),
         *(
             ["edge-aware demosaicing"]

@@ -11,8 +11,8 @@ from ..plugins.check import Check, check_call, check_making, check_of
 from ..plugins.installed import Plugin
 from ..settings.description import defaults
 from ..support.arrays import Array
-from ..support.files import sha256
-from ..support.scratch import scratch_folder
+from ..support.files import hash_file
+from ..support.scratch import open_scratch_folder
 from .export.plug_in import ExportedPair, PluginExport
 from .matchers.plug_in import PluginMatcher
 from .measure.plug_in import MeasuredMap, PluginMetric
@@ -171,7 +171,7 @@ def check_export(plugin: Plugin) -> Iterator[Check]:
     yield (ready := check_call("it can write here", exporter.check))
     if ready.fault or exporter.reads_folders:  # whose pairs are not made here
         return
-    with scratch_folder() as folder:
+    with open_scratch_folder() as folder:
         written: dict[str, dict[str, str]] = {}
 
         def run(out: str, colour: bool) -> str:
@@ -181,7 +181,7 @@ def check_export(plugin: Plugin) -> Iterator[Check]:
             else:
                 exporter.write_pair(pair, pair.name, folder / out)
             files = (path for path in (folder / out).rglob("*") if path.is_file())
-            written[out] = {path.relative_to(folder / out).as_posix(): sha256(path) for path in files}
+            written[out] = {path.relative_to(folder / out).as_posix(): hash_file(path) for path in files}
             return ""
 
         yield (ran := check_of("it writes a pair of a grey camera", partial(run, "first", False)))

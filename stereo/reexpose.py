@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
+from ..physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
 from ..render.pairs.pair_folder import EYES, find_pair_folders, read_unchanged_pair
 from ..settings.description import merged
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError, describe_error
 from ..support.files import write_json
 from ..support.labels import LIGHT_GROUPS
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from ..support.system import remove
 from .evaluate import Event
 from .images.develop import DevelopedImages, describe_exposure, develop
@@ -73,7 +73,7 @@ def reexpose(
             }
         )
     if failed:
-        raise IcyMoonError(f"{len(failed)} of {count_of(len(folders), 'pair')} failed, the first one: {failed[0]}")
+        raise IcyMoonError(f"{len(failed)} of {format_count(len(folders), 'pair')} failed, the first one: {failed[0]}")
     return done
 
 
@@ -98,7 +98,7 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
             "pair": pair.id,
             "camera": pair.camera.to_json(),
             "eyes": pair.camera.eyes_json(),
-            "distortion": dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True)),
+            "distortion": dict(zip(COEFFICIENTS, read_coefficients(settings.rig), strict=True)),
             **describe_exposure(images),
             "settings": {topic: settings[topic] for topic in ("sensor", "light")},
         },

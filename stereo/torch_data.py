@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..physics.random_numbers.seeds import generator
+from ..physics.random_numbers.seeds import make_generator
 from ..render.pairs.pair_folder import EYES, Pair, find_pairs
 from ..render.pairs.scene_splits import check_splits, scene_of, split_of, splits_of
 from ..settings.description import check, merged
@@ -20,7 +20,7 @@ from ..settings.preset_files import load_preset
 from ..settings.table import TOPICS
 from ..settings.topics.scene import Settings
 from ..support.errors import IcyMoonError
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from .images.crops import Crop, Crops, read_whole
 
 
@@ -65,7 +65,7 @@ class Dataset:
         ]
         if not self.pairs:
             raise IcyMoonError(
-                f"None of the {count_of(len(found), 'pair')} is in the split {split}; give more "
+                f"None of the {format_count(len(found), 'pair')} is in the split {split}; give more "
                 "scenes, or other splits."
             )
         self._response = merged(*(load_preset(name) for name in presets))
@@ -89,7 +89,7 @@ class Dataset:
 
     def __repr__(self) -> str:
         scenes = len({scene_of(pair) for pair in self.pairs})
-        return f"<Dataset of {count_of(len(self), 'pair')} of {count_of(scenes, 'scene')}>"
+        return f"<Dataset of {format_count(len(self), 'pair')} of {format_count(scenes, 'scene')}>"
 
     def __len__(self) -> int:
         return len(self.pairs)
@@ -117,7 +117,7 @@ class Dataset:
     def arrays(self, number: int) -> dict[str, Any]:
         """The sample as NumPy arrays."""
         pair = self.pairs[number]
-        random = generator(self._seed, "training", self._epoch, int(pair.id, 16))
+        random = make_generator(self._seed, "training", self._epoch, int(pair.id, 16))
         drawn = {name: float(random.uniform(low, high)) for name, (low, high) in self._ranges.items()}
         settings = merged(
             pair.settings,

@@ -23,24 +23,24 @@ _TRIAL = "import sys, numpy; print(*sys.version_info[:2], sys.prefix)"
 _TRIAL_S = 60.0
 
 
-def are_there(root: Path = ROOT) -> bool:
+def has_bundled_wheels(root: Path = ROOT) -> bool:
     """Whether this is a store build: an extension with wheels inside."""
     return any((root / "wheels").glob("*.whl"))
 
 
-def announce(extensions: Path) -> None:
+def announce_folder(extensions: Path) -> None:
     """Tell the processes that are started from here where Blender has unpacked the wheels.
 
     ``extensions`` is the folder of the user's extensions. Does nothing if this is no store build.
     """
     version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
     folder = extensions / ".local" / "lib" / version / "site-packages"
-    if are_there():
+    if has_bundled_wheels():
         os.environ[VARIABLE] = f"{sys.prefix}{os.pathsep}{folder}"
 
 
-def withdraw() -> None:
-    """Undo ``announce``."""
+def withdraw_folder() -> None:
+    """Undo ``announce_folder``."""
     os.environ.pop(VARIABLE, None)
 
 
@@ -51,7 +51,7 @@ def find_folder() -> str:
     return folder if ours and "bpy" not in sys.modules and os.path.isdir(folder) else ""
 
 
-def use() -> None:
+def use_wheels() -> None:
     """Let this process find the wheels before installed packages, as Blender does.
 
     In another Python it does nothing.
@@ -70,12 +70,12 @@ def find_python() -> str | None:
     Blender's ``sys.executable`` may be any Python on the search path, so each candidate is tried.
     """
     for candidate in (Path(sys.executable), *find_pythons(Path(sys.base_prefix))):
-        if is_python(str(candidate)) and candidate.is_file() and _is_blenders(candidate):
+        if is_python(str(candidate)) and candidate.is_file() and _is_python_of_blender(candidate):
             return str(candidate)
     return None
 
 
-def _is_blenders(python: Path) -> bool:
+def _is_python_of_blender(python: Path) -> bool:
     outside = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     try:
         done = run([str(python), "-I", "-c", _TRIAL], outside, _TRIAL_S)

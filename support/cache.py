@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from .files import parse_path
-from .system import cache_folder
+from .system import find_cache_folder
 
 #: Names another cache folder, for tests and for users who keep theirs elsewhere.
 FOLDER_VARIABLE = "ICYMOON_CACHE"
@@ -27,4 +27,4 @@ def own_cache_folder() -> Path:
     """The cache folder of Icy Moon, which may be missing: from the environment, chosen, or the user's own."""
     if given := os.environ.get(FOLDER_VARIABLE) or _Choice.path:
         return parse_path(given, FOLDER_VARIABLE).absolute()
-    return cache_folder() / "icymoon"
+    return find_cache_folder() / "icymoon"

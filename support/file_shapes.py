@@ -17,9 +17,9 @@ from typing import Any, TypeGuard
 
 from .errors import IcyMoonError
 from .files import quote, read_text
-from .foreign_bytes import MOST_TEXT, ForeignBytes, RefusedError, decode_text, parse_json, read, reason_of
-from .suggestions import nearest
-from .system import name_fault
+from .foreign_bytes import MOST_TEXT, ForeignBytes, RefusedError, decode_text, describe_reason, parse_json, read
+from .suggestions import suggest_nearest
+from .system import find_name_fault
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def _is_text(value: object) -> TypeGuard[str]:
 
 def _is_file_name(value: object) -> bool:
     """Whether a text names a file in a folder, on every system, and nothing outside of it."""
-    return _is_text(value) and value.strip(" .") == value != "" and not name_fault(value)
+    return _is_text(value) and value.strip(" .") == value != "" and not find_name_fault(value)
 
 
 ANYTHING = Kind("anything", lambda value: True)
@@ -103,26 +103,26 @@ def find_fault(data: object, shape: Shape, name: str = "it") -> str:
     if isinstance(shape, Maybe):
         return "" if data is None and shape.null else find_fault(data, shape.shape, name)
     if isinstance(shape, Kind):
-        return "" if shape.fits(data) else _mismatch(data, name, shape.name)
+        return "" if shape.fits(data) else _describe_mismatch(data, name, shape.name)
     if isinstance(shape, Each) and shape.keys is None:
         if not isinstance(data, list):
-            return _mismatch(data, name, "a list")
-        return _first_fault(find_fault(value, shape.shape, f"{name}[{k}]") for k, value in enumerate(data))
+            return _describe_mismatch(data, name, "a list")
+        return _take_first_fault(find_fault(value, shape.shape, f"{name}[{k}]") for k, value in enumerate(data))
     if not isinstance(data, dict):
-        return _mismatch(data, name, "a table")
+        return _describe_mismatch(data, name, "a table")
     needed = shape.needed if isinstance(shape, Each) else [k for k, v in shape.items() if not isinstance(v, Maybe)]
     for key in needed:
         if key not in data:
             return f"{_key_path(name, key)} is missing"
     if isinstance(shape, Each):
         keys = shape.keys or TEXT
-        return _first_fault(
-            _mismatch(key, f"a name in {name}", keys.name)
+        return _take_first_fault(
+            _describe_mismatch(key, f"a name in {name}", keys.name)
             if not keys.fits(key)
             else find_fault(value, shape.shape, _key_path(name, key))
             for key, value in data.items()
         )
-    return _first_fault(
+    return _take_first_fault(
         find_fault(data[key], inner, _key_path(name, key)) for key, inner in shape.items() if key in data
     )
 
@@ -131,11 +131,11 @@ def _key_path(name: str, key: str) -> str:
     return key if name == "it" else f"{name}.{key}"
 
 
-def _mismatch(value: object, name: str, wanted: str) -> str:
+def _describe_mismatch(value: object, name: str, wanted: str) -> str:
     return f"{name} is {quote(value)}, not {wanted}"
 
 
-def _first_fault(faults: Iterable[str]) -> str:
+def _take_first_fault(faults: Iterable[str]) -> str:
     return next(filter(None, faults), "")
 
 
@@ -154,7 +154,7 @@ def read_record(path: Path, shape: Shape, fix: str) -> Any:
     except FileNotFoundError:
         raise
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {fix}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {fix}.") from None
     return check_record(data, shape, path, fix)
 
 
@@ -185,11 +185,11 @@ def _parse_number_lines(
 ) -> list[tuple[int, list[float] | None]]:
     found: list[tuple[int, list[float] | None]] = []
     lines = foreign.lines()
-    first = _without_nul(*next(lines, (1, b""))).removeprefix(codecs.BOM_UTF8)
+    first = _refuse_nul(*next(lines, (1, b""))).removeprefix(codecs.BOM_UTF8)
     heads = [head.strip() for head in decode_text(first).split(",")]
     for column in columns:
         if column not in heads:
-            guess = nearest(column, heads, otherwise=f"but the first line {quote(decode_text(first))}.")
+            guess = suggest_nearest(column, heads, otherwise=f"but the first line {quote(decode_text(first))}.")
             raise RefusedError(
                 f"has no column {column}, {guess} Its first line must name the columns {', '.join(columns)}."
             )
@@ -202,17 +202,17 @@ def _parse_number_lines(
                 f"has more than {most} lines of numbers; leave out those that lie evenly between their neighbours."
             )
         foreign.budget.charge(_OF_A_LINE + _OF_A_NUMBER * len(places), "numbers")
-        found.append((number, _numbers_at(_without_nul(number, line).split(b","), places)))
+        found.append((number, _read_numbers_at(_refuse_nul(number, line).split(b","), places)))
     return found
 
 
-def _without_nul(number: int, line: bytes) -> bytes:
+def _refuse_nul(number: int, line: bytes) -> bytes:
     if b"\0" in line:
         raise RefusedError(f"has a byte 0 in line {number}, which no text has; save it as UTF-8.")
     return line
 
 
-def _numbers_at(cells: Sequence[bytes], places: Sequence[int]) -> list[float] | None:
+def _read_numbers_at(cells: Sequence[bytes], places: Sequence[int]) -> list[float] | None:
     try:
         return [float(cells[place].replace(b"_", b"?")) for place in places]  # Python takes 1_0 for 10
     except (ValueError, IndexError):

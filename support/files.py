@@ -42,7 +42,7 @@ _OF_FILE_MANAGERS = re.compile(r"\._.+|\.DS_Store|Thumbs\.db|desktop\.ini")
 _numbers = itertools.count(1)
 
 
-def part_of(path: Path) -> Path:
+def make_part_path(path: Path) -> Path:
     """Path of the half-written file that will be renamed to ``path``.
 
     Its name ends in ``PART``, and no other process on any machine uses it.
@@ -57,16 +57,18 @@ def explain_disk_errors(what: str, where: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        fix = _OPEN if system.may_be_open(error) else _FIXES.get(error.errno or 0, f"{error.strerror or error}")
+        fix = (
+            _OPEN if system.may_be_open_elsewhere(error) else _FIXES.get(error.errno or 0, f"{error.strerror or error}")
+        )
         raise DiskError(f"Cannot {what} {where}: {fix}.") from error
 
 
 def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
-    """Let ``write`` fill a file beside ``path``, see ``part_of``, then flush and rename it to ``path``.
+    """Let ``write`` fill a file beside ``path``, see ``make_part_path``, then flush and rename it to ``path``.
 
     Makes the parent folders. Raises IcyMoonError when the disk refuses; the part is removed.
     """
-    part = part_of(path)
+    part = make_part_path(path)
     system.check_path(path, part)
     with explain_disk_errors("write", path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -107,7 +109,7 @@ def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:
 
     ``pattern`` is the name of the whole file.
     """
-    scope = system.process_scope()
+    scope = system.find_process_scope()
     for part in folder.glob(f"{pattern}.{glob.escape(system.computer_name())}-*-*{PART}"):
         writer = part.name.removesuffix(PART).rsplit("-", 2)[1]
         if writer.isdecimal() and system.is_gone(int(writer), scope) and part.is_file() and not part.is_symlink():
@@ -130,7 +132,7 @@ def _write_text(part: Path, text: str) -> None:
     part.write_text(text, encoding="utf-8", newline="\n")
 
 
-def json_text(data: object) -> str:
+def to_json_text(data: object) -> str:
     """The content of a JSON file; NaN is refused, since JSON has none."""
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
@@ -143,7 +145,7 @@ def escape_cell(text: str) -> str:
 
 def write_json(path: Path, data: object) -> None:
     """Write a JSON file atomically; NaN is refused."""
-    write_text(path, json_text(data))
+    write_text(path, to_json_text(data))
 
 
 def replace_if_unchanged(path: Path, before: str, text: str) -> bool:
@@ -171,7 +173,7 @@ class _ChangedError(Exception):
     """The content of a file has changed."""
 
 
-def sha256(path: Path) -> str:
+def hash_file(path: Path) -> str:
     """Checksum of a regular file's content. Raises OSError for any other, such as a pipe that never ends."""
     found = hashlib.sha256()
     with system.open_regular(path) as stream:
@@ -184,7 +186,7 @@ def read_checksum(path: Path, most: float = math.inf) -> str:
     """Checksum of a file; empty if it cannot be read or has more than ``most`` bytes, which is reported where it is
     used."""
     try:
-        return sha256(path) if path.stat().st_size <= most else ""
+        return hash_file(path) if path.stat().st_size <= most else ""
     except OSError:
         return ""
 

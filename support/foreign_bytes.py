@@ -6,7 +6,7 @@ A file may come from a stranger, be cut off by a full disk, or be changed by han
 room for it. Whatever a parser raises becomes one sentence. So a hostile file costs time in proportion to its size and
 memory within the budget.
 
-Parsers use no unanchored regular expression on foreign text; ``lines`` splits it. Imports no Blender.
+Parsers use no unanchored regular expression on foreign text; ``split_lines`` splits it. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -172,7 +172,7 @@ class ForeignBytes:
     """A file, or bytes from within one, and what reading it may take. ``name`` is the file's, for commands on it."""
 
     def __init__(self, source: bytes | IO[bytes], size: int, budget: Budget, name: str = "in.tif") -> None:
-        self._source, self.size, self.budget, self.name = source, size, budget, name
+        self._find_position_source, self.size, self.budget, self.name = source, size, budget, name
         self._readable = _MOST_READINGS * size + 2**16
 
     def part(self, start: int, count: int) -> bytes:
@@ -183,10 +183,10 @@ class ForeignBytes:
         if count > self._readable:
             raise OverBudgetError("refers to the same bytes again and again")
         self._readable -= count
-        if isinstance(self._source, bytes):
-            return self._source[start : start + count]
-        self._source.seek(start)
-        data = self._source.read(count)
+        if isinstance(self._find_position_source, bytes):
+            return self._find_position_source[start : start + count]
+        self._find_position_source.seek(start)
+        data = self._find_position_source.read(count)
         if len(data) != count:
             raise ValueError(f"it ends {count - len(data)} bytes early")
         return data
@@ -204,14 +204,14 @@ class ForeignBytes:
         return decode_text(self.content())
 
     def lines(self, start: int = 0, longest: int = LONGEST_LINE) -> Iterator[tuple[int, bytes]]:
-        """The lines from byte ``start`` on, see the function ``lines``, without having all in memory.
+        """The lines from byte ``start`` on, see the function ``split_lines``, without having all in memory.
 
         How they end is told from the first ones.
         """
         step = max(longest, _LEAST_PART)
         first = self.part(start, min(step, self.size - start))
         rest = (self.part(at, min(step, self.size - at)) for at in range(start + len(first), self.size, step))
-        return _split(chain([first], rest), b"\r" if b"\n" not in first else b"\n", longest)
+        return _split_parts(chain([first], rest), b"\r" if b"\n" not in first else b"\n", longest)
 
 
 def read(
@@ -233,14 +233,14 @@ def read(
     except (OSError, ValueError) as error:
         if isinstance(error, OSError) and error.errno == errno.EINVAL:  # a pipe, whose content may be right
             fix = f"put a regular file in its place, or {fix}"
-        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {fix}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {fix}.") from None
     with stream:
         size = stream.seek(0, io.SEEK_END)
         if size > most:
             raise IcyMoonError(
                 f"{path} has {size / 1e6:.0f} MB, and {most / 1e6:g} MB are the most that is read; make it smaller."
             )
-        with explained(path, kind, fix):
+        with explain_errors(path, kind, fix):
             return parse(ForeignBytes(stream, size, Budget(memory), path.name))
 
 
@@ -248,12 +248,12 @@ def parse_part(
     data: bytes, where: object, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str, memory: int = MOST_MEMORY
 ) -> Parsed:
     """The result of ``parse`` for bytes in memory. ``where`` names their file. Raises as ``read`` does."""
-    with explained(where, kind, fix):
+    with explain_errors(where, kind, fix):
         return parse(ForeignBytes(data, len(data), Budget(memory)))
 
 
 @contextmanager
-def explained(where: object, kind: str, fix: str) -> Iterator[None]:
+def explain_errors(where: object, kind: str, fix: str) -> Iterator[None]:
     """Turn whatever a parser raises into one sentence."""
     try:
         yield
@@ -266,13 +266,13 @@ def explained(where: object, kind: str, fix: str) -> Iterator[None]:
     except MemoryError:
         raise IcyMoonError(f"{where}: needs more memory than there is; {fix}.") from None
     except Exception as error:
-        raise IcyMoonError(f"{where}: is not {kind} that can be read ({reason_of(error)}); {fix}.") from None
+        raise IcyMoonError(f"{where}: is not {kind} that can be read ({describe_reason(error)}); {fix}.") from None
 
 
-def reason_of(error: Exception) -> str:
+def describe_reason(error: Exception) -> str:
     """The reason of an error in a few words."""
     if isinstance(error, OSError):
-        note = backslash_note(error.filename) if isinstance(error, FileNotFoundError) else ""
+        note = note_on_backslashes(error.filename) if isinstance(error, FileNotFoundError) else ""
         return (error.strerror or type(error).__name__) + note
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
@@ -325,17 +325,17 @@ def decode_text(data: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def lines(data: bytes, longest: int = LONGEST_LINE) -> Iterator[tuple[int, bytes]]:
+def split_lines(data: bytes, longest: int = LONGEST_LINE) -> Iterator[tuple[int, bytes]]:
     """Number, from 1, and bytes of each line, which ends in \\n, \\r\\n or \\r, without its end.
 
     Raises ValueError for a line of more than ``longest`` bytes.
     """
     end = b"\r" if b"\n" not in data else b"\n"
     step = max(longest, _LEAST_PART)
-    return _split((data[at : at + step] for at in range(0, len(data), step)), end, longest)
+    return _split_parts((data[at : at + step] for at in range(0, len(data), step)), end, longest)
 
 
-def _split(parts: Iterable[bytes], end: bytes, longest: int) -> Iterator[tuple[int, bytes]]:
+def _split_parts(parts: Iterable[bytes], end: bytes, longest: int) -> Iterator[tuple[int, bytes]]:
     """The lines of a text that comes in parts, each but the last of ``longest`` bytes or more."""
     number, rest = 0, b""
     for part in parts:
@@ -371,7 +371,7 @@ def parse_json(text: str | bytes) -> Any:
     except json.JSONDecodeError:
         raise
     except ValueError as error:
-        raise ValueError(reason_of(error)) from None
+        raise ValueError(describe_reason(error)) from None
 
 
 def _parse_finite(text: str) -> float:
@@ -381,14 +381,14 @@ def _parse_finite(text: str) -> float:
     return number
 
 
-def backslash_note(path: object) -> str:
+def note_on_backslashes(path: object) -> str:
     """What may be wrong with the path of a file that is not there, in parentheses: only Windows divides folders by a
     backslash, which other systems take for a part of a name."""
     there = "\\" in str(path) and not system.is_windows()
     return " (a \\ is a part of a name here; write / between folders)" if there else ""
 
 
-def path_hint(error: ValueError) -> str:
+def hint_on_paths(error: ValueError) -> str:
     """What may be wrong with a text that ``parse_toml`` refuses, as the end of a clause: in double quotes a backslash
     begins an escape, also in paths of Windows."""
     escape = "Unescaped" in str(error) or "hex value" in str(error)
@@ -419,7 +419,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     except RecursionError:
         raise tomllib.TOMLDecodeError("it is nested too deeply") from None
     except ValueError as error:  # a number of too many digits
-        raise tomllib.TOMLDecodeError(reason_of(error)) from None
+        raise tomllib.TOMLDecodeError(describe_reason(error)) from None
     if long_lines:
         _refuse_long_numbers(data)
     return data
@@ -454,7 +454,7 @@ def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
         raise ValueError(str(error)) from None
 
 
-def whole_numbers(text: bytes) -> Array:
+def parse_whole_numbers(text: bytes) -> Array:
     """The numbers (n,) int64 of a text of digits and blanks; those beyond 2^63 - 1 become it. Raises ValueError for
     another text."""
     import numpy as np

@@ -19,7 +19,7 @@ def show_place(latitude_deg: float, longitude_deg: float, form: str = "g") -> st
     )
 
 
-def count_of(number: int, thing: str, things: str = "") -> str:
+def format_count(number: int, thing: str, things: str = "") -> str:
     """A count with its noun, as a reader expects it: 1 pair, 0 pairs, 12 pairs.
 
     ``things`` is the plural where it is not ``thing`` and an s.

@@ -30,7 +30,7 @@ _SHORT = {"\n": "\\n", "\r": "\\r", "\t": "\\t"}
 
 def show_controls(text: str) -> str:
     """The text in one line, in which each control character is visible, as in ``\\x1b`` or ``\\u202e``."""
-    return text if text.isprintable() else _CONTROLS.sub(_show, text)
+    return text if text.isprintable() else _CONTROLS.sub(_show_control, text)
 
 
 def show_lines(text: str) -> str:
@@ -38,7 +38,7 @@ def show_lines(text: str) -> str:
     return text if text.isprintable() else "\n".join(map(show_controls, text.split("\n")))
 
 
-def _show(found: re.Match[str]) -> str:
+def _show_control(found: re.Match[str]) -> str:
     number = ord(found[0])
     return _SHORT.get(found[0]) or (f"\\x{number:02x}" if number < 0x100 else f"\\u{number:04x}")
 
@@ -103,15 +103,15 @@ def emit_json(data: object) -> None:
     try:
         text = json.dumps(data, allow_nan=False)
     except ValueError:
-        text = json.dumps(_without_nan(data), allow_nan=False)
+        text = json.dumps(_replace_nan(data), allow_nan=False)
     _write(sys.stdout, text.replace("\x7f", "\\u007f") + "\n")
 
 
-def _without_nan(data: object) -> object:
+def _replace_nan(data: object) -> object:
     if isinstance(data, dict):
-        return {key: _without_nan(value) for key, value in data.items()}
+        return {key: _replace_nan(value) for key, value in data.items()}
     if isinstance(data, list | tuple):
-        return [_without_nan(value) for value in data]
+        return [_replace_nan(value) for value in data]
     return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
@@ -145,11 +145,11 @@ def print_table(
     console = make_console()
     if not console.is_terminal:
         console.width = max(console.width, narrowest)
-    table = Table(title=styled(title, "table.title") if title else None, title_justify="left")
+    table = Table(title=make_styled_text(title, "table.title") if title else None, title_justify="left")
     for place, name in enumerate(columns):
-        table.add_column(styled(name), justify="left" if place in left else "right", overflow="fold")
+        table.add_column(make_styled_text(name), justify="left" if place in left else "right", overflow="fold")
     for row in rows:
-        table.add_row(*(styled(*((cell,) if isinstance(cell, str) else cell)) for cell in row))
+        table.add_row(*(make_styled_text(*((cell,) if isinstance(cell, str) else cell)) for cell in row))
     console.print(table)
 
 
@@ -157,10 +157,10 @@ def print_line(console: Console, *parts: str | tuple[str, str]) -> None:
     """Print a line on a console, above its bar if it shows one; parts are as the cells of ``print_table``."""
     from rich.text import Text
 
-    console.print(Text.assemble(*(styled(*((part,) if isinstance(part, str) else part)) for part in parts)))
+    console.print(Text.assemble(*(make_styled_text(*((part,) if isinstance(part, str) else part)) for part in parts)))
 
 
-def styled(text: str, style: str = "") -> Text:
+def make_styled_text(text: str, style: str = "") -> Text:
     """A text for rich, without markup."""
     from rich.text import Text
 

@@ -24,16 +24,16 @@ _SHAPE = {"pid": PROCESS, "place": TEXT, "computer": TEXT}
 
 def make_scratch_folder() -> Path:
     """A new temporary folder, after sweeping what killed processes of ours have left. Raises IcyMoonError."""
-    _sweep()
+    _remove_abandoned()
     with explain_disk_errors("write to", Path(tempfile.gettempdir())):
         folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
-        owner = {"pid": os.getpid(), "place": system.process_scope(), "computer": system.computer_name()}
+        owner = {"pid": os.getpid(), "place": system.find_process_scope(), "computer": system.computer_name()}
         (folder / _OWNER).write_text(json.dumps(owner), encoding="utf-8")
     return folder
 
 
 @contextmanager
-def scratch_folder() -> Iterator[Path]:
+def open_scratch_folder() -> Iterator[Path]:
     """A temporary folder for a ``with`` statement. Raises IcyMoonError if none can be made."""
     folder = make_scratch_folder()
     try:
@@ -43,7 +43,7 @@ def scratch_folder() -> Iterator[Path]:
 
 
 @functools.cache
-def _sweep() -> None:
+def _remove_abandoned() -> None:
     for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
         with suppress(OSError, IcyMoonError):  # another user's, or not one of these
             if _is_ours(folder) and _is_abandoned(read_record(folder / _OWNER, _SHAPE, "delete it")):
@@ -53,12 +53,15 @@ def _sweep() -> None:
 def _is_ours(folder: Path) -> bool:
     """Whether a folder, and no link to one, is this user's."""
     return (
-        not folder.is_symlink() and folder.is_dir() and not (folder / _OWNER).is_symlink() and system.is_users(folder)
+        not folder.is_symlink()
+        and folder.is_dir()
+        and not (folder / _OWNER).is_symlink()
+        and system.belongs_to_user(folder)
     )
 
 
 def _is_abandoned(owner: dict[str, Any]) -> bool:
     """Whether the process that made a folder has certainly ended."""
-    here = system.process_scope()
+    here = system.find_process_scope()
     rebooted = owner["computer"] == system.computer_name() and owner["place"].split(" ")[0] != here.split(" ")[0]
     return bool(here and owner["place"]) and (rebooted or system.is_gone(owner["pid"], owner["place"]))

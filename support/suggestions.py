@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterable
 
 
-def nearest(word: str, known: Iterable[str], cutoff: float = 0.5, otherwise: str = "") -> str:
+def suggest_nearest(word: str, known: Iterable[str], cutoff: float = 0.5, otherwise: str = "") -> str:
     """The end of a sentence about an unknown word: the likeliest one that was meant, or all there are.
 
     ``cutoff`` is how like a word must be, from 0 to 1 for the same; ``otherwise`` is the end in place of a long list.

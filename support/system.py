@@ -117,13 +117,13 @@ def retry(act: Callable[[], _Result]) -> _Result:
         try:
             return act()
         except OSError as error:
-            if error.errno not in _PASSING and not (may_be_open(error) and n < _BUSY_WAITS):
+            if error.errno not in _PASSING and not (may_be_open_elsewhere(error) and n < _BUSY_WAITS):
                 raise
         time.sleep(wait_s)
     return act()
 
 
-def may_be_open(error: OSError) -> bool:
+def may_be_open_elsewhere(error: OSError) -> bool:
     """Whether an error may be due to another program that has the file open, such as a virus scanner or a viewer.
 
     Windows has one error for it and for what may not be written to.
@@ -213,7 +213,7 @@ def check_path(path: Path, deepest: Path | None = None) -> None:
         return
     whole = PureWindowsPath(os.path.abspath(path))
     for name in whole.parts[1:]:
-        if fault := name_fault(name):
+        if fault := find_name_fault(name):
             raise IcyMoonError(f"{path}: Windows takes no name such as {name!r} ({fault}); choose another one.")
     length = len(os.path.abspath(deepest or path))
     if length > LONGEST_PATH and not _allows_long_paths():
@@ -223,7 +223,7 @@ def check_path(path: Path, deepest: Path | None = None) -> None:
         )
 
 
-def name_fault(name: str) -> str:
+def find_name_fault(name: str) -> str:
     """Why Windows takes no file of this name; empty if it does."""
     if wrong := [c for c in name if c in '<>:"/\\|?*' or ord(c) < 32]:
         return f"with {wrong[0]!r}"
@@ -249,17 +249,17 @@ def computer_name() -> str:
     return socket.gethostname()
 
 
-def user_key() -> str:
+def find_user_key() -> str:
     """What tells the users of this computer apart in a folder that they share."""
     return str(os.getuid()) if hasattr(os, "getuid") else "user"
 
 
-def is_users(path: Path) -> bool:
+def belongs_to_user(path: Path) -> bool:
     """Whether a file or folder is this user's; on Windows folders of other users are not seen anyway."""
     return not hasattr(os, "getuid") or path.stat().st_uid == os.getuid()
 
 
-def cache_folder() -> Path:
+def find_cache_folder() -> Path:
     """The folder where the user's programs keep data that they can make again."""
     home = Path.home()
     usual = {"win32": ("LOCALAPPDATA", home / "AppData" / "Local"), "darwin": ("", home / "Library" / "Caches")}
@@ -302,7 +302,7 @@ def explain_missing_library(error: str) -> str:
 # Pythons and commands
 
 
-def venv_python(folder: Path) -> Path:
+def find_venv_python(folder: Path) -> Path:
     """The Python of a virtual environment."""
     return folder / ("Scripts/python.exe" if is_windows() else "bin/python")
 
@@ -341,7 +341,7 @@ def count_processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def peak_memory_mib() -> float | None:
+def measure_peak_memory_mib() -> float | None:
     """Most memory that this process has had; None on Windows, where Python does not tell."""
     try:
         import resource
@@ -351,7 +351,7 @@ def peak_memory_mib() -> float | None:
     return round(peak / (2**20 if PLATFORM == "darwin" else 2**10), 1)
 
 
-def peak_memory_mib_of(pid: int) -> float | None:
+def measure_peak_memory_mib_of(pid: int) -> float | None:
     """Most memory that another process has had; None where there is no Linux to tell it."""
     try:
         with open(f"/proc/{pid}/status", encoding="ascii", errors="replace") as stream:
@@ -534,10 +534,10 @@ def obey_starter(at_once: bool = False) -> None:
     """
     how = os.environ.pop(_STOP, "")
     if how:
-        threading.Thread(target=_obey, args=(how, at_once), daemon=True).start()
+        threading.Thread(target=_end_as_told, args=(how, at_once), daemon=True).start()
 
 
-def _obey(how: str, at_once: bool) -> None:
+def _end_as_told(how: str, at_once: bool) -> None:
     try:
         if how == "-":
             _wait_for_input_end()
@@ -601,7 +601,7 @@ def silence_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def process_scope() -> str:
+def find_process_scope() -> str:
     """What names the processes among which a process number means one process; empty if unknown."""
     if PLATFORM == "linux":
         try:
@@ -613,8 +613,8 @@ def process_scope() -> str:
 
 
 def is_gone(pid: int, where: str) -> bool:
-    """Whether a process of a ``process_scope`` has certainly ended."""
-    if not where or where != process_scope() or not 0 < pid < 2**31:
+    """Whether a process of a ``find_process_scope`` has certainly ended."""
+    if not where or where != find_process_scope() or not 0 < pid < 2**31:
         return False
     if is_windows():
         return _is_gone_on_windows(pid)

@@ -69,7 +69,7 @@ def check_least(options: argparse.Namespace, least: int, *names: str) -> None:
             raise IcyMoonError(f"--{name.replace('_', '-')} is {value}; give {least} or more.")
 
 
-def named(names: Sequence[str]) -> list[str]:
+def list_named(names: Sequence[str]) -> list[str]:
     """The names that an option states, which are none for ``ALL``."""
     return [] if list(names) == [ALL] else list(names)
 
@@ -186,7 +186,7 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
             yield show
 
 
-def only_progress(show: Callable[[dict[str, Any]], None]) -> Callable[[dict[str, Any]], None]:
+def keep_progress(show: Callable[[dict[str, Any]], None]) -> Callable[[dict[str, Any]], None]:
     """A function of messages that shows only those of progress."""
     return lambda message: show(message) if message["type"] == "progress" else None
 

@@ -25,7 +25,7 @@ def store(monkeypatch, tmp_path):
     folder = tmp_path / "extensions" / ".local" / "lib" / HERE / "site-packages"
     folder.mkdir(parents=True)
     monkeypatch.setenv(bundled_wheels.VARIABLE, "")
-    monkeypatch.setattr(bundled_wheels, "are_there", lambda: True)
+    monkeypatch.setattr(bundled_wheels, "has_bundled_wheels", lambda: True)
     monkeypatch.setattr(bpy, "app", SimpleNamespace(binary_path="/blender", background=True))
     monkeypatch.delenv("ICYMOON_EVALUATOR", raising=False)
     found = bundled_wheels.find_python
@@ -36,23 +36,23 @@ def store(monkeypatch, tmp_path):
 
 def test_a_plain_extension_has_none_and_announces_none(monkeypatch, tmp_path):
     monkeypatch.delenv(bundled_wheels.VARIABLE, raising=False)
-    assert not bundled_wheels.are_there()
-    bundled_wheels.announce(tmp_path)
+    assert not bundled_wheels.has_bundled_wheels()
+    bundled_wheels.announce_folder(tmp_path)
     assert bundled_wheels.VARIABLE not in os.environ
     (tmp_path / "wheels").mkdir()
-    assert not bundled_wheels.are_there(tmp_path)
+    assert not bundled_wheels.has_bundled_wheels(tmp_path)
     (tmp_path / "wheels" / "a.whl").touch()
-    assert bundled_wheels.are_there(tmp_path)
+    assert bundled_wheels.has_bundled_wheels(tmp_path)
 
 
 def test_blenders_python_loads_the_wheels_before_what_is_installed(store):
     """As a program it takes the numpy of the wheels, which stands in here for a package of another version."""
     (store / "numpy.py").write_text("__version__ = '1.26.99'\n")
     (store / "cv2.py").write_text("__version__ = '4.11.0'\n")
-    bundled_wheels.announce(store.parents[3])
+    bundled_wheels.announce_folder(store.parents[3])
     facts = check({**os.environ})
     assert (facts["numpy"], facts["cv2"]) == ("1.26.99", "4.11.0")
-    bundled_wheels.withdraw()
+    bundled_wheels.withdraw_folder()
     assert check({**os.environ})["numpy"] != "1.26.99"
 
 

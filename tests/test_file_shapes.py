@@ -433,10 +433,10 @@ def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path,
     from icymoon.support import scratch
 
     monkeypatch.setattr(scratch.tempfile, "tempdir", str(tmp_path))
-    with scratch.scratch_folder() as mine:
+    with scratch.open_scratch_folder() as mine:
         assert mine.parent == tmp_path
     assert not mine.exists()
-    owner = {"pid": os.getpid(), "place": system.process_scope(), "computer": system.computer_name()}
+    owner = {"pid": os.getpid(), "place": system.find_process_scope(), "computer": system.computer_name()}
     dead = owner | {"pid": 2**22 + 7}  # more than Linux ever gives
     cases = {
         "living": (owner, True),
@@ -455,8 +455,8 @@ def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path,
     victim = tmp_path / "victim"
     shutil.copytree(tmp_path / "icymoon-dead", victim)
     (tmp_path / "icymoon-link").symlink_to(victim)
-    scratch._sweep.cache_clear()
-    with scratch.scratch_folder():
+    scratch._remove_abandoned.cache_clear()
+    with scratch.open_scratch_folder():
         there = {path.name for path in tmp_path.iterdir()}
         assert {name for name, (_, kept) in cases.items() if kept} == {
             name.removeprefix("icymoon-") for name in there if name.removeprefix("icymoon-") in cases

@@ -27,16 +27,16 @@ from icymoon.support.foreign_bytes import (
     RefusedError,
     decode_text,
     inflate,
-    lines,
     parse_json,
     parse_npy,
     parse_npz,
     parse_part,
     parse_toml,
+    parse_whole_numbers,
     parse_xml,
     read,
     read_regular,
-    whole_numbers,
+    split_lines,
 )
 from sources import IDS, ROOT, SOURCES, tree_of
 
@@ -203,16 +203,20 @@ def test_text_is_decoded_by_its_mark(data, text):
 
 def test_lines_end_as_any_system_ends_them():
     for end in (b"\n", b"\r\n", b"\r"):
-        assert [line for _, line in lines(end.join((b"a", b"", b"b")) + end)] == [b"a", b"", b"b"]
-        assert [number for number, _ in lines(end.join((b"a", b"", b"b")))] == [1, 2, 3]
+        assert [line for _, line in split_lines(end.join((b"a", b"", b"b")) + end)] == [b"a", b"", b"b"]
+        assert [number for number, _ in split_lines(end.join((b"a", b"", b"b")))] == [1, 2, 3]
         many = [b"x" * (k % 700) for k in range(2000)] + [b"end"]  # more than a block
-        for found in (lines(end.join(many)), foreign(end.join(many)).lines(), foreign(b"99" + end.join(many)).lines(2)):
+        for found in (
+            split_lines(end.join(many)),
+            foreign(end.join(many)).lines(),
+            foreign(b"99" + end.join(many)).lines(2),
+        ):
             assert [line for _, line in found] == many
     with pytest.raises(ValueError, match="line 2"):
-        list(lines(b"a\n" + b"b" * 101 + b"\nc", longest=100))
+        list(split_lines(b"a\n" + b"b" * 101 + b"\nc", longest=100))
     with pytest.raises(ValueError, match="line 2"):
         list(foreign(b"a\n" + b"b" * 10**6).lines())
-    assert [line for _, line in lines(b"a\n" + b"b" * 100 + b"\r\nc", longest=101)] == [b"a", b"b" * 100, b"c"]
+    assert [line for _, line in split_lines(b"a\n" + b"b" * 100 + b"\r\nc", longest=101)] == [b"a", b"b" * 100, b"c"]
 
 
 def test_a_deep_text_is_no_traceback():
@@ -238,12 +242,12 @@ def test_a_deep_text_is_no_traceback():
 
 
 def test_whole_numbers_are_of_digits_only():
-    assert whole_numbers(b" 3 0\t12\r\n 7 \n").tolist() == [3, 0, 12, 7]
-    assert whole_numbers(b" \n").size == whole_numbers(b"").size == 0
-    assert whole_numbers(b"9" * 5000 + b" 18446744073709551617").tolist() == [2**63 - 1] * 2
+    assert parse_whole_numbers(b" 3 0\t12\r\n 7 \n").tolist() == [3, 0, 12, 7]
+    assert parse_whole_numbers(b" \n").size == parse_whole_numbers(b"").size == 0
+    assert parse_whole_numbers(b"9" * 5000 + b" 18446744073709551617").tolist() == [2**63 - 1] * 2
     for text in (b"1 -1", b"1.5", b"1,5", b"0x1", b"1_0", b"nan", b"1 \0", "３".encode()):
         with pytest.raises(ValueError, match="whole numbers"):
-            whole_numbers(text)
+            parse_whole_numbers(text)
 
 
 def test_elements_and_attributes_of_xml_are_charged():

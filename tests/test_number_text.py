@@ -8,7 +8,7 @@ import re
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.support.number_text import count_of, show_place, show_rounded
+from icymoon.support.number_text import format_count, show_place, show_rounded
 from sources import IDS, SOURCES, tree_of
 
 #: Where a count of pairs, scenes or methods is two or more whenever it is printed.
@@ -63,11 +63,11 @@ def test_it_is_the_number_within_half_of_its_second_digit(value):
     ],
 )
 def test_one_is_singular(number, thing, things, text):
-    assert count_of(number, thing, things) == text
+    assert format_count(number, thing, things) == text
 
 
 def test_what_is_counted_is_singular_where_it_is_one():
-    """Every count of pairs, scenes and methods in a message is one of ``count_of``, unless it is two or more."""
+    """Every count of pairs, scenes and methods in a message is one of ``format_count``, unless it is two or more."""
     plural = re.compile(r" (?:more )?(?:pairs|scenes|methods)\b")
     bare = {
         name

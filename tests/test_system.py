@@ -92,13 +92,13 @@ def test_each_system_has_its_cache_folder(monkeypatch, platform, variables, fold
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
     monkeypatch.setattr(system, "PLATFORM", platform)
-    assert system.cache_folder() == Path.home() / folder
+    assert system.find_cache_folder() == Path.home() / folder
 
 
 def test_an_environment_has_its_python_where_the_system_puts_it(monkeypatch):
-    assert system.venv_python(Path("e")) == Path("e/bin/python")
+    assert system.find_venv_python(Path("e")) == Path("e/bin/python")
     monkeypatch.setattr(system, "PLATFORM", "win32")
-    assert system.venv_python(Path("e")) == Path("e/Scripts/python.exe")
+    assert system.find_venv_python(Path("e")) == Path("e/Scripts/python.exe")
 
 
 @pytest.mark.parametrize(

@@ -135,7 +135,7 @@ def test_a_name_that_windows_takes_for_something_else_is_said_before_anything_is
 def test_a_folder_too_deep_is_said_before_a_pair_is_rendered(drive, monkeypatch):
     """One character more than what is written there may have; with that many a pair can be written."""
     pair = PAIRS[0].id
-    name = files.part_of(files.part_of(drive / "x" / "pairs" / pair) / "pair.json")
+    name = files.make_part_path(files.make_part_path(drive / "x" / "pairs" / pair) / "pair.json")
     room = system.LONGEST_PATH - len(str(name)) - 20  # the numbers of parts may grow meanwhile
     deep = drive / ("x" * (room + 22))
     with pytest.raises(IcyMoonError, match=r"26\d characters.*shorter path"):
@@ -144,7 +144,7 @@ def test_a_folder_too_deep_is_said_before_a_pair_is_rendered(drive, monkeypatch)
     fits = drive / ("x" * room)
     claims = Claims(fits)
     assert claims.take(pair)
-    part = files.part_of(fits / "pairs" / pair)
+    part = files.make_part_path(fits / "pairs" / pair)
     part.mkdir(parents=True)
     files.write_json(part / "pair.json", {})
     for image in ("left_toed_truth.exr", "right_toed_truth.exr"):
@@ -187,7 +187,7 @@ def test_pairs_are_measured_and_exported(pair_set, drive, words):
     assert len(files_in(out)) >= 2
     assert not [name for name in files_in(drive) if name.endswith(".part")]
     assert files_in(drive / "temp") == []
-    assert not any(system.name_fault(part) for name in files_in(out) for part in name.split("/"))
+    assert not any(system.find_name_fault(part) for name in files_in(out) for part in name.split("/"))
 
 
 def test_pairs_are_evaluated_and_a_report_that_a_viewer_has_open_is_a_sentence(pair_set, drive):
@@ -471,7 +471,7 @@ def test_the_claim_of_a_process_that_was_ended_is_given_to_the_next_at_once(driv
 
 def unfinished(dataset: Path, content: bytes) -> Path:
     """A pair that is rendered and not published yet."""
-    part = files.part_of(dataset / "pairs" / PAIRS[0].id)
+    part = files.make_part_path(dataset / "pairs" / PAIRS[0].id)
     part.mkdir(parents=True)
     for eye in ("left", "right"):
         (part / f"{eye}.exr").write_bytes(content)

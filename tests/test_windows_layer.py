@@ -108,20 +108,20 @@ def test_rename_replaces_nothing_and_no_call_replaces_a_folder(drive):
 def test_names_that_are_refused(drive, name):
     for act in (lambda: (drive / name).write_bytes(b""), lambda: (drive / name).mkdir()):
         refused(123, act)
-    assert system.name_fault(name)
+    assert system.find_name_fault(name)
 
 
 @pytest.mark.parametrize("name", ["console", "a.con", "nul_", "com10", "com", ".hidden", "a b", "a.b.c", "ü", "Ω"])
 def test_names_that_are_taken(drive, name):
     (drive / name).write_bytes(b"")
     assert [path.name for path in drive.iterdir() if path.name != "temp"] == [name]
-    assert not system.name_fault(name)
+    assert not system.find_name_fault(name)
 
 
 def test_full_stops_and_spaces_at_the_end_are_lost(drive):
     for name in ("a.", "a ", "a. ."):
         (drive / name).write_bytes(name.encode())
-        assert system.name_fault(name)
+        assert system.find_name_fault(name)
     assert [path.name for path in drive.iterdir() if path.name != "temp"] == ["a"]
 
 

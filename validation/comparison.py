@@ -24,7 +24,7 @@ from ..render.pairs.pair_folder import Pair, is_complete, read_pair
 from ..render.plans.planned_pair import expand_headings
 from ..render.workers.job import Job, render_job
 from ..settings.topics.scene import Settings
-from ..settings.user_files import content
+from ..settings.user_files import hash_content
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
 from ..support.files import write_atomically
@@ -118,7 +118,7 @@ class Bench:
         Pairs that are already in the folder are not rendered again. Raises IcyMoonError if one cannot be rendered.
         """
         dataset = self.folder / "renders"
-        planned = [expand_headings(settings, content(settings))[0] for settings in described]
+        planned = [expand_headings(settings, hash_content(settings))[0] for settings in described]
         if not all(is_complete(pair.folder(dataset)) for pair in planned):
             render_job(Job(dataset, pairs=planned), self.blender, self.say)
         return [read_pair(pair.folder(dataset)) for pair in planned]

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..formats.ply import read_vertices
 from ..physics.mesh.obj import parse_triangles
-from ..physics.terrain.roughness.statistics import measure, power_spectrum
+from ..physics.terrain.roughness.statistics import measure_roughness, power_spectrum
 from ..physics.terrain.terrain import make_terrain
 from ..settings.description import defaults, merged
 from ..settings.preset_files import load_preset, preset_names
@@ -114,11 +114,11 @@ def measure_statistics(heights_m: Array) -> dict[str, Statistic]:
 
 
 def _measure_numbers(heights_m: Array) -> dict[str, float]:
-    found = measure(heights_m, SPACING_M, _CHOSEN_M, _LAW_M)
+    found = measure_roughness(heights_m, SPACING_M, _CHOSEN_M, _LAW_M)
     waves, density = power_spectrum(heights_m, SPACING_M)
     return {
         _CHOSEN: found.slope_deg,
-        f"RMS slope at {_JUDGED_M:g} m": measure(heights_m, SPACING_M, _JUDGED_M, _LAW_M).slope_deg,
+        f"RMS slope at {_JUDGED_M:g} m": measure_roughness(heights_m, SPACING_M, _JUDGED_M, _LAW_M).slope_deg,
         f"Hurst exponent from {_LAW_M[0]:g} to {_LAW_M[1]:g} m": found.hurst,
         "RMS height": found.height_m,
         f"logarithm of the power spectrum at {_WAVE_M:g} m": float(

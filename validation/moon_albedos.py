@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..physics.surfaces import photometry
-from ..physics.surfaces.albedos import law_of
+from ..physics.surfaces.albedos import make_law
 from ..settings.description import defaults, merged
 from ..settings.preset_files import load_preset
 from .comparison import Bench, Comparison, Row
@@ -146,7 +146,7 @@ _QUANTITIES: dict[str, Callable[[photometry.Law], float]] = {
 def read_preset_law(preset: str) -> photometry.Law:
     """The law of a shipped preset, such as ``surfaces/hapke_rhea``, which must not be Principled."""
     settings = merged(defaults(), load_preset(preset))
-    law = law_of(settings.surface, settings.hapke)
+    law = make_law(settings.surface, settings.hapke)
     assert law is not None
     return law
 

@@ -21,7 +21,7 @@ from ..stereo.matchers.methods import describe_method
 from ..stereo.matchers.search_range import AUTO, SearchRange, find_true_range
 from ..support.arrays import Array
 from ..support.errors import IcyMoonError
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from .comparison import Row
 from .polar.camera import Calibration
 from .polar.data_set import EYES, HEIGHT_PX, WIDTH_PX, Terrain, View
@@ -64,10 +64,10 @@ def judge_stereo(
 def _share_rows(shares: Array) -> list[Row]:
     """Rows of shares (pairs, 2, methods) of wrong or missing pixels, of photographs and twins."""
     count, family = len(shares), typical_scene.compare_in_typical_scene(shares[:, 1] - shares[:, 0], 0)
-    few = f"an interval takes {count_of(family.needed, 'pair')}, here are {count}" if count < family.needed else ""
+    few = f"an interval takes {format_count(family.needed, 'pair')}, here are {count}" if count < family.needed else ""
     rows = []
     for k, method in enumerate(METHODS):
-        name = f"{describe_method(method)} on {count_of(count, 'pair')}, wrong or missing on scanned rocks"
+        name = f"{describe_method(method)} on {format_count(count, 'pair')}, wrong or missing on scanned rocks"
         photographed, twin = (float(each) for each in shares[:, :, k].mean(axis=0))
         farthest = max(family.low[k], family.high[k], key=abs)
         rows += [

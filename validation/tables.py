@@ -6,7 +6,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 
-from ..support.number_text import count_of
+from ..support.number_text import format_count
 from .comparison import FAILS, NOT_JUDGED, PASSES, Comparison, Result, Row
 
 #: The verdicts in the order in which a summary counts them, and its words.
@@ -49,7 +49,8 @@ def summarise_result(result: Result) -> str:
     counted = [row.verdict for row in result.rows]
     parts = [f"{counted.count(verdict)} {words}" for verdict, words in _COUNTED if verdict in counted]
     return (
-        f"{result.comparison.title}: {'passes' if result.passes else 'FAILS'}; of {count_of(len(counted), 'number')} "
+        f"{result.comparison.title}: {'passes' if result.passes else 'FAILS'}; of "
+        f"{format_count(len(counted), 'number')} "
         f"{', '.join(parts)}."
     )
 

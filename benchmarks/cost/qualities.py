@@ -202,4 +202,4 @@ def measure_presets(options: argparse.Namespace, out: Path) -> None:
                 flush=True,
             )
         if options.write:
-            write(preset_files.preset_path(name), table_of(by_sun, where, command))
+            write(preset_files.find_preset(name), table_of(by_sun, where, command))

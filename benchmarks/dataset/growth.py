@@ -22,15 +22,15 @@ from typing import Any
 from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.processor import seconds_of_all
 from icymoon.physics.camera.stereo_camera import StereoCamera
-from icymoon.physics.excavation.jitter import jittered_rig
+from icymoon.physics.excavation.jitter import jitter_rig
 from icymoon.physics.light.directions import camera_axes
-from icymoon.physics.light.sky import sky, sky_facts
+from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.render.plans.frozen_plan import freeze_plan
 from icymoon.render.plans.order import ordered
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.workers.job import Job, read_job, read_planned_pairs
-from icymoon.support.files import json_text
+from icymoon.support.files import to_json_text
 from pairs import Scene, write_pair
 
 #: Pairs of one ground under one Sun.
@@ -55,7 +55,7 @@ samples = 2
 
 def poses_of(pair: PlannedPair) -> dict[str, Any]:
     """The poses of a pair's eyes on ground of height 0."""
-    rig, found = jittered_rig(pair.settings), {}
+    rig, found = jitter_rig(pair.settings), {}
     for eye, along in (("left", 0.0), ("right", rig.baseline_m)):
         axes = camera_axes(rig.heading_deg, rig.pitch_deg)
         place = [rig.x_m, rig.y_m, rig.height_m] + along * axes[:, 0]
@@ -81,7 +81,7 @@ def write_dataset(folder: Path, count: int) -> tuple[Path, list[PlannedPair]]:
             shutil.copy(made / name, copy / name)
         poses = poses_of(pair)
         (copy / "pair.json").write_text(
-            json_text(
+            to_json_text(
                 record
                 | {
                     "id": pair.id,
@@ -91,7 +91,7 @@ def write_dataset(folder: Path, count: int) -> tuple[Path, list[PlannedPair]]:
                     "poses_camera_to_world": poses,
                     "poses_rectified_to_world": poses,
                     "eyes": rig.eyes_json(),
-                    "light": sky_facts(sky(pair.settings.light)),
+                    "light": describe_sky(compute_sky(pair.settings.light)),
                     "device": pair.settings.quality.device,
                     "seeds": {"dataset": pair.settings.dataset.seed, "render": pair.render_seed},
                 }

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
-from icymoon.physics.terrain.roughness.statistics import detrend
+from icymoon.physics.terrain.roughness.statistics import remove_plane
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import description, preset_files
 from icymoon.support.arrays import Array
@@ -31,7 +31,7 @@ def correlations(seed: int, points: int = POINTS, long_waves: bool = True) -> Ar
         axis = np.linspace(-ground.size_m / 2, ground.size_m / 2, points)
         x, y = axis[None, :], axis[:, None]
         heights = ground.heights(x, y, 2 * (axis[1] - axis[0]))
-        fields.append(detrend(heights if long_waves else heights - ground.heights(x, y, LONG_M)).ravel())
+        fields.append(remove_plane(heights if long_waves else heights - ground.heights(x, y, LONG_M)).ravel())
     return np.corrcoef(fields)
 
 

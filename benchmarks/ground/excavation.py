@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 from icymoon.benchmarks.common.processor import Stopwatch, seconds_of
-from icymoon.physics.excavation.dig import Series
-from icymoon.physics.excavation.grid import covering
-from icymoon.physics.excavation.heap import cone_m
-from icymoon.physics.excavation.relax import Layers, relax
+from icymoon.physics.excavation.dig import ExcavationSeries
+from icymoon.physics.excavation.grid import make_covering_grid
+from icymoon.physics.excavation.heap import cone_size_m
+from icymoon.physics.excavation.relax import GroundLayers, relax_slopes
 from icymoon.physics.excavation.site import make_site
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
@@ -37,12 +37,12 @@ def settings_of(excavation: dict[str, Any]) -> Settings:
     )
 
 
-def dig(excavation: dict[str, Any], rolling_m: float = 0.0) -> Series:
+def dig(excavation: dict[str, Any], rolling_m: float = 0.0) -> ExcavationSeries:
     """The series of an excavation, in level ground or with waves of so many metres."""
     settings = settings_of(excavation)
     site = make_site(settings)
     x, y = site.grid.east_m[None, :], site.grid.north_m[:, None]
-    return Series(site, settings.excavation, SEED, rolling_m * (np.sin(7.0 * x + 1.0) + np.cos(5.0 * y)))
+    return ExcavationSeries(site, settings.excavation, SEED, rolling_m * (np.sin(7.0 * x + 1.0) + np.cos(5.0 * y)))
 
 
 def random_trench(random: np.random.Generator) -> dict[str, Any]:
@@ -84,14 +84,14 @@ def measure_volumes() -> None:
     arc = dig({**plain, "path": "ARC", "length_m": 0.0, "radius_m": 0.25, "heading_deg": 30.0}).facts(1)["taken_m3"]
     half = math.acos(1 - 0.1 / 0.25)
     print(f"segment of a circle, turned: {arc / (0.08 * 0.25**2 * (half - math.sin(half) * math.cos(half))) - 1:+.1e}")
-    grid = covering(-0.3, -0.3, 0.3, 0.3, 0.005)
+    grid = make_covering_grid(-0.3, -0.3, 0.3, 0.3, 0.005)
     spoil = np.zeros((grid.rows, grid.columns))
     spoil[50:71, 50:71] = 0.25
-    layers, volume = Layers(np.zeros_like(spoil), spoil.copy()), float(spoil.sum()) * grid.cell_m**2
+    layers, volume = GroundLayers(np.zeros_like(spoil), spoil.copy()), float(spoil.sum()) * grid.cell_m**2
     watch = Stopwatch()
-    sweeps, rests = relax(layers, grid.cell_m, 38.0)
+    sweeps, rests = relax_slopes(layers, grid.cell_m, 38.0)
     spent = watch.lap()
-    height, _ = cone_m(volume, 38.0)
+    height, _ = cone_size_m(volume, 38.0)
     print(
         f"cone of a pile: height {layers.spoil.max() / height - 1:+.1%}, volume "
         f"{float(layers.spoil.sum()) * grid.cell_m**2 / volume - 1:+.1e}; {sweeps} sweeps, {spent:.2f} s, "

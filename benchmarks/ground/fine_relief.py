@@ -24,7 +24,7 @@ from icymoon.benchmarks.common.own_process import call
 from icymoon.benchmarks.common.processor import Stopwatch, peak_mib
 from icymoon.benchmarks.common.renders import open_empty_file, render, settings_of, start_blender
 from icymoon.nodes.next_scene import adapt_scene
-from icymoon.physics.mesh.fine_relief import nearest_m
+from icymoon.physics.mesh.fine_relief import nearest_ground_m
 from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.settings import description
 from icymoon.stereo.evaluate import evaluate
@@ -80,7 +80,7 @@ def measure(preset: str, samples: int, headings: int, scale: float, way: str, fo
         angles, depths = [*angles, angle], [*depths, depth]
     open_empty_file()
     angle, depth = np.concatenate(angles), np.concatenate(depths)
-    near = depth < 2 * nearest_m(settings.rig)
+    near = depth < 2 * nearest_ground_m(settings.rig)
     return {
         "vertices": vertices,
         "build": build_s / headings,

@@ -13,8 +13,8 @@ import math
 
 import numpy as np
 from icymoon.benchmarks.common.renders import seconds_of_render, settings_of, start_blender
-from icymoon.physics.arm.kinematics import tip_of
-from icymoon.physics.arm.parametric import arm_of
+from icymoon.physics.arm.kinematics import find_tip
+from icymoon.physics.arm.parametric import make_parametric_arm
 from icymoon.settings import description
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings
@@ -37,7 +37,7 @@ def scene(width: int, samples: int, kind: str) -> Settings:
 
 def kinematics_error_m() -> float:
     """The largest distance of the tip from a yaw and a sum of lengths in the plane of the arm."""
-    arm = arm_of(description.defaults())
+    arm = make_parametric_arm(description.defaults())
     offset, upper, fore, hand = arm.lengths_m
     worst = 0.0
     for yaw, q1, q2, q3, q4 in np.random.default_rng(1).uniform(arm.low, arm.high, (POSES, 5)):
@@ -50,7 +50,7 @@ def kinematics_error_m() -> float:
             for each in (math.cos, math.sin)
         )
         place = arm.base @ [out * math.cos(yaw), out * math.sin(yaw), up, 1.0]
-        worst = max(worst, float(np.linalg.norm(place[:3] - tip_of(arm, np.array([yaw, q1, q2, q3, q4])))))
+        worst = max(worst, float(np.linalg.norm(place[:3] - find_tip(arm, np.array([yaw, q1, q2, q3, q4])))))
     return worst
 
 

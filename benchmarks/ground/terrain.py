@@ -18,7 +18,7 @@ import bpy
 import numpy as np
 from icymoon.benchmarks.common.processor import least_seconds
 from icymoon.nodes.ground.terrain_mesh import build_mesh
-from icymoon.physics.terrain.fine_detail import relief
+from icymoon.physics.terrain.fine_detail import relief_heights_m
 from icymoon.physics.terrain.landforms import MAKERS
 from icymoon.physics.terrain.noise.bases_and_fractals import BASES
 from icymoon.physics.terrain.terrain import make_terrain
@@ -89,7 +89,7 @@ def built(*parts: dict[str, Any]) -> Callable[[], Any]:
 def on_a_mesh() -> Callable[[], Any]:
     """Work: fine relief on the vertices of any mesh, a tenth of a million."""
     points = np.random.default_rng(0).uniform(-5, 5, (SIDE**2 // 10, 3))
-    return lambda: relief(points, settings({"terrain": EIGHT}), 1)
+    return lambda: relief_heights_m(points, settings({"terrain": EIGHT}), 1)
 
 
 def main(options: argparse.Namespace) -> None:

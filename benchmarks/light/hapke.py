@@ -123,7 +123,7 @@ def error() -> None:
 
 def planet() -> None:
     """Print the errors of few directions."""
-    from icymoon.physics.light.planetshine import Planet, light_rays
+    from icymoon.physics.light.planetshine import Planet, make_light_rays
     from icymoon.physics.surfaces import albedos
     from icymoon.settings import description, preset_files
     from test_hapke_render import angles
@@ -135,12 +135,12 @@ def planet() -> None:
         ("Saturn", "surfaces/hapke_enceladus_global", 29.33, 0.098),
     ):
         shown = description.merged(description.defaults(), preset_files.load_preset(preset))
-        law = albedos.law_of(shown.surface, shown.hapke)
+        law = albedos.make_law(shown.surface, shown.hapke)
         assert law is not None
         errors: dict[int, list[float]] = {}
         for _ in range(100):
             sun = random.normal(size=3)
-            ray, brought = light_rays(
+            ray, brought = make_light_rays(
                 Planet(
                     up, diameter, flattening, np.array([0.0, 1.0, 0.0]), sun / np.linalg.norm(sun), 50.0, 0.5, "LAMBERT"
                 ),
@@ -209,7 +209,7 @@ def curve(path: Path) -> None:
         phase = np.radians(last) * np.linspace(0, 1, 121) ** 2
         for name, colour in zip(presets, colours, strict=True):
             shown = description.merged(description.defaults(), preset_files.load_preset(name))
-            law = albedos.law_of(shown.surface, shown.hapke)
+            law = albedos.make_law(shown.surface, shown.hapke)
             assert law is not None
             bright = photometry.disc_brightness(law, phase)
             points = " ".join(
@@ -218,7 +218,7 @@ def curve(path: Path) -> None:
             )
             lines.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.6"/>')
     for k, (name, colour) in enumerate(zip(presets, colours, strict=True)):
-        title = preset_files.preset_header(name)[0].removesuffix(" (Hapke)")
+        title = preset_files.read_preset_header(name)[0].removesuffix(" (Hapke)")
         lines += [
             f'<path d="M870 {70 + 24 * k}h24" stroke="{colour}" stroke-width="3"/>',
             f'<text x="900" y="{74 + 24 * k}">{title}</text>',

@@ -62,7 +62,7 @@ def of_mitsuba(folder: Path) -> None:
             "fov": scene["fov_deg"],
             "fov_axis": "x",
             "near_clip": 0.01,
-            "to_world": mi.ScalarTransform4f().look_at(*scene["look_at"]),
+            "to_world": mi.ScalarTransform4f().check_lines(*scene["look_at"]),
             "film": {
                 "type": "hdrfilm",
                 "width": scene["width"],
@@ -95,7 +95,7 @@ def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> A
     import bpy
     from icymoon.benchmarks.common.renders import render
     from icymoon.nodes.scene import build
-    from icymoon.physics.surfaces.hapke import from_settings
+    from icymoon.physics.surfaces.hapke import hapke_from_settings
     from icymoon.stereo.images.exr import read_view
     from rendering import complete, empty_scene
 
@@ -118,7 +118,7 @@ def of_cycles(folder: Path, hapke: dict[str, Any], surface: dict[str, Any]) -> A
     _flatten(built)
     bpy.context.view_layer.update()
     (pair,) = render(built, settings, folder)
-    q, camera = from_settings(settings.hapke), np.array(built.camera.matrix_world)
+    q, camera = hapke_from_settings(settings.hapke), np.array(built.camera.matrix_world)
     (folder / "scene.json").write_text(
         json.dumps(
             {
@@ -172,7 +172,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> None:
     """Print the ratios."""
     from icymoon.benchmarks.common.renders import start_blender
-    from icymoon.physics.surfaces.albedos import albedos
+    from icymoon.physics.surfaces.albedos import find_albedos
     from rendering import complete
 
     start_blender()
@@ -180,7 +180,7 @@ def main(options: argparse.Namespace) -> None:
         with tempfile.TemporaryDirectory() as path:
             folder = Path(path)
             settings = complete({"hapke": {**hapke, "h_function": "2002"}, "surface": {"model": "HAPKE"}})
-            integrals = albedos(settings.surface, settings.hapke)
+            integrals = find_albedos(settings.surface, settings.hapke)
             assert integrals is not None
             images = {way: of_cycles(folder, {**hapke, **changes}, {"model": "HAPKE"}) for way, changes in WAYS.items()}
             images["Lambert, same albedo"] = of_cycles(folder, hapke, {"model": "LAMBERT", "albedo": integrals.bond})

@@ -17,7 +17,7 @@ import numpy as np
 import pairs
 from icymoon.benchmarks.common.arguments import scratch
 from icymoon.benchmarks.common.processor import least_seconds
-from icymoon.physics.light.sky import sky, sky_facts
+from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.workspace import Workspace, compare_with_truth, decide_from_depth, open_workspace
@@ -25,7 +25,7 @@ from icymoon.stereo.matchers import match
 from icymoon.stereo.measure.prepare import prepare_pair
 from icymoon.stereo.measure.row_metrics import disparity_to_depth
 from icymoon.support.arrays import Array
-from icymoon.support.files import sha256
+from icymoon.support.files import hash_file
 
 CELLS, CELL_M = 256, 0.01
 
@@ -49,10 +49,10 @@ def write_workspace(folder: Path) -> Path:
     heights = folder / "workspace.npy"
     np.save(heights, np.zeros((2, CELLS, CELLS), np.float32))
     data = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
-    data["files"][heights.name] = {"bytes": heights.stat().st_size, "sha256": sha256(heights)}
+    data["files"][heights.name] = {"bytes": heights.stat().st_size, "sha256": hash_file(heights)}
     data |= {
         "poses_camera_to_world": {"left": left.tolist(), "right": right.tolist()},
-        "light": sky_facts(sky(settings.light)),
+        "light": describe_sky(compute_sky(settings.light)),
         "workspace": {"file": heights.name, "cell_m": CELL_M, "origin_m": [-half, half], "shape": [CELLS, CELLS]},
     }
     (folder / "pair.json").write_text(json.dumps(data), encoding="utf-8")

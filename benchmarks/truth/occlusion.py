@@ -26,7 +26,7 @@ from icymoon.benchmarks.common.processor import Stopwatch, seconds_of
 from icymoon.benchmarks.common.renders import render, settings_of, start_blender
 from icymoon.nodes.scene import Built, build
 from icymoon.physics.camera import occlusion as columns
-from icymoon.physics.camera.occlusion import find_hidden, is_in_frame, matching_column, warped
+from icymoon.physics.camera.occlusion import find_hidden, find_matching_column, is_in_frame, sample_at_columns
 from icymoon.render import cycles_occlusion, render_pair
 from icymoon.render.pairs.pair_folder import EYES, Pair, find_pairs
 from icymoon.settings import description
@@ -44,8 +44,8 @@ Masks = dict[str, Array]
 
 def both_columns(disparity: Array, other: Array, eye: str) -> Array:
     """Hidden as Icy Moon had it until 0.1: both columns around the point show something nearer by half a pixel."""
-    column, filled = matching_column(disparity, eye), np.nan_to_num(other)
-    nearest = np.minimum(*(warped(filled, side(np.nan_to_num(column))) for side in (np.floor, np.ceil)))
+    column, filled = find_matching_column(disparity, eye), np.nan_to_num(other)
+    nearest = np.minimum(*(sample_at_columns(filled, side(np.nan_to_num(column))) for side in (np.floor, np.ceil)))
     with np.errstate(invalid="ignore"):
         return is_in_frame(column) & (nearest > disparity + 0.5)
 
@@ -84,7 +84,7 @@ def main(options: argparse.Namespace) -> None:
     quarter: Masks = {}
     far: Masks = {}
     for eye in EYES:
-        inside = is_in_frame(matching_column(own[eye], eye))
+        inside = is_in_frame(find_matching_column(own[eye], eye))
         with np.errstate(invalid="ignore"):
             truth[eye] = inside & (met[eye] > own[eye] + _NEARER_PX)
             quarter[eye] = inside & (met[eye] > own[eye] + 0.25)

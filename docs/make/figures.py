@@ -19,7 +19,7 @@ from cycler import cycler
 from icymoon.physics.camera import depth_accuracy, sensor
 from icymoon.physics.light import ephemeris, photons, planetshine
 from icymoon.physics.light.sunlight import sun_diameter_deg, sun_irradiance_wm2
-from icymoon.physics.random_numbers.seeds import generator
+from icymoon.physics.random_numbers.seeds import make_generator
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.physics.rocks import size_laws
 from icymoon.physics.surfaces import albedos, photometry
@@ -70,7 +70,7 @@ def terrain_law(figure: Figure) -> None:
         spacing = axis[1] - axis[0]
         heights = grounds.make_terrain(shown, 1).heights(axis[None, :], axis[:, None], 2 * spacing)
         low, high = grounds.law_range_m(ground)
-        found = statistics.measure(heights, spacing, ground.slope_baseline_m, (max(low, 6 * spacing), high))
+        found = statistics.measure_roughness(heights, spacing, ground.slope_baseline_m, (max(low, 6 * spacing), high))
         law = np.geomspace(low, high, 20)
         stated = math.tan(math.radians(ground.rms_slope_deg)) * law**hurst
         axes.loglog(found.lag_m, found.deviation_m, "o", ms=3.5, color=colour, label=f"H {hurst}: measured")
@@ -97,12 +97,12 @@ def rock_sizes(figure: Figure) -> None:
     area = 400.0
     for name, colour in zip(preset_files.preset_names("rocks"), COLOURS, strict=False):
         shown = described(name)
-        law = size_laws.size_law(shown.rocks)
-        diameters, _ = size_laws.draw_diameters(law, area, shown.rocks.most, generator(1, "rocks"))
+        law = size_laws.make_size_law(shown.rocks)
+        diameters, _ = size_laws.draw_diameters(law, area, shown.rocks.most, make_generator(1, "rocks"))
         step = max(1, len(diameters) // 60)
         axes.loglog(diameters[::step], (np.arange(len(diameters)) + 1)[::step] / area, "o", ms=3, color=colour)
         d = np.geomspace(law.smallest_m, 0.999 * shown.rocks.largest_m, 80)
-        axes.loglog(d, law.per_m2_above(d), "-", color=colour, label=preset_files.preset_header(name)[0])
+        axes.loglog(d, law.per_m2_above(d), "-", color=colour, label=preset_files.read_preset_header(name)[0])
     axes.set(xlabel="Diameter, m", ylabel="Rocks per m² above it", ylim=(1 / area / 2, None))
     axes.legend(fontsize=8)
 
@@ -112,14 +112,14 @@ def hapke_phase(figure: Figure) -> None:
     near, far = figure.subplots(1, 2)
     for name in (n for n in preset_files.preset_names("surfaces") if "hapke" in n):
         shown = described(name)
-        law = albedos.law_of(shown.surface, shown.hapke)
+        law = albedos.make_law(shown.surface, shown.hapke)
         assert law is not None
         for axes, last in ((near, 8.0), (far, 160.0)):
             phase = np.radians(last) * np.linspace(0, 1, 81) ** 2
             axes.plot(
                 np.degrees(phase),
                 photometry.disc_brightness(law, phase),
-                label=preset_files.preset_header(name)[0].removesuffix(" (Hapke)"),
+                label=preset_files.read_preset_header(name)[0].removesuffix(" (Hapke)"),
             )
     near.set(xlabel="Phase angle, °", ylabel="Brightness over a white, facing disc", ylim=(0, None))
     far.set(xlabel="Phase angle, °", ylim=(0, None))
@@ -150,11 +150,11 @@ def hapke_roughness(figure: Figure) -> None:
     emission = np.linspace(-85, 85, 341)
     for theta in (0.0, 10.0, 25.0):
         shown = described("surfaces/hapke_europa_global", hapke={"theta_bar_deg": theta})
-        law = albedos.law_of(shown.surface, shown.hapke)
+        law = albedos.make_law(shown.surface, shown.hapke)
         assert law is not None
         r = law(np.radians(60.0), np.radians(np.abs(emission)), np.where(emission > 0, 0.0, math.pi))
         axes.plot(emission, math.pi * np.asarray(r), label=f"roughness {theta:g}°")
-    lambert = albedos.law_of(described(surface={"model": "LAMBERT", "albedo": 0.7}).surface, described().hapke)
+    lambert = albedos.make_law(described(surface={"model": "LAMBERT", "albedo": 0.7}).surface, described().hapke)
     assert lambert is not None
     axes.plot(
         emission,
@@ -195,7 +195,7 @@ def europa_day(figure: Figure) -> None:
     sun, phase = [], []
     for hour in hours:
         date = f"2035-03-{1 + int(hour // 24):02d}T{int(hour % 24):02d}:{int(60 * (hour % 1)):02d}:00"
-        at = ephemeris.positions("EUROPA", date, 10.0, 331.0)
+        at = ephemeris.find_positions("EUROPA", date, 10.0, 331.0)
         sun.append(math.degrees(math.asin(at.sun[2])))
         phase.append(math.degrees(math.acos(float(np.clip(-(at.planet @ at.sun), -1, 1)))))
     jupiter = math.degrees(math.asin(at.planet[2]))
@@ -229,14 +229,14 @@ def photon_transfer(figure: Figure) -> None:
         for j, electrons in enumerate(signal):
             light = np.full((128, 128), electrons)
             pattern = sensor.draw_pattern(1, "left", (128, 128), response)
-            drawn = sensor.electrons(
-                light, 1.0, 1.0, response | {"dark_current_e_s": 0.0}, generator(1, "sensor", j), pattern
+            drawn = sensor.collect_electrons(
+                light, 1.0, 1.0, response | {"dark_current_e_s": 0.0}, make_generator(1, "sensor", j), pattern
             )
             measured.append(drawn.mean() / drawn.std())
         dsnu = float(response.dsnu_e)
         noise = np.sqrt(signal + read**2 + (prnu * signal) ** 2 + dsnu**2)
         axes.loglog(signal, measured, "o", ms=3.5, color=COLOURS[k])
-        axes.loglog(signal, signal / noise, color=COLOURS[k], label=preset_files.preset_header(name)[0])
+        axes.loglog(signal, signal / noise, color=COLOURS[k], label=preset_files.read_preset_header(name)[0])
     axes.set(xlabel="Photo-electrons", ylabel="Signal over noise")
     axes.legend(fontsize=8)
 
@@ -253,7 +253,7 @@ def exposure_response(figure: Figure) -> None:
         radiance = 0.8 * irradiance * math.sin(math.radians(30)) / math.pi
         rate = photons.electron_rate(shown.light, response, pitch)
         charge = np.minimum(radiance * rate * seconds, response.full_well_e)
-        axes.semilogx(1e3 * seconds, sensor.digital_numbers(charge, response), label=name)
+        axes.semilogx(1e3 * seconds, sensor.convert_to_digital(charge, response), label=name)
     axes.set(xlabel="Exposure, ms", ylabel="Digital number of level ground")
     axes.legend()
 
@@ -263,7 +263,7 @@ def depth_error(figure: Figure) -> None:
     axes = figure.subplots()
     depth = np.geomspace(0.5, 50, 100)
     for k, name in enumerate(preset_files.preset_names("rigs")):
-        rig, title = described(name).rig, preset_files.preset_header(name)[0]
+        rig, title = described(name).rig, preset_files.read_preset_header(name)[0]
         axes.loglog(
             depth,
             [100 * depth_accuracy.depth_error_m(z, rig, 0.25) for z in depth],
@@ -277,7 +277,7 @@ def depth_error(figure: Figure) -> None:
 def cautious_matcher(figure: Figure) -> None:
     """A matcher that leaves out its worst pixels: the error of measured pixels falls, that of all pixels does not."""
     axes = figure.subplots()
-    random = generator(1, "sensor", 99)
+    random = make_generator(1, "sensor", 99)
     focal_baseline = 85.333
     truth = random.uniform(1.0, 6.0, 20000)
     off = np.abs(random.standard_t(2.0, truth.size)) * 0.4

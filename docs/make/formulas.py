@@ -21,13 +21,15 @@ def mathml(tex: str, block: bool) -> str:
 
 def of_manual() -> dict[str, str]:
     """The MathML of all formulas of the pages, by their TeX."""
-    from icymoon.formats.markdown import formulas
+    from icymoon.formats.markdown import find_formulas
 
     pages = sorted(DOCS.rglob("*.md"))
     return dict(
         sorted(
             {
-                tex: mathml(tex, block) for page in pages for tex, block in formulas(page.read_text(encoding="utf-8"))
+                tex: mathml(tex, block)
+                for page in pages
+                for tex, block in find_formulas(page.read_text(encoding="utf-8"))
             }.items()
         )
     )

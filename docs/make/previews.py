@@ -104,7 +104,7 @@ def make(name: str, folder: Path) -> Path:
     image = cv2.imread(str(next(shown.rglob("left.png"))), cv2.IMREAD_UNCHANGED)
     light = image / (2.0 ** json.loads(next(shown.rglob("images.json")).read_text())["image_bits"] - 1)
     image = np.rint(255 * (np.sqrt(light) if kind in SAME_EXPOSURE else light)).astype(np.uint8)
-    target = preset_files.preview_path(name)
+    target = preset_files.find_preview(name)
     _write(target, image)
     return target
 
@@ -116,9 +116,9 @@ def _write(target: Path, image: Array) -> None:
 
 def make_choice() -> None:
     """Write the picture of four scenes, as large as one of them."""
-    images = [cv2.imread(str(preset_files.preview_path(name))) for name in CHOICE]
+    images = [cv2.imread(str(preset_files.find_preview(name))) for name in CHOICE]
     small = [cv2.resize(image, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA) for image in images]
-    _write(preset_files.preview_path("choose"), np.vstack([np.hstack(small[:2]), np.hstack(small[2:])]))
+    _write(preset_files.find_preview("choose"), np.vstack([np.hstack(small[:2]), np.hstack(small[2:])]))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from typing import Any
 from icymoon.commands import cli
 from icymoon.render.plans.vary_scene import SPACINGS
 from icymoon.settings import preset_files, toml_text
-from icymoon.settings.table import TOPICS, ground_settings
+from icymoon.settings.table import TOPICS, list_ground_settings
 from icymoon.settings.topics.declaration import Setting
 from icymoon.settings.topics.scene import OUR_TOPICS
 from icymoon.stereo import cli as stereo_cli
@@ -174,7 +174,7 @@ def _presets() -> str:
 
 
 def _preset(name: str) -> str:
-    raw = toml_text.read_toml(preset_files.preset_path(name))
+    raw = toml_text.read_toml(preset_files.find_preset(name))
     header, sources, measured = raw.pop("preset"), raw.pop("sources"), raw.pop("measured", None)
     text = f"### {name}\n\n**{header['title']}.** {header['description']}.\n"
     if included := header.get("include"):
@@ -360,7 +360,7 @@ def _operators_of(path: Path) -> Iterator[Operator]:
         if "__annotations__" in stated:  # made of settings
             properties = {
                 name: (TOPICS[topic][key].label, TOPICS[topic][key].description)
-                for name, (topic, key) in ground_settings().items()
+                for name, (topic, key) in list_ground_settings().items()
             }
         choices: dict[str, list[str]] = {name: [] for name in properties}
         if any(isinstance(base, ast.Name) and base.id == "_ValueFields" for base in node.bases):
@@ -381,9 +381,11 @@ def _operators_of(path: Path) -> Iterator[Operator]:
 
 
 def _value_fields() -> Iterator[tuple[str, dict[str | None, Any]]]:
-    """The properties of ``scene_properties.varied_fields``, which the list and a dialog have in common."""
+    """The properties of ``scene_properties.make_varied_fields``, which the list and a dialog have in common."""
     module = ast.parse((ROOT / "settings" / "blender" / "scene_properties.py").read_text(encoding="utf-8"))
-    function = next(node for node in module.body if isinstance(node, ast.FunctionDef) and node.name == "varied_fields")
+    function = next(
+        node for node in module.body if isinstance(node, ast.FunctionDef) and node.name == "make_varied_fields"
+    )
     made = next(node.value for node in function.body if isinstance(node, ast.Return))
     assert isinstance(made, ast.Dict)
     spacings = [ast.Constant(name) for name in SPACINGS]

@@ -10,8 +10,8 @@ import numpy as np
 from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ...physics.camera.lens_models import Brown, Cahvore, LensModel
 from ...support.files import write_text
-from ...support.foreign_bytes import explained
-from ..cahvor import Cahvor, cahvor_text, pds_text, read_model
+from ...support.foreign_bytes import explain_errors
+from ..cahvor import Cahvor, make_cahvor_text, make_pds_text, read_model
 from .options import Reading, Stated, as_cahvore, skew_of
 
 #: The coordinate system that labels name.
@@ -23,7 +23,7 @@ def read_cahv(paths: Sequence[Path], stated: Stated) -> Reading:
     found = []
     for path in paths:
         model = read_model(path)
-        with explained(path, "a camera model", "correct its vectors"):
+        with explain_errors(path, "a camera model", "correct its vectors"):
             found.append(_camera(model, path.stem, stated.unit_m()))
     return Reading(CalibratedRig(tuple(found)))
 
@@ -49,7 +49,7 @@ def write_cahv(rig: CalibratedRig, paths: Sequence[Path]) -> None:
     """Write a file for each camera, a PDS3 label where its suffix is .lbl."""
     for camera, path in zip(rig.cameras, paths, strict=True):
         model = _model(as_cahvore(camera) or camera)
-        write_text(path, pds_text(model, _FRAME) if path.suffix.lower() == ".lbl" else cahvor_text(model))
+        write_text(path, make_pds_text(model, _FRAME) if path.suffix.lower() == ".lbl" else make_cahvor_text(model))
 
 
 def _model(camera: CalibratedCamera) -> Cahvor:

@@ -17,7 +17,7 @@ from ...physics.camera.lens_models import Brown, Fisheye
 from ...physics.camera.rotations import from_quaternion, quaternion
 from ...support.errors import IcyMoonError
 from ...support.files import quote, write_text
-from ...support.foreign_bytes import ForeignBytes, RefusedError, explained, read
+from ...support.foreign_bytes import ForeignBytes, RefusedError, explain_errors, read
 from .options import Reading, Stated, numbers_of, opencv_lens, why_no_opencv_lens
 
 _KIND = "a model of COLMAP"
@@ -45,7 +45,7 @@ def read_colmap(paths: Sequence[Path], stated: Stated) -> Reading:
     images = read(folder / f"images{kind}", parse[1], _KIND, _FIX, _MOST_IMAGES)
     unit_m = stated.unit_m()
     found = []
-    with explained(folder / f"images{kind}", _KIND, _FIX):
+    with explain_errors(folder / f"images{kind}", _KIND, _FIX):
         for _, placed, number, name in sorted(images, key=lambda image: image[0]):
             if number not in cameras:
                 raise ValueError(f"{quote(name)} has the camera {number}, which is not there")

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.arm.kinematics import pose as rigid_pose
+from ...physics.arm.kinematics import rigid_transform as rigid_pose
 from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ...physics.camera.lens_models import Brown, Fisheye, LensModel
 from ...support.files import quote, write_text
-from ...support.foreign_bytes import ForeignBytes, RefusedError, explained, read, reason_of
+from ...support.foreign_bytes import ForeignBytes, RefusedError, describe_reason, explain_errors, read
 from ..yaml_text import parse_yaml
 from .options import (
     MOST_BYTES,
@@ -56,7 +56,7 @@ def _parse(foreign: ForeignBytes, stated: Stated) -> Reading:
                 pose = rigid_pose(step.rotation, step.translation_m) @ pose
             cameras.append(_camera(entry, name, number, stated).placed(pose[:3, :3], pose[:3, 3]))
         except (ValueError, KeyError) as error:
-            raise ValueError(f"{name}: {reason_of(error)}") from None
+            raise ValueError(f"{name}: {describe_reason(error)}") from None
     return Reading(CalibratedRig(tuple(cameras)))
 
 
@@ -110,5 +110,5 @@ def write_kalibr(rig: CalibratedRig, paths: Sequence[Path]) -> None:
             f"  intrinsics: [{words_of([same.fx_px, same.fy_px, same.cx_px, same.cy_px])}]",
             f"  resolution: [{same.width_px}, {same.height_px}]",
         ]
-    with explained(path, _KIND, "write to another folder"):
+    with explain_errors(path, _KIND, "write to another folder"):
         write_text(path, "\n".join([*lines, ""]))

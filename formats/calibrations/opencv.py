@@ -19,7 +19,7 @@ from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ...physics.camera.lens_models import Brown, Fisheye, LensModel
 from ...support.arrays import Array
 from ...support.files import quote, write_atomically, write_text
-from ...support.foreign_bytes import ForeignBytes, explained, parse_json, parse_npz, parse_xml, read
+from ...support.foreign_bytes import ForeignBytes, explain_errors, parse_json, parse_npz, parse_xml, read
 from ..yaml_text import parse_yaml
 from .options import MOST_BYTES, UNITS, Reading, Stated, brown_of, numbers_of, opencv_lens, why_no_opencv_lens
 
@@ -49,12 +49,12 @@ def read_opencv(paths: Sequence[Path], stated: Stated) -> Reading:
     found: dict[str, Any] = {}
     for path in paths:
         content = read(path, _parse, _KIND, _FIX, MOST_BYTES)
-        with explained(path, _KIND, "give each key in one of the files alone"):
+        with explain_errors(path, _KIND, "give each key in one of the files alone"):
             if twice := found.keys() & content.keys():
                 raise ValueError(f"it states {quote(min(twice))} as {paths[0].name} does")
         found |= content
     where = " and ".join(map(str, paths))
-    with explained(where, _KIND, _FIX):
+    with explain_errors(where, _KIND, _FIX):
         return _rig_of(found, stated)
 
 

@@ -16,7 +16,7 @@ from ...physics.camera.rotations import nearest_rotation, rotation_error
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import write_text
-from ...support.foreign_bytes import explained
+from ...support.foreign_bytes import explain_errors
 from ..ros_camera import RosCamera, read_ros_camera
 from .options import Reading, Stated, as_brown, as_fisheye, brown_of, why_no_opencv_lens, words_of
 
@@ -38,7 +38,7 @@ def read_ros(paths: Sequence[Path], stated: Stated) -> Reading:
             notes.append(
                 f"{path.name}: rectification_matrix was rounded, off by {off:.2g}; the nearest rotation is taken."
             )
-        with explained(path, _KIND, "calibrate both eyes as a stereo pair"):
+        with explain_errors(path, _KIND, "calibrate both eyes as a stereo pair"):
             camera = _camera(ros, stated.size(number), path.stem)
             place = place_of(ros) * stated.unit_m()
             # Into the camera's axes from the rectified ones, whose origin is the left eye.
@@ -105,7 +105,7 @@ def why_not_ros(camera: CalibratedCamera) -> str:
 
 def write_ros(rig: CalibratedRig, paths: Sequence[Path]) -> None:
     """Write a file for each eye of a pair. Raises IcyMoonError for eyes that are not side by side."""
-    with explained(paths[-1], _KIND, "give two eyes side by side"):
+    with explain_errors(paths[-1], _KIND, "give two eyes side by side"):
         if len(paths) != 2:
             raise ValueError(f"ROS holds pairs, and these are {len(paths)}")
         pair = ros_pair_of(rig)

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.arm.kinematics import pose
+from ...physics.arm.kinematics import rigid_transform
 from ...physics.camera.calibrated_camera import CalibratedCamera, CalibratedRig
 from ...physics.camera.lens_models import Brown, Fisheye
 from ...support.files import quote, write_json
-from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_json, read, reason_of
+from ...support.foreign_bytes import ForeignBytes, RefusedError, describe_reason, parse_json, read
 from .options import Reading, Stated, numbers_of, opencv_lens, pose_of, why_no_opencv_lens
 
 _KIND = "a transforms.json"
@@ -44,7 +44,7 @@ def _parse(foreign: ForeignBytes, stated: Stated) -> Reading:
         try:
             cameras.append(_camera({**whole, **frame}, number, stated))
         except (ValueError, KeyError) as error:
-            raise ValueError(f"frames[{number}]: {reason_of(error)}") from None
+            raise ValueError(f"frames[{number}]: {describe_reason(error)}") from None
     return Reading(CalibratedRig(tuple(cameras)), (_ASSUMED.format(stated.unit_m()),))
 
 
@@ -88,7 +88,7 @@ def _frame(camera: CalibratedCamera, number: int) -> dict[str, Any]:
     names = ("k1", "k2", "k3", "k4") if is_fisheye else ("k1", "k2", "p1", "p2", "k3")
     return {
         "file_path": camera.name or f"camera{number}",
-        "transform_matrix": (pose(camera.rotation.T, camera.centre_m) @ _FLIP).tolist(),
+        "transform_matrix": (rigid_transform(camera.rotation.T, camera.centre_m) @ _FLIP).tolist(),
         "camera_model": "OPENCV_FISHEYE" if is_fisheye else "OPENCV",
         "w": camera.width_px,
         "h": camera.height_px,

@@ -16,8 +16,8 @@ def _blend_folder() -> str | None:
 
 
 def used_files(settings: Settings) -> dict[str, Path]:
-    """``settings.user_files.used_files`` with the folder of the open .blend file."""
-    return user_files.used_files(settings, _blend_folder())
+    """``settings.user_files.find_used_files`` with the folder of the open .blend file."""
+    return user_files.find_used_files(settings, _blend_folder())
 
 
 def with_absolute_files(settings: Settings) -> Settings:
@@ -27,10 +27,10 @@ def with_absolute_files(settings: Settings) -> Settings:
 
 
 def content(settings: Settings) -> str:
-    """``settings.user_files.content`` with the folder of the open .blend file."""
-    return user_files.content(settings, _blend_folder())
+    """``settings.user_files.hash_content`` with the folder of the open .blend file."""
+    return user_files.hash_content(settings, _blend_folder())
 
 
 def are_there(settings: Settings) -> bool:
-    """``settings.user_files.are_there`` with the folder of the open .blend file."""
-    return user_files.are_there(settings, _blend_folder())
+    """``settings.user_files.do_files_exist`` with the folder of the open .blend file."""
+    return user_files.do_files_exist(settings, _blend_folder())

@@ -29,7 +29,7 @@ _SCHEME = 2
 
 def maker() -> str:
     """The scheme of the marks and the series of Blender, since each series has other properties."""
-    return f"{_SCHEME} {compat.blender_series()}"
+    return f"{_SCHEME} {compat.find_series()}"
 
 
 def built_objects(collection: bpy.types.Collection) -> dict[str, bpy.types.Object]:

@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from ...support.blender import compat
-from ...support.files import sha256
+from ...support.files import hash_file
 from .array_marks import attributes, mark, mesh_arrays, read_property
 from .stored_properties import OF_THE_VIEW, stored_properties
 
@@ -130,7 +130,9 @@ class Walk:
 
     def _custom(self, block: bpy.types.ID) -> list[Any]:
         """Custom properties, which attribute and geometry nodes read, without groups, which other add-ons make."""
-        values = [(key, block[key]) for key in sorted(set(compat.custom_properties(block)) - {"icymoon", "_RNA_UI"})]
+        values = [
+            (key, block[key]) for key in sorted(set(compat.list_custom_properties(block)) - {"icymoon", "_RNA_UI"})
+        ]
         return [
             (key, self.ordered(value))
             for key, value in values
@@ -317,7 +319,7 @@ class Walk:
         From 5.2 on they are ordinary properties.
         """
         items = modifier.node_group.interface.items_tree if modifier.node_group else ()
-        given = {key: modifier[key] for key in compat.custom_properties(modifier)}
+        given = {key: modifier[key] for key in compat.list_custom_properties(modifier)}
         return [
             (
                 item.identifier,
@@ -385,7 +387,7 @@ def _of_tile(path: str, number: int) -> str:
 @lru_cache(maxsize=4096)
 def _content(file: str, size: int, modified_ns: int) -> str:
     """SHA-256 of a file, read once for each size and time of change."""
-    return sha256(Path(file))
+    return hash_file(Path(file))
 
 
 def _plain(value: Any) -> object:

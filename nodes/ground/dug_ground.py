@@ -16,10 +16,10 @@ import numpy as np
 from mathutils import geometry
 
 from ...physics.excavation import site as sites
-from ...physics.excavation.dig import Series
-from ...physics.excavation.grid import Grid
+from ...physics.excavation.dig import ExcavationSeries
+from ...physics.excavation.grid import ExcavationGrid
 from ...physics.excavation.paths import JOINTS
-from ...physics.mesh.patch_hole import cut_hole, inside_loop, rim_of
+from ...physics.mesh.patch_hole import cut_hole, is_inside_loop, list_grid_rim
 from ...physics.rocks.rocks import HeightAt
 from ...physics.terrain.terrain import Terrain
 from ...settings import changes
@@ -41,11 +41,11 @@ _FREE = (2.0, 6.0, 16.0)
 class DugGround(MeshedGround):
     """Ground in a state of an excavation. The vertices of its patch come last, row by row from the south-west."""
 
-    series: Series | None = None
+    series: ExcavationSeries | None = None
     state: int = 0
 
     @property
-    def grid(self) -> Grid:
+    def grid(self) -> ExcavationGrid:
         """The grid of the patch."""
         assert self.series is not None
         return self.series.site.grid
@@ -87,7 +87,7 @@ class _Prepared:
 
     key: str
     ground: MeshedGround
-    series: Series
+    series: ExcavationSeries
 
 
 class _Last:
@@ -104,7 +104,7 @@ def mesh_whole_ground(make: Callable[[Settings], Terrain], settings: Settings) -
     """
     if not sites.is_dug(settings):
         return mesh_ground(make(settings), settings)
-    if reasons := sites.find_reasons(settings):
+    if reasons := sites.find_refusals(settings):
         raise IcyMoonError(" ".join(reasons))
     with _Last.lock:
         prepared = _prepare(make, settings)
@@ -112,7 +112,7 @@ def mesh_whole_ground(make: Callable[[Settings], Terrain], settings: Settings) -
 
 
 def _key(settings: Settings) -> str:
-    scene = {topic: dict(values) for topic, values in changes.scene(settings).items()}
+    scene = {topic: dict(values) for topic, values in changes.select_scene(settings).items()}
     scene["excavation"]["state"] = 0
     return json.dumps([scene, sites.gravity_m_s2(settings), content(settings)], sort_keys=True)
 
@@ -131,7 +131,7 @@ def _prepare(make: Callable[[Settings], Terrain], settings: Settings) -> _Prepar
         _Last.prepared = _Prepared(
             key,
             joined,
-            Series(
+            ExcavationSeries(
                 site,
                 settings.excavation,
                 int(settings.dataset.seed),
@@ -154,7 +154,7 @@ def _dig(prepared: _Prepared, state: int) -> DugGround:
     return DugGround(ground.surface, positions, ground.faces, ground.sharp, ground.spacing_m, fine, series, state)
 
 
-def join(ground: MeshedGround, grid: Grid, heights_m: Array) -> MeshedGround:
+def join(ground: MeshedGround, grid: ExcavationGrid, heights_m: Array) -> MeshedGround:
     """Ground whose mesh has a patch with the vertices of ``grid``, which come last, at ``heights_m`` (rows, columns).
 
     The triangles that meet the patch are taken out, and the gap is filled by a constrained Delaunay triangulation
@@ -179,7 +179,7 @@ def join(ground: MeshedGround, grid: Grid, heights_m: Array) -> MeshedGround:
     around = int(used.sum())
     east, north = np.broadcast_arrays(grid.east_m[None, :], grid.north_m[:, None])
     patch = np.stack([east, north, heights_m], axis=2).reshape(-1, 3)
-    rim = rim_of(grid.rows, grid.columns)
+    rim = list_grid_rim(grid.rows, grid.columns)
     gap = _fill_gap(ground.positions[loop, :2], patch[rim, :2])
     ends = np.concatenate([number[loop], around + rim])
     corner = around + (np.arange(grid.rows - 1)[:, None] * grid.columns + np.arange(grid.columns - 1)).ravel()
@@ -221,7 +221,7 @@ def _fill_gap(outer_m: Array, inner_m: Array) -> Array:
     middle = (a + b + c) / 3.0
     low, high = points[len(outer_m) :].min(axis=0), points[len(outer_m) :].max(axis=0)
     in_patch = ((middle > low) & (middle < high)).all(axis=1)
-    return _without_loose(made[inside_loop(middle, points[: len(outer_m)]) & ~in_patch], np.sort(edges, axis=1))
+    return _without_loose(made[is_inside_loop(middle, points[: len(outer_m)]) & ~in_patch], np.sort(edges, axis=1))
 
 
 def _without_loose(faces: Array, rims: Array) -> Array:

@@ -20,10 +20,10 @@ from ...formats.exr_layout import read_layout
 from ...formats.geotiff import MapPlace, Site
 from ...formats.image_size import check_pixels
 from ...formats.png import check_png
-from ...physics.mesh.height_map import NO_HEIGHT, clear_stated
+from ...physics.mesh.height_map import NO_HEIGHT, clear_stated_mark
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.foreign_bytes import ForeignBytes, RefusedError, explained, parse_npy, read
+from ...support.foreign_bytes import ForeignBytes, RefusedError, explain_errors, parse_npy, read
 from .import_mesh import open_scratch_scene
 
 SUFFIXES = (".tif", ".tiff", ".npy", ".png", ".exr")
@@ -84,7 +84,7 @@ def read_heights(
     else:
         heights = {".npy": _read_npy, ".png": _read_png, ".exr": _read_exr}[suffix](path, start)
         if missing is not None:
-            sentences = clear_stated(heights.values, missing, heights.stored)
+            sentences = clear_stated_mark(heights.values, missing, heights.stored)
             heights = replace(heights, report=(*heights.report, *sentences))
     if min(heights.values.shape) < 2:
         rows, columns = heights.values.shape
@@ -138,7 +138,7 @@ def _read_png(path: Path, start: bytes) -> Heights:
     return Heights(
         np.rint(_load_pixels(path).astype(np.float64) * highest),
         unplaced=files_beside.why_unplaced(path),
-        warnings=(*files_beside.doubt_world_file(path), *files_beside.doubt_notes(path)),
+        warnings=(*files_beside.describe_world_file(path), *files_beside.describe_gdal_notes(path)),
     )
 
 
@@ -176,7 +176,7 @@ def _mask_missing(values: Array) -> Array:
 def _load_pixels(path: Path) -> Array:
     """The first channel (rows, columns) float32, loaded by Blender without colour conversion."""
     with open_scratch_scene():
-        with explained(path, "an image", "save it again"):
+        with explain_errors(path, "an image", "save it again"):
             image = bpy.data.images.load(str(path), check_existing=False)
         image.colorspace_settings.name = "Non-Color"
         image.alpha_mode = "CHANNEL_PACKED"

@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from ...physics.rocks.rocks import Rocks
-from ...physics.rocks.shapes import Shape
+from ...physics.rocks.shapes import RockShape
 from ...support.arrays import Array
 from ...support.labels import FACE_ATTRIBUTE, FIRST_ROCK_INSTANCE, INSTANCE_AOV, INSTANCE_ATTRIBUTE
 from ..tree.builder import Tree
@@ -36,7 +36,7 @@ def label_instances(material: bpy.types.Material) -> None:
 
 
 def build_shapes(
-    name: str, shapes: Sequence[Sequence[Shape]], used: Array, material: bpy.types.Material
+    name: str, shapes: Sequence[Sequence[RockShape]], used: Array, material: bpy.types.Material
 ) -> list[bpy.types.Object]:
     """An object for each of the ``shapes[level][shape]`` whose number is in ``used``.
 
@@ -108,7 +108,7 @@ def _set_attribute(mesh: bpy.types.Mesh, name: str, data_type: str, values: Arra
 
 
 def build_rocks(
-    name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], material: bpy.types.Material, tag: str
+    name: str, rocks: Rocks, shapes: Sequence[Sequence[RockShape]], material: bpy.types.Material, tag: str
 ) -> bpy.types.Object:
     """The object whose points are the rocks. ``parts_of`` returns the other data-blocks that it needs.
 

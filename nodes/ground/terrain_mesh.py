@@ -10,10 +10,10 @@ import bpy
 import numpy as np
 
 from ...physics.mesh.fine_relief import is_carried_by_grid
-from ...physics.mesh.graded_ground import Graded, grade_ground
+from ...physics.mesh.graded_ground import GradedGround, grade_ground
 from ...physics.mesh.height_surface import Surface
-from ...physics.terrain.roughness.roughness import asked_numbers
-from ...physics.terrain.roughness.statistics import Roughness, measure, power_spectrum
+from ...physics.terrain.roughness.roughness import list_asked_statistics
+from ...physics.terrain.roughness.statistics import Roughness, measure_roughness, power_spectrum
 from ...physics.terrain.terrain import Terrain, law_range_m
 from ...settings.topics.ground import TerrainSettings
 from ...settings.topics.scene import Settings
@@ -38,14 +38,14 @@ def shortest_wavelength_m(terrain: TerrainSettings) -> float:
     return 2 * vertex_spacing_m(terrain)
 
 
-def as_meshed(ground: Terrain, settings: Settings) -> Terrain | Graded:
+def as_meshed(ground: Terrain, settings: Settings) -> Terrain | GradedGround:
     """Procedural ground with the mesh of ``settings``: unchanged for a grid, or graded."""
     return grade_ground(ground, settings) if settings.mesh.kind == "GRADED" else ground
 
 
 def site_wavelength_m(terrain: TerrainSettings, ground: Surface) -> float:
     """Shortest wavelength in metres that the mesh of ``ground`` can contain at the site."""
-    return ground.site_wavelength_m if isinstance(ground, Graded) else shortest_wavelength_m(terrain)
+    return ground.site_wavelength_m if isinstance(ground, GradedGround) else shortest_wavelength_m(terrain)
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class MeshedGround:
     """Procedural ground as numbers: its heights, and the positions (n, 3), faces (m, corners per face) and sharp edges
     (k, 2) of its mesh."""
 
-    surface: Terrain | Graded
+    surface: Terrain | GradedGround
     positions: Array
     faces: Array
     sharp: Array
@@ -85,7 +85,7 @@ def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
     Raises ValueError if a height is not finite.
     """
     surface = as_meshed(ground, settings)
-    if not isinstance(surface, Graded):
+    if not isinstance(surface, GradedGround):
         step = vertex_spacing_m(settings.terrain)
         positions, faces = grid(settings.terrain, surface)
         spacing = np.full(len(positions), step) if is_carried_by_grid(settings) else None
@@ -154,7 +154,7 @@ def patch_roughness(heights: Array | None, terrain: TerrainSettings) -> Roughnes
     spacing = terrain.size_m / (len(heights) - 1)
     shortest, longest = law_range_m(terrain)
     # The grid cuts off wavelengths below two spacings, which affects distances up to three times that.
-    return measure(heights, spacing, terrain.slope_baseline_m, (max(shortest, 6 * spacing), longest))
+    return measure_roughness(heights, spacing, terrain.slope_baseline_m, (max(shortest, 6 * spacing), longest))
 
 
 def patch_statistics(heights: Array | None, terrain: TerrainSettings) -> dict[str, Any]:
@@ -162,7 +162,7 @@ def patch_statistics(heights: Array | None, terrain: TerrainSettings) -> dict[st
     found = patch_roughness(heights, terrain)
     if found is None:
         return {}
-    return {"baseline_m": found.baseline_m, "asked": asked_numbers(terrain), "made": found.numbers()}
+    return {"baseline_m": found.baseline_m, "asked": list_asked_statistics(terrain), "made": found.numbers()}
 
 
 def roughness_table(heights: Array | None, terrain: TerrainSettings) -> list[tuple[str, ...]]:

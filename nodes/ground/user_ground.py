@@ -19,14 +19,14 @@ from ...physics.mesh.height_map import HeightMap
 from ...physics.mesh.height_surface import Surface
 from ...physics.mesh.mesh_heights import MeshGround
 from ...physics.surfaces.textures import uses_uv
-from ...physics.terrain.fine_detail import displace
+from ...physics.terrain.fine_detail import displace_by_relief
 from ...settings.topics.ground import SourceSettings
 from ...settings.topics.scene import Settings
 from ...settings.topics.trust_boundary import NO_MARK
 from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..datablocks.blend_file_paths import used_files
 from . import import_heights
 from .import_mesh import read_mesh
@@ -208,14 +208,14 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     positions, faces, uv = read_mesh(path)
     warnings = [*_coarse_coordinates(path, positions), *_ignored_unit(path, kind)]
     positions, axis = turned_up(positions * source.scale, kind, source.up_axis)
-    before = check.examine(positions, faces)
+    before = check.examine_mesh(positions, faces)
     fine = _is_fine(subdivide.edge_length_m(positions, faces), float(settings.rig.height_m))
     unlikely = _check_size(path, np.array(before.extents_m), _SET_SCALE, "fix the vertices that stand out.", fine)
     _refuse_unusable(path, before, source.repair)
     report = [f"{kind}, {axis} up, {source.scale:g} m per unit", *before.lines()]
     if source.repair:
-        positions, faces, uv = check.repair(positions, faces, uv)
-        after = check.examine(positions, faces)
+        positions, faces, uv = check.repair_mesh(positions, faces, uv)
+        after = check.examine_mesh(positions, faces)
         report.append("Repaired: " + "; ".join(after.lines()))
     else:
         after = before
@@ -255,7 +255,7 @@ def _with_roughness(
         positions, faces = subdivide.halve_edges(positions, faces)
         uv = None if uv is None else texture_coordinates.halve_coordinates(uv)
     finest = edge / 2**cuts
-    roughened = displace(
+    roughened = displace_by_relief(
         positions,
         subdivide.vertex_normals(positions, faces),
         settings,
@@ -314,7 +314,7 @@ def _refuse_unusable(path: Path, found: check.MeshReport, repair: bool) -> None:
         raise IcyMoonError(f"{path}: none of its {found.triangles} faces has an area; export the mesh again.")
     if found.non_finite_vertices and not repair:
         raise IcyMoonError(
-            f"{path}: has {count_of(found.non_finite_vertices, 'vertex', 'vertices')} without finite "
+            f"{path}: has {format_count(found.non_finite_vertices, 'vertex', 'vertices')} without finite "
             "coordinates; set source.repair or fix the mesh."
         )
 
@@ -363,7 +363,7 @@ def _grid_mesh(surface: HeightMap, spacing_m: float) -> tuple[Array, Array]:
     """Vertices and faces of a map, on a grid of about this spacing."""
     west, east, south, north = surface.bounds_m
     x, y = (np.linspace(a, b, max(2, round((b - a) / spacing_m) + 1)) for a, b in ((west, east), (south, north)))
-    return height_map.grid_mesh(surface.heights(x[None, :], y[:, None], 2 * spacing_m), x, y)
+    return height_map.make_grid_mesh(surface.heights(x[None, :], y[:, None], 2 * spacing_m), x, y)
 
 
 def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[Settings], Surface]) -> UserGround:
@@ -373,7 +373,7 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     missing = None if source.missing in ("", NO_MARK) else float(source.missing)
     site = None if by_hand else Site(bool(source.centre), _origin_m(source), size_m, radius_m)
     read = import_heights.read_heights(path, site, missing, radius_m)
-    values, sentences = (read.values, []) if source.missing else height_map.clear_unmarked(read.values)
+    values, sentences = (read.values, []) if source.missing else height_map.clear_unstated_mark(read.values)
     known = np.isfinite(values)
     if not known.any():
         raise IcyMoonError(f"{path}: none of its {known.size} pixels is a height; check its no-data value.")

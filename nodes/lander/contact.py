@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ...physics.arm.collisions import Heights, find_self_collisions, ground_clearances_m, lines_of
-from ...physics.arm.lander_arm import arm_of, joint_values
-from ...physics.arm.lander_solids import body_capsules
+from ...physics.arm.collisions import Heights, find_self_collisions, ground_clearances_m, place_capsules
+from ...physics.arm.lander_arm import joint_values, make_arm
+from ...physics.arm.lander_solids import make_body_capsules
 from ...physics.mesh.mesh_heights import MeshGround
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
@@ -48,11 +48,11 @@ class Contact:
 
 def find_contact(settings: Settings, site_m: float, terrain: bpy.types.Object) -> Contact:
     """The contacts of the arm of complete settings; contacts with the ground are with its triangles."""
-    arm, joints = arm_of(settings, site_m), joint_values(settings)
-    ends = np.array([end for line in lines_of(arm, joints) for end in (line.start, line.end)])
+    arm, joints = make_arm(settings, site_m), joint_values(settings)
+    ends = np.array([end for line in place_capsules(arm, joints) for end in (line.start, line.end)])
     heights = _heights_near(terrain, ends.min(axis=0)[:2] - _MARGIN_M, ends.max(axis=0)[:2] + _MARGIN_M)
     return Contact(
-        ground_clearances_m(arm, joints, heights), find_self_collisions(arm, joints, body_capsules(settings))
+        ground_clearances_m(arm, joints, heights), find_self_collisions(arm, joints, make_body_capsules(settings))
     )
 
 

@@ -6,9 +6,9 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...physics.arm.kinematics import forward, pose
-from ...physics.arm.lander_arm import arm_of, joint_values, solids_of
-from ...physics.arm.lander_solids import BODY, HEAD, LEGS, MAST, head_solid, pad_centres
+from ...physics.arm.kinematics import forward_kinematics, rigid_transform
+from ...physics.arm.lander_arm import joint_values, make_arm, make_solids
+from ...physics.arm.lander_solids import BODY, HEAD, LEGS, MAST, find_pad_centres, make_head
 from ...physics.arm.parametric import JOINTS, lander_pose
 from ...physics.arm.solids import Solid
 from ...physics.arm.urdf import MOST_LINKS
@@ -35,14 +35,14 @@ INSTANCES = {link: FIRST_LINK_INSTANCE + k for k, link in enumerate(ROLES)}
 
 def names_of_links(settings: Settings) -> dict[str, str]:
     """The key in ``ROLES`` and ``INSTANCES`` of each link of these settings, by its name."""
-    moving = [link for link in arm_of(settings).links if link not in _LINKS]
+    moving = [link for link in make_arm(settings).links if link not in _LINKS]
     return {**{link: link for link in _LINKS}, **dict(zip(moving, _OWN_LINKS, strict=False))}
 
 
 def _find_pads_m(settings: Settings, site_m: float, terrain: bpy.types.Object) -> list[float]:
     """Heights in metres of the ground's mesh under the left and the right pad over ``site_m``; 0 beside the ground."""
     place = lander_pose(settings, 0.0)
-    spots = np.array([place @ [x, y, 0.0, 1.0] for x, y in pad_centres(settings.lander)])
+    spots = np.array([place @ [x, y, 0.0, 1.0] for x, y in find_pad_centres(settings.lander)])
     with probe_heights(terrain) as height_at:
         found = np.asarray(height_at(spots[:, 0], spots[:, 1]), float) - site_m
     return [float(each) for each in np.nan_to_num(found, nan=0.0)]
@@ -52,7 +52,7 @@ def build_lander(settings: Settings, site_m: float, terrain: bpy.types.Object) -
     """The objects of the lander, where the settings put them, with its pads on the ground. The caller links them."""
     pads_m = _find_pads_m(settings, site_m, terrain)
     materials = build_materials(settings.lander.frost_share)
-    solids = {**solids_of(settings, pads_m), HEAD: head_solid(settings)}
+    solids = {**make_solids(settings, pads_m), HEAD: make_head(settings)}
     keys = names_of_links(settings)
     made = [_build_link(link, keys[link], solid, materials) for link, solid in solids.items()]
     bpy.data.batch_remove([each for each in materials.values() if each.users == 0])
@@ -76,12 +76,12 @@ def _build_link(link: str, key: str, solid: Solid, materials: dict[str, bpy.type
 
 def link_poses(settings: Settings, site_m: float) -> dict[str, Array]:
     """Pose (4, 4) in the world of each link's frame, in double precision."""
-    arm, rig = arm_of(settings, site_m), settings.rig
-    head = pose(camera_axes(rig.heading_deg, rig.pitch_deg), (rig.x_m, rig.y_m, site_m + rig.height_m))
+    arm, rig = make_arm(settings, site_m), settings.rig
+    head = rigid_transform(camera_axes(rig.heading_deg, rig.pitch_deg), (rig.x_m, rig.y_m, site_m + rig.height_m))
     still = lander_pose(settings, site_m)
     return {
         **dict.fromkeys((BODY, MAST, *LEGS), still),
-        **dict(zip(arm.links, forward(arm, joint_values(settings)), strict=True)),
+        **dict(zip(arm.links, forward_kinematics(arm, joint_values(settings)), strict=True)),
         HEAD: head,
     }
 

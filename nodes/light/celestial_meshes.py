@@ -14,7 +14,7 @@ import bmesh
 import bpy
 import numpy as np
 
-from ...physics.light.planetshine import Planet, disc_mesh
+from ...physics.light.planetshine import Planet, make_disc_mesh
 from ...physics.light.saturn_rings import RingMesh
 from ...physics.light.stars import Stars
 from ...support.arrays import Array
@@ -37,7 +37,7 @@ STAR_PX = 1.0
 
 def build_planet(name: str, planet: Planet, colour: Array, dip_deg: float) -> bpy.types.Object:
     """The part of the planet above a horizon ``dip_deg`` under the horizontal, in true proportion."""
-    shown = disc_mesh(planet)
+    shown = make_disc_mesh(planet)
     faces = [tuple(dict.fromkeys(face)) for face in shown.faces.tolist()]
     return _build_far_mesh(
         name, DISTANCE_M * shown.vertices, faces, {}, build_planet_material(name, planet, colour, DISTANCE_M), dip_deg

@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 from mathutils import Vector
 
-from ...physics.light.planetshine import Planet, ellipsoid, lit_chords, mean_direction, unshaded_share
+from ...physics.light.planetshine import Planet, find_lit_chords, find_mean_direction, make_ellipsoid, unshaded_share
 from ...support.arrays import Array
 from ...support.blender import compat
 from ...support.file_shapes import NUMBER, Each
@@ -42,7 +42,9 @@ def build_planet_light(name: str, planet: Planet, colour: Array) -> bpy.types.Ob
     lamp.color = tuple(map(float, colour))
     compat.disable_light_factors(lamp)
     lamp.angle = math.radians(planet.angular_diameter_deg)
-    lamp.energy = ellipsoid(planet).full_radiance * unshaded_share(planet) * math.pi * math.sin(lamp.angle / 2) ** 2
+    lamp.energy = (
+        make_ellipsoid(planet).full_radiance * unshaded_share(planet) * math.pi * math.sin(lamp.angle / 2) ** 2
+    )
     tree = Tree(compat.ensure_light_nodes(lamp))
     light = tree.emission("Planet", WHITE, _add_sunlit(tree, planet))
     tree.node("ShaderNodeOutputLight", "Light", {"Surface": light}, target="ALL")
@@ -50,20 +52,20 @@ def build_planet_light(name: str, planet: Planet, colour: Array) -> bpy.types.Ob
     item = bpy.data.objects.new(name, lamp)
     item.rotation_euler = Vector(planet.direction).to_track_quat("Z", "Y").to_euler()
     item.location = planet.direction * 10.0  # only moves the symbol in the viewport
-    across, lit = lit_chords(planet)
+    across, lit = find_lit_chords(planet)
     item[SHAPE] = json.dumps(
         {
             "PlanetAcross": across.tolist(),
             "PlanetLit": lit,
             "PlanetDirection": planet.direction.tolist(),
             "PlanetRadius": lamp.angle / 2,
-            "PlanetObserver": ellipsoid(planet).observer.tolist(),
+            "PlanetObserver": make_ellipsoid(planet).observer.tolist(),
             "PlanetPole": planet.pole.tolist(),
             "PlanetStretch": 1 / (1 - planet.flattening) - 1,
             "PlanetSun": planet.sun.tolist(),
         }
     )
-    item[MEAN] = mean_direction(planet).tolist()
+    item[MEAN] = find_mean_direction(planet).tolist()
     return item
 
 
@@ -90,7 +92,7 @@ def _add_sunlit(tree: Tree, planet: Planet) -> Socket:
 
     The ray o + t w meets an ellipsoid, which is the unit sphere after space is stretched along the pole.
     """
-    shape = ellipsoid(planet)
+    shape = make_ellipsoid(planet)
     vector, scaled = tree.vector, tree.scaled
     dot = partial(vector, "DOT_PRODUCT")
 

@@ -20,7 +20,7 @@ from ...physics.light.planet_face import (
     face_scale,
     spot_axes,
 )
-from ...physics.light.planetshine import Planet, ellipsoid
+from ...physics.light.planetshine import Planet, make_ellipsoid
 from ...support.arrays import Array
 from ...support.blender import compat
 from ..tree.builder import Socket, Tree, Triple, Value, output
@@ -41,7 +41,7 @@ def build_planet_material(name: str, planet: Planet, colour: Array, distance_m: 
     else:
         shade = globe.add_passed()
         light = _add_face(globe, face, np.array(face_scale(planet)) * colour)
-    strength = tree.math("MULTIPLY", "Radiance", shade, ellipsoid(planet).full_radiance)
+    strength = tree.math("MULTIPLY", "Radiance", shade, make_ellipsoid(planet).full_radiance)
     tree.surface(tree.emission("Shine", light, strength))
     tree.arrange()
     return material
@@ -55,7 +55,7 @@ class _Globe:
 
     def __init__(self, tree: Tree, planet: Planet, distance_m: float) -> None:
         self.tree, self.planet = tree, planet
-        shape = ellipsoid(planet)
+        shape = make_ellipsoid(planet)
         place = output(tree.node("ShaderNodeTexCoord", "From the Camera", from_instancer=False), "Object")
         self.toward = tree.vector("NORMALIZE", "Toward the Camera", tree.scaled("Back", place, -1.0))
         centred = tree.vector(

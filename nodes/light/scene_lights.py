@@ -9,15 +9,15 @@ from typing import Any
 import bpy
 
 from ...physics.light.planet_face import face_tint
-from ...physics.light.saturn_rings import ring_mesh
-from ...physics.light.sky import Sky, check_body, sky_facts
-from ...physics.light.sky import sky as sky_of
+from ...physics.light.saturn_rings import make_ring_mesh
+from ...physics.light.sky import Sky, check_body, describe_sky
+from ...physics.light.sky import compute_sky as sky_of
 from ...physics.light.stars import stars_above_horizon
 from ...physics.light.sunlight import sun_colour
 from ...physics.mesh.horizon import dip_deg
 from ...physics.rig.focal_length import focal_px
 from ...physics.scene_requirements import planet_gives_light
-from ...physics.terrain.skyline import skyline_advice
+from ...physics.terrain.skyline import advise_on_skyline
 from ...settings.topics.scene import Settings
 from ..datablocks.fingerprint import NAME, TAG
 from .celestial_meshes import build_planet, build_rings, build_stars
@@ -53,7 +53,7 @@ def build_lights(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list
 def advice(sky: Sky, settings: Settings) -> list[str]:
     """Sentences for the user on a dark sky, hills before the Sun, rings that are not shown and stars of wrong
     brightness."""
-    light, sentences = settings.light, skyline_advice(settings, sky.sun, sky.sun_diameter_deg)
+    light, sentences = settings.light, advise_on_skyline(settings, sky.sun, sky.sun_diameter_deg)
     if sky.planet is not None and light.planet_rings and not sky.planet.rings:
         sentences.append("Only Saturn has bright rings; light.planet_rings has no effect for this planet.")
     if light.stars and light.irradiance_band == "CAMERA":
@@ -91,7 +91,7 @@ def change_lights(
 
 def _place_sun(sun: bpy.types.Object, settings: Settings, sky: Sky) -> None:
     place_sun(sun, sky, sun_colour(settings.light.sun_temperature_k))
-    sun[SKY] = json.dumps(sky_facts(sky))
+    sun[SKY] = json.dumps(describe_sky(sky))
 
 
 def _build_others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> list[bpy.types.Object]:
@@ -102,7 +102,7 @@ def _build_others(settings: Settings, sky: Sky, camera: bpy.types.Object) -> lis
         items["planet"] = build_planet(f"{NAME} Planet", sky.planet, colour, dip)
         if planet_gives_light(settings, sky):
             items["planetshine"] = build_planet_light(f"{NAME} Planetshine", sky.planet, colour * face_tint(sky.planet))
-    rings = ring_mesh(sky.planet) if sky.planet is not None else None
+    rings = make_ring_mesh(sky.planet) if sky.planet is not None else None
     if rings is not None and rings.vertices[:, 2].max() > 0:
         items["rings"] = build_rings(f"{NAME} Rings", rings, colour, dip)
     for item in items.values():

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from ...physics.light.scene_sun import SceneSun, as_it_stands, described_by
+from ...physics.light.scene_sun import SceneSun, sun_from_facts, sun_from_lamp
 from ...physics.light.sky import Sky
 from ...support.arrays import Array
 from ...support.blender import compat
@@ -62,13 +62,13 @@ def angular_diameter(sun: bpy.types.Object) -> float:
 
 
 def read_scene_sun(sun: bpy.types.Object, facts: Mapping[str, Any], source: str) -> SceneSun:
-    """The Sun of the lamp as it stands. ``facts`` and ``source`` are what set it up: the table of ``sky.sky_facts`` and
-    the choice of ``light.directions_from``."""
+    """The Sun of the lamp as it stands. ``facts`` and ``source`` are what set it up: the table of ``sky.describe_sky``
+    and the choice of ``light.directions_from``."""
     direction, distance = sun.matrix_world.to_3x3().col[2].normalized(), 0.0
     if sun.data.type != "SUN":  # light comes from its place, whichever way it is turned
         direction, distance = sun.location.normalized(), sun.location.length
-    return as_it_stands(
-        described_by(facts, source),
+    return sun_from_lamp(
+        sun_from_facts(facts, source),
         np.array(direction),
         irradiance_wm2(sun),
         math.degrees(angular_diameter(sun)),

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...physics.surfaces.fractures import gap_reflectance, sight_m
+from ...physics.surfaces.fractures import gap_reflectance, sight_depth_m
 from ...settings.topics.surfaces import SurfaceSettings
 from ..tree.builder import Node, Socket, Tree, output
 from ..tree.formula import Number, Vector
@@ -113,7 +113,7 @@ def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, nor
         tree,
         tree.curve("Reflected by a Gap", cosine.value, _COSINES, gap_reflectance(_COSINES, surface.refractive_index)),
     )
-    seen = (distance * (-surface.fracture_spacing_m / sight_m(surface))).exp()
+    seen = (distance * (-surface.fracture_spacing_m / sight_depth_m(surface))).exp()
     return is_open * seen * gap.times_plus(1.0 - _HAZE, _HAZE)
 
 

@@ -12,11 +12,11 @@ from ...formats.mesh_images import MeshImage
 from ...paper_stand_ins.cached_files import find_texture_files
 from ...paper_stand_ins.items import describe, items_of
 from ...physics.light.ground_colours import clean_albedo
-from ...physics.scene_requirements import rendered_surface, surface_topics
+from ...physics.scene_requirements import simplify_surface, surface_topics
 from ...physics.surfaces import principled
 from ...physics.surfaces.textures import uses_uv
 from ...settings.topics.scene import Settings
-from ...settings.topics.stand_ins import texture_item
+from ...settings.topics.stand_ins import find_texture_item
 from ...support.errors import IcyMoonError
 from ...support.labels import ROCK, TERRAIN, UV_LAYER
 from ...support.number_text import show_rounded
@@ -37,14 +37,14 @@ _TOO_BRIGHT = 0.005
 def advice(settings: Settings) -> list[str]:
     """Sentences of advice on the surfaces in the scene; empty without a problem."""
     topics = surface_topics(settings)
-    shown = [rendered_surface(settings, topic) for topic in topics]
+    shown = [simplify_surface(settings, topic) for topic in topics]
     # The albedo of rocks that let light through is the albedo of their opaque part; bubbles have their own.
     opaque = [
         surface | ({"transmission": 0.0} if topic == "rock_surface" and principled.lets_light_through(surface) else {})
         for topic, surface in zip(topics, shown, strict=True)
     ]
     sentences = [
-        principled.albedo_advice(surface)
+        principled.advise_on_albedo(surface)
         for surface in opaque
         if surface.model == "PRINCIPLED" and surface.bubble_share == 0.0
     ]
@@ -55,7 +55,7 @@ def advice(settings: Settings) -> list[str]:
         and (
             textures.set == "NONE"
             or (textures.set == "OWN" and not textures.roughness_file)
-            or (textures.set == "STAND_IN" and "roughness" not in texture_item(textures.stand_in).kinds)
+            or (textures.set == "STAND_IN" and "roughness" not in find_texture_item(textures.stand_in).kinds)
         )
     ):
         sentences.append("hapke.theta_bar_range_deg has no effect, because the textures have no roughness image.")
@@ -131,7 +131,7 @@ def image_advice(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
         return []
     of = textured.maps["albedo"]
     values, mean = measure_brightness(of), max(sum(of.mean) / 3, 1e-6)
-    reflected = values / mean * clean_albedo(rendered_surface(settings, "surface"), settings.hapke)
+    reflected = values / mean * clean_albedo(simplify_surface(settings, "surface"), settings.hapke)
     share = 1.0 - float(np.interp(1.0, reflected, np.linspace(0.0, 1.0, len(values)), right=1.0))
     if share < _TOO_BRIGHT:
         return []
@@ -170,7 +170,7 @@ def _build_named_material(
 ) -> bpy.types.Material:
     material = build_material(
         f"{NAME} {name}",
-        rendered_surface(settings, topic),
+        simplify_surface(settings, topic),
         int(settings.dataset.seed),
         semantic,
         textured,

@@ -16,7 +16,7 @@ from typing import Any
 import bpy
 
 from ...support.blender import compat
-from ...support.scratch import scratch_folder
+from ...support.scratch import open_scratch_folder
 from ..tree.builder import Node, Tree
 
 SOURCE = Path(__file__).parent / "hapke.osl"
@@ -40,7 +40,7 @@ def compile_source() -> str:
     It is free of the compiler's comments and of file names, which name folders of this machine, the comments other
     ones at each call.
     """
-    with scratch_folder() as folder:
+    with open_scratch_folder() as folder:
         target = folder / "hapke.oso"
         if not compat.compile_osl(SOURCE, target):
             raise RuntimeError(f"Cycles could not compile {SOURCE.name}.")

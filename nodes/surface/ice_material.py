@@ -9,12 +9,12 @@ from typing import Any
 
 import bpy
 
-from ...physics.random_numbers.seeds import generator
+from ...physics.random_numbers.seeds import make_generator
 from ...physics.rig.focal_length import focal_px
 from ...physics.scene_requirements import emits, only_camera_meets_relief
 from ...physics.surfaces import principled
 from ...physics.surfaces.fractures import has_fractures
-from ...physics.surfaces.hapke import from_settings
+from ...physics.surfaces.hapke import hapke_from_settings
 from ...settings.table import TOPICS
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
@@ -107,7 +107,7 @@ def _add_snow(
     if isinstance(wanted, (int, float)):
         base: Triple = (*[principled.base_colour(surface, wanted)] * 3, 1.0)
     else:
-        base = tree.curve(f"Base of {label}", wanted, *principled.inverse_curve(surface))
+        base = tree.curve(f"Base of {label}", wanted, *principled.base_colour_curve(surface))
     return tree.principled(
         label,
         base,
@@ -157,7 +157,7 @@ class _Places:
     @classmethod
     def draw(cls, seed: int) -> _Places:
         """The offsets of a seed."""
-        drawn = map(float, generator(seed, "surface").uniform(0.0, 1000.0, 11))
+        drawn = map(float, make_generator(seed, "surface").uniform(0.0, 1000.0, 11))
         patches, grain_x, salt, east, north, grain_y, grain_z, bands, frost, crust, fractures = drawn
         grain = [along % GRAIN_FARTHEST for along in (grain_x, grain_y, grain_z)]
         return cls(patches, grain, salt, (east, north), bands, frost, crust, fractures)
@@ -274,7 +274,7 @@ def _add_law(
     if snow and settings.hapke.backend != "OSL":
         return {"ALL": reflectance_laws.add_snow(ground, surface.albedo, sun)}
     use_osl, level, _ = reflectance_laws.choose_backend(settings.hapke, settings.quality.device)
-    grains = reflectance_laws.Grains(from_settings(settings.hapke), least)
+    grains = reflectance_laws.Grains(hapke_from_settings(settings.hapke), least)
     # The emission of a surface that traces the Sun is not a light source, and the law handles grazing bumps itself.
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False

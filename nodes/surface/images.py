@@ -21,7 +21,7 @@ from ...physics.surfaces.textures import SIZE, make_maps
 from ...settings.topics.surfaces import TexturesSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.foreign_bytes import ForeignBytes, explained, parse_part, read
+from ...support.foreign_bytes import ForeignBytes, explain_errors, parse_part, read
 from ...support.labels import UV_LAYER
 
 _KEY, _MEAN = "icymoon_key", "icymoon_mean"  # the key of an image, and the mean of its linear values
@@ -102,7 +102,7 @@ def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, M
     for each in found.values():
         if each.image.get(_SHOWN) != mark:
             pixels = _read_pixels(each.image)
-            values = _linear(each.image, pixels[texture_coordinates.pixels_at(points, *pixels.shape[:2])])
+            values = _linear(each.image, pixels[texture_coordinates.find_pixels(points, *pixels.shape[:2])])
             each.image[_SHOWN], each.image[_SHOWN_MEAN] = mark, (weight @ values).tolist()
     return {kind: replace(each, mean=tuple(each.image[_SHOWN_MEAN])) for kind, each in found.items()}
 
@@ -176,7 +176,7 @@ def _load_image(source: MeshImage, name: str) -> bpy.types.Image:
         parse_part(data, path, check, _KIND, fix)
         return _unpack_image(source, data)
     read(path, check, _KIND, fix)
-    with explained(path, _KIND, fix):
+    with explain_errors(path, _KIND, fix):
         return bpy.data.images.load(str(path), check_existing=False)
 
 

@@ -124,7 +124,7 @@ def advice(settings: Settings) -> list[str]:
         choose_backend(settings.hapke, settings.quality.device)
     if not uses_hapke(settings):
         return []
-    model.from_settings(settings.hapke)
+    model.hapke_from_settings(settings.hapke)
     message = choose_backend(settings.hapke, settings.quality.device)[2]
     return [message] if message else []
 

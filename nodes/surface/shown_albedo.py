@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...physics.surfaces import photometry
-from ...physics.surfaces.hapke import bidirectional_reflectance, from_settings
+from ...physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
 from ...support.arrays import Array
@@ -47,7 +47,7 @@ def add_albedo_pass(
 
 def hapke_curve(settings: Settings, least: float) -> tuple[Array, Array]:
     """Factors on w from ``least`` to 1, and the Bond albedo of Hapke's law with each."""
-    known = from_settings(settings.hapke)
+    known = hapke_from_settings(settings.hapke)
     factors = np.unique(np.linspace(least, 1.0, _STEPS))
 
     def bond(factor: float) -> float:

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...physics.light.directions import toward
+from ...physics.light.directions import direction_toward
 from ...settings.topics.light import LightSettings
 from ...support.arrays import Numbers
 from ...support.blender import compat
@@ -42,7 +42,7 @@ class Sun:
     @classmethod
     def from_settings(cls, light: LightSettings) -> Sun:
         """The Sun that ``light`` settings describe."""
-        x, y, z = toward(light.sun_azimuth_deg, light.sun_elevation_deg)
+        x, y, z = direction_toward(light.sun_azimuth_deg, light.sun_elevation_deg)
         return cls(
             (x, y, z),
             (light.sun_irradiance_wm2,) * 3,

@@ -24,8 +24,8 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.files import shorten
 from ...support.foreign_bytes import Budget, ForeignBytes, RefusedError, parse_xml
-from ...support.number_text import count_of
-from .kinematics import pose, turn
+from ...support.number_text import format_count
+from .kinematics import rigid_transform, rotation_about
 
 Number = TypeVar("Number", int, float)
 #: Maximum number of nodes and their parts, each as often as the scene shows it; maximum number of inputs of a corner.
@@ -47,10 +47,10 @@ def parse_triangles(foreign: ForeignBytes, most: int) -> Mesh:
     """
     # The parser would make a text of each line.
     root = parse_xml(foreign.text().replace("\n", " ").replace("\t", " "), foreign.budget)
-    return _Document(root, foreign.budget, most).read()
+    return _ColladaDocument(root, foreign.budget, most).read()
 
 
-class _Document:
+class _ColladaDocument:
     def __init__(self, root: ElementTree.Element, budget: Budget, most: int) -> None:
         self.root, self.budget, self.most = root, budget, most
         self.by_id: dict[tuple[str, str], list[ElementTree.Element]] = {}
@@ -59,19 +59,23 @@ class _Document:
             if name := item.get("id"):
                 self.by_id.setdefault((item.tag, name), []).append(item)
         # A file may refer to one element from everywhere.
-        self.array_of, self.places_of, self.source_of = cache(self._array), cache(self._places), cache(self._source)
-        self.mesh_of, self.pose_of = cache(self._mesh), cache(self._pose)
+        self.array_of, self.find_relative_places, self.source_of = (
+            cache(self._read_float_array),
+            cache(self._read_positions),
+            cache(self._find_position_source),
+        )
+        self.mesh_of, self.pose_of = cache(self._read_geometry), cache(self._compose_transforms)
 
     def read(self) -> Mesh:
         if self.root.tag != "COLLADA":
             raise ValueError(f"it begins with <{shorten(self.root.tag)}> and not with <COLLADA>")
         unit = self.root.find("asset/unit")
-        metres = _number(unit.get("meter", "1") if unit is not None else "1", "the unit")
+        metres = _parse_number(unit.get("meter", "1") if unit is not None else "1", "the unit")
         if not 0 < metres <= _LARGEST:
             raise ValueError(f"its unit is {metres:g} m")
         shown: list[Mesh] = []
         triangles = vertices = 0
-        for geometry, place in self._shown():
+        for geometry, place in self._find_shown_geometries():
             points, corners = self.mesh_of(geometry)
             if not len(corners):
                 continue
@@ -96,18 +100,18 @@ class _Document:
 
     # The scene
 
-    def _scene(self) -> ElementTree.Element:
+    def _find_scene(self) -> ElementTree.Element:
         named = self.root.find("scene/instance_visual_scene")
         if named is not None:
             return self._find("visual_scene", named.get("url"))
         scenes = self.root.findall("library_visual_scenes/visual_scene")
         if len(scenes) != 1:
-            raise ValueError(f"it has {count_of(len(scenes), 'scene')}, and names none to be shown")
+            raise ValueError(f"it has {format_count(len(scenes), 'scene')}, and names none to be shown")
         return scenes[0]
 
-    def _shown(self) -> Iterator[tuple[ElementTree.Element, Array]]:
+    def _find_shown_geometries(self) -> Iterator[tuple[ElementTree.Element, Array]]:
         """Each geometry that the scene shows, with its place (4, 4)."""
-        left = [(node, np.eye(4)) for node in reversed(self._scene().findall("node"))]
+        left = [(node, np.eye(4)) for node in reversed(self._find_scene().findall("node"))]
         steps = 0
         while left:
             node, above = left.pop()
@@ -130,12 +134,12 @@ class _Document:
             ]
             left += [(each, place) for each in reversed(inner)]
 
-    def _pose(self, node: ElementTree.Element) -> Array:
+    def _compose_transforms(self, node: ElementTree.Element) -> Array:
         """The pose (4, 4) of a node: the product of its transforms in their order."""
         made = np.eye(4)
         for each in node:
             if each.tag in _TRANSFORMS:
-                made = made @ self._transform(each)
+                made = made @ self._parse_transform(each)
             elif each.tag in ("lookat", "skew"):
                 raise RefusedError(
                     f"has a node with <{each.tag}>, which is not read; apply the transforms of its "
@@ -143,8 +147,8 @@ class _Document:
                 )
         return made
 
-    def _transform(self, item: ElementTree.Element) -> Array:
-        values = self._numbers(item.text, float, _TRANSFORMS[item.tag], f"a <{item.tag}>")
+    def _parse_transform(self, item: ElementTree.Element) -> Array:
+        values = self._parse_numbers(item.text, float, _TRANSFORMS[item.tag], f"a <{item.tag}>")
         if not np.abs(values).max() <= _LARGEST:
             raise ValueError(f"a <{item.tag}> has a number that is none")
         if item.tag == "matrix":
@@ -153,16 +157,20 @@ class _Document:
             return values.reshape(4, 4)
         if item.tag == "scale":
             return np.diag([*values, 1.0])
-        return pose(place=values) if item.tag == "translate" else pose(_turned(values[:3], math.radians(values[3])))
+        return (
+            rigid_transform(place=values)
+            if item.tag == "translate"
+            else rigid_transform(_rotation_about(values[:3], math.radians(values[3])))
+        )
 
     # Geometries
 
-    def _mesh(self, geometry: ElementTree.Element) -> Mesh:
+    def _read_geometry(self, geometry: ElementTree.Element) -> Mesh:
         mesh = geometry.find("mesh")
-        found = [self._primitive(item) for item in mesh if item.tag in _PRIMITIVES] if mesh is not None else []
+        found = [self._read_primitive(item) for item in mesh if item.tag in _PRIMITIVES] if mesh is not None else []
         starts, points, count = dict[ElementTree.Element, int](), [np.empty((0, 3))], 0
         for source, corners in found:
-            places = self.places_of(source)
+            places = self.find_relative_places(source)
             if corners.size and not 0 <= corners.min() <= corners.max() < len(places):
                 wrong = corners[(corners < 0) | (corners >= len(places))][0]
                 raise ValueError(f"a face has vertex {wrong}, and the vertices are 0 to {len(places) - 1}")
@@ -174,19 +182,23 @@ class _Document:
             [np.empty((0, 3), np.int64), *(corners + starts[source] for source, corners in found)]
         )
 
-    def _array(self, numbers: ElementTree.Element) -> Array:
-        found = self._numbers(numbers.text, float, _count(numbers, "count"), "an array")
+    def _read_float_array(self, numbers: ElementTree.Element) -> Array:
+        found = self._parse_numbers(numbers.text, float, _read_count(numbers, "count"), "an array")
         if not np.isfinite(found).all():
             raise ValueError("an array has a number that is none")
         return found
 
-    def _places(self, source: ElementTree.Element) -> Array:
+    def _read_positions(self, source: ElementTree.Element) -> Array:
         """The places (n, 3) that a source of positions has."""
         accessor = source.find("technique_common/accessor")
         if accessor is None:
             raise ValueError("a source has no accessor")
         values = self.array_of(self._find("float_array", accessor.get("source")))
-        count, start, stride = _count(accessor, "count"), _count(accessor, "offset", 0), _count(accessor, "stride", 1)
+        count, start, stride = (
+            _read_count(accessor, "count"),
+            _read_count(accessor, "offset", 0),
+            _read_count(accessor, "stride", 1),
+        )
         # A parameter without a name is left out.
         columns = [k for k, each in enumerate(accessor.findall("param")) if each.get("name")]
         if len(columns) != 3 or columns[-1] >= stride:
@@ -197,16 +209,16 @@ class _Document:
         self.budget.charge(24 * count, "vertices")
         return values[start + stride * np.arange(count)[:, None] + columns]
 
-    def _source(self, vertices: ElementTree.Element) -> ElementTree.Element:
+    def _find_position_source(self, vertices: ElementTree.Element) -> ElementTree.Element:
         """The source of the positions of a ``<vertices>``."""
         urls = [each.get("source") for each in vertices.findall("input") if each.get("semantic") == "POSITION"]
         if len(urls) != 1:
             raise ValueError("a <vertices> has not one input POSITION")
         return self._find("source", urls[0])
 
-    def _primitive(self, item: ElementTree.Element) -> tuple[ElementTree.Element, Array]:
+    def _read_primitive(self, item: ElementTree.Element) -> tuple[ElementTree.Element, Array]:
         """The source of the positions of a primitive, and its triangles (m, 3) in numbers of that source."""
-        inputs = [(each, _count(each, "offset")) for each in item.findall("input")]
+        inputs = [(each, _read_count(each, "offset")) for each in item.findall("input")]
         width = 1 + max((offset for _, offset in inputs), default=0)
         vertex = [(each, offset) for each, offset in inputs if each.get("semantic") == "VERTEX"]
         if len(vertex) != 1 or width > _MOST_INPUTS:
@@ -214,7 +226,7 @@ class _Document:
         source = self.source_of(self._find("vertices", vertex[0][0].get("source")))
         if item.find("ph") is not None:
             raise RefusedError("has polygons with holes, which are not read; export it as triangles.")
-        lengths, corners = self._corners(item, width)
+        lengths, corners = self._read_corners(item, width)
         at = np.cumsum(lengths) - lengths
         fan = np.maximum(lengths - 2, 0)
         _check_counts(int(fan.sum()), 0, self.most)
@@ -226,11 +238,11 @@ class _Document:
             triangles[inner % 2 == 1] = triangles[inner % 2 == 1][:, [1, 0, 2]]
         return source, corners.reshape(-1, width)[:, vertex[0][1]][triangles]
 
-    def _corners(self, item: ElementTree.Element, width: int) -> tuple[Array, Array]:
+    def _read_corners(self, item: ElementTree.Element, width: int) -> tuple[Array, Array]:
         """Number of corners of each polygon, fan or strip, and ``width`` numbers of each corner, in a row."""
         lists = [each.text for each in item.findall("p")]
         if item.tag in ("triangles", "polylist"):
-            count = _count(item, "count")
+            count = _read_count(item, "count")
             if item.tag == "triangles":
                 _check_counts(count, 0, self.most)
                 lengths = np.full(count, 3)
@@ -238,31 +250,31 @@ class _Document:
                 if count > 3 * self.most:
                     raise RefusedError(f"has more than {3 * self.most} polygons; make it coarser.")
                 stated = item.find("vcount")
-                lengths = self._numbers(stated.text if stated is not None else "", int, count, "a <vcount>")
+                lengths = self._parse_numbers(stated.text if stated is not None else "", int, count, "a <vcount>")
                 if (lengths < 0).any():
                     raise ValueError("a <vcount> has a negative number")
                 if lengths.max(initial=0) > 3 * self.most:  # no sum of them is beyond what numbers can be
                     raise RefusedError(f"has more than {self.most} triangles; make it coarser.")
-            return lengths, self._numbers(
+            return lengths, self._parse_numbers(
                 " ".join(each or "" for each in lists), int, int(lengths.sum()) * width, f"the faces of a <{item.tag}>"
             )
         numbers, ends = array("q"), [0]
         for each in lists:
-            for part in _words(each):
+            for part in _split_words(each):
                 self.budget.charge(8 * len(part), "faces")
-                numbers.extend(_parsed(part, int, f"the faces of a <{item.tag}>"))
+                numbers.extend(_parse_words(part, int, f"the faces of a <{item.tag}>"))
             ends.append(len(numbers))
             if (ends[-1] - ends[-2]) % width:
                 raise ValueError(f"a face of a <{item.tag}> has not {width} numbers for each corner")
         return np.array([(end - start) // width for start, end in pairwise(ends)], int), np.array(numbers, np.int64)
 
-    def _numbers(self, text: str | None, kind: type[Number], count: int, where: str) -> Array:
+    def _parse_numbers(self, text: str | None, kind: type[Number], count: int, where: str) -> Array:
         """The ``count`` numbers of a text. Raises ValueError if it has another count."""
         self.budget.charge(8 * count, "numbers")
         found, at = np.empty(count, np.int64 if kind is int else np.float64), 0
-        for part in _words(text):
+        for part in _split_words(text):
             if at + len(part) <= count:
-                found[at : at + len(part)] = _parsed(part, kind, where)
+                found[at : at + len(part)] = _parse_words(part, kind, where)
             at += len(part)
         if at != count:
             raise ValueError(f"there are {at} numbers in {where}, not {count}")
@@ -280,7 +292,7 @@ def _check_counts(triangles: int, vertices: int, most: int) -> None:
         raise RefusedError(f"has more than {3 * most} vertices; make it coarser.")
 
 
-def _words(text: str | None) -> Iterator[list[str]]:
+def _split_words(text: str | None) -> Iterator[list[str]]:
     """The words of a text, a part of them at a time."""
     at, text = 0, text or ""
     while at < len(text):
@@ -290,18 +302,18 @@ def _words(text: str | None) -> Iterator[list[str]]:
         at = end
 
 
-def _parsed(words: list[str], kind: type[Number], where: str) -> list[Number]:
+def _parse_words(words: list[str], kind: type[Number], where: str) -> list[Number]:
     try:
         return list(map(kind, words))
     except ValueError:
         raise ValueError(f"there is something else than {'whole ' if kind is int else ''}numbers in {where}") from None
 
 
-def _number(text: str, where: str) -> float:
-    return _parsed([text], float, where)[0]
+def _parse_number(text: str, where: str) -> float:
+    return _parse_words([text], float, where)[0]
 
 
-def _count(item: ElementTree.Element, key: str, default: int | None = None) -> int:
+def _read_count(item: ElementTree.Element, key: str, default: int | None = None) -> int:
     """A count that an element states. Raises ValueError if it is not a whole number."""
     text = item.get(key, "" if default is None else str(default)).strip()
     if not (text.isascii() and text.isdecimal() and len(text) < 10):
@@ -309,11 +321,11 @@ def _count(item: ElementTree.Element, key: str, default: int | None = None) -> i
     return int(text)
 
 
-def _turned(axis: Array, angle: float) -> Array:
+def _rotation_about(axis: Array, angle: float) -> Array:
     """The rotation (3, 3) by an angle in radians about an axis (3,) of any length."""
     length = float(np.linalg.norm(axis))
     if angle == 0:
         return np.eye(3)
     if length < 1e-12:
         raise ValueError("a <rotate> has an axis without a length")
-    return turn(axis / length, angle)
+    return rotation_about(axis / length, angle)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array
-from .kinematics import Arm, Capsule, forward
+from .kinematics import Arm, Capsule, forward_kinematics
 
 Heights = Callable[[Array, Array], Array]
 
@@ -17,7 +17,7 @@ _STEP_M = 0.02
 
 
 @dataclass(frozen=True)
-class Line:
+class WorldCapsule:
     """A capsule in the world: start and end (3,), radius in metres, and the number of its link, -1 for the base."""
 
     link: int
@@ -26,14 +26,14 @@ class Line:
     radius_m: float
 
 
-def lines_of(arm: Arm, joints_rad: Array, others: tuple[Capsule, ...] = ()) -> list[Line]:
+def place_capsules(arm: Arm, joints_rad: Array, others: tuple[Capsule, ...] = ()) -> list[WorldCapsule]:
     """The capsules of an arm in the world, and ``others`` that are still, in the frame of the arm's base."""
-    poses = forward(arm, joints_rad)
+    poses = forward_kinematics(arm, joints_rad)
     found = []
     for capsule in (*arm.capsules, *others):
         at = poses[capsule.link] if capsule.link >= 0 else arm.base
         start, end = (at[:3, :3] @ np.array(each) + at[:3, 3] for each in (capsule.start, capsule.end))
-        found.append(Line(capsule.link, start, end, capsule.radius_m))
+        found.append(WorldCapsule(capsule.link, start, end, capsule.radius_m))
     return found
 
 
@@ -49,7 +49,7 @@ def segment_distance(a: Array, b: Array, c: Array, d: Array) -> float:
     return float(np.linalg.norm(w + s * u - t * v))
 
 
-def clearance_m(one: Line, other: Line) -> float:
+def capsule_clearance_m(one: WorldCapsule, other: WorldCapsule) -> float:
     """Distance between two capsules in metres, negative where they overlap."""
     return segment_distance(one.start, one.end, other.start, other.end) - one.radius_m - other.radius_m
 
@@ -57,15 +57,15 @@ def clearance_m(one: Line, other: Line) -> float:
 def find_self_collisions(arm: Arm, joints_rad: Array, others: tuple[Capsule, ...] = ()) -> list[tuple[str, str]]:
     """Pairs of names of the links that overlap, "lander" for the base. Links that share a joint always meet there."""
     names = (*arm.links, "lander")  # -1 is the last
-    lines, found = lines_of(arm, joints_rad, others), []
+    lines, found = place_capsules(arm, joints_rad, others), []
     for k, one in enumerate(lines):
         for other in lines[k + 1 :]:
-            if not _joined(arm, one.link, other.link) and clearance_m(one, other) < 0:
+            if not _are_joined(arm, one.link, other.link) and capsule_clearance_m(one, other) < 0:
                 found.append((names[one.link], names[other.link]))
     return list(dict.fromkeys(found))
 
 
-def _joined(arm: Arm, one: int, other: int) -> bool:
+def _are_joined(arm: Arm, one: int, other: int) -> bool:
     """Whether two links are one, or share a joint, or are both still."""
     return (
         one == other
@@ -80,7 +80,7 @@ def ground_clearances_m(arm: Arm, joints_rad: Array, heights: Heights) -> dict[s
     ``heights`` returns the height in metres of the ground at coordinates (n,).
     """
     found: dict[str, float] = {}
-    for line in lines_of(arm, joints_rad):
+    for line in place_capsules(arm, joints_rad):
         count = 2 + int(np.linalg.norm(line.end - line.start) / _STEP_M)
         points = line.start + np.linspace(0.0, 1.0, count)[:, None] * (line.end - line.start)
         above = points[:, 2] - line.radius_m - np.asarray(heights(points[:, 0], points[:, 1]))
@@ -92,7 +92,7 @@ def ground_clearances_m(arm: Arm, joints_rad: Array, heights: Heights) -> dict[s
 
 def find_link_around(arm: Arm, joints_rad: Array, point: Array) -> str:
     """Name of the link whose capsule contains a world point (3,), such as an eye; empty if none does."""
-    for line in lines_of(arm, joints_rad):
+    for line in place_capsules(arm, joints_rad):
         if segment_distance(line.start, line.end, point, point) < line.radius_m:
             return arm.links[line.link]
     return ""

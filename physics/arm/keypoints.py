@@ -9,7 +9,7 @@ import numpy as np
 
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
-from .lander_arm import keypoints_of
+from .lander_arm import list_keypoints
 
 
 def describe_keypoints(
@@ -27,7 +27,7 @@ def describe_keypoints(
     metres, NaN for sky. A point is visible if nothing is nearer at its pixel by more than its radius.
     """
     found = []
-    for name, link, place, radius in keypoints_of(settings, pads_m):
+    for name, link, place, radius in list_keypoints(settings, pads_m):
         world = links[link][:3, :3] @ place + links[link][:3, 3]
         entry: dict[str, Any] = {"name": name, "link": link, "position_m": world.tolist()}
         for eye, pose in eyes.items():

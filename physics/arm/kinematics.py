@@ -62,7 +62,7 @@ class Arm:
 
     @property
     def links(self) -> tuple[str, ...]:
-        """Names of the links that move, in the order of ``forward``."""
+        """Names of the links that move, in the order of ``forward_kinematics``."""
         return tuple(joint.link for joint in self.joints)
 
     @property
@@ -80,13 +80,13 @@ def cross_matrix(axis: Array) -> Array:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def turn(axis: Array, angle: float) -> Array:
+def rotation_about(axis: Array, angle: float) -> Array:
     """Rotation (3, 3) about a unit axis by an angle in radians (Rodrigues)."""
     k = cross_matrix(axis)
     return np.asarray(np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k))
 
 
-def pose(rotation: Array | None = None, place: tuple[float, ...] | Array = (0.0, 0.0, 0.0)) -> Array:
+def rigid_transform(rotation: Array | None = None, place: tuple[float, ...] | Array = (0.0, 0.0, 0.0)) -> Array:
     """A rigid transformation (4, 4) from a rotation (3, 3) and a place (3,) in metres."""
     made = np.eye(4)
     made[:3, :3] = np.eye(3) if rotation is None else rotation
@@ -102,35 +102,35 @@ def _zero_poses(arm: Arm) -> list[Array]:
     return found
 
 
-def _exponential(joint: Joint, zero: Array, angle: float) -> Array:
+def _joint_motion(joint: Joint, zero: Array, angle: float) -> Array:
     """The motion (4, 4) in the base's frame that a joint makes, from its axis at zero angles."""
     axis = zero[:3, :3] @ joint.axis
     if joint.slides:
-        return pose(place=axis * angle)
-    rotation, point = turn(axis, angle), zero[:3, 3]
-    return pose(rotation, point - rotation @ point)
+        return rigid_transform(place=axis * angle)
+    rotation, point = rotation_about(axis, angle), zero[:3, 3]
+    return rigid_transform(rotation, point - rotation @ point)
 
 
-def forward(arm: Arm, joints_rad: Array) -> Array:
+def forward_kinematics(arm: Arm, joints_rad: Array) -> Array:
     """Pose of each moving link in the world, (links, 4, 4), for the angles (links,) in radians.
 
-    Limits are not applied: see ``beyond_limits``.
+    Limits are not applied: see ``find_joints_beyond_limits``.
     """
     zeros = _zero_poses(arm)
     motions: list[Array] = []
     for joint, zero, angle in zip(arm.joints, zeros, np.asarray(joints_rad, np.float64), strict=True):
         before = motions[joint.parent] if joint.parent >= 0 else np.eye(4)
-        motions.append(before @ _exponential(joint, zero, float(angle)))
+        motions.append(before @ _joint_motion(joint, zero, float(angle)))
     return np.stack([arm.base @ motion @ zero for motion, zero in zip(motions, zeros, strict=True)])
 
 
-def tip_of(arm: Arm, joints_rad: Array) -> Array:
+def find_tip(arm: Arm, joints_rad: Array) -> Array:
     """Place (3,) in the world of the tool's point."""
-    last = forward(arm, joints_rad)[-1]
+    last = forward_kinematics(arm, joints_rad)[-1]
     return np.asarray(last[:3, :3] @ arm.tip + last[:3, 3])
 
 
-def beyond_limits(arm: Arm, joints_rad: Array) -> list[int]:
+def find_joints_beyond_limits(arm: Arm, joints_rad: Array) -> list[int]:
     """Numbers of the joints whose angle is outside their limits, by more than rounding."""
     # Settings are stored in single precision: an angle at its limit may be 1e-7 of itself beyond it.
     angles, slack = np.asarray(joints_rad, np.float64), 1e-6

@@ -16,9 +16,9 @@ import numpy as np
 from ...settings.topics.lander import ArmSettings, LanderSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
-from .kinematics import Capsule, pose
+from .kinematics import Capsule, rigid_transform
 from .parametric import RADII_M
-from .solids import Solid, ball, box, join, lathe, moved, prism, rod
+from .solids import Solid, join_solids, make_ball, make_box, make_lathe, make_prism, make_rod, transform_solid
 
 #: Materials of the lander.
 METAL, BLACK, FOIL, WHITE, STEEL, TUBE = "metal", "black", "foil", "white", "steel", "tube"
@@ -28,49 +28,49 @@ BODY, MAST, LEGS = "body", "mast", ("leg_left", "leg_right")
 HEAD = "head"
 #: Thickness of the deck, and depth of the body under it, in metres.
 _PLATE_M, _BODY_M = 0.03, 0.3
-_ABOUT_Y = pose(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
-_ABOUT_Z = pose(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0]))
+_ABOUT_Y = rigid_transform(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+_ABOUT_Z = rigid_transform(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0]))
 
 
-def still_solids(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[str, Solid]:
+def make_still_solids(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[str, Solid]:
     """The solids that do not move, by name, in the lander's frame: the body, the mast if the cameras are over the deck,
     and the legs. ``pads_m`` are the heights of the ground under the left and the right pad over that frame's level."""
     lander, top = settings.lander, settings.lander.deck_height_m
-    mast = _mast(settings, top)
+    mast = _make_mast(settings, top)
     return {
-        BODY: _body(settings),
-        **({MAST: join(mast)} if mast else {}),
+        BODY: _make_body(settings),
+        **({MAST: join_solids(mast)} if mast else {}),
         **{
-            leg: join(_leg(lander, (x, y, ground - lander.pad_sink_m), _deck(lander)))
-            for leg, (x, y), ground in zip(LEGS, pad_centres(lander), pads_m, strict=True)
+            leg: join_solids(_make_leg(lander, (x, y, ground - lander.pad_sink_m), _find_deck_extent(lander)))
+            for leg, (x, y), ground in zip(LEGS, find_pad_centres(lander), pads_m, strict=True)
         },
     }
 
 
-def arm_solids(arm: ArmSettings) -> dict[str, Solid]:
+def make_arm_solids(arm: ArmSettings) -> dict[str, Solid]:
     """The solid of each link of the parametric arm by name, in its own frame."""
     return {
-        "turret": _turret(arm),
-        "upper_arm": _segment(arm.upper_m, 0.042, 0.075, 1),
-        "forearm": _segment(arm.fore_m, 0.034, 0.062, -1),
-        "hand": _hand(arm),
-        "scoop": _scoop(arm),
+        "turret": _make_turret(arm),
+        "upper_arm": _make_segment(arm.upper_m, 0.042, 0.075, 1),
+        "forearm": _make_segment(arm.fore_m, 0.034, 0.062, -1),
+        "hand": _make_hand(arm),
+        "scoop": _make_scoop(arm),
     }
 
 
-def pad_centres(lander: LanderSettings) -> tuple[tuple[float, float], tuple[float, float]]:
+def find_pad_centres(lander: LanderSettings) -> tuple[tuple[float, float], tuple[float, float]]:
     """(x, y) of the left and the right pad in the lander's frame, in metres."""
     return (lander.pad_ahead_m, lander.pad_apart_m / 2), (lander.pad_ahead_m, -lander.pad_apart_m / 2)
 
 
-def _upright(
+def _make_upright(
     material: str, outline: Sequence[tuple[float, float]], at: tuple[float, ...] | Array, sides: int = 40
 ) -> Solid:
     """A solid of revolution about the upright axis through a place, from (height, radius) of its outline."""
-    return moved(lathe(material, outline, sides), pose(_ABOUT_Z[:3, :3], at))
+    return transform_solid(make_lathe(material, outline, sides), rigid_transform(_ABOUT_Z[:3, :3], at))
 
 
-def _drum(material: str, radius: float, width: float, bevel: float = 0.012) -> Solid:
+def _make_drum(material: str, radius: float, width: float, bevel: float = 0.012) -> Solid:
     """The motor of a pitch joint: a drum about y."""
     half = width / 2
     outline = [
@@ -81,17 +81,19 @@ def _drum(material: str, radius: float, width: float, bevel: float = 0.012) -> S
         (half, radius - bevel),
         (half, 0.0),
     ]
-    return moved(lathe(material, outline), _ABOUT_Y)
+    return transform_solid(make_lathe(material, outline), _ABOUT_Y)
 
 
-def _joint(radius: float, width: float) -> list[Solid]:
+def _make_joint(radius: float, width: float) -> list[Solid]:
     """A drum with black caps and a ring of bolts."""
     caps = [
-        moved(_drum(BLACK, radius * 0.72, 0.02, 0.004), pose(place=(0.0, side * (width / 2 + 0.008), 0.0)))
+        transform_solid(
+            _make_drum(BLACK, radius * 0.72, 0.02, 0.004), rigid_transform(place=(0.0, side * (width / 2 + 0.008), 0.0))
+        )
         for side in (-1, 1)
     ]
     bolts = [
-        rod(
+        make_rod(
             STEEL,
             (radius * 0.86 * math.cos(t), side * (width / 2 - 0.001), radius * 0.86 * math.sin(t)),
             (radius * 0.86 * math.cos(t), side * (width / 2 + 0.005), radius * 0.86 * math.sin(t)),
@@ -101,10 +103,10 @@ def _joint(radius: float, width: float) -> list[Solid]:
         for side in (-1, 1)
         for t in np.arange(8) * math.pi / 4
     ]
-    return [_drum(METAL, radius, width), *caps, *bolts]
+    return [_make_drum(METAL, radius, width), *caps, *bolts]
 
 
-def _turret(arm: ArmSettings) -> Solid:
+def _make_turret(arm: ArmSettings) -> Solid:
     offset = max(arm.offset_m, 1e-3)
     below = min(0.22, arm.shoulder_z_m - 0.05)
     outline = [
@@ -116,34 +118,38 @@ def _turret(arm: ArmSettings) -> Solid:
         (-0.06, 0.065),
         (-0.05, 0.0),
     ]
-    drum = moved(lathe(METAL, outline), _ABOUT_Z)
-    band = moved(lathe(BLACK, [(-0.16, 0.0), (-0.16, 0.083), (-0.13, 0.083), (-0.13, 0.0)]), _ABOUT_Z)
+    drum = transform_solid(make_lathe(METAL, outline), _ABOUT_Z)
+    band = transform_solid(make_lathe(BLACK, [(-0.16, 0.0), (-0.16, 0.083), (-0.13, 0.083), (-0.13, 0.0)]), _ABOUT_Z)
     cheeks = [
-        box(METAL, (offset + 0.09, 0.014, 0.12), (offset / 2 + 0.005, side * 0.062, -0.005), 0.006) for side in (-1, 1)
+        make_box(METAL, (offset + 0.09, 0.014, 0.12), (offset / 2 + 0.005, side * 0.062, -0.005), 0.006)
+        for side in (-1, 1)
     ]
-    floor = box(METAL, (offset + 0.05, 0.13, 0.03), (offset / 2 - 0.01, 0.0, -0.06), 0.006)
-    motors = [moved(_drum(BLACK, 0.045, 0.05), pose(place=(offset, side * 0.094, 0.0))) for side in (-1, 1)]
-    return join([drum, band, *cheeks, floor, *motors])
+    floor = make_box(METAL, (offset + 0.05, 0.13, 0.03), (offset / 2 - 0.01, 0.0, -0.06), 0.006)
+    motors = [
+        transform_solid(_make_drum(BLACK, 0.045, 0.05), rigid_transform(place=(offset, side * 0.094, 0.0)))
+        for side in (-1, 1)
+    ]
+    return join_solids([drum, band, *cheeks, floor, *motors])
 
 
-def _segment(length: float, radius: float, joint: float, side: int) -> Solid:
+def _make_segment(length: float, radius: float, joint: float, side: int) -> Solid:
     """Upper arm or forearm: a joint, a painted tube between metal fittings, a cable with clamps, and a fork."""
     width, inner = 1.45 * joint, joint * 1.05
     end = length - inner
     parts = [
-        *_joint(joint, width if side > 0 else width * 0.9),
-        rod(METAL, (joint * 0.6, 0, 0), (inner + 0.07, 0, 0), radius * 1.35, radius * 1.08, 0.08),
-        rod(TUBE, (inner + 0.06, 0, 0), (end - 0.06, 0, 0), radius, sides=48),
-        rod(METAL, (end - 0.07, 0, 0), (end - 0.005, 0, 0), radius * 1.08, radius * 1.35, 0.08),
+        *_make_joint(joint, width if side > 0 else width * 0.9),
+        make_rod(METAL, (joint * 0.6, 0, 0), (inner + 0.07, 0, 0), radius * 1.35, radius * 1.08, 0.08),
+        make_rod(TUBE, (inner + 0.06, 0, 0), (end - 0.06, 0, 0), radius, sides=48),
+        make_rod(METAL, (end - 0.07, 0, 0), (end - 0.005, 0, 0), radius * 1.08, radius * 1.35, 0.08),
     ]
     fork = radius * 1.7
     parts += [
-        box(
+        make_box(
             METAL, (inner + joint * 0.75, 0.012, joint * 1.25), (length - inner / 2 + joint * 0.1, s * fork, 0.0), 0.006
         )
         for s in (-1, 1)
     ]
-    parts.append(box(METAL, (0.02, 2 * fork, joint * 1.25), (end - 0.004, 0, 0), 0.005))
+    parts.append(make_box(METAL, (0.02, 2 * fork, joint * 1.25), (end - 0.004, 0, 0), 0.005))
     high = radius + 0.013
     cable = [
         (inner - 0.02, 0.0, joint * 0.7),
@@ -152,34 +158,34 @@ def _segment(length: float, radius: float, joint: float, side: int) -> Solid:
         (end - 0.06, 0.012 * side, high),
         (length - 0.04, 0.02 * side, joint * 0.75),
     ]
-    parts += [rod(BLACK, a, b, 0.009, bevel=0.0, sides=12) for a, b in itertools.pairwise(cable)]
+    parts += [make_rod(BLACK, a, b, 0.009, bevel=0.0, sides=12) for a, b in itertools.pairwise(cable)]
     places = np.linspace(inner + 0.12, end - 0.12, 3)
-    ring = lathe(WHITE, [(-0.012, 0.0), (-0.012, radius + 0.004), (0.012, radius + 0.004), (0.012, 0.0)])
-    parts += [moved(ring, pose(place=(x, 0.0, 0.0))) for x in places]
-    parts += [box(STEEL, (0.022, 0.03, 0.02), (x, 0.014 * side, high - 0.003), 0.003) for x in places]
-    return join(parts)
+    ring = make_lathe(WHITE, [(-0.012, 0.0), (-0.012, radius + 0.004), (0.012, radius + 0.004), (0.012, 0.0)])
+    parts += [transform_solid(ring, rigid_transform(place=(x, 0.0, 0.0))) for x in places]
+    parts += [make_box(STEEL, (0.022, 0.03, 0.02), (x, 0.014 * side, high - 0.003), 0.003) for x in places]
+    return join_solids(parts)
 
 
-def _hand(arm: ArmSettings) -> Solid:
+def _make_hand(arm: ArmSettings) -> Solid:
     length = arm.hand_m
     parts = [
-        *_joint(0.042, 0.075),
-        box(METAL, (length * 0.6, 0.05, 0.052), (length * 0.42, 0.0, 0.0), 0.008),
-        rod(BLACK, (length * 0.55, 0, 0), (length * 0.94, 0, 0), 0.032),
-        rod(STEEL, (length * 0.9, 0, 0), (length, 0, 0), 0.02),
+        *_make_joint(0.042, 0.075),
+        make_box(METAL, (length * 0.6, 0.05, 0.052), (length * 0.42, 0.0, 0.0), 0.008),
+        make_rod(BLACK, (length * 0.55, 0, 0), (length * 0.94, 0, 0), 0.032),
+        make_rod(STEEL, (length * 0.9, 0, 0), (length, 0, 0), 0.02),
     ]
-    parts.append(box(WHITE, (length * 0.34, 0.03, 0.012), (length * 0.4, 0.0, 0.031), 0.003))
-    return join(parts)
+    parts.append(make_box(WHITE, (length * 0.34, 0.03, 0.012), (length * 0.4, 0.0, 0.031), 0.003))
+    return join_solids(parts)
 
 
-def _plate(corners: Sequence[tuple[float, float]], y: float, thick: float) -> Solid:
+def _make_plate(corners: Sequence[tuple[float, float]], y: float, thick: float) -> Solid:
     """A flat plate of metal with an outline of (x, z), between y - thick / 2 and y + thick / 2."""
     # prism makes its outline in x and y, with z as the height.
-    turn = pose(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
-    return moved(prism(METAL, corners, -y - thick / 2, -y + thick / 2), turn)
+    turn = rigid_transform(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
+    return transform_solid(make_prism(METAL, corners, -y - thick / 2, -y + thick / 2), turn)
 
 
-def _scoop(arm: ArmSettings) -> Solid:
+def _make_scoop(arm: ArmSettings) -> Solid:
     """An open bucket with the back at z = 0, a rounded heel at the hand and a blade at the tip; it opens to -z."""
     length, width, depth = arm.scoop_length_m, arm.scoop_width_m, arm.scoop_depth_m
     thick = 0.03 * min(length, width, depth) + 0.001
@@ -191,39 +197,41 @@ def _scoop(arm: ArmSettings) -> Solid:
         (0.12 * length, 0.0),
         (0.0, -0.3 * depth),
     ]
-    sides = [_plate(outline, s * (width - thick) / 2, thick) for s in (-1, 1)]
-    walls = [_wall((x0, z0), (x1, z1), width - 2 * thick, thick) for (x0, z0), (x1, z1) in itertools.pairwise(heel)]
-    back = _wall((0.12 * length, 0.0), (0.9 * length, 0.0), width - 2 * thick, thick)
-    blade = box(STEEL, (0.3 * length, width * 1.02, thick), (0.85 * length, 0.0, -thick / 2), thick * 0.4)
+    sides = [_make_plate(outline, s * (width - thick) / 2, thick) for s in (-1, 1)]
+    walls = [
+        _make_wall((x0, z0), (x1, z1), width - 2 * thick, thick) for (x0, z0), (x1, z1) in itertools.pairwise(heel)
+    ]
+    back = _make_wall((0.12 * length, 0.0), (0.9 * length, 0.0), width - 2 * thick, thick)
+    blade = make_box(STEEL, (0.3 * length, width * 1.02, thick), (0.85 * length, 0.0, -thick / 2), thick * 0.4)
     teeth = [
-        box(STEEL, (0.05 * length, width * 0.1, thick * 1.6), (0.965 * length, y, -thick / 2), thick * 0.4)
+        make_box(STEEL, (0.05 * length, width * 0.1, thick * 1.6), (0.965 * length, y, -thick / 2), thick * 0.4)
         for y in np.linspace(-0.42, 0.42, 5) * width
     ]
     mount = [
-        rod(METAL, (-0.02, 0.0, 0.0), (0.01, 0.0, 0.0), 0.03),
-        box(METAL, (0.02, width * 0.7, 0.35 * depth), (0.002, 0.0, -0.3 * depth), 0.003),
-        box(METAL, (0.5 * length, 0.012, 0.012), (0.4 * length, 0.0, 0.006), 0.003),
+        make_rod(METAL, (-0.02, 0.0, 0.0), (0.01, 0.0, 0.0), 0.03),
+        make_box(METAL, (0.02, width * 0.7, 0.35 * depth), (0.002, 0.0, -0.3 * depth), 0.003),
+        make_box(METAL, (0.5 * length, 0.012, 0.012), (0.4 * length, 0.0, 0.006), 0.003),
     ]
-    return join([*sides, *walls, back, blade, *teeth, *mount])
+    return join_solids([*sides, *walls, back, blade, *teeth, *mount])
 
 
-def _wall(start: tuple[float, float], end: tuple[float, float], width: float, thick: float) -> Solid:
+def _make_wall(start: tuple[float, float], end: tuple[float, float], width: float, thick: float) -> Solid:
     """A plate across y between two points (x, z), inward of the line between them by its thickness."""
     along = math.hypot(end[0] - start[0], end[1] - start[1])
     angle = math.atan2(end[1] - start[1], end[0] - start[0])
     c, s = math.cos(angle), math.sin(angle)
-    turned = pose(np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]), (start[0], 0.0, start[1]))
-    return moved(box(METAL, (along, width, thick), (along / 2, 0.0, -thick / 2), 0.0005), turned)
+    turned = rigid_transform(np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]), (start[0], 0.0, start[1]))
+    return transform_solid(make_box(METAL, (along, width, thick), (along / 2, 0.0, -thick / 2), 0.0005), turned)
 
 
-def _deck(lander: LanderSettings) -> tuple[float, float, float, float]:
+def _find_deck_extent(lander: LanderSettings) -> tuple[float, float, float, float]:
     """The deck's front, half its width, its top, and the floor of the body under it, in the lander's frame."""
     top = lander.deck_height_m
     return lander.deck_front_m, lander.deck_width_m / 2, top, max(top - _PLATE_M - _BODY_M, 0.3 * top)
 
 
-def _body(settings: Settings) -> Solid:
-    front, half, top, floor = _deck(settings.lander)
+def _make_body(settings: Settings) -> Solid:
+    front, half, top, floor = _find_deck_extent(settings.lander)
     corner = 0.3 * half
     outline = [
         (front, -half + corner),
@@ -237,56 +245,56 @@ def _body(settings: Settings) -> Solid:
     ]
     under = top - _PLATE_M
     parts = [
-        prism(WHITE, outline, under, top, 0.008),
-        prism(FOIL, [(x * 0.93 - 0.01, y * 0.9) for x, y in outline], floor, under - 0.002, 0.0, 0.86),
+        make_prism(WHITE, outline, under, top, 0.008),
+        make_prism(FOIL, [(x * 0.93 - 0.01, y * 0.9) for x, y in outline], floor, under - 0.002, 0.0, 0.86),
     ]
-    parts += _deck_parts(front, half, corner, top)
-    return join([*parts, *_boom(settings, front, top)])
+    parts += _make_deck_parts(front, half, corner, top)
+    return join_solids([*parts, *_make_boom(settings, front, top)])
 
 
-def _deck_parts(front: float, half: float, corner: float, top: float) -> list[Solid]:
+def _make_deck_parts(front: float, half: float, corner: float, top: float) -> list[Solid]:
     """What stands on the deck: a rail, cables, boxes, a funnel for samples and a target for colours."""
     y = half - corner - 0.02
-    rail = [rod(METAL, (front - 0.03, -y, top + 0.045), (front - 0.03, y, top + 0.045), 0.009, sides=16)]
+    rail = [make_rod(METAL, (front - 0.03, -y, top + 0.045), (front - 0.03, y, top + 0.045), 0.009, sides=16)]
     rail += [
-        rod(METAL, (front - 0.03, at, top - 0.005), (front - 0.03, at, top + 0.045), 0.007, sides=12)
+        make_rod(METAL, (front - 0.03, at, top - 0.005), (front - 0.03, at, top + 0.045), 0.007, sides=12)
         for at in np.linspace(-y, y, 5)
     ]
     cone = [(0.0, 0.0), (0.0, 0.05), (0.05, 0.05), (0.1, 0.085), (0.104, 0.085), (0.06, 0.045), (0.02, 0.0)]
-    funnel = _upright(METAL, cone, (front - 0.17, 0.32 * half, top))
+    funnel = _make_upright(METAL, cone, (front - 0.17, 0.32 * half, top))
     chip = [(0.0, 0.0), (0.0, 0.022), (0.016, 0.022), (0.016, 0.0)]
     target = [
-        box(BLACK, (0.12, 0.12, 0.012), (front - 0.13, -0.45 * half, top + 0.006), 0.003),
+        make_box(BLACK, (0.12, 0.12, 0.012), (front - 0.13, -0.45 * half, top + 0.006), 0.003),
         *(
-            _upright(name, chip, (front - 0.13 + dx, -0.45 * half + dy, top), 24)
+            _make_upright(name, chip, (front - 0.13 + dx, -0.45 * half + dy, top), 24)
             for name, dx, dy in ((WHITE, 0.03, 0.03), (FOIL, 0.03, -0.03), (METAL, -0.03, 0.03), (TUBE, -0.03, -0.03))
         ),
     ]
     boxes = [
-        box(FOIL, (0.3, 0.34, 0.2), (front - 0.75, 0.5 * half, top + 0.1), 0.012),
-        box(BLACK, (0.22, 0.26, 0.12), (front - 0.7, -0.55 * half, top + 0.06), 0.008),
+        make_box(FOIL, (0.3, 0.34, 0.2), (front - 0.75, 0.5 * half, top + 0.1), 0.012),
+        make_box(BLACK, (0.22, 0.26, 0.12), (front - 0.7, -0.55 * half, top + 0.06), 0.008),
     ]
     return [*rail, funnel, *target, *boxes]
 
 
-def _boom(settings: Settings, front: float, top: float) -> list[Solid]:
+def _make_boom(settings: Settings, front: float, top: float) -> list[Solid]:
     """What carries the arm in front of the deck: two beams and a plate, under our turret or a link of the user's."""
     arm = settings.arm
     below = 0.0 if settings.lander.kind == "OWN" else min(0.22, arm.shoulder_z_m - 0.05)
     x, y, low = arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m - below
     back = min(front - 0.05, x - 0.1)
     beams = [
-        rod(METAL, (back, y + side * 0.14, top - 0.07), (x - 0.02, y + side * 0.05, low - 0.012), 0.024)
+        make_rod(METAL, (back, y + side * 0.14, top - 0.07), (x - 0.02, y + side * 0.05, low - 0.012), 0.024)
         for side in (-1, 1)
     ]
     props = [
-        rod(
+        make_rod(
             METAL, (back - 0.03, y + side * 0.12, max(top - 0.28, 0.1)), (x - 0.01, y + side * 0.045, low - 0.03), 0.016
         )
         for side in (-1, 1)
     ]
     rim = [(-0.03, 0.0), (-0.03, 0.085), (-0.024, 0.092), (0.0, 0.092), (0.0, 0.0)]
-    plate = _upright(METAL, rim, (x, y, low))
+    plate = _make_upright(METAL, rim, (x, y, low))
     cable = [
         (back, y + 0.17, top + 0.012),
         (front + 0.02, y + 0.16, top + 0.004),
@@ -297,24 +305,27 @@ def _boom(settings: Settings, front: float, top: float) -> list[Solid]:
         *beams,
         *props,
         plate,
-        *(rod(BLACK, a, b, 0.011, bevel=0.0, sides=12) for a, b in itertools.pairwise(cable)),
+        *(make_rod(BLACK, a, b, 0.011, bevel=0.0, sides=12) for a, b in itertools.pairwise(cable)),
     ]
 
 
-def _mast(settings: Settings, top: float) -> list[Solid]:
+def _make_mast(settings: Settings, top: float) -> list[Solid]:
     """The mast under the cameras, behind both eyes."""
     height = settings.rig.height_m - 0.17
     if height < top + 0.1:
         return []
     back = -0.09
     return [
-        rod(METAL, (back, 0.0, top), (back, 0.0, top + 0.05), 0.075, 0.06),
-        rod(TUBE, (back, 0.0, top + 0.04), (back, 0.0, height), 0.035),
-        *(rod(METAL, (back, 0.0, z), (back, 0.0, z + 0.04), 0.04) for z in np.linspace(top + 0.2, height - 0.05, 3)),
+        make_rod(METAL, (back, 0.0, top), (back, 0.0, top + 0.05), 0.075, 0.06),
+        make_rod(TUBE, (back, 0.0, top + 0.04), (back, 0.0, height), 0.035),
+        *(
+            make_rod(METAL, (back, 0.0, z), (back, 0.0, z + 0.04), 0.04)
+            for z in np.linspace(top + 0.2, height - 0.05, 3)
+        ),
     ]
 
 
-def _leg(
+def _make_leg(
     lander: LanderSettings, foot: tuple[float, float, float], deck: tuple[float, float, float, float]
 ) -> list[Solid]:
     """A main leg with a shock absorber, two struts, and a round pad on a ball, with its sole at ``foot``."""
@@ -324,15 +335,15 @@ def _leg(
     hip = np.array([front - 0.28, side * 0.93 * half, top - 0.09])
     knee = hip + 0.6 * (ankle - hip)
     parts = [
-        rod(FOIL, tuple(hip), tuple(knee), 0.036),
-        rod(STEEL, tuple(knee), tuple(ankle), 0.024),
-        rod(BLACK, tuple(knee - 0.03 * (ankle - hip)), tuple(knee + 0.012 * (ankle - hip)), 0.042),
-        box(METAL, (0.12, 0.05, 0.14), tuple(hip), 0.01),
-        ball(METAL, tuple(ankle), 0.04),
+        make_rod(FOIL, tuple(hip), tuple(knee), 0.036),
+        make_rod(STEEL, tuple(knee), tuple(ankle), 0.024),
+        make_rod(BLACK, tuple(knee - 0.03 * (ankle - hip)), tuple(knee + 0.012 * (ankle - hip)), 0.042),
+        make_box(METAL, (0.12, 0.05, 0.14), tuple(hip), 0.01),
+        make_ball(METAL, tuple(ankle), 0.04),
     ]
     low = max(floor + 0.04, 0.12)
     for anchor in ((front - 0.05, side * 0.45 * half, low), (front - 0.75, side * 0.85 * half, low)):
-        parts += [rod(METAL, anchor, tuple(hip + 0.82 * (ankle - hip)), 0.018), ball(METAL, anchor, 0.03)]
+        parts += [make_rod(METAL, anchor, tuple(hip + 0.82 * (ankle - hip)), 0.018), make_ball(METAL, anchor, 0.03)]
     dish = [
         (0.0, 0.0),
         (0.0, 0.55 * r),
@@ -345,22 +356,22 @@ def _leg(
         (0.42 * r, 0.2 * r),
         (0.42 * r, 0.0),
     ]
-    return [*parts, _upright(METAL, dish, foot, 56)]
+    return [*parts, _make_upright(METAL, dish, foot, 56)]
 
 
-def head_solid(settings: Settings) -> Solid:
+def make_head(settings: Settings) -> Solid:
     """The housing of the cameras, in the axes of the left eye (x right, y down, z forward). It is behind both eyes."""
     baseline = settings.rig.baseline_m
     width = baseline + 0.14
     parts = [
-        box(WHITE, (width, 0.1, 0.13), (baseline / 2, 0.0, -0.105), 0.01),
-        box(METAL, (0.09, 0.1, 0.09), (baseline / 2, 0.09, -0.12), 0.008),
+        make_box(WHITE, (width, 0.1, 0.13), (baseline / 2, 0.0, -0.105), 0.01),
+        make_box(METAL, (0.09, 0.1, 0.09), (baseline / 2, 0.09, -0.12), 0.008),
     ]
-    parts += [rod(BLACK, (x, 0.0, -0.05), (x, 0.0, -0.02), 0.038) for x in (0.0, baseline)]
-    return join(parts)
+    parts += [make_rod(BLACK, (x, 0.0, -0.05), (x, 0.0, -0.02), 0.038) for x in (0.0, baseline)]
+    return join_solids(parts)
 
 
-def body_capsules(settings: Settings) -> tuple[Capsule, ...]:
+def make_body_capsules(settings: Settings) -> tuple[Capsule, ...]:
     """Capsules around deck, legs and mast, in the frame of the arm's base, which the arm must not touch."""
     lander, arm = settings.lander, settings.arm
     front, half, top = lander.deck_front_m, lander.deck_width_m / 2, lander.deck_height_m
@@ -369,7 +380,7 @@ def body_capsules(settings: Settings) -> tuple[Capsule, ...]:
     found: list[tuple[Sequence[float], Sequence[float], float]] = []
     for x in np.arange(front - thick, front - 1.4, -2 * thick):
         found.append(((x, -half + thick, top - thick), (x, half - thick, top - thick), thick))
-    for x, y in pad_centres(lander):
+    for x, y in find_pad_centres(lander):
         hip = (front - 0.28, math.copysign(0.93 * half, y), top - 0.09)
         found += [(hip, (x, y, 0.1), 0.045), ((x, y, 0.0), (x, y, 0.05), lander.pad_diameter_m / 2)]
     found.append(((-0.09, 0.0, top), (-0.09, 0.0, max(settings.rig.height_m - 0.1, top)), 0.05))
@@ -387,7 +398,7 @@ def body_capsules(settings: Settings) -> tuple[Capsule, ...]:
 Keypoint = tuple[str, str, Array, float]
 
 
-def arm_keypoints(arm: ArmSettings) -> list[Keypoint]:
+def list_arm_keypoints(arm: ArmSettings) -> list[Keypoint]:
     """The points of the parametric arm."""
     w, d, length = arm.scoop_width_m / 2, arm.scoop_depth_m, arm.scoop_length_m
     points = [
@@ -402,11 +413,11 @@ def arm_keypoints(arm: ArmSettings) -> list[Keypoint]:
     return [(name, link, np.array(place), radius) for name, link, place, radius in points]
 
 
-def still_keypoints(lander: LanderSettings, pads_m: Sequence[float] = (0.0, 0.0)) -> list[Keypoint]:
-    """The points of deck and pads; ``pads_m`` as in ``still_solids``."""
+def list_still_keypoints(lander: LanderSettings, pads_m: Sequence[float] = (0.0, 0.0)) -> list[Keypoint]:
+    """The points of deck and pads; ``pads_m`` as in ``make_still_solids``."""
     points = [
         (f"pad_{side}", leg, (x, y, z - lander.pad_sink_m + 0.42 * lander.pad_diameter_m / 2), 0.06)
-        for side, leg, (x, y), z in zip(("left", "right"), LEGS, pad_centres(lander), pads_m, strict=True)
+        for side, leg, (x, y), z in zip(("left", "right"), LEGS, find_pad_centres(lander), pads_m, strict=True)
     ]
     front, half, top = lander.deck_front_m, 0.7 * lander.deck_width_m / 2, lander.deck_height_m
     points += [(f"deck_{side}", BODY, (front, sign * half, top), 0.01) for side, sign in (("left", 1), ("right", -1))]

@@ -36,14 +36,14 @@ def read_link_mesh(path: Path) -> tuple[Array, Array]:
     parse, kind, most = _FORMATS[suffix]
     return read(
         path,
-        lambda foreign: _checked(*parse(foreign, MOST_TRIANGLES)),
+        lambda foreign: _check_mesh(*parse(foreign, MOST_TRIANGLES)),
         kind,
         "export it again, or change the URDF",
         most=most,
     )
 
 
-def _checked(vertices: Array, triangles: Array) -> tuple[Array, Array]:
+def _check_mesh(vertices: Array, triangles: Array) -> tuple[Array, Array]:
     if not len(triangles):
         raise RefusedError("has no triangle; export it again.")
     if not np.isfinite(vertices).all() or np.abs(vertices).max() > 1e9:

@@ -26,14 +26,14 @@ class MeshFolders:
         self._packages = [each for each in (self.own, *self.own.parents)[: _MOST_UP + 1] if _is_package(each)]
         self.package = self._packages[0] if self._packages else self.own
 
-    def places_of(self, path: str) -> list[Place]:
+    def find_relative_places(self, path: str) -> list[Place]:
         """Where a mesh of a path relative to the URDF may be."""
         return [(self.package, self.own / path)]
 
-    def places_in(self, package: str, path: str) -> list[Place]:
+    def find_package_places(self, package: str, path: str) -> list[Place]:
         """Where a mesh of a path in a package may be: in a package of that name above the URDF or beside one, else in
         the URDF's own, whose folder may have been renamed."""
-        named = [each for each in self._packages if package in (each.name, _name(each))]
+        named = [each for each in self._packages if package in (each.name, _read_package_name(each))]
         beside = [each.parent / package for each in self._packages]
         # A name such as .. is not a package's, and a link could lead anywhere.
         named += [each for each in beside if each.resolve() == each and _is_package(each)]
@@ -50,7 +50,7 @@ def _is_package(folder: Path) -> bool:
         return False
 
 
-def _name(folder: Path) -> str:
+def _read_package_name(folder: Path) -> str:
     """The name that a package states, empty if it states none that can be read."""
 
     def parse(foreign: ForeignBytes) -> ElementTree.Element:

@@ -20,22 +20,22 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.files import absolute_path, shorten
-from ...support.foreign_bytes import reason_of
-from .kinematics import Arm, Capsule, Joint, pose
+from ...support.foreign_bytes import describe_reason
+from .kinematics import Arm, Capsule, Joint, rigid_transform
 from .link_mesh import read_link_mesh
-from .solids import Solid, ball, box, join, lathe, moved
+from .solids import Solid, join_solids, make_ball, make_box, make_lathe, transform_solid
 from .urdf import FIXED, SLIDES, Shape, Urdf, UrdfJoint, read_urdf
 
 #: Links of this size in metres are likely in another unit; most triangles of the whole arm.
 _WIDEST_M, MOST_TRIANGLES = 20.0, 1_000_000
-_ABOUT_Z = pose(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0]))
+_ABOUT_Z = rigid_transform(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0]))
 _METAL = "metal"
 #: Parts of our lander, whose names the user's links do not take.
 OURS = ("body", "mast", "leg_left", "leg_right", "head")
 
 
 @dataclass(frozen=True)
-class OwnArm:
+class UrdfArm:
     """Joints as ``kinematics.Arm`` has them, for each a number in ``moving`` or -1, the factor and the offset that its
     value is made with, the names of the joints that move by themselves, and the solids by link."""
 
@@ -56,23 +56,23 @@ class OwnArm:
         return next(joint.slides for joint in self.joints if joint.name == name)
 
 
-def own_arm(settings: Settings) -> OwnArm:
+def load_users_arm(settings: Settings) -> UrdfArm:
     """The arm of ``lander.file``. Raises IcyMoonError for a file that cannot be used."""
     path = absolute_path(settings.lander.file, "lander.file")
-    return _load(path, _state(path))
+    return _load_arm(path, _file_state(path))
 
 
 def arm_files(path: Path) -> list[Path]:
     """A URDF file and the meshes that it names. Raises IcyMoonError for a file that cannot be used."""
-    return [path, *_read(path, _state(path)).files]
+    return [path, *_read_cached_urdf(path, _file_state(path)).files]
 
 
-def arm_of_file(own: OwnArm, base: Array) -> Arm:
+def make_arm_at(own: UrdfArm, base: Array) -> Arm:
     """The arm with its first link at ``base`` (4, 4); its tip is the origin of the last link."""
     return Arm(own.joints, base, np.zeros(3), own.capsules)
 
 
-def commanded(own: OwnArm, text: str) -> Array:
+def parse_commanded(own: UrdfArm, text: str) -> Array:
     """Radians or metres of the joints that move, from ``lander.joints``: ``name=value`` in degrees or metres, or values
     in the order of the file; 0 where none is given. Names may have spaces. Raises IcyMoonError for other text."""
     found = dict.fromkeys(own.names, 0.0)
@@ -99,29 +99,29 @@ def commanded(own: OwnArm, text: str) -> Array:
     return np.array([found[name] for name in own.names])
 
 
-def _state(path: Path) -> tuple[int, int]:
+def _file_state(path: Path) -> tuple[int, int]:
     try:
         there = path.stat()
     except OSError as error:
-        raise IcyMoonError(f"{path}: cannot be read ({reason_of(error)}); check lander.file.") from None
+        raise IcyMoonError(f"{path}: cannot be read ({describe_reason(error)}); check lander.file.") from None
     if not stat.S_ISREG(there.st_mode):  # a pipe or a device may never end
         raise IcyMoonError(f"{path}: is no file; check lander.file.")
     return there.st_size, there.st_mtime_ns
 
 
 @lru_cache(maxsize=8)
-def _read(path: Path, _state: tuple[int, int]) -> Urdf:
+def _read_cached_urdf(path: Path, _state: tuple[int, int]) -> Urdf:
     return read_urdf(path)
 
 
-def _load(path: Path, state: tuple[int, int]) -> OwnArm:
-    urdf = _read(path, state)
-    return _build(path, state, tuple((file, *_state(file)) for file in urdf.files))
+def _load_arm(path: Path, state: tuple[int, int]) -> UrdfArm:
+    urdf = _read_cached_urdf(path, state)
+    return _build_arm(path, state, tuple((file, *_file_state(file)) for file in urdf.files))
 
 
 @lru_cache(maxsize=4)
-def _build(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, int], ...]) -> OwnArm:
-    urdf = _read(path, state)
+def _build_arm(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, int], ...]) -> UrdfArm:
+    urdf = _read_cached_urdf(path, state)
     names = _link_names(urdf)
     order = [urdf.root, *(joint.child for joint in urdf.joints)]
 
@@ -129,7 +129,7 @@ def _build(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, in
         parent, slides = order.index(each.parent), each.kind in SLIDES
         return Joint(each.name, names[each.child], parent, each.origin, each.axis, each.low, each.high, slides)
 
-    still = Joint("", names[urdf.root], -1, pose(), np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
+    still = Joint("", names[urdf.root], -1, rigid_transform(), np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
     joints = (still, *map(joint, urdf.joints))
     free = [each.name for each in urdf.joints if each.kind not in FIXED and each.mimic is None]
     follows = [
@@ -143,17 +143,17 @@ def _build(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, in
     meshes: Meshes = {}
     left = MOST_TRIANGLES
     for link in order:
-        if (solid := _solid(path, link, urdf.links[link], left, meshes)) is not None:
+        if (solid := _make_link_solid(path, link, urdf.links[link], left, meshes)) is not None:
             solids[names[link]] = solid
             left -= len(solid.triangles)
-    return OwnArm(
+    return UrdfArm(
         joints,
         np.array([free.index(name) if name else -1 for name, _, _ in follows]),
         np.array([factor for _, factor, _ in follows]),
         np.array([offset for *_, offset in follows]),
         tuple(free),
         solids,
-        _capsules(joints, solids),
+        _fit_capsules(joints, solids),
     )
 
 
@@ -173,19 +173,19 @@ def _link_names(urdf: Urdf) -> dict[str, str]:
 Meshes = dict[Path, tuple[Array, Array]]
 
 
-def _solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int, meshes: Meshes) -> Solid | None:
+def _make_link_solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int, meshes: Meshes) -> Solid | None:
     """The visible solid of a link, with at most ``most`` triangles; None if nothing of it is visible."""
     if not shapes:
         return None
     made: list[Solid] = []
     for shape in shapes:
-        made.append(_of_shape(shape, meshes))
+        made.append(_make_shape_solid(shape, meshes))
         most -= max(len(made[-1].triangles), len(made[-1].vertices) // 3)  # vertices without triangles take room too
         if most < 0:  # before the next one: a file may name one mesh many times
             raise IcyMoonError(
                 f"{path}: its shapes have more than {MOST_TRIANGLES} triangles; make them coarser or fewer."
             )
-    whole = join(made)
+    whole = join_solids(made)
     if (widest := float(np.abs(whole.vertices).max())) > _WIDEST_M:
         raise IcyMoonError(
             f"{path}: link {link} reaches {widest:.3g} m; its mesh is likely in millimetres: give it "
@@ -194,7 +194,7 @@ def _solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int, meshes: 
     return whole
 
 
-def _of_shape(shape: Shape, meshes: Meshes) -> Solid:
+def _make_shape_solid(shape: Shape, meshes: Meshes) -> Solid:
     if shape.file is not None:
         if shape.file not in meshes:
             meshes[shape.file] = read_link_mesh(shape.file)
@@ -203,16 +203,18 @@ def _of_shape(shape: Shape, meshes: Meshes) -> Solid:
             triangles = triangles[:, ::-1]
         made = Solid(vertices * shape.size, triangles, (_METAL,) * len(triangles), np.zeros(len(triangles), bool))
     elif shape.kind == "box":
-        made = box(_METAL, shape.size, bevel_m=0.002)
+        made = make_box(_METAL, shape.size, bevel_m=0.002)
     elif shape.kind == "sphere":
-        made = ball(_METAL, (0.0, 0.0, 0.0), shape.size[0])
+        made = make_ball(_METAL, (0.0, 0.0, 0.0), shape.size[0])
     else:
         radius, half = shape.size[0], shape.size[1] / 2
-        made = moved(lathe(_METAL, [(-half, 0.0), (-half, radius), (half, radius), (half, 0.0)]), _ABOUT_Z)
-    return moved(made, shape.origin)
+        made = transform_solid(
+            make_lathe(_METAL, [(-half, 0.0), (-half, radius), (half, radius), (half, 0.0)]), _ABOUT_Z
+        )
+    return transform_solid(made, shape.origin)
 
 
-def _capsules(joints: tuple[Joint, ...], solids: Mapping[str, Solid]) -> tuple[Capsule, ...]:
+def _fit_capsules(joints: tuple[Joint, ...], solids: Mapping[str, Solid]) -> tuple[Capsule, ...]:
     """A capsule around each link: along its longest direction, as wide as its farthest vertex from that line."""
     found = []
     for k, joint in enumerate(joints):

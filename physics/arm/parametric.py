@@ -15,7 +15,7 @@ import numpy as np
 from ...settings.topics.lander import ArmSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
-from .kinematics import Arm, Capsule, Joint, pose
+from .kinematics import Arm, Capsule, Joint, rigid_transform
 
 #: Joints of the arm in order, as the settings call them, and the link that each moves.
 JOINTS = {"yaw": "turret", "shoulder": "upper_arm", "elbow": "forearm", "wrist": "hand", "roll": "scoop"}
@@ -36,21 +36,21 @@ def lander_pose(settings: Settings, site_m: float = 0.0) -> Array:
     rotation = np.array(
         [[math.sin(ahead), -math.cos(ahead), 0.0], [math.cos(ahead), math.sin(ahead), 0.0], [0.0, 0.0, 1.0]]
     )
-    return pose(rotation, (rig.x_m + half * math.cos(view), rig.y_m - half * math.sin(view), site_m))
+    return rigid_transform(rotation, (rig.x_m + half * math.cos(view), rig.y_m - half * math.sin(view), site_m))
 
 
-def lengths_of(arm: ArmSettings) -> tuple[float, float, float, float]:
+def find_lengths_m(arm: ArmSettings) -> tuple[float, float, float, float]:
     """Distance of the shoulder's axis from the yaw's, upper arm, forearm, and wrist to the scoop's tip, in metres."""
     return arm.offset_m, arm.upper_m, arm.fore_m, arm.hand_m + arm.scoop_length_m
 
 
-def arm_of(settings: Settings, site_m: float = 0.0) -> Arm:
+def make_parametric_arm(settings: Settings, site_m: float = 0.0) -> Arm:
     """The parametric arm of complete settings; ``site_m`` is the height in metres of the ground under the left camera.
 
     The roll's axis is the hand's, and the tip lies on it, so a roll does not move the tip.
     """
     arm = settings.arm
-    offset, upper, fore, _ = lengths_of(arm)
+    offset, upper, fore, _ = find_lengths_m(arm)
     places = ((0.0, 0.0, 0.0), (offset, 0.0, 0.0), (upper, 0.0, 0.0), (fore, 0.0, 0.0), (arm.hand_m, 0.0, 0.0))
     axes = (_UP, _PITCH, _PITCH, _PITCH, _ALONG)
     joints = tuple(
@@ -58,24 +58,24 @@ def arm_of(settings: Settings, site_m: float = 0.0) -> Arm:
             name,
             link,
             k - 1,
-            pose(place=place),
+            rigid_transform(place=place),
             axis,
             math.radians(arm[f"{name}_low_deg"]),
             math.radians(arm[f"{name}_high_deg"]),
         )
         for k, ((name, link), place, axis) in enumerate(zip(JOINTS.items(), places, axes, strict=True))
     )
-    shoulder = pose(place=(arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m))
+    shoulder = rigid_transform(place=(arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m))
     return Arm(
         joints,
         lander_pose(settings, site_m) @ shoulder,
         np.array([arm.scoop_length_m, 0.0, 0.0]),
-        _capsules(arm),
-        lengths_of(arm),
+        _make_capsules(arm),
+        find_lengths_m(arm),
     )
 
 
-def _capsules(arm: ArmSettings) -> tuple[Capsule, ...]:
+def _make_capsules(arm: ArmSettings) -> tuple[Capsule, ...]:
     radius = (arm.scoop_depth_m if arm.scoop_depth_m < arm.scoop_length_m else arm.scoop_length_m) / 2
     aside = max(arm.scoop_width_m / 2 - radius, 0.0)
     scoop = [
@@ -94,22 +94,24 @@ def _capsules(arm: ArmSettings) -> tuple[Capsule, ...]:
     )
 
 
-def commanded_rad(arm: ArmSettings) -> Array:
+def read_commanded_rad(arm: ArmSettings) -> Array:
     """The angles (5,) in radians that the joints were told."""
     return np.radians([float(arm[f"{name}_deg"]) for name in JOINTS])
 
 
-def real_rad(arm: ArmSettings) -> Array:
+def find_real_angles_rad(arm: ArmSettings) -> Array:
     """The angles (5,) in radians at which the joints are: those commanded, and the fault of each joint."""
-    return commanded_rad(arm) + np.radians([float(arm[f"{name}_offset_deg"]) for name in JOINTS])
+    return read_commanded_rad(arm) + np.radians([float(arm[f"{name}_offset_deg"]) for name in JOINTS])
 
 
-def _turned(angle: Array) -> Array:
+def _wrap_angle(angle: Array) -> Array:
     """Angles in radians within half a turn of zero."""
     return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
-def solve(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbers = DOWN_RAD) -> tuple[Array, Array]:
+def solve_inverse_kinematics(
+    arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbers = DOWN_RAD
+) -> tuple[Array, Array]:
     """Both solutions (2, ..., 5) in radians, elbow up first, and their margins (2, ...), for the tip at world points.
 
     The margin is the smallest distance in radians of a joint to its limits, negative beyond them; both are NaN out of
@@ -126,19 +128,19 @@ def solve(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbers = DOWN_RA
     yaw, found = np.arctan2(py, px), []
     for elbow in (-bend, bend):
         shoulder = np.arctan2(up, out) - np.arctan2(fore * np.sin(elbow), upper + fore * np.cos(elbow))
-        wrist = _turned(pitch - shoulder - elbow)
-        found.append(np.stack([yaw + 0 * elbow, _turned(shoulder), elbow, wrist, 0 * elbow], axis=-1))
+        wrist = _wrap_angle(pitch - shoulder - elbow)
+        found.append(np.stack([yaw + 0 * elbow, _wrap_angle(shoulder), elbow, wrist, 0 * elbow], axis=-1))
     joints = np.stack(found)
     margins = np.minimum(joints - arm.low, arm.high - joints)[..., :4].min(axis=-1)
     return joints, margins
 
 
-def inverse(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbers = DOWN_RAD) -> Array:
+def choose_inverse_solution(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbers = DOWN_RAD) -> Array:
     """Angles (..., 5) in radians that put the tip at world points in metres; NaN out of reach or beyond a limit.
 
     Of two solutions the one that is farther from the limits. Raises nothing: points may be NaN.
     """
-    joints, margins = solve(arm, x, y, z, pitch)
+    joints, margins = solve_inverse_kinematics(arm, x, y, z, pitch)
     best = (np.nan_to_num(margins[1], nan=-np.inf) > np.nan_to_num(margins[0], nan=-np.inf))[..., None]
     chosen, margin = np.where(best, joints[1], joints[0]), np.where(best[..., 0], margins[1], margins[0])
     return np.where((margin >= 0)[..., None], chosen, np.nan)
@@ -149,4 +151,4 @@ def find_joint_margin(arm: Arm, x: Numbers, y: Numbers, z: Numbers, pitch: Numbe
 
     Of two solutions the better; negative where a joint would be beyond its limit.
     """
-    return np.asarray(solve(arm, x, y, z, pitch)[1].max(axis=0))
+    return np.asarray(solve_inverse_kinematics(arm, x, y, z, pitch)[1].max(axis=0))

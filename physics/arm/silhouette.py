@@ -17,7 +17,7 @@ def find_silhouette(vertices: Array, triangles: Array, matrix: Array, shape: tup
     centres at halves.
     """
     mask = np.zeros(shape, bool)
-    corners = _cut_off(np.asarray(vertices, np.float64)[triangles])
+    corners = _clip_behind_eye(np.asarray(vertices, np.float64)[triangles])
     projected = corners @ np.asarray(matrix, np.float64).T
     pixels = projected[..., :2] / projected[..., 2:] - 0.5  # a centre now has whole coordinates
     low = np.maximum(np.ceil(pixels.min(axis=1)), 0).astype(int)
@@ -25,11 +25,11 @@ def find_silhouette(vertices: Array, triangles: Array, matrix: Array, shape: tup
     for k in np.flatnonzero((low <= high).all(axis=1)):
         (x0, y0), (x1, y1) = low[k], high[k]
         part = mask[y0 : y1 + 1, x0 : x1 + 1]
-        part |= _covers(pixels[k], np.arange(x0, x1 + 1), np.arange(y0, y1 + 1)[:, None])
+        part |= _is_inside(pixels[k], np.arange(x0, x1 + 1), np.arange(y0, y1 + 1)[:, None])
     return mask
 
 
-def _covers(triangle: Array, x: Array, y: Array) -> Array:
+def _is_inside(triangle: Array, x: Array, y: Array) -> Array:
     """Whether points are inside a triangle (3, 2), turned either way."""
     sides = [
         (bx - ax) * (y - ay) - (by - ay) * (x - ax)
@@ -38,7 +38,7 @@ def _covers(triangle: Array, x: Array, y: Array) -> Array:
     return np.asarray((np.minimum.reduce(sides) >= 0) | (np.maximum.reduce(sides) <= 0))
 
 
-def _cut_off(corners: Array) -> Array:
+def _clip_behind_eye(corners: Array) -> Array:
     """The parts of triangles (m, 3, 3) in front of the eye, as triangles."""
     ahead = corners[..., 2] > _NEAR_M
     kept = [corners[ahead.all(axis=1)]]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array
-from .kinematics import pose
+from .kinematics import rigid_transform
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,12 @@ class Solid:
     smooth: Array
 
 
-def moved(solid: Solid, at: Array) -> Solid:
+def transform_solid(solid: Solid, at: Array) -> Solid:
     """The solid after a rigid transformation (4, 4)."""
     return Solid(solid.vertices @ at[:3, :3].T + at[:3, 3], solid.triangles, solid.materials, solid.smooth)
 
 
-def join(solids: Sequence[Solid]) -> Solid:
+def join_solids(solids: Sequence[Solid]) -> Solid:
     """One solid of several."""
     starts = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
     return Solid(
@@ -42,7 +42,7 @@ def join(solids: Sequence[Solid]) -> Solid:
     )
 
 
-def lathe(material: str, profile: Sequence[tuple[float, float]], sides: int = 40) -> Solid:
+def make_lathe(material: str, profile: Sequence[tuple[float, float]], sides: int = 40) -> Solid:
     """The solid that a profile of (x, radius), from low to high x where it is convex, sweeps about the x axis.
 
     Each step of the profile is smooth around and has sharp edges. Start and end with radius 0 to close it.
@@ -64,16 +64,16 @@ def lathe(material: str, profile: Sequence[tuple[float, float]], sides: int = 40
     return Solid(np.concatenate(vertices), found, (material,) * len(found), np.ones(len(found), bool))
 
 
-def toward(start: Sequence[float], end: Sequence[float]) -> Array:
+def pose_toward(start: Sequence[float], end: Sequence[float]) -> Array:
     """A pose (4, 4) at ``start`` whose x axis points to ``end``."""
     along = np.subtract(end, start)
     x = along / np.linalg.norm(along)
     side = np.cross([0.0, 0.0, 1.0] if abs(x[2]) < 0.95 else [0.0, 1.0, 0.0], x)
     y = side / np.linalg.norm(side)
-    return pose(np.stack([x, y, np.cross(x, y)], axis=1), tuple(start))
+    return rigid_transform(np.stack([x, y, np.cross(x, y)], axis=1), tuple(start))
 
 
-def rod(
+def make_rod(
     material: str,
     start: Sequence[float],
     end: Sequence[float],
@@ -86,19 +86,19 @@ def rod(
     length, r1 = float(np.linalg.norm(np.subtract(end, start))), radius if end_radius is None else end_radius
     b0, b1 = bevel * min(radius, length / 2), bevel * min(r1, length / 2)
     profile = [(0.0, 0.0), (0.0, radius - b0), (b0, radius), (length - b1, r1), (length, r1 - b1), (length, 0.0)]
-    return moved(lathe(material, profile, sides), toward(start, end))
+    return transform_solid(make_lathe(material, profile, sides), pose_toward(start, end))
 
 
-def ball(material: str, centre: Sequence[float], radius: float, sides: int = 32) -> Solid:
+def make_ball(material: str, centre: Sequence[float], radius: float, sides: int = 32) -> Solid:
     """A sphere."""
     turns = np.linspace(0.0, np.pi, 13)
     profile = [
         (-radius * float(np.cos(t)), radius * float(np.sin(t)) if 0 < k < 12 else 0.0) for k, t in enumerate(turns)
     ]
-    return moved(lathe(material, profile, sides), pose(place=tuple(centre)))
+    return transform_solid(make_lathe(material, profile, sides), rigid_transform(place=tuple(centre)))
 
 
-def box(
+def make_box(
     material: str, size: Sequence[float], centre: Sequence[float] = (0.0, 0.0, 0.0), bevel_m: float = 0.004
 ) -> Solid:
     """A box of these sides whose edges and corners are cut off."""
@@ -118,12 +118,13 @@ def box(
                 ends = np.flatnonzero((signs[:, u] == su) & (signs[:, v] == sv))
                 faces.append([(ends[0], u), (ends[1], u), (ends[1], v), (ends[0], v)])
     faces += [[(n, 0), (n, 1), (n, 2)] for n in range(8)]
-    return moved(
-        _flat(material, [np.array([corners[each] for each in face]) for face in faces]), pose(place=tuple(centre))
+    return transform_solid(
+        _make_flat_faced(material, [np.array([corners[each] for each in face]) for face in faces]),
+        rigid_transform(place=tuple(centre)),
     )
 
 
-def _flat(material: str, faces: Sequence[Array]) -> Solid:
+def _make_flat_faced(material: str, faces: Sequence[Array]) -> Solid:
     """A convex solid around the origin of flat faces (k, 3) with vertices of their own, turned outward."""
     vertices, triangles, start = [], [], 0
     for face in faces:
@@ -137,7 +138,7 @@ def _flat(material: str, faces: Sequence[Array]) -> Solid:
     )
 
 
-def prism(
+def make_prism(
     material: str,
     outline: Sequence[tuple[float, float]],
     low: float,
@@ -160,4 +161,4 @@ def prism(
         for k in range(len(top)):
             n = (k + 1) % len(top)
             faces.append(np.array([one[k], one[n], other[n], other[k]]) - centre)
-    return moved(_flat(material, faces), pose(place=tuple(centre)))
+    return transform_solid(_make_flat_faced(material, faces), rigid_transform(place=tuple(centre)))

@@ -94,15 +94,17 @@ class _Reader:
 
     def read(self) -> Urdf:
         robot = read(self.path, self._parse, "a URDF file", "check lander.file", most=MOST_BYTES)
-        links = self._by_name(robot, "link")
+        links = self._index_by_name(robot, "link")
         if not links:
             self.fail("has no link", "give a URDF file, expanded from xacro")
         if len(links) > MOST_LINKS:
             self.fail(f"has {len(links)} links, more than {MOST_LINKS}", "merge those that do not move")
-        joints = [self._joint(name, item, set(links)) for name, item in self._by_name(robot, "joint").items()]
-        root, joints = self._sort(list(links), joints)
+        joints = [
+            self._read_joint(name, item, set(links)) for name, item in self._index_by_name(robot, "joint").items()
+        ]
+        root, joints = self._sort_tree(list(links), joints)
         self._check_mimics(joints)
-        return Urdf(root, {name: self._shapes(name, item) for name, item in links.items()}, tuple(joints))
+        return Urdf(root, {name: self._read_shapes(name, item) for name, item in links.items()}, tuple(joints))
 
     def _parse(self, foreign: ForeignBytes) -> ElementTree.Element:
         robot = parse_xml(foreign.text())
@@ -112,7 +114,7 @@ class _Reader:
             self.fail(f"begins with <{shorten(robot.tag)}> and not with <robot>", "give a URDF file")
         return robot
 
-    def _by_name(self, robot: ElementTree.Element, tag: str) -> dict[str, ElementTree.Element]:
+    def _index_by_name(self, robot: ElementTree.Element, tag: str) -> dict[str, ElementTree.Element]:
         found: dict[str, ElementTree.Element] = {}
         for item in robot.findall(tag):
             name = (item.get("name") or "").strip()
@@ -123,7 +125,7 @@ class _Reader:
             found[name] = item
         return found
 
-    def _numbers(self, text: str | None, count: int, where: str, most: float = _MOST_M) -> Array:
+    def _parse_numbers(self, text: str | None, count: int, where: str, most: float = _MOST_M) -> Array:
         words = (text or "").split()
         try:
             found = np.array([float(word) for word in words])
@@ -135,13 +137,13 @@ class _Reader:
             )
         return found
 
-    def _origin(self, item: ElementTree.Element, where: str) -> Array:
+    def _read_origin(self, item: ElementTree.Element, where: str) -> Array:
         """Pose (4, 4) of an element's origin: turned about fixed x, then y, then z."""
         pose, origin = np.eye(4), item.find("origin")
         if origin is None:
             return pose
-        pose[:3, 3] = self._numbers(origin.get("xyz", "0 0 0"), 3, f"xyz of {where}")
-        (r, p, y) = self._numbers(origin.get("rpy", "0 0 0"), 3, f"rpy of {where}")
+        pose[:3, 3] = self._parse_numbers(origin.get("xyz", "0 0 0"), 3, f"xyz of {where}")
+        (r, p, y) = self._parse_numbers(origin.get("rpy", "0 0 0"), 3, f"rpy of {where}")
         (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (r, p, y))
         pose[:3, :3] = [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
@@ -150,7 +152,7 @@ class _Reader:
         ]
         return pose
 
-    def _joint(self, name: str, item: ElementTree.Element, links: set[str]) -> UrdfJoint:
+    def _read_joint(self, name: str, item: ElementTree.Element, links: set[str]) -> UrdfJoint:
         kind = item.get("type", "")
         if kind not in (*FIXED, *TURNS, *SLIDES):
             self.fail(
@@ -164,24 +166,24 @@ class _Reader:
             if ends[-1] not in links:
                 self.fail(f"the {tag} of joint {name} is {shorten(ends[-1])!r}, which is no link of the file")
         axis = item.find("axis")
-        along = self._numbers(axis.get("xyz") if axis is not None else "1 0 0", 3, f"the axis of joint {name}")
+        along = self._parse_numbers(axis.get("xyz") if axis is not None else "1 0 0", 3, f"the axis of joint {name}")
         length = float(np.linalg.norm(along))
         if kind not in FIXED and length < 1e-9:
             self.fail(f"the axis of joint {name} has no length", "give a direction such as 0 0 1")
-        low, high = self._limits(name, kind, item)
+        low, high = self._read_limits(name, kind, item)
         return UrdfJoint(
             name,
             kind,
             ends[0],
             ends[1],
-            self._origin(item, f"joint {name}"),
+            self._read_origin(item, f"joint {name}"),
             along / length if length >= 1e-9 else np.array([1.0, 0.0, 0.0]),
             low,
             high,
-            self._mimic(name, item),
+            self._read_mimic(name, item),
         )
 
-    def _limits(self, name: str, kind: str, item: ElementTree.Element) -> tuple[float, float]:
+    def _read_limits(self, name: str, kind: str, item: ElementTree.Element) -> tuple[float, float]:
         if kind in FIXED:
             return 0.0, 0.0
         if kind == "continuous":
@@ -190,19 +192,19 @@ class _Reader:
         if limit is None:
             self.fail(f"joint {name} is {kind} and has no limit", "add one, or make it continuous")
         low, high = (
-            float(self._numbers(limit.get(end, "0"), 1, f"the limit {end} of joint {name}")[0])
+            float(self._parse_numbers(limit.get(end, "0"), 1, f"the limit {end} of joint {name}")[0])
             for end in ("lower", "upper")
         )
         if low > high:
             self.fail(f"the limits of joint {name} are {low:g} to {high:g}", "exchange them")
         return low, high
 
-    def _mimic(self, name: str, item: ElementTree.Element) -> tuple[str, float, float] | None:
+    def _read_mimic(self, name: str, item: ElementTree.Element) -> tuple[str, float, float] | None:
         mimic = item.find("mimic")
         if mimic is None:
             return None
         factor, offset = (
-            float(self._numbers(mimic.get(key, default), 1, f"{key} of joint {name}")[0])
+            float(self._parse_numbers(mimic.get(key, default), 1, f"{key} of joint {name}")[0])
             for key, default in (("multiplier", "1"), ("offset", "0"))
         )
         return mimic.get("joint", ""), factor, offset
@@ -215,7 +217,7 @@ class _Reader:
                     f"joint {joint.name} follows {shorten(joint.mimic[0])!r}, which is no joint that moves by itself"
                 )
 
-    def _sort(self, links: list[str], joints: list[UrdfJoint]) -> tuple[str, list[UrdfJoint]]:
+    def _sort_tree(self, links: list[str], joints: list[UrdfJoint]) -> tuple[str, list[UrdfJoint]]:
         """The root and the joints in the order of the tree."""
         into: dict[str, UrdfJoint] = {}
         for joint in joints:
@@ -238,7 +240,7 @@ class _Reader:
             self.fail(f"link {left} is in a ring of joints that the first link is not in", "remove a joint")
         return roots[0], found
 
-    def _shapes(self, name: str, item: ElementTree.Element) -> tuple[Shape, ...]:
+    def _read_shapes(self, name: str, item: ElementTree.Element) -> tuple[Shape, ...]:
         found = []
         for visual in item.findall("visual"):
             where = f"a visual of link {name}"
@@ -246,28 +248,28 @@ class _Reader:
             inside = geometry[0] if geometry is not None and len(geometry) else None
             if inside is None:
                 self.fail(f"{where} has no geometry")
-            found.append(self._shape(inside, self._origin(visual, where), where))
+            found.append(self._read_shape(inside, self._read_origin(visual, where), where))
         return tuple(found)
 
-    def _shape(self, item: ElementTree.Element, origin: Array, where: str) -> Shape:
+    def _read_shape(self, item: ElementTree.Element, origin: Array, where: str) -> Shape:
         if item.tag == "mesh":
-            scale = self._numbers(item.get("scale", "1 1 1"), 3, f"the scale of {where}")
+            scale = self._parse_numbers(item.get("scale", "1 1 1"), 3, f"the scale of {where}")
             if (scale == 0).any():
                 self.fail(f"the scale of {where} has a 0")
-            return Shape("mesh", origin, tuple(scale), self._find(item.get("filename", ""), where))
+            return Shape("mesh", origin, tuple(scale), self._find_mesh(item.get("filename", ""), where))
         sizes = {"box": (("size", 3),), "cylinder": (("radius", 1), ("length", 1)), "sphere": (("radius", 1),)}
         if item.tag not in sizes:
             self.fail(f"{where} is a {shorten(item.tag)!r}, which is none of mesh, {', '.join(sizes)}")
         size = tuple(
             float(value)
             for key, count in sizes[item.tag]
-            for value in self._numbers(item.get(key), count, f"{key} of {where}")
+            for value in self._parse_numbers(item.get(key), count, f"{key} of {where}")
         )
         if min(size) <= 0:
             self.fail(f"{where} has a size that is not above 0")
         return Shape(item.tag, origin, size)
 
-    def _find(self, name: str, where: str) -> Path:
+    def _find_mesh(self, name: str, where: str) -> Path:
         """The mesh of a name, in the folder of the URDF or of its package, or in the package beside that it names."""
         text = unquote(name)
         if len(text) > _LONGEST_PATH:
@@ -281,9 +283,9 @@ class _Reader:
             places = [
                 (folder, place.resolve())
                 for folder, place in (
-                    folders.places_in(package, path)
+                    folders.find_package_places(package, path)
                     if is_of_package
-                    else folders.places_of(text.removeprefix("file://"))
+                    else folders.find_relative_places(text.removeprefix("file://"))
                 )
             ]
             inside = [place for folder, place in places if place.is_relative_to(folder)]

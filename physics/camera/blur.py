@@ -62,14 +62,14 @@ class Blur:
         return PINHOLE.format("" if self.exposure_s is None else " in the middle of the exposure")
 
 
-def blur_of(settings: Settings) -> Blur | None:
+def find_blur(settings: Settings) -> Blur | None:
     """The blur that complete settings describe; None if they describe none.
 
     Raises IcyMoonError for a focus nearer than the focal length, a motion whose exposure is not known, and a turn of
     more than a quarter during it.
     """
     rig, sensor = settings.rig, settings.sensor
-    focus, velocity, turn = float(rig.focus_distance_m), _vector(rig, _SPEEDS), _vector(rig, _TURNS)
+    focus, velocity, turn = float(rig.focus_distance_m), _read_vector(rig, _SPEEDS), _read_vector(rig, _TURNS)
     turn = np.array([-turn[1], turn[0], turn[2]])
     moves = bool(velocity.any() or turn.any())
     if not is_blurred(rig):
@@ -98,30 +98,30 @@ def is_blurred(rig: RigSettings) -> bool:
     return rig.focus_distance_m != 0 or any(rig[key] for key in MOTION)
 
 
-def _vector(rig: RigSettings, keys: tuple[str, ...]) -> Array:
+def _read_vector(rig: RigSettings, keys: tuple[str, ...]) -> Array:
     return np.array([float(rig[key]) for key in keys])
 
 
-def blur_advice(settings: Settings) -> list[str]:
+def advise_on_blur(settings: Settings) -> list[str]:
     """Sentences to show before a render: that the truth is a pinhole camera's, or why the blur cannot be rendered."""
     try:
-        blur = blur_of(settings)
+        blur = find_blur(settings)
     except IcyMoonError as error:
         return [str(error)]
     return [blur.warning] if blur else []
 
 
-def blur_identity(settings: Settings) -> str:
+def describe_blur_identity(settings: Settings) -> str:
     """The camera response that is in the rendered light, for the name of the pair; empty without blur."""
-    blur = blur_of(settings)
+    blur = find_blur(settings)
     if blur is None:
         return ""
     return f"f/{blur.f_number if blur.focus_m is not None else None} {blur.exposure_s} s"
 
 
-def developing_warnings(settings: Settings, rendered: Settings, exposures_s: list[float]) -> list[str]:
+def warn_on_blur_mismatch(settings: Settings, rendered: Settings, exposures_s: list[float]) -> list[str]:
     """Sentences on contradictions between the blur of a ``rendered`` pair and the ``settings`` that develop it."""
-    blur = blur_of(rendered)
+    blur = find_blur(rendered)
     if blur is None:
         return []
     said = [blur.warning]
@@ -140,7 +140,7 @@ def developing_warnings(settings: Settings, rendered: Settings, exposures_s: lis
     return said
 
 
-def confusion_px(depth_m: float, rig: RigSettings, blur: Blur) -> float:
+def circle_of_confusion_px(depth_m: float, rig: RigSettings, blur: Blur) -> float:
     """Diameter in px of the disc that a point at a planar depth becomes; 0 without depth of field.
 
     Of the thin lens: the aperture, F/N wide, times the difference of inverse depths to the plane in focus.
@@ -151,7 +151,7 @@ def confusion_px(depth_m: float, rig: RigSettings, blur: Blur) -> float:
     return focal_px(rig) * aperture_m * abs(1 / blur.focus_m - 1 / depth_m)
 
 
-def motion_px(column_px: float, row_px: float, depth_m: float, rig: RigSettings, blur: Blur) -> float:
+def motion_blur_px(column_px: float, row_px: float, depth_m: float, rig: RigSettings, blur: Blur) -> float:
     """Distance in px between where a point of the scene is seen when the left eye's exposure begins and when it ends.
 
     The point is seen ``column_px`` right of and ``row_px`` below the principal point in the middle of the exposure.
@@ -161,14 +161,14 @@ def motion_px(column_px: float, row_px: float, depth_m: float, rig: RigSettings,
         return 0.0
     focal = focal_px(rig)
     point = depth_m * np.array([column_px / focal, row_px / focal, 1.0])
-    ends = [pose_after(blur, side * blur.exposure_s / 2) for side in (-1, 1)]
+    ends = [find_pose_after(blur, side * blur.exposure_s / 2) for side in (-1, 1)]
     seen = [pose[:3, :3].T @ (point - pose[:3, 3]) for pose in ends]
     if min(p[2] for p in seen) <= 0:
         return math.inf
     return float(np.linalg.norm(np.subtract(*(focal * p[:2] / p[2] for p in seen))))
 
 
-def pose_after(blur: Blur, seconds: float) -> Array:
+def find_pose_after(blur: Blur, seconds: float) -> Array:
     """Pose (4, 4) of the left eye some time after the middle of the exposure, in its axes then: x right, y down."""
     pose = np.eye(4)
     angle = math.radians(float(np.linalg.norm(blur.turn_deg_s))) * seconds

@@ -14,7 +14,7 @@ from .sensor import black_dn, capacity_e, gain_dn_per_e, top_dn
 MERGED_BITS = 16
 
 
-def exposure_times(seconds: float, sensor: SensorSettings) -> list[float]:
+def list_exposure_times(seconds: float, sensor: SensorSettings) -> list[float]:
     """Exposure times in seconds, longest first, ``bracket_stops`` apart and even about ``seconds``."""
     count = int(sensor.brackets)
     return [seconds * 2.0 ** (float(sensor.bracket_stops) * ((count - 1) / 2 - k)) for k in range(count)]
@@ -45,14 +45,14 @@ def merge_exposures(numbers: Sequence[Array], seconds: Sequence[float], sensor: 
     return mean([t**2 / (rough * t + steady) for t in seconds])
 
 
-def full_rate(left_rate: Array, shortest_s: float, sensor: SensorSettings) -> float:
+def find_full_rate(left_rate: Array, shortest_s: float, sensor: SensorSettings) -> float:
     """Electrons per second to put at the top of the merged image of both eyes: a little above all but the
     brightest thousandth of the left one, and no more than fill the shortest exposure."""
     full = capacity_e(sensor) / shortest_s
     return min(float(np.quantile(left_rate, 0.999)) / 0.9, full) if left_rate.max() > 0 else full
 
 
-def quantise(rate: Array, full: float) -> Array:
+def quantise_merged(rate: Array, full: float) -> Array:
     """Merged electrons per second as linear uint16, ``full`` at the top."""
     top = 2**MERGED_BITS - 1
     return np.clip(np.rint(rate / max(full, 1e-300) * top), 0, top).astype(np.uint16)

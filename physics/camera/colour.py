@@ -27,19 +27,19 @@ _LEAST_WHITE = 1e-6
 _Kernels = dict[str, Array]
 
 
-def _kernels(cross: list[list[float]], row: list[list[float]], diagonal: list[list[float]]) -> _Kernels:
+def _make_kernels(cross: list[list[float]], row: list[list[float]], diagonal: list[list[float]]) -> _Kernels:
     return {"cross": np.array(cross), "row": np.array(row), "column": np.array(row).T, "diagonal": np.array(diagonal)}
 
 
 #: BILINEAR: the mean of the nearest samples. MALVAR: with the Laplacian of the pixel's own colour (Malvar, He and
 #: Cutler 2004, ICASSP, III-485). Both find colours that change linearly exactly.
 LINEAR = {
-    "BILINEAR": _kernels(
+    "BILINEAR": _make_kernels(
         [[0, 0, 0, 0, 0], [0, 0, 0.25, 0, 0], [0, 0.25, 0, 0.25, 0], [0, 0, 0.25, 0, 0], [0, 0, 0, 0, 0]],
         [[0, 0, 0, 0, 0], [0, 0, 0, 0, 0], [0, 0.5, 0, 0.5, 0], [0, 0, 0, 0, 0], [0, 0, 0, 0, 0]],
         [[0, 0, 0, 0, 0], [0, 0.25, 0, 0.25, 0], [0, 0, 0, 0, 0], [0, 0.25, 0, 0.25, 0], [0, 0, 0, 0, 0]],
     ),
-    "MALVAR": _kernels(
+    "MALVAR": _make_kernels(
         [
             [0, 0, -0.125, 0, 0],
             [0, 0, 0.25, 0, 0],
@@ -83,7 +83,7 @@ def filter_efficiency(sensor: SensorSettings, wavelength_m: Array) -> Array:
     )
 
 
-def channel_rates(light: LightSettings, sensor: SensorSettings, pitch_m: float) -> Array:
+def compute_channel_rates(light: LightSettings, sensor: SensorSettings, pitch_m: float) -> Array:
     """Photo-electrons per second (channels, 3) in a pixel of side ``pitch_m`` per W/(m² sr) in a pair's R, G, B.
 
     White ground in sunlight has the bands ``sun_colour``, whatever the temperature of the Sun, and of it a channel sees
@@ -95,7 +95,7 @@ def channel_rates(light: LightSettings, sensor: SensorSettings, pitch_m: float) 
     return np.asarray(optics_m2_sr(sensor, pitch_m) * (seen @ band_shares(wavelength).T) / white)
 
 
-def white_rates(light: LightSettings, rates: Array) -> Array:
+def compute_white_rates(light: LightSettings, rates: Array) -> Array:
     """Electrons per second (channels,) per W/(m² sr) of white ground in sunlight, from ``rates`` (channels, 3) of the
     bands."""
     return np.asarray(rates @ sun_colour(light.sun_temperature_k))
@@ -106,7 +106,7 @@ def can_balance(white: Array) -> bool:
     return bool(white.min() > _LEAST_WHITE * white.max())
 
 
-def white_gains(white: Array, sensor: SensorSettings) -> Array:
+def compute_white_gains(white: Array, sensor: SensorSettings) -> Array:
     """Factors (3,) on R, G, B after demosaicing; with SUN white ground becomes grey, and none is below 1.
 
     They are 1 if a channel sees less than a millionth of another's light: then there is nothing to balance.
@@ -121,7 +121,7 @@ def channel_at(pattern: str, row: int, column: int) -> int:
     return "RGB".index(pattern[2 * (row % 2) + column % 2])
 
 
-def mosaic(planes: Array, pattern: str) -> Array:
+def apply_mosaic(planes: Array, pattern: str) -> Array:
     """The values (H, W) that pixels see through their own filters, from planes (3, H, W) of R, G, B."""
     result = np.empty_like(planes[0])
     for row, column in np.ndindex(2, 2):
@@ -145,7 +145,7 @@ def demosaic(numbers: Array, pattern: str, method: str) -> Array:
             if channel == own:
                 result[row::2, column::2, channel] = image[row::2, column::2]
                 continue
-            kernel = LINEAR[method][_samples_at(pattern, row, column, channel)]
+            kernel = LINEAR[method][_find_sample_pattern(pattern, row, column, channel)]
             total = sum(
                 weight * padded[row + dy : height + dy : 2, column + dx : width + dx : 2]
                 for (dy, dx), weight in np.ndenumerate(kernel)
@@ -155,13 +155,13 @@ def demosaic(numbers: Array, pattern: str, method: str) -> Array:
     return result
 
 
-def _samples_at(pattern: str, row: int, column: int, channel: int) -> str:
+def _find_sample_pattern(pattern: str, row: int, column: int, channel: int) -> str:
     """Where the samples of another channel are, about a pixel: a key of the kernels."""
     beside = channel_at(pattern, row, column + 1) == channel
     above = channel_at(pattern, row + 1, column) == channel
     return "cross" if beside and above else "row" if beside else "column" if above else "diagonal"
 
 
-def grey_of(colours: Array, sensor: SensorSettings) -> Array:
+def mix_to_grey(colours: Array, sensor: SensorSettings) -> Array:
     """The grey image (H, W) of colours (H, W, 3) that matchers get."""
     return np.asarray(colours @ np.array(GREY_WEIGHTS[sensor.grey]))

@@ -16,7 +16,7 @@ import numpy as np
 from ...settings.topics.camera import RigSettings, SensorSettings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ..random_numbers.seeds import generator
+from ..random_numbers.seeds import make_generator
 from ..rig.focal_length import focal_px
 from .sensor import EYE_STREAMS
 
@@ -28,7 +28,7 @@ _AT_ONCE = 2_000_000
 _STREAM = 2
 
 
-def blocked_share(
+def compute_blocked_share(
     sensor: SensorSettings, rig: RigSettings, shape: tuple[int, int], seed: int, eye: str
 ) -> Array | None:
     """Share (H, W) from 0 to 1 of each pixel's light that deposits block, on the sensor; None without deposits.
@@ -58,7 +58,7 @@ def blocked_share(
             f"{MOST_GRAINS}; make the grains larger or fewer."
         )
     alike = bool(sensor.deposits_alike)
-    random = generator(seed, "sensor", _STREAM + int(sensor.deposit_seed), 0 if alike else EYE_STREAMS[eye])
+    random = make_generator(seed, "sensor", _STREAM + int(sensor.deposit_seed), 0 if alike else EYE_STREAMS[eye])
     count = int(random.poisson(expected))
     places = random.uniform((-wide, -wide), (rows + wide, columns + wide), (count, 2))
     covered = 1.0 - np.exp(-_sum_of_discs(places, grain / 2, (rows, columns)))

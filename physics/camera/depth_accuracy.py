@@ -23,26 +23,26 @@ _ROUNDED_PX = 0.05
 _FAR_FROM_MIDDLE = 0.25
 
 
-def rounding_m(*coordinates_m: float) -> float:
+def coordinate_rounding_m(*coordinates_m: float) -> float:
     """Step between the coordinates in metres that the renderer, which is of single precision, tells apart there."""
     return float(np.spacing(np.float32(max(abs(c) for c in coordinates_m))))
 
 
-def rounding_px(rig: RigSettings, ground_m: float) -> float:
+def ground_rounding_px(rig: RigSettings, ground_m: float) -> float:
     """Pixels by which rounded coordinates move the ground under the camera, or one eye from the other, at most.
 
     Half a step of the largest coordinate of the left camera, which stands over ground of this height, at its height.
     """
     height = float(rig.height_m)
-    return focal_px(rig) * rounding_m(rig.x_m, rig.y_m, ground_m + height) / 2 / height
+    return focal_px(rig) * coordinate_rounding_m(rig.x_m, rig.y_m, ground_m + height) / 2 / height
 
 
-def rounding_advice(rig: RigSettings, ground_m: float) -> list[str]:
+def advise_on_rounding(rig: RigSettings, ground_m: float) -> list[str]:
     """Sentences about a camera so far from the origin that single precision is visible; none if it is not."""
-    pixels = rounding_px(rig, ground_m)
+    pixels = ground_rounding_px(rig, ground_m)
     if pixels <= _ROUNDED_PX:
         return []
-    step = rounding_m(rig.x_m, rig.y_m, ground_m + float(rig.height_m))
+    step = coordinate_rounding_m(rig.x_m, rig.y_m, ground_m + float(rig.height_m))
     return [
         f"The camera stands so far from the origin that ground and eyes are rounded to {step:.2g} m, up to "
         f"{show_rounded(pixels)} px; stand nearer to it (rig.x_m, rig.y_m), or move your own ground "
@@ -50,7 +50,7 @@ def rounding_advice(rig: RigSettings, ground_m: float) -> list[str]:
     ]
 
 
-def centre_advice(rig: RigSettings) -> list[str]:
+def advise_on_principal_point(rig: RigSettings) -> list[str]:
     """Sentences that warn of a principal point far from the middle of the image; otherwise an empty list.
 
     The principal point is stated in pixels, so a change of the image size does not move it.
@@ -68,7 +68,7 @@ def centre_advice(rig: RigSettings) -> list[str]:
     return said
 
 
-def coarse_advice(rig: RigSettings, edge_m: float) -> list[str]:
+def advise_on_coarse_triangles(rig: RigSettings, edge_m: float) -> list[str]:
     """Sentences about ground whose triangles, ``edge_m`` wide, are too wide for exact depth; none if they are not."""
     height = float(rig.height_m)
     if edge_m <= _WIDEST * height:
@@ -97,7 +97,7 @@ class GroundRow:
     along_m: float  # and from this row to the next
 
 
-def ground_row(rig: RigSettings, row: float) -> GroundRow:
+def measure_ground_row(rig: RigSettings, row: float) -> GroundRow:
     """The ground at the level of the site as an image row (pixel-corner coordinates, 0 top) shows it."""
     focal, pitch, height = focal_px(rig), math.radians(rig.pitch_deg), float(rig.height_m)
     v = (row - int(rig.height_px) / 2 - float(rig.principal_y_px)) / focal

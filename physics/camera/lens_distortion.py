@@ -20,12 +20,12 @@ COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")  # in OpenCV's order
 _STEPS = 25
 
 
-def coefficients(rig: RigSettings) -> tuple[float, ...]:
+def read_coefficients(rig: RigSettings) -> tuple[float, ...]:
     """k1, k2, p1, p2, k3 of a ``rig`` topic."""
     return tuple(float(rig[f"distortion_{name}"]) for name in COEFFICIENTS)
 
 
-def distort(points: Array, k: tuple[float, ...]) -> Array:
+def distort_points(points: Array, k: tuple[float, ...]) -> Array:
     """Where points (..., 2) of a pinhole image appear through the lens with 5, 8 or 12 coefficients ``k``."""
     p1, p2 = k[2:4]
     x, y = points[..., 0], points[..., 1]
@@ -55,7 +55,7 @@ def _radial(r2: Array, k: tuple[float, ...]) -> tuple[Array, Array]:
 
 
 def _jacobian(points: Array, k: tuple[float, ...]) -> Array:
-    """Jacobian (..., 2, 2) of ``distort``."""
+    """Jacobian (..., 2, 2) of ``distort_points``."""
     p1, p2 = k[2:4]
     x, y = points[..., 0], points[..., 1]
     r2 = x**2 + y**2
@@ -79,10 +79,10 @@ def is_seen(points: Array, k: tuple[float, ...]) -> Array:
     """Whether a lens shows points (..., 2) of a pinhole image: not those beyond a fold or a pole of its polynomials."""
     with np.errstate(all="ignore"):
         unfolded = np.linalg.det(np.nan_to_num(_jacobian(points, k))) > 0
-        return np.asarray(unfolded & ((points**2).sum(axis=-1) <= _beyond_fold(k)))
+        return np.asarray(unfolded & ((points**2).sum(axis=-1) <= _find_fold_radius(k)))
 
 
-def undistort(points: Array, k: tuple[float, ...]) -> Array:
+def undistort_points(points: Array, k: tuple[float, ...]) -> Array:
     """Where points (..., 2) that are seen through the lens are in a pinhole image, to 1e-9; NaN where nowhere.
 
     Newton's method from the point itself, and then from the answer of the radial polynomial alone. A point beyond the
@@ -98,18 +98,18 @@ def undistort(points: Array, k: tuple[float, ...]) -> Array:
 
 
 def _search(points: Array, start: Array, k: tuple[float, ...]) -> Array:
-    """Newton's method for ``undistort``; NaN where it does not end at what the lens shows."""
+    """Newton's method for ``undistort_points``; NaN where it does not end at what the lens shows."""
     found = start.copy()
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):
             slope = _jacobian(found, k)
-            step = distort(found, k) - points
+            step = distort_points(found, k) - points
             if np.nan_to_num(np.abs(step)).max(initial=0.0) < 1e-13:
                 break
             determinant = slope[..., 0, 0] * slope[..., 1, 1] - slope[..., 0, 1] * slope[..., 1, 0]
             found[..., 0] -= (slope[..., 1, 1] * step[..., 0] - slope[..., 0, 1] * step[..., 1]) / determinant
             found[..., 1] -= (slope[..., 0, 0] * step[..., 1] - slope[..., 1, 0] * step[..., 0]) / determinant
-        wrong = (np.abs(distort(found, k) - points).max(axis=-1) > 1e-9) | ~is_seen(found, k)
+        wrong = (np.abs(distort_points(found, k) - points).max(axis=-1) > 1e-9) | ~is_seen(found, k)
         # A root beyond a fold is not on the way from the axis: on its far side, or where the polynomial rises again.
         wrong |= (found * points).sum(axis=-1) < 0
     found[wrong | ~np.isfinite(found).all(axis=-1)] = np.nan
@@ -141,7 +141,7 @@ def _fold(k: tuple[float, ...]) -> float:
     return float(folds[0]) if len(folds) else pole
 
 
-def _beyond_fold(k: tuple[float, ...]) -> float:
+def _find_fold_radius(k: tuple[float, ...]) -> float:
     """A squared radius between the fold of the radial polynomial and the next, where it falls, or its pole; infinite
     without them.
 
@@ -151,7 +151,7 @@ def _beyond_fold(k: tuple[float, ...]) -> float:
     return float(folds[:2].mean()) if len(folds) > 1 else pole
 
 
-def overscan_needed(rig: RigSettings) -> float | None:
+def find_overscan(rig: RigSettings) -> float | None:
     """Share of width and height that has to be rendered beyond each border for every pixel of the sensor to be lit.
 
     It is found at the borders' pixels, which see farthest. None if the lens sees rays that no pinhole image contains.
@@ -167,7 +167,7 @@ def overscan_needed(rig: RigSettings) -> float | None:
     )
     size, shift = np.array([width, height]), np.array([float(rig.principal_x_px), float(rig.principal_y_px)])
     principal = size / 2 + shift
-    seen = undistort((border - principal) / focal, coefficients(rig)) * focal + principal
+    seen = undistort_points((border - principal) / focal, read_coefficients(rig)) * focal + principal
     if not np.isfinite(seen).all():
         return None
     # Pixels are interpolated between rendered centres, so the outermost centres must enclose all points that are seen.

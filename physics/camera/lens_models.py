@@ -45,11 +45,11 @@ class Brown:
         with np.errstate(all="ignore"):
             points = directions[..., :2] / np.where(ahead, directions[..., 2], np.nan)[..., None]
             seen = ahead & lens_distortion.is_seen(points, self.coefficients)
-            return np.where(seen[..., None], lens_distortion.distort(points, self.coefficients), np.nan)
+            return np.where(seen[..., None], lens_distortion.distort_points(points, self.coefficients), np.nan)
 
     def unbend(self, points: Array) -> Array:
         """See the module."""
-        found = lens_distortion.undistort(points, self.coefficients)
+        found = lens_distortion.undistort_points(points, self.coefficients)
         directions = np.concatenate([found, np.ones_like(found[..., :1])], axis=-1)
         return np.asarray(directions / np.linalg.norm(directions, axis=-1, keepdims=True))
 

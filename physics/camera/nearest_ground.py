@@ -17,7 +17,7 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ..light.directions import camera_axes
-from ..rocks.beyond_patch import view_beyond
+from ..rocks.beyond_patch import make_view_beyond
 from ..rocks.rocks import euler_matrices
 from ..terrain.sites import RockyGround, make_rocky_ground
 
@@ -48,7 +48,7 @@ _NOT_GROUND = {
 }
 
 
-def greatest_disparity_px(settings: Settings, focal_px: float) -> float | None:
+def find_greatest_disparity_px(settings: Settings, focal_px: float) -> float | None:
     """The greatest disparity, px, of the ground and the rocks that the settings describe in the image.
 
     None if the ground is not described but comes from a file, if it cannot be made, or if none of it is in the image.
@@ -56,7 +56,7 @@ def greatest_disparity_px(settings: Settings, focal_px: float) -> float | None:
     if settings.source.kind != "PROCEDURAL":
         return None
     try:
-        return _greatest(_ground(settings), settings.rig, focal_px)
+        return _find_greatest(_get_ground(settings), settings.rig, focal_px)
     except IcyMoonError:
         return None
 
@@ -66,11 +66,11 @@ def name_ground(settings: Settings) -> str:
     same name is not made again."""
     made_of = {topic: values for topic, values in settings.items() if topic not in _NOT_GROUND}
     # Which rocks are drawn beyond the patch depends on the rig.
-    beyond = view_beyond(settings)
+    beyond = make_view_beyond(settings)
     return json.dumps([made_of, settings.dataset.seed, beyond and astuple(beyond)], sort_keys=True)
 
 
-def _ground(settings: Settings) -> RockyGround:
+def _get_ground(settings: Settings) -> RockyGround:
     name = name_ground(settings)
     if name not in _last:
         _last.clear()
@@ -78,7 +78,7 @@ def _ground(settings: Settings) -> RockyGround:
     return _last[name]
 
 
-def _greatest(ground: RockyGround, rig: RigSettings, focal: float) -> float | None:
+def _find_greatest(ground: RockyGround, rig: RigSettings, focal: float) -> float | None:
     axes = camera_axes(rig.heading_deg, rig.pitch_deg)
     eye = np.array([rig.x_m, rig.y_m, float(ground.heights(rig.x_m, rig.y_m)) + rig.height_m])
     # Seen from above, the fan of a camera that looks down is wider than its field of view.

@@ -18,18 +18,18 @@ _NEARER_PX = 0.25
 _NEARER_SHARE = 0.25
 
 
-def matching_column(disparity: Array, eye: str = "left") -> Array:
+def find_matching_column(disparity: Array, eye: str = "left") -> Array:
     """Column, in the other eye's image, of the point that each pixel of ``eye`` sees, float64 (H, W)."""
     return np.arange(disparity.shape[1]) - disparity * (1 if eye == "left" else -1)
 
 
-def warped(image: Array, column: Array) -> Array:
+def sample_at_columns(image: Array, column: Array) -> Array:
     """``image`` (H, W) interpolated linearly at fractional columns (H, any); constant beyond the edges."""
-    before, after, weight = _neighbours(image, column)
+    before, after, weight = _neighbouring_columns(image, column)
     return np.asarray((1 - weight) * before + weight * after)
 
 
-def _neighbours(image: Array, column: Array) -> tuple[Array, Array, Array]:
+def _neighbouring_columns(image: Array, column: Array) -> tuple[Array, Array, Array]:
     """The pixels of ``image`` before and after fractional columns, and how far these are from the first, 0 to 1."""
     column = np.clip(np.nan_to_num(column, nan=0.0), 0.0, image.shape[1] - 1.0)
     first = np.floor(column).astype(np.intp)
@@ -52,8 +52,10 @@ def find_hidden(disparity: Array, other: Array, eye: str) -> Array:
 
     On a plane, disparity is an affine function of the column, so it does not hide itself, however steep it is.
     """
-    column = matching_column(disparity, eye)
-    before, after, weight = _neighbours(np.nan_to_num(other, nan=0.0), column * (other.shape[1] // disparity.shape[1]))
+    column = find_matching_column(disparity, eye)
+    before, after, weight = _neighbouring_columns(
+        np.nan_to_num(other, nan=0.0), column * (other.shape[1] // disparity.shape[1])
+    )
     nearer = np.maximum(_NEARER_PX, _NEARER_SHARE * np.abs(after - before))
     with np.errstate(invalid="ignore"):
         return is_in_frame(column) & ((1 - weight) * before + weight * after > disparity + nearer)

@@ -11,7 +11,7 @@ from ...support.errors import IcyMoonError
 MOST_HITS = 1_000_000
 
 
-def expected_hits(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, seconds: float) -> float:
+def expected_hit_count(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, seconds: float) -> float:
     """Mean number of particles through an image (H, W) of pixels of side ``pitch_m`` in an exposure.
 
     ``sensor.radiation_flux_cm2_s`` counts particles per cm² of the sensor's plane and second, of all
@@ -31,7 +31,7 @@ def draw_hits(
     d / cos θ, d tan θ of it along the plane, and frees ``radiation_e_per_um`` electrons per
     micrometre. Raises IcyMoonError beyond a million hits: no pixel would be without one.
     """
-    mean = expected_hits(sensor, shape, pitch_m, seconds)
+    mean = expected_hit_count(sensor, shape, pitch_m, seconds)
     if mean > MOST_HITS:
         raise IcyMoonError(
             f"sensor.radiation_flux_cm2_s gives {mean:.3g} hits in {seconds:.3g} s, more than "

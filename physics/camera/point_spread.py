@@ -12,7 +12,7 @@ from ...support.arrays import Array
 _REACH = 4.0  # standard deviations; beyond lies 6e-5 of a Gaussian
 
 
-def apply_lens(radiance: Array, sensor: SensorSettings) -> Array:
+def apply_point_spread(radiance: Array, sensor: SensorSettings) -> Array:
     """Radiance (H, W) as the lens passes it on, float64.
 
     ``sensor.psf_sigma_px``: Gaussian point spread, its standard deviation. ``sensor.veiling_glare``:
@@ -23,7 +23,7 @@ def apply_lens(radiance: Array, sensor: SensorSettings) -> Array:
     image = np.minimum(np.asarray(radiance, np.float64), 1e30)
     sigma, glare = float(sensor.psf_sigma_px), float(sensor.veiling_glare)
     if sigma > 0 and image.size:
-        image = _blur(_blur(image, sigma, 0), sigma, 1)
+        image = _blur_axis(_blur_axis(image, sigma, 0), sigma, 1)
     if glare > 0 and image.size:
         image = (1 - glare) * image + glare * image.mean()
     return image
@@ -37,7 +37,7 @@ def gaussian_kernel(sigma_px: float) -> Array:
     return weights / weights.sum()
 
 
-def _blur(image: Array, sigma: float, axis: int) -> Array:
+def _blur_axis(image: Array, sigma: float, axis: int) -> Array:
     kernel = gaussian_kernel(sigma)
     reach = len(kernel) // 2
     padded = np.pad(image, [(reach, reach) if k == axis else (0, 0) for k in (0, 1)], mode="edge")

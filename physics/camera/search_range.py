@@ -19,7 +19,7 @@ UNKNOWN_RELIEF = 0.5
 _HOLLOW = 2.0
 
 
-def flat_disparities_px(rig: RigSettings) -> tuple[float, float]:
+def level_ground_disparities_px(rig: RigSettings) -> tuple[float, float]:
     """Disparity of level ground in the top and in the bottom row of the image; 0 where a row is above the horizon."""
     focal, pitch, height = focal_px(rig), math.radians(rig.pitch_deg), float(rig.height_m)
     centre, rows = int(rig.height_px) / 2 + float(rig.principal_y_px), int(rig.height_px)
@@ -33,5 +33,5 @@ def disparity_range_px(rig: RigSettings, relief: float = UNKNOWN_RELIEF) -> tupl
 
     ``relief`` is the share of the camera's height that the ground may reach in the near part of the image.
     """
-    top, bottom = flat_disparities_px(rig)
+    top, bottom = level_ground_disparities_px(rig)
     return (top / _HOLLOW, bottom / (1 - relief)) if bottom > 0 else None

@@ -18,7 +18,7 @@ import numpy as np
 
 from ...settings.topics.camera import SensorSettings
 from ...support.arrays import Array, Numbers
-from ..random_numbers.seeds import generator
+from ..random_numbers.seeds import make_generator
 
 EYE_STREAMS = {"left": 0, "right": 1}
 
@@ -52,7 +52,7 @@ def capacity_e(sensor: SensorSettings) -> float:
     return float(sensor.full_well_e) / max(1.0, float(sensor.gain))
 
 
-def exposure_s(left_light: Array, rate: float, sensor: SensorSettings) -> float:
+def choose_exposure_s(left_light: Array, rate: float, sensor: SensorSettings) -> float:
     """Exposure time in seconds of both eyes.
 
     ``left_light`` is the left eye's grey radiance, any shape. With auto exposure its
@@ -60,11 +60,12 @@ def exposure_s(left_light: Array, rate: float, sensor: SensorSettings) -> float:
     black the brightest pixel stands in, and a wholly black image is exposed as if auto exposure
     were off, since it has nothing to measure. The time stays between SHORTEST_S and LONGEST_S.
     """
-    return exposure_of_level(metered_level(left_light, sensor) if sensor.auto_exposure else 0.0, rate, sensor)
+    return expose_level_s(meter_level(left_light, sensor) if sensor.auto_exposure else 0.0, rate, sensor)
 
 
-def metered_level(left_light: Array, sensor: SensorSettings) -> float:
-    """The radiance that auto exposure puts at ``auto_target`` of the capacity, see ``exposure_s``; 0 for none."""
+def meter_level(left_light: Array, sensor: SensorSettings) -> float:
+    """The radiance that auto exposure puts at ``auto_target`` of the capacity, see ``choose_exposure_s``; 0 for
+    none."""
     light = _clear_defects(left_light)
     light = light[np.isfinite(light)]
     if light.size == 0:
@@ -72,15 +73,15 @@ def metered_level(left_light: Array, sensor: SensorSettings) -> float:
     return float(np.quantile(light, float(sensor.auto_percentile))) or float(light.max())
 
 
-def exposure_of_level(level: float, rate: float, sensor: SensorSettings) -> float:
-    """Exposure time in seconds where auto exposure has metered this level; see ``exposure_s``."""
+def expose_level_s(level: float, rate: float, sensor: SensorSettings) -> float:
+    """Exposure time in seconds where auto exposure has metered this level; see ``choose_exposure_s``."""
     fixed = float(sensor.exposure_s)
     if not sensor.auto_exposure or level * rate <= 0:
         return fixed
     return float(np.clip(float(sensor.auto_target) * capacity_e(sensor) / (level * rate), SHORTEST_S, LONGEST_S))
 
 
-def exposure_warnings(seconds: float, saturated: float, sensor: SensorSettings) -> list[str]:
+def warn_on_exposure(seconds: float, saturated: float, sensor: SensorSettings) -> list[str]:
     """Sentences about an exposure: auto exposure reached one of its ends, or too many pixels are saturated.
 
     ``saturated`` is the share of the left pixels that are at the converter's top.
@@ -108,28 +109,28 @@ def dark_current_e_s(sensor: SensorSettings) -> float:
 
 
 @dataclass(frozen=True)
-class Pattern:
+class FixedPattern:
     """Fixed differences between the pixels of one sensor, (H, W) or the neutral number."""
 
     response: Numbers = 1.0  # factor on photo-electrons (PRNU)
     offset_e: Numbers = 0.0  # electrons added to the dark signal (DSNU)
 
 
-def draw_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: SensorSettings) -> Pattern:
+def draw_pattern(seed: int, eye: str, shape: tuple[int, int], sensor: SensorSettings) -> FixedPattern:
     """The pattern of one eye's sensor: Gaussian, the same in all images of the data set."""
-    random = generator(seed, "sensor", EYE_STREAMS[eye])
+    random = make_generator(seed, "sensor", EYE_STREAMS[eye])
     prnu, dsnu = float(sensor.prnu), float(sensor.dsnu_e)
     response = np.maximum(1 + prnu * random.standard_normal(shape), 0.0) if prnu > 0 else 1.0
-    return Pattern(response, dsnu * random.standard_normal(shape) if dsnu > 0 else 0.0)
+    return FixedPattern(response, dsnu * random.standard_normal(shape) if dsnu > 0 else 0.0)
 
 
-def electrons(
+def collect_electrons(
     light: Array,
     seconds: float,
     rate: float,
     sensor: SensorSettings,
     random: np.random.Generator,
-    pattern: Pattern | None = None,
+    pattern: FixedPattern | None = None,
     hits_e: Numbers = 0.0,
 ) -> Array:
     """Electrons, float64 and of the shape of ``light``, that are read from each pixel.
@@ -139,7 +140,7 @@ def electrons(
     saturated pixel shows read noise only. Row noise is temporal, as in EMVA 1288, release 4: one number for each row
     of each image. The result can be slightly negative: the converter has a floor, the well has none.
     """
-    pattern = pattern or Pattern()
+    pattern = pattern or FixedPattern()
     full_well = float(sensor.full_well_e)
     with np.errstate(over="ignore", invalid="ignore"):  # a firefly may overflow; infinity is full as well
         charge = _clear_defects(light) * (rate * seconds) * pattern.response
@@ -179,7 +180,7 @@ def spread_overflow(charge: Array, full_well_e: float, share: float) -> Array:
     return result
 
 
-def digital_numbers(charge: Array, sensor: SensorSettings) -> Array:
+def convert_to_digital(charge: Array, sensor: SensorSettings) -> Array:
     """The converter's output, uint16 and of the shape of ``charge`` (electrons).
 
     Linear above the black level with ``gain_dn_per_e``, rounded to the nearest number and held at
@@ -189,11 +190,11 @@ def digital_numbers(charge: Array, sensor: SensorSettings) -> Array:
     return np.clip(numbers, 0, top_dn(sensor)).astype(np.uint16)
 
 
-def noise_generator(seed: int, pair_id: str, eye: str, *index: int) -> np.random.Generator:
+def make_noise_generator(seed: int, pair_id: str, eye: str, *index: int) -> np.random.Generator:
     """The random stream of one eye of one pair (and of one of its exposures, ``index``): the same for the
     same data set seed, pair and eye, independent between eyes and between pairs."""
     digest = int.from_bytes(hashlib.sha256(pair_id.encode()).digest()[:8], "big")
-    return generator(seed, "sensor", digest, EYE_STREAMS[eye], *index)
+    return make_generator(seed, "sensor", digest, EYE_STREAMS[eye], *index)
 
 
 def _clear_defects(radiance: Array) -> Array:

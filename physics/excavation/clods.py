@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from ...support.arrays import Array
-from .grid import Grid
+from .grid import ExcavationGrid
 
 #: Index of the power law of the number of clods that are wider than a width: fragments of brittle bodies have 2 to 3.
 _INDEX = 2.5
@@ -33,8 +33,8 @@ _SIDES, _SIDE_DEG, _SIDE_OUT = 6, (50.0, 78.0), (0.7, 1.0)
 _TOPS, _TOP_TILT, _TOP_HIGH, _BURIED = 3, 0.45, (0.45, 0.85), 0.3
 
 
-def with_clods(
-    grid: Grid,
+def add_clods(
+    grid: ExcavationGrid,
     ground_m: Array,
     spoil_m: Array,
     largest_m: float,
@@ -52,10 +52,10 @@ def with_clods(
     top = ground_m + spoil_m
     width = _draw_widths(grid.cell_m, len(on), min(largest_m, _OF_THICKNESS * float(spoil_m.max())), random)
     row, column = np.divmod(on[random.integers(0, len(on), len(width))], grid.columns)
-    place = _slide(
+    place = _slide_clods(
         top / grid.cell_m,
         np.stack([row, column], axis=1).astype(np.float64),
-        math.tan(math.radians(repose_deg)) * _friction(width, random),
+        math.tan(math.radians(repose_deg)) * _draw_friction(width, random),
     )
     raised: Array = _raise_clods(top, place, width, grid.cell_m, random) - top
     held = float(raised.sum())
@@ -68,22 +68,22 @@ def _draw_widths(cell_m: float, cells: int, largest_m: float, random: np.random.
     least = max(_SMALLEST_CELLS * cell_m, largest_m / _RANGE)
     most = max(largest_m, least)
     ends = least**-_INDEX, most**-_INDEX
-    mean_square = float(np.mean(_width_at(np.linspace(0.0, 1.0, 1001), ends) ** 2))
+    mean_square = float(np.mean(_clod_width(np.linspace(0.0, 1.0, 1001), ends) ** 2))
     count = min(math.ceil(_COVER * cells * cell_m**2 / (_SQUARE**2 * mean_square)), _MOST)
-    return np.sort(_width_at(random.uniform(0.0, 1.0, count), ends))
+    return np.sort(_clod_width(random.uniform(0.0, 1.0, count), ends))
 
 
-def _width_at(share: Array, ends: tuple[float, float]) -> Array:
+def _clod_width(share: Array, ends: tuple[float, float]) -> Array:
     return (ends[0] + share * (ends[1] - ends[0])) ** (-1.0 / _INDEX)
 
 
-def _friction(width: Array, random: np.random.Generator) -> Array:
+def _draw_friction(width: Array, random: np.random.Generator) -> Array:
     """Friction (n,) of clods relative to spoil."""
     span = math.log(float(width[-1] / width[0])) or 1.0
     return _HELD - np.log(width / width[0]) / span * (_HELD - random.uniform(*_ROLLING, len(width)))
 
 
-def _slide(top: Array, place: Array, friction: Array) -> Array:
+def _slide_clods(top: Array, place: Array, friction: Array) -> Array:
     """Where (n, 2) clods come to rest that slide from ``place``: rows and columns, and heights in cells.
 
     A clod is a point that its slope accelerates and friction slows. At the rim of the grid it stops.

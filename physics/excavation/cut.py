@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array, Numbers
-from .grid import Grid
+from .grid import ExcavationGrid
 
 #: Places in a cell along each axis.
 SUBSAMPLES = 4
@@ -78,14 +78,14 @@ class Pull:
         return out, np.interp(nearest, self.along_m, self.depth_m)
 
 
-def bounds_of(pulls: Sequence[Pull], margin_m: float = 0.0) -> tuple[float, float, float, float]:
+def find_bounds_m(pulls: Sequence[Pull], margin_m: float = 0.0) -> tuple[float, float, float, float]:
     """West, south, east and north end in metres of the ground that all pulls pass over, with a margin."""
     ends = np.array([pull.bounds_m(margin_m) for pull in pulls])
     low, high = ends.min(axis=0), ends.max(axis=0)
     return float(low[0]), float(low[1]), float(high[2]), float(high[3])
 
 
-def fit_plane(grid: Grid, heights: Array, pulls: Sequence[Pull]) -> Array:
+def fit_plane(grid: ExcavationGrid, heights: Array, pulls: Sequence[Pull]) -> Array:
     """The least squares plane (3,), height = a + b east + c north, of the ground that the pulls pass over.
 
     It is level where that is less than three cells wide.
@@ -109,13 +109,13 @@ def fit_plane(grid: Grid, heights: Array, pulls: Sequence[Pull]) -> Array:
     return np.array([a - b * middle_east - c * middle_north, b, c])
 
 
-def cut_heights(grid: Grid, top_m: Array, plane: Array, pulls: Sequence[Pull]) -> Array:
+def cut_heights(grid: ExcavationGrid, top_m: Array, plane: Array, pulls: Sequence[Pull]) -> Array:
     """How much (rows, columns) in metres the pulls take off the ground, whose top is at ``top_m``.
 
     ``plane`` is what depths count from, as ``fit_plane`` returns it.
     """
     taken = np.zeros_like(top_m)
-    window = grid.window(*bounds_of(pulls))
+    window = grid.window(*find_bounds_m(pulls))
     windows = [grid.window(*pull.bounds_m()) for pull in pulls]
     x, y = grid.points(window)
     # Against the ground's own plane there, so that a slope does not bias a cell that is half cut.

@@ -10,12 +10,12 @@ import numpy as np
 
 from ...settings.topics.excavation import ExcavationSettings
 from ...support.arrays import Array
-from ..random_numbers.seeds import generator
+from ..random_numbers.seeds import make_generator
 from ..terrain.noise.lattice_noise import gradient_noise
-from .clods import with_clods
+from .clods import add_clods
 from .cut import Pull, cut_heights, fit_plane
-from .relax import Layers, relax
-from .site import Site
+from .relax import GroundLayers, relax_slopes
+from .site import ExcavationSite
 
 #: Wavelengths of clods in their heights, and the shares of their noise in the height.
 _CLODS = ((9.0, 1.6), (3.5, 1.4), (1.6, 0.7))
@@ -30,14 +30,14 @@ _CHIP_WAVES, _CHIP_SLOPE = 5.0, 1.5
 
 
 @dataclass(frozen=True)
-class State:
+class DugState:
     """The ground after a step, and the effects of the step: volumes in m³ as they lay in the ground, masses in kg.
 
     ``chipped_m3`` fell off standing rims, ``slid_m3`` of ground slid as its walls did not stand. ``kept_kg`` was not
     heaped. ``stood`` is whether walls stood, ``rests`` whether all loose material came to rest.
     """
 
-    layers: Layers
+    layers: GroundLayers
     taken_m3: float
     taken_kg: float
     chipped_m3: float
@@ -48,68 +48,70 @@ class State:
 
 
 @dataclass
-class Series:
+class ExcavationSeries:
     """The states of an excavation that have been dug so far; the first is the untouched ground.
 
     ``level_m`` is the height that depths count from if the arm's joints give the path. ``bare`` are the layers of each
     state without clods; the next state is dug from them.
     """
 
-    site: Site
+    site: ExcavationSite
     excavation: ExcavationSettings
     seed: int
     before_m: Array
     level_m: float | None = None
-    states: list[State] = field(default_factory=list)
-    bare: list[Layers] = field(default_factory=list)
+    states: list[DugState] = field(default_factory=list)
+    bare: list[GroundLayers] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         spoil = np.zeros_like(self.before_m)
-        self.bare.append(Layers(self.before_m, spoil))
-        self.states.append(State(self.bare[0], 0.0, 0.0, 0.0, 0.0, 0.0, True))
+        self.bare.append(GroundLayers(self.before_m, spoil))
+        self.states.append(DugState(self.bare[0], 0.0, 0.0, 0.0, 0.0, 0.0, True))
 
     @property
     def spoil_kg_m3(self) -> float:
         """Density of spoil: the density of the ground over the bulking."""
         return float(self.excavation.density_kg_m3 / self.excavation.bulking)
 
-    def at(self, state: int) -> State:
+    def at(self, state: int) -> DugState:
         """The ground in a state; the states before it are dug first."""
         while len(self.states) <= state:
-            self.states.append(self._dig(len(self.states)))
+            self.states.append(self._dig_next(len(self.states)))
         return self.states[state]
 
-    def _dig(self, number: int) -> State:
+    def _dig_next(self, number: int) -> DugState:
         pulls, cell = self.site.pulls[number - 1], self.site.grid.cell_m
         layers = self.bare[-1].copy()
         self.bare.append(layers)
         if not pulls:
-            return State(self.states[-1].layers, 0.0, 0.0, 0.0, 0.0, 0.0, self.states[-1].stood)
-        volume, mass = self._take(layers, self._cut(layers, number))
+            return DugState(self.states[-1].layers, 0.0, 0.0, 0.0, 0.0, 0.0, self.states[-1].stood)
+        volume, mass = self._take_off(layers, self._cut_depth_m(layers, number))
         lowest = float((self.before_m - layers.ground).max())
         stood = self.states[-1].stood and lowest <= self.site.stands_m
-        chipped, chips_kg = self._take(layers, self._chips(layers, pulls)) if stood and volume > 0.0 else (0.0, 0.0)
+        chipped, chips_kg = (
+            self._take_off(layers, self._chip_rims(layers, pulls)) if stood and volume > 0.0 else (0.0, 0.0)
+        )
         heaped_kg = self.excavation.heaped_share * mass + chips_kg
-        self._heap(layers, number, heaped_kg)
+        self._drop_on_heap(layers, number, heaped_kg)
         solid = layers.ground.copy()
-        _, rests = relax(
+        _, rests = relax_slopes(
             layers,
             cell,
             self.excavation.friction_deg,
             self.excavation.bulking,
-            *(() if stood else (self.before_m, self._slides(number, lowest))),
+            *(() if stood else (self.before_m, self._find_sliding_area(number, lowest))),
         )
         slid = float(np.maximum(solid - layers.ground, 0.0).sum()) * cell**2
-        return State(self._with_clods(layers), volume, mass, chipped, slid, mass + chips_kg - heaped_kg, stood, rests)
+        return DugState(self._add_clods(layers), volume, mass, chipped, slid, mass + chips_kg - heaped_kg, stood, rests)
 
     @property
     def has_many_sizes(self) -> bool:
         """Whether clods are single bodies of many sizes, not noise."""
         return bool(self.excavation.clod_sizes == "MANY")
 
-    def _lumps_m(self) -> Array:
+    def _make_lumps_m(self) -> Array:
         """How uneven (rows, columns) the heap is, see ``Heap.thickness``: by a few clods, over many."""
-        size, key = float(self.excavation.clods_m), int(generator(self.seed, "terrain", 8).integers(0, 2**32))
+        size, key = float(self.excavation.clods_m), int(make_generator(self.seed, "terrain", 8).integers(0, 2**32))
         size *= _MANY_UNEVEN if self.has_many_sizes else 1.0
         if size == 0.0:
             return np.zeros(self.before_m.shape)
@@ -117,24 +119,24 @@ class Series:
         east, north = np.broadcast_arrays(self.site.grid.east_m[None, :] / wave, self.site.grid.north_m[:, None] / wave)
         return _LUMP_SIZE * size * np.asarray(gradient_noise(east, north, key))
 
-    def _with_clods(self, layers: Layers) -> Layers:
+    def _add_clods(self, layers: GroundLayers) -> GroundLayers:
         """The layers with clods on their spoil, which keeps its mass. Where it is thin, they are as low as it is."""
         size, total = float(self.excavation.clods_m), float(layers.spoil.sum())
         if size == 0.0 or total == 0.0:
             return layers
         if self.has_many_sizes:
-            return Layers(
+            return GroundLayers(
                 layers.ground,
-                with_clods(
+                add_clods(
                     self.site.grid,
                     layers.ground,
                     layers.spoil,
                     size,
                     float(self.excavation.friction_deg),
-                    generator(self.seed, "terrain", 9),
+                    make_generator(self.seed, "terrain", 9),
                 ),
             )
-        grid, key = self.site.grid, int(generator(self.seed, "terrain", 7).integers(0, 2**32))
+        grid, key = self.site.grid, int(make_generator(self.seed, "terrain", 7).integers(0, 2**32))
         clods = np.zeros(layers.spoil.shape)
         for octave, (waves, share) in enumerate(_CLODS):
             wave = waves * size
@@ -143,9 +145,9 @@ class Series:
             clods += share * np.abs(gradient_noise(east, north, key + octave))
         spoil = layers.spoil + size * (clods - float(clods.mean())) * np.minimum(layers.spoil / size, 1.0)
         spoil = np.maximum(spoil, 0.0)
-        return Layers(layers.ground, spoil * (total / float(spoil.sum())))
+        return GroundLayers(layers.ground, spoil * (total / float(spoil.sum())))
 
-    def _slides(self, number: int, lowest_m: float) -> Array:
+    def _find_sliding_area(self, number: int, lowest_m: float) -> Array:
         """Where ground may slide: as far from the blade as a slope rises from the lowest floor on level ground.
 
         On a slope near the angle of friction a slide would climb without end, over ground that stood before.
@@ -164,7 +166,7 @@ class Series:
             return np.array([self.level_m, 0.0, 0.0])
         return fit_plane(self.site.grid, self.before_m, [pull for each in self.site.pulls for pull in each])
 
-    def _cut(self, layers: Layers, number: int) -> Array:
+    def _cut_depth_m(self, layers: GroundLayers, number: int) -> Array:
         """Depth (rows, columns) in metres that the blade takes away in a state.
 
         While walls stand, a cell that was cut in part keeps its uncut part, and no later bite through the same place
@@ -178,7 +180,7 @@ class Series:
         # Ground that no blade has touched may have spoil on it.
         return np.where(left < self.before_m, np.maximum(top - left, 0.0), 0.0)
 
-    def _take(self, layers: Layers, cut: Array) -> tuple[float, float]:
+    def _take_off(self, layers: GroundLayers, cut: Array) -> tuple[float, float]:
         """Take a depth (rows, columns) off the surface, in place: spoil first; the volume and the mass."""
         area = self.site.grid.cell_m**2
         loose = np.minimum(cut, layers.spoil)
@@ -187,14 +189,14 @@ class Series:
         spoil, solid = float(loose.sum()) * area, float((cut - loose).sum()) * area
         return spoil + solid, spoil * self.spoil_kg_m3 + solid * self.excavation.density_kg_m3
 
-    def _chips(self, layers: Layers, pulls: tuple[Pull, ...]) -> Array:
+    def _chip_rims(self, layers: GroundLayers, pulls: tuple[Pull, ...]) -> Array:
         """Depth (rows, columns) in metres that breaks off the rims of standing walls."""
         most = float(self.excavation.chips_m)
         chipped = np.zeros_like(self.before_m)
         if most <= 0:
             return chipped
         grid = self.site.grid
-        key = int(generator(self.seed, "terrain", 6).integers(0, 2**32))
+        key = int(make_generator(self.seed, "terrain", 6).integers(0, 2**32))
         wave = _CHIP_WAVES * most
         east, north = np.broadcast_arrays(grid.east_m[None, :] / wave, grid.north_m[:, None] / wave)
         noise = gradient_noise(east, north, key) + 0.5 * gradient_noise(2.7 * east, 2.7 * north, key + 1)
@@ -206,13 +208,13 @@ class Series:
             chipped[window] = np.maximum(chipped[window], np.where(out > 0, chip, 0.0))
         return np.maximum(layers.ground - (self.before_m - chipped), 0.0)
 
-    def _heap(self, layers: Layers, number: int, mass_kg: float) -> None:
+    def _drop_on_heap(self, layers: GroundLayers, number: int, mass_kg: float) -> None:
         """Drop spoil on the heap, in place, so that on level ground it keeps its shape as it grows."""
         volume = mass_kg / self.spoil_kg_m3
         if volume <= 0:
             return
         grid, area = self.site.grid, self.site.grid.cell_m**2
-        before, lumps = self.heaped_m3(number - 1), self._lumps_m()
+        before, lumps = self.heaped_m3(number - 1), self._make_lumps_m()
         crest = _MANY_CREST * float(self.excavation.clods_m) if self.has_many_sizes else 0.0
         less, more = (self.site.heap.thickness(grid, each, lumps, crest) for each in (before, before + volume))
         more = np.maximum(more - less, 0.0)

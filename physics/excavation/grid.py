@@ -11,7 +11,7 @@ from ...support.arrays import Array
 
 
 @dataclass(frozen=True)
-class Grid:
+class ExcavationGrid:
     """Vertices ``cell_m`` apart: ``columns`` from ``x_m`` eastward, ``rows`` from ``y_m`` northward. A cell is the
     square round a vertex."""
 
@@ -71,7 +71,7 @@ class Grid:
         return np.where(inside, found, outside)
 
 
-def covering(west: float, south: float, east: float, north: float, cell_m: float) -> Grid:
+def make_covering_grid(west: float, south: float, east: float, north: float, cell_m: float) -> ExcavationGrid:
     """The least grid over a rectangle whose cells end at multiples of their side.
 
     Vertices are half a cell off: the edges of a blade along an axis then often lie between cells.
@@ -79,4 +79,4 @@ def covering(west: float, south: float, east: float, north: float, cell_m: float
     first = [math.floor(round(low / cell_m - 0.5, 6)) for low in (west, south)]
     last = [math.ceil(round(high / cell_m - 0.5, 6)) for high in (east, north)]
     columns, rows = (b - a + 1 for a, b in zip(first, last, strict=True))
-    return Grid((first[0] + 0.5) * cell_m, (first[1] + 0.5) * cell_m, columns, rows, cell_m)
+    return ExcavationGrid((first[0] + 0.5) * cell_m, (first[1] + 0.5) * cell_m, columns, rows, cell_m)

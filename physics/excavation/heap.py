@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array, Numbers
-from .grid import Grid
+from .grid import ExcavationGrid
 
 
-def cone_m(volume_m3: float, repose_deg: float) -> tuple[float, float]:
+def cone_size_m(volume_m3: float, repose_deg: float) -> tuple[float, float]:
     """Height and radius in metres of a cone of this volume with this slope: R³ = 3 V / (π tan φ)."""
     slope = math.tan(math.radians(repose_deg))
     radius = (3.0 * volume_m3 / (math.pi * slope)) ** (1.0 / 3.0)
@@ -24,7 +24,7 @@ def ridge_height_m(volume_m3: float, length_m: float, repose_deg: float) -> floa
     V = L h² / tan φ + π h³ / (3 tan² φ), whose positive root is found by bisection.
     """
     slope = math.tan(math.radians(repose_deg))
-    low, high = 0.0, cone_m(volume_m3, repose_deg)[0]
+    low, high = 0.0, cone_size_m(volume_m3, repose_deg)[0]
     for _ in range(60):
         h = 0.5 * (low + high)
         low, high = (h, high) if length_m * h * h / slope + math.pi * h**3 / (3 * slope**2) < volume_m3 else (low, h)
@@ -32,7 +32,7 @@ def ridge_height_m(volume_m3: float, length_m: float, repose_deg: float) -> floa
 
 
 @dataclass(frozen=True)
-class Heap:
+class SpoilHeap:
     """Where spoil is dropped: along the line between two points (east, north) in metres."""
 
     start_m: tuple[float, float]
@@ -44,7 +44,7 @@ class Heap:
         """Length of the line."""
         return math.dist(self.start_m, self.end_m)
 
-    def thickness(self, grid: Grid, volume_m3: float, lumps_m: Numbers = 0.0, crest_m: float = 0.0) -> Array:
+    def thickness(self, grid: ExcavationGrid, volume_m3: float, lumps_m: Numbers = 0.0, crest_m: float = 0.0) -> Array:
         """Thickness (rows, columns) in metres of spoil of this volume on level ground; its sum is exact.
 
         ``lumps_m`` is how much farther from the line each place is taken to be, which makes the heap uneven;
@@ -53,7 +53,7 @@ class Heap:
         if volume_m3 <= 0.0:
             return np.zeros((grid.rows, grid.columns))
         height = ridge_height_m(volume_m3, self.length_m, self.repose_deg)
-        distance = np.hypot(self._distance(grid), crest_m) - crest_m + lumps_m
+        distance = np.hypot(self._distance_to_line(grid), crest_m) - crest_m + lumps_m
         shape = np.maximum(height - math.tan(math.radians(self.repose_deg)) * distance, 0.0)
         total = float(shape.sum()) * grid.cell_m**2
         if total <= 0.0:  # less than a cell holds
@@ -62,7 +62,7 @@ class Heap:
             total = grid.cell_m**2
         return shape * (volume_m3 / total)
 
-    def _distance(self, grid: Grid) -> Array:
+    def _distance_to_line(self, grid: ExcavationGrid) -> Array:
         x, y = grid.east_m[None, :] - self.start_m[0], grid.north_m[:, None] - self.start_m[1]
         east, north = self.end_m[0] - self.start_m[0], self.end_m[1] - self.start_m[1]
         share = np.clip((x * east + y * north) / max(east**2 + north**2, 1e-30), 0.0, 1.0)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
-from ..random_numbers.seeds import generator
+from ..random_numbers.seeds import make_generator
 from .site import is_dug
 
 
-def jittered_rig(settings: Settings) -> RigSettings:
+def jitter_rig(settings: Settings) -> RigSettings:
     """The rig of complete ``settings`` with the random offsets of its state of the excavation.
 
     Position on three axes, heading and pitch are normal, with the deviations ``jitter_m`` and ``jitter_deg``. They
@@ -17,7 +17,7 @@ def jittered_rig(settings: Settings) -> RigSettings:
     excavation, rig = settings.excavation, settings.rig
     if not is_dug(settings) or (excavation.jitter_m == 0.0 and excavation.jitter_deg == 0.0):
         return rig
-    random = generator(int(settings.dataset.seed), "plan", 0, int(excavation.state))
+    random = make_generator(int(settings.dataset.seed), "plan", 0, int(excavation.state))
     east, north, up, turn, nod = random.standard_normal(5)
     return rig | {
         "x_m": rig.x_m + excavation.jitter_m * float(east),

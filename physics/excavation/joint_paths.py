@@ -17,12 +17,12 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import read_number_lines
 from ...support.files import absolute_path
-from ..arm.kinematics import Arm, Joint, beyond_limits, tip_of
-from ..arm.lander_arm import arm_of, is_own
-from ..arm.own_arm import OwnArm, own_arm
+from ..arm.kinematics import Arm, Joint, find_joints_beyond_limits, find_tip
+from ..arm.lander_arm import is_users_arm, make_arm
+from ..arm.own_arm import UrdfArm, load_users_arm
 from ..terrain.sites import make_rocky_ground
 from .cut import Pull
-from .paths import MOST_PLACES, pulls_through
+from .paths import MOST_PLACES, make_pulls_through
 
 #: Between two recorded lines the joints turn evenly, in steps of at most this many degrees (or centimetres).
 _STEP_DEG = 1.0
@@ -37,22 +37,22 @@ def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
     Raises IcyMoonError, with the line, for lines that cannot be read and for joints beyond their limits.
     """
     path = absolute_path(settings.excavation.file, "excavation.file")
-    arm = arm_of(settings)
-    own = own_arm(settings) if is_own(settings) else None
-    table = _read(path, arm, own)
+    arm = make_arm(settings)
+    own = load_users_arm(settings) if is_users_arm(settings) else None
+    table = _read_joints(path, arm, own)
     states, width = int(settings.excavation.states), float(settings.excavation.width_m)
     if (beyond := table[:, 0].max()) >= states:
         raise IcyMoonError(
             f"{path}: has a state {beyond:g}, but excavation.states is {states}, so that the last is "
             f"{states - 1}; raise excavation.states."
         )
-    poses = [_between_poses(table[table[:, 0] == state, 1:]) for state in range(1, states)]
+    poses = [_interpolate_poses(table[table[:, 0] == state, 1:]) for state in range(1, states)]
     if (places := sum(map(len, poses))) > MOST_PLACES:
         raise IcyMoonError(
             f"{path}: its joints turn so far that the blade has {places} places, a degree apart, more "
             f"than {MOST_PLACES}; keep the poses in which it digs."
         )
-    made = [pulls_through(_places(arm, own, each), width) for each in poses]
+    made = [make_pulls_through(_find_tip_places(arm, own, each), width) for each in poses]
     if not any(made):
         raise IcyMoonError(f"{path}: has no state from 1 in which the scoop's tip moves; give the joints of its path.")
     return keep_near_ground(settings, made)
@@ -75,7 +75,7 @@ def keep_near_ground(settings: Settings, pulls: list[list[Pull]]) -> tuple[list[
     return kept if any(kept) else pulls, max(depths.values())
 
 
-def _read(path: Path, arm: Arm, own: OwnArm | None) -> Array:
+def _read_joints(path: Path, arm: Arm, own: UrdfArm | None) -> Array:
     """State and joints (n, 1 + joints) in radians or metres of the joints that move."""
     moving = [joint for joint in arm.joints if own is None or joint.name in own.names]
     columns = ("state", *(f"{joint.name}_m" if joint.slides else f"{joint.name}_deg" for joint in moving))
@@ -89,9 +89,9 @@ def _read(path: Path, arm: Arm, own: OwnArm | None) -> Array:
             [value if joint.slides else math.radians(value) for value, joint in zip(row[1:], moving, strict=True)]
         )
         joints = values if own is None else own.values(values)
-        for k in beyond_limits(arm, joints):
+        for k in find_joints_beyond_limits(arm, joints):
             raise IcyMoonError(
-                f"{path}: line {number} puts the joint {_beyond(arm.joints[k], float(joints[k]))}; "
+                f"{path}: line {number} puts the joint {_describe_limit(arm.joints[k], float(joints[k]))}; "
                 "correct the line or the limits."
             )
         rows.append([row[0], *values])
@@ -100,7 +100,7 @@ def _read(path: Path, arm: Arm, own: OwnArm | None) -> Array:
     return np.array(rows)
 
 
-def _beyond(joint: Joint, value: float) -> str:
+def _describe_limit(joint: Joint, value: float) -> str:
     unit, scale = (" m", 1.0) if joint.slides else ("°", 180.0 / math.pi)
     return (
         f"{joint.name} at {scale * value:.4g}{unit}, but its limits are {scale * joint.low:.4g}{unit} to "
@@ -108,7 +108,7 @@ def _beyond(joint: Joint, value: float) -> str:
     )
 
 
-def _between_poses(rows: Array) -> Array:
+def _interpolate_poses(rows: Array) -> Array:
     """The joints (k, joints) of recorded poses (n, joints), and between them in steps of a degree."""
     steps = [rows[:1]]
     for a, b in itertools.pairwise(rows):
@@ -117,7 +117,7 @@ def _between_poses(rows: Array) -> Array:
     return np.concatenate(steps)
 
 
-def _places(arm: Arm, own: OwnArm | None, poses: Array) -> list[Array]:
+def _find_tip_places(arm: Arm, own: UrdfArm | None, poses: Array) -> list[Array]:
     """East, north and depth (3,) of the tip in each of the poses."""
-    tips = [tip_of(arm, values if own is None else own.values(values)) for values in poses]
+    tips = [find_tip(arm, values if own is None else own.values(values)) for values in poses]
     return [tip * (1.0, 1.0, -1.0) for tip in tips]

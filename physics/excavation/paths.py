@@ -32,11 +32,11 @@ def make_pulls(excavation: ExcavationSettings) -> list[list[Pull]]:
     Raises IcyMoonError if a recorded path cannot be read.
     """
     if excavation.path == RECORDED:
-        return _recorded(excavation)
-    return [[_pull(excavation, k * excavation.bite_m)] for k in range(1, int(excavation.states))]
+        return _read_recorded_pulls(excavation)
+    return [[_make_pull(excavation, k * excavation.bite_m)] for k in range(1, int(excavation.states))]
 
 
-def _pull(excavation: ExcavationSettings, depth_m: float) -> Pull:
+def _make_pull(excavation: ExcavationSettings, depth_m: float) -> Pull:
     """The pull to a depth. The blade of an arc swings into the ground, goes along the line, and swings out."""
     length = float(excavation.length_m)
     along, depth = np.array([0.0, length]), np.array([depth_m, depth_m])
@@ -51,7 +51,7 @@ def _pull(excavation: ExcavationSettings, depth_m: float) -> Pull:
     return Pull(excavation.start_x_m, excavation.start_y_m, excavation.heading_deg, excavation.width_m, along, depth)
 
 
-def _recorded(excavation: ExcavationSettings) -> list[list[Pull]]:
+def _read_recorded_pulls(excavation: ExcavationSettings) -> list[list[Pull]]:
     """Straight pulls between the recorded places of the blade's middle, by state."""
     path = absolute_path(excavation.file, "excavation.file")
     table = read_path(path)
@@ -64,13 +64,13 @@ def _recorded(excavation: ExcavationSettings) -> list[list[Pull]]:
     made: list[list[Pull]] = []
     for state in range(1, states):
         points = table[table[:, 0] == state, 1:]
-        made.append(pulls_through(points, float(excavation.width_m)))
+        made.append(make_pulls_through(points, float(excavation.width_m)))
     if not any(made):
         raise IcyMoonError(f"{path}: has no state from 1 with two places that differ; give the path of the blade.")
     return made
 
 
-def between(a: Array, b: Array, width_m: float) -> Pull | None:
+def make_pull_between(a: Array, b: Array, width_m: float) -> Pull | None:
     """The straight pull between two places (east, north, depth); None if they are above each other."""
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     if length == 0.0:
@@ -79,16 +79,16 @@ def between(a: Array, b: Array, width_m: float) -> Pull | None:
     return Pull(float(a[0]), float(a[1]), heading, width_m, np.array([0.0, length]), np.array([a[2], b[2]]))
 
 
-def pulls_through(points: Iterable[Array], width_m: float) -> list[Pull]:
+def make_pulls_through(points: Iterable[Array], width_m: float) -> list[Pull]:
     """Straight pulls through places (east, north, depth) in metres; none between places that coincide."""
     pulls: list[Pull] = []
     for a, b in itertools.pairwise(points):
-        if (pull := between(a, b, width_m)) is not None:
-            pulls.append(_turned(pull, pulls[-1]) if pulls else pull)
+        if (pull := make_pull_between(a, b, width_m)) is not None:
+            pulls.append(_turn_blade(pull, pulls[-1]) if pulls else pull)
     return pulls
 
 
-def _turned(pull: Pull, before: Pull) -> Pull:
+def _turn_blade(pull: Pull, before: Pull) -> Pull:
     """The pull with the turn of the blade from the one before it, unless that is sharper than a right angle.
 
     Such a blade is rather lifted and set down again.

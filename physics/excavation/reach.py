@@ -9,7 +9,7 @@ import numpy as np
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ..arm.kinematics import Arm
-from ..arm.lander_arm import arm_of, is_own
+from ..arm.lander_arm import is_users_arm, make_arm
 from ..arm.parametric import find_joint_margin
 from .cut import Pull
 from .paths import JOINTS, RECORDED
@@ -21,45 +21,53 @@ _PLACES, _STEP_M, _FARTHEST_M = 9, 0.02, 3.0
 _TURNS_DEG = (0.0, 15.0, -15.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0)
 
 
-def share_in_reach(arm: Arm, pulls: list[Pull], east_m: float = 0.0, north_m: float = 0.0) -> float:
+def compute_share_in_reach(arm: Arm, pulls: list[Pull], east_m: float = 0.0, north_m: float = 0.0) -> float:
     """Share of the blade's places on pulls, moved by ``east_m`` and ``north_m``, that the arm reaches with the scoop
     straight down.
 
     The ground is taken to be level at a height of 0.
     """
-    places = [(*pull.point(along, 0.0), -depth) for pull in pulls for along, depth in zip(*_few(pull), strict=True)]
+    places = [
+        (*pull.point(along, 0.0), -depth) for pull in pulls for along, depth in zip(*_sample_pull(pull), strict=True)
+    ]
     x, y, z = np.array(places).T
     return float((np.nan_to_num(find_joint_margin(arm, x + east_m, y + north_m, z), nan=-1.0) >= 0.0).mean())
 
 
-def _few(pull: Pull) -> tuple[Array, Array]:
+def _sample_pull(pull: Pull) -> tuple[Array, Array]:
     """Distances along a pull and the depths there."""
     along = np.linspace(pull.along_m[0], pull.along_m[-1], _PLACES)
     return along, np.interp(along, pull.along_m, pull.depth_m)
 
 
-def advice(settings: Settings) -> list[str]:
+def advise_on_reach(settings: Settings) -> list[str]:
     """A sentence if the lander's arm does not get to all of the trench on level ground; else none.
 
     It states where the trench would be in reach. The reach of the user's arm is unknown, and a path of recorded joints
     is in reach. Raises IcyMoonError for an excavation that cannot be dug.
     """
-    if not is_dug(settings) or settings.excavation.path == JOINTS or settings.lander.kind == "NONE" or is_own(settings):
+    if (
+        not is_dug(settings)
+        or settings.excavation.path == JOINTS
+        or settings.lander.kind == "NONE"
+        or is_users_arm(settings)
+    ):
         return []
     pulls = [pull for each in make_site(settings).pulls for pull in each]
     if not pulls:
         return []
-    arm = arm_of(settings)
-    share = share_in_reach(arm, pulls)
+    arm = make_arm(settings)
+    share = compute_share_in_reach(arm, pulls)
     if share == 1.0:
         return []
     part = "All of the trench is" if share == 0.0 else f"{100 * (1 - share):.0f} % of the trench is"
     return [
-        f"{part} out of the arm's reach on level ground, with the scoop straight down; {_fix(settings, arm, pulls)}."
+        f"{part} out of the arm's reach on level ground, with the scoop straight down; "
+        f"{_describe_fix(settings, arm, pulls)}."
     ]
 
 
-def _fix(settings: Settings, arm: Arm, pulls: list[Pull]) -> str:
+def _describe_fix(settings: Settings, arm: Arm, pulls: list[Pull]) -> str:
     """How to bring the trench into reach, as a clause; with a move in metres if one was found."""
     moved = _find_move(arm, pulls)
     if moved is None:
@@ -94,7 +102,7 @@ def _find_move(arm: Arm, pulls: list[Pull]) -> tuple[float, float] | None:
         (
             move
             for move in sorted(moves, key=lambda each: math.hypot(*each))
-            if share_in_reach(arm, pulls, *move) == 1.0
+            if compute_share_in_reach(arm, pulls, *move) == 1.0
         ),
         None,
     )

@@ -35,15 +35,15 @@ _AROUND = 12
 
 
 @dataclass
-class Layers:
+class GroundLayers:
     """Undisturbed ground and the loose spoil on it: heights and thicknesses (rows, columns) in metres."""
 
     ground: Array
     spoil: Array
 
-    def copy(self) -> Layers:
+    def copy(self) -> GroundLayers:
         """The same heights, which may be changed."""
-        return Layers(self.ground.copy(), self.spoil.copy())
+        return GroundLayers(self.ground.copy(), self.spoil.copy())
 
     @property
     def top(self) -> Array:
@@ -51,8 +51,8 @@ class Layers:
         return self.ground + self.spoil
 
 
-def relax(
-    layers: Layers,
+def relax_slopes(
+    layers: GroundLayers,
     cell_m: float,
     repose_deg: float,
     bulking: float = 1.0,
@@ -66,20 +66,20 @@ def relax(
     may differ by as much as they did when it stood.
     """
     if stood_m is None:
-        return _settle(layers.top, layers.spoil, cell_m, repose_deg, None)
+        return _settle_slopes(layers.top, layers.spoil, cell_m, repose_deg, None)
     sweeps, rests = 0, True
     for _ in range(_BULKINGS):
         top = layers.top
         loose = None if slides is None else np.where(slides, np.inf, layers.spoil)
-        more, rests = _settle(top, loose, cell_m, repose_deg, stood_m)
+        more, rests = _settle_slopes(top, loose, cell_m, repose_deg, stood_m)
         sweeps += more
-        grown = _book(layers, top - layers.top, bulking)
+        grown = _apply_change(layers, top - layers.top, bulking)
         if grown < _TOLERANCE * cell_m:
             break
     return sweeps, rests
 
 
-def _book(layers: Layers, change_m: Array, bulking: float) -> float:
+def _apply_change(layers: GroundLayers, change_m: Array, bulking: float) -> float:
     """Apply a volume-preserving change of the surface to the layers: spoil leaves before ground, and arrives as spoil.
 
     Ground grows as it becomes spoil: one factor raises all material that arrives. Returns the greatest height in metres
@@ -97,7 +97,7 @@ def _book(layers: Layers, change_m: Array, bulking: float) -> float:
     return float(come.max()) * (factor - 1.0)
 
 
-def _settle(
+def _settle_slopes(
     top: Array, spoil: Array | None, cell_m: float, repose_deg: float, stood_m: Array | None
 ) -> tuple[int, bool]:
     """Let slopes that are too steep slide, in place; with ``spoil``, only spoil slides. Returns the number of sweeps
@@ -106,18 +106,18 @@ def _settle(
     Each move between two cells lowers the sum of squares of all heights, by no less than the tolerance allows, so the
     sweeps end.
     """
-    sweeps, rests = _sweep_often(top, spoil, cell_m, repose_deg, stood_m, 1, _MOST_SWEEPS)
+    sweeps, rests = _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, 1, _MOST_SWEEPS)
     for _ in range(_MOST_CYCLES):
         if rests:
             break
         for stride in _STRIDES:
-            sweeps += _sweep_often(top, spoil, cell_m, repose_deg, stood_m, stride, _MOST_STRIDES)[0]
-        more, rests = _sweep_often(top, spoil, cell_m, repose_deg, stood_m, 1, _MOST_SWEEPS)
+            sweeps += _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, stride, _MOST_STRIDES)[0]
+        more, rests = _sweep_at_stride(top, spoil, cell_m, repose_deg, stood_m, 1, _MOST_SWEEPS)
         sweeps += more
     return sweeps, rests
 
 
-def _sweep_often(
+def _sweep_at_stride(
     top: Array,
     spoil: Array | None,
     cell_m: float,
@@ -126,24 +126,24 @@ def _sweep_often(
     stride: int,
     most: int,
 ) -> tuple[int, bool]:
-    """Sweep over pairs ``stride`` times as far apart until little moves, or ``most`` times; see ``_settle``."""
+    """Sweep over pairs ``stride`` times as far apart until little moves, or ``most`` times; see ``_settle_slopes``."""
     tangent = math.tan(math.radians(repose_deg))
-    sweeps, window = 0, _moving_window(top, spoil, cell_m, tangent, stood_m)
+    sweeps, window = 0, _find_moving_window(top, spoil, cell_m, tangent, stood_m)
     while window is not None:
         if sweeps >= most:
             return sweeps, False
         part = top[window], None if spoil is None else spoil[window]
-        limits = _limits(None if stood_m is None else stood_m[window], part[0].shape, cell_m * tangent, stride)
+        limits = _make_limits(None if stood_m is None else stood_m[window], part[0].shape, cell_m * tangent, stride)
         for _ in range(_EVERY):
-            moved = _sweep(*part, limits)
+            moved = _sweep_once(*part, limits)
         sweeps += _EVERY
         if moved < _TOLERANCE * cell_m * tangent:
             break
-        window = _moving_window(top, spoil, cell_m, tangent, stood_m)
+        window = _find_moving_window(top, spoil, cell_m, tangent, stood_m)
     return sweeps, True
 
 
-def _moving_window(
+def _find_moving_window(
     top: Array, spoil: Array | None, cell_m: float, tangent: float, stood_m: Array | None
 ) -> tuple[slice, slice] | None:
     """Rows and columns of all loose cells that are too steep, with a margin; None if there are no such cells."""
@@ -153,7 +153,7 @@ def _moving_window(
         limit: Numbers = tangent * cell_m
         if stood_m is not None:
             limit = np.maximum(limit, np.abs(np.diff(stood_m, axis=axis)))
-        low, high = _part(axis, slice(None, -1)), _part(axis, slice(1, None))
+        low, high = _axis_slices(axis, slice(None, -1)), _axis_slices(axis, slice(1, None))
         steep[low] |= drop < -limit
         steep[high] |= drop > limit
     if spoil is not None:
@@ -167,7 +167,7 @@ def _moving_window(
     )
 
 
-def _part(axis: int, of: slice) -> tuple[slice, slice]:
+def _axis_slices(axis: int, of: slice) -> tuple[slice, slice]:
     return (of, slice(None)) if axis == 0 else (slice(None), of)
 
 
@@ -175,7 +175,7 @@ def _part(axis: int, of: slice) -> tuple[slice, slice]:
 _Limit = tuple[bool, tuple[slice, slice], tuple[slice, slice], Any]
 
 
-def _limits(stood_m: Array | None, shape: tuple[int, ...], rise_m: float, stride: int) -> list[_Limit]:
+def _make_limits(stood_m: Array | None, shape: tuple[int, ...], rise_m: float, stride: int) -> list[_Limit]:
     """Greatest difference in height of all pairs of cells: by the angle of repose, or as they stood before if that is
     more.
 
@@ -191,12 +191,12 @@ def _limits(stood_m: Array | None, shape: tuple[int, ...], rise_m: float, stride
             rise = rise_m * math.hypot(down, right)
             found += [
                 (turned, a, b, rise if stood is None else np.maximum(rise, np.abs(stood[a] - stood[b])))
-                for a, b in _pairs((rows, columns), down, right)
+                for a, b in _list_disjoint_pairs((rows, columns), down, right)
             ]
     return found
 
 
-def _sweep(top: Array, spoil: Array | None, limits: list[_Limit]) -> float:
+def _sweep_once(top: Array, spoil: Array | None, limits: list[_Limit]) -> float:
     """One sweep over all pairs, in place; the most that moved between two cells, in metres."""
     most = 0.0
     for turned, a, b, limit in limits:
@@ -217,7 +217,9 @@ def _sweep(top: Array, spoil: Array | None, limits: list[_Limit]) -> float:
     return most
 
 
-def _pairs(shape: tuple[int, ...], down: int, right: int) -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
+def _list_disjoint_pairs(
+    shape: tuple[int, ...], down: int, right: int
+) -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
     """Places of disjoint pairs of cells, that many rows and columns apart; together they are all such pairs."""
     rows, columns = shape
     first = slice(max(-right, 0), columns - max(right, 0))

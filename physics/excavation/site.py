@@ -11,10 +11,10 @@ from ...settings.topics.excavation import ExcavationSettings
 from ...settings.topics.scene import Settings, typed
 from ...support.errors import IcyMoonError
 from ...support.files import absolute_path
-from ..arm.lander_arm import is_own
-from .cut import Pull, bounds_of
-from .grid import Grid, covering
-from .heap import Heap, ridge_height_m
+from ..arm.lander_arm import is_users_arm
+from .cut import Pull, find_bounds_m
+from .grid import ExcavationGrid, make_covering_grid
+from .heap import SpoilHeap, ridge_height_m
 from .joint_paths import make_joint_pulls
 from .paths import ARC, JOINTS, LINE, NONE, RECORDED, make_pulls
 from .strength import GRAVITY_M_S2, critical_height_m
@@ -44,7 +44,7 @@ def gravity_m_s2(settings: Settings) -> float:
 
 
 @dataclass(frozen=True)
-class Site:
+class ExcavationSite:
     """The pulls of each state after the first, where the spoil goes, the grid, and the wall that just stands.
 
     ``trench_m`` is west, south, east and north end of the trench in its last state, ``deepest_m`` how far below the
@@ -52,27 +52,27 @@ class Site:
     """
 
     pulls: tuple[tuple[Pull, ...], ...]
-    heap: Heap
-    grid: Grid
+    heap: SpoilHeap
+    grid: ExcavationGrid
     stands_m: float
     trench_m: tuple[float, float, float, float]
     deepest_m: float
 
 
-def make_site(settings: Settings) -> Site:
+def make_site(settings: Settings) -> ExcavationSite:
     """The site of complete ``settings`` that are ``is_dug``; the same for all states of an excavation.
 
     Raises IcyMoonError for an excavation that cannot be dug.
     """
     excavation, gravity = settings.excavation, gravity_m_s2(settings)
     if excavation.path == JOINTS:
-        arm_file = _file_state(settings.lander.file, "lander.file") if is_own(settings) else None
-        return _joint_site(
+        arm_file = _file_state(settings.lander.file, "lander.file") if is_users_arm(settings) else None
+        return _make_joint_site(
             json.dumps(settings | {"excavation": excavation | {"state": 0}}),
             gravity,
             (_file_state(excavation.file, "excavation.file"), arm_file),
         )
-    return _site(
+    return _make_path_site(
         json.dumps({key: excavation[key] for key in _OF_THE_SITE}),
         gravity,
         _file_state(excavation.file, "excavation.file") if excavation.path == RECORDED else None,
@@ -113,44 +113,44 @@ def _file_state(file: str, setting: str) -> tuple[int, int] | None:
 
 
 @functools.lru_cache(maxsize=4)
-def _joint_site(key: str, gravity: float, _states: tuple[tuple[int, int] | None, ...]) -> Site:
+def _make_joint_site(key: str, gravity: float, _states: tuple[tuple[int, int] | None, ...]) -> ExcavationSite:
     """The site of recorded joints, which depends on the arm and on the ground too: on any setting but the state."""
     settings = typed(json.loads(key))
     found, deepest = make_joint_pulls(settings)
-    return _lay_out(
+    return _lay_out_site(
         settings.excavation, tuple(map(tuple, found)), [pull for each in found for pull in each], deepest, gravity
     )
 
 
 @functools.lru_cache(maxsize=16)
-def _site(key: str, gravity: float, _state: tuple[int, int] | None) -> Site:
+def _make_path_site(key: str, gravity: float, _state: tuple[int, int] | None) -> ExcavationSite:
     excavation = ExcavationSettings.from_values(json.loads(key))
     pulls = tuple(map(tuple, make_pulls(excavation)))
     every = [pull for each in pulls for pull in each]
     if not every:  # one state only: where the first bite would be
         every = [pull for each in make_pulls(excavation | {"states": 2}) for pull in each]
     deepest = max((float(pull.depth_m.max()) for pull in every), default=0.0)
-    return _lay_out(excavation, pulls, every, deepest, gravity)
+    return _lay_out_site(excavation, pulls, every, deepest, gravity)
 
 
-def _lay_out(
+def _lay_out_site(
     excavation: ExcavationSettings,
     pulls: tuple[tuple[Pull, ...], ...],
     every: list[Pull],
     deepest: float,
     gravity: float,
-) -> Site:
+) -> ExcavationSite:
     """The site of pulls; ``every`` are those that its size depends on, ``deepest`` is below the ground in metres."""
-    _refuse_small(excavation)
+    _refuse_narrow_blade(excavation)
     stands = critical_height_m(excavation.cohesion_pa, excavation.friction_deg, excavation.density_kg_m3, gravity)
     slope = math.tan(math.radians(excavation.friction_deg))
     slumped = 0.5 * max(deepest, 0.0) / slope if deepest > stands else 0.0
     heap, reach = _place_heap(excavation, every, deepest, slumped)
     cell = float(excavation.cell_m)
     margin = max(_MARGIN_M, _MARGIN_CELLS * cell) + float(excavation.chips_m)
-    trench = bounds_of(every, slumped + excavation.chips_m + 2 * cell)
+    trench = find_bounds_m(every, slumped + excavation.chips_m + 2 * cell)
     ends = [
-        bounds_of(every, 2 * slumped + margin),
+        find_bounds_m(every, 2 * slumped + margin),
         (
             min(heap.start_m[0], heap.end_m[0]) - reach,
             min(heap.start_m[1], heap.end_m[1]) - reach,
@@ -158,7 +158,7 @@ def _lay_out(
             max(heap.start_m[1], heap.end_m[1]) + reach,
         ),
     ]
-    grid = covering(
+    grid = make_covering_grid(
         min(e[0] for e in ends), min(e[1] for e in ends), max(e[2] for e in ends), max(e[3] for e in ends), cell
     )
     if max(grid.rows, grid.columns) > MOST_SIDE:
@@ -167,10 +167,10 @@ def _lay_out(
             f"{grid.columns:.4g} x {grid.rows:.4g} cells of {cell:g} m, more than {MOST_SIDE} along a "
             "side; raise excavation.cell_m, or dig less."
         )
-    return Site(pulls, heap, grid, stands, trench, deepest)
+    return ExcavationSite(pulls, heap, grid, stands, trench, deepest)
 
 
-def _refuse_small(excavation: ExcavationSettings) -> None:
+def _refuse_narrow_blade(excavation: ExcavationSettings) -> None:
     """Raise IcyMoonError for a blade or a line that could pass between the vertices."""
     cell = float(excavation.cell_m)
     if excavation.width_m < cell:
@@ -188,7 +188,7 @@ def _refuse_small(excavation: ExcavationSettings) -> None:
 
 def _place_heap(
     excavation: ExcavationSettings, pulls: list[Pull], deepest: float, slumped: float
-) -> tuple[Heap, float]:
+) -> tuple[SpoilHeap, float]:
     """The heap, whose foot comes to the gap beside the trench in the last state, and how far it reaches."""
     first = pulls[0]
     ends = [(first.place(*pull.point(float(along), 0.0))) for pull in pulls for along in pull.along_m[[0, -1]]]
@@ -202,11 +202,11 @@ def _place_heap(
     foot = height / math.tan(math.radians(excavation.friction_deg))
     away = half + slumped + excavation.heap_gap_m + foot
     side = away if excavation.heap_side == "RIGHT" else -away
-    heap = Heap(first.point(low, side), first.point(high, side), excavation.friction_deg)
+    heap = SpoilHeap(first.point(low, side), first.point(high, side), excavation.friction_deg)
     return heap, 1.4 * foot + _MARGIN_M
 
 
-def find_reasons(settings: Settings) -> list[str]:
+def find_refusals(settings: Settings) -> list[str]:
     """Why an excavation cannot be dug, a sentence for each reason; empty without an excavation."""
     if not is_dug(settings):
         return []
@@ -238,9 +238,9 @@ def find_reasons(settings: Settings) -> list[str]:
     return []
 
 
-def advice(settings: Settings) -> list[str]:
+def advise_on_excavation(settings: Settings) -> list[str]:
     """Sentences about an excavation that can be dug but may not be as the user expects."""
-    if not is_dug(settings) or find_reasons(settings):
+    if not is_dug(settings) or find_refusals(settings):
         return []
     excavation, site, said = settings.excavation, make_site(settings), []
     deepest = site.deepest_m if any(site.pulls) else 0.0

@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...support.arrays import Array
-from ..rocks.rocks import HeightAt, Rocks, rest_on
-from ..rocks.shapes import Shape
+from ..rocks.rocks import HeightAt, Rocks, lay_rocks_again
+from ..rocks.shapes import RockShape
 
 #: Loss of height in metres that counts as dug away.
 _LOST_M = 2.0e-3
@@ -57,7 +57,7 @@ def _spans_middle(left: Array) -> Array:
 
 
 def settle_rocks(
-    rocks: Rocks, change_m: ChangeAt, surface: HeightAt, shapes: Sequence[Sequence[Shape]]
+    rocks: Rocks, change_m: ChangeAt, surface: HeightAt, shapes: Sequence[Sequence[RockShape]]
 ) -> tuple[Rocks, int]:
     """Rocks at rest on dug ground, from the same rocks on untouched ground, and how many of them moved.
 
@@ -68,8 +68,8 @@ def settle_rocks(
         return rocks, 0
     places = rocks.position_m[:, :2].copy()
     for k in falls[np.argsort(surface(*places[falls].T), kind="stable")]:
-        places[k] = _roll(places, int(k), rocks.diameter_m, surface)
-    position, rotation = rest_on(
+        places[k] = _roll_rock(places, int(k), rocks.diameter_m, surface)
+    position, rotation = lay_rocks_again(
         rocks, falls, places[falls], surface, lambda x, y: surface(x, y) - change_m(x, y), shapes
     )
     all_positions, all_rotations = rocks.position_m.copy(), rocks.rotation.copy()
@@ -77,7 +77,7 @@ def settle_rocks(
     return replace(rocks, position_m=all_positions, rotation=all_rotations), len(falls)
 
 
-def _roll(places: Array, rock: int, diameters: Array, surface: HeightAt) -> Array:
+def _roll_rock(places: Array, rock: int, diameters: Array, surface: HeightAt) -> Array:
     """Where a rock comes to rest, from where all rocks are (n, 2): east and north in metres."""
     place, diameter = places[rock], float(diameters[rock])
     touch = 0.5 * (diameters + diameter)

@@ -13,7 +13,7 @@ from ...support.arrays import Array
 _DIRECTIONS, _WIDE_DEG, _LOWEST_DEG = 12, 60.0, 60.0
 
 
-def noise_of(halves: Sequence[Array], triangles: Array) -> float:
+def measure_bake_noise(halves: Sequence[Array], triangles: Array) -> float:
     """Standard error within triangles (n, 3 vertices) of the mean of two halves (vertices, bands), over that mean.
 
     The halves differ by the root of two times the error of one, and their mean has that error over the root of two.
@@ -21,7 +21,7 @@ def noise_of(halves: Sequence[Array], triangles: Array) -> float:
     ((d1 + d2 + d3)² + d1² + d2² + d3²) / 12, which is half of d² where the noise of vertices is independent. 0 without
     light.
     """
-    mean = _mean(halves)
+    mean = _mean_of_halves(halves)
     if mean <= 0 or not len(triangles):
         return 0.0
     off = (halves[0] - halves[1]).astype(np.float64)
@@ -30,7 +30,7 @@ def noise_of(halves: Sequence[Array], triangles: Array) -> float:
     return float(np.sqrt(np.mean(square))) / 2 / mean
 
 
-def largest_share(direct: Array, indirect: Array, positions: Array, triangles: Array, eye: Array) -> float:
+def find_largest_share(direct: Array, indirect: Array, positions: Array, triangles: Array, eye: Array) -> float:
     """Share of ``indirect`` light in all light that an ``eye`` (3,) gets from ground, in the direction where it is
     largest.
 
@@ -53,7 +53,7 @@ def largest_share(direct: Array, indirect: Array, positions: Array, triangles: A
     return largest
 
 
-def samples_needed(noise: float, share: float, count: int, limit: float, most: int) -> int:
+def count_samples_needed(noise: float, share: float, count: int, limit: float, most: int) -> int:
     """Samples of each half with which ``noise`` that ``count`` samples have, in indirect light that is ``share`` of all
     light, is ``limit`` of all light; ``most`` at most. Noise falls with the root of the samples.
     """
@@ -65,5 +65,5 @@ def samples_needed(noise: float, share: float, count: int, limit: float, most: i
     return max(count, min(most, math.ceil(count * (seen / limit) ** 2)))
 
 
-def _mean(halves: Sequence[Array]) -> float:
+def _mean_of_halves(halves: Sequence[Array]) -> float:
     return float((halves[0] + halves[1]).mean(dtype=np.float64)) / 2

@@ -28,7 +28,7 @@ _WIDTH, _HEIGHT = 1e-3, 1e-4
 
 
 @dataclass(frozen=True)
-class Points:
+class RockPoints:
     """``n`` points of rocks: which ``rock`` (n,), place on the unit shape (n, 3), unit ``normal`` (n, 3), and the
     ``corners`` (n, 3, 3) in metres of a small triangle just above each."""
 
@@ -38,7 +38,7 @@ class Points:
     corners: Array
 
 
-def terms_of(normal: Array, place: Array) -> Array:
+def evaluate_terms(normal: Array, place: Array) -> Array:
     """The ``TERMS`` (n, 12) at unit normals (n, 3) and places (n, 3)."""
     x, y, z = normal.T
     return np.column_stack([np.ones_like(x), x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1, place])
@@ -52,7 +52,7 @@ def draw_points(
     positions: Array,
     count: int,
     random: np.random.Generator,
-) -> Points:
+) -> RockPoints:
     """``count`` random points of each of the ``rocks`` (k,), all of one unit shape (vertices and triangles).
 
     ``matrices`` (k, 3, 3) turn and scale the shape, ``positions`` (k, 3) are where its origin is then. Every triangle
@@ -77,16 +77,16 @@ def draw_points(
     middle = np.einsum("nij,nj->ni", matrix, place) + positions[rock] + _HEIGHT * size * normal
     up = np.cross(normal, across)
     ways = np.stack([across, -0.5 * across + 0.75**0.5 * up, -0.5 * across - 0.75**0.5 * up], axis=1)
-    return Points(rocks[rock], place, normal, middle[:, None] + _WIDTH * size[:, None] * ways)
+    return RockPoints(rocks[rock], place, normal, middle[:, None] + _WIDTH * size[:, None] * ways)
 
 
-def fit(points: Points, light: Array, used: Array, rocks: int) -> Array:
+def fit_terms(points: RockPoints, light: Array, used: Array, rocks: int) -> Array:
     """The numbers (rocks, 12, 3) whose terms fit ``light`` (n, 3) at the points that are ``used`` (n,).
 
     A rock without used points, which nobody sees, gets none.
     """
     found = np.zeros((rocks, TERMS, 3))
-    terms = terms_of(points.normal, points.place)
+    terms = evaluate_terms(points.normal, points.place)
     order = np.argsort(points.rock, kind="stable")
     order = order[used[order]]
     of = points.rock[order]

@@ -52,7 +52,7 @@ class Texels:
     areas: tuple[Array, Array]
 
 
-def lay_out(starts: Array, counts: Array, corners: Array, areas: Array, wanted: Array) -> Texels:
+def lay_out_texels(starts: Array, counts: Array, corners: Array, areas: Array, wanted: Array) -> Texels:
     """The texels of a mesh: of each facet its first corner, number of corners and area; of each corner its vertex.
 
     Facets that are not ``wanted`` (facets,) get none, and their corners are outside of the image. Raises ValueError for
@@ -67,7 +67,7 @@ def lay_out(starts: Array, counts: Array, corners: Array, areas: Array, wanted: 
     square[wanted] = np.stack(np.divmod(np.arange(count), columns)[::-1], axis=-1) * _SIDE
     places = np.full((len(corners), 2), _OUTSIDE, np.float32)
     vertices, texels, of_kind = [], [], []
-    for sides, shape, nearest in ((3, _TRIANGLE, _NEAREST[_OF_TRIANGLE]), (4, _turned_square(), _NEAREST)):
+    for sides, shape, nearest in ((3, _TRIANGLE, _NEAREST[_OF_TRIANGLE]), (4, _make_turned_square(), _NEAREST)):
         chosen = np.flatnonzero((counts == sides) & wanted)
         rows = starts[chosen, None] + np.arange(sides)
         places[rows] = (square[chosen, None] + shape) / side
@@ -78,22 +78,22 @@ def lay_out(starts: Array, counts: Array, corners: Array, areas: Array, wanted: 
     return Texels(side, places, (vertices[0], vertices[1]), (texels[0], texels[1]), (of_kind[0], of_kind[1]))
 
 
-def _turned_square() -> Array:
+def _make_turned_square() -> Array:
     """The corners of a quadrilateral in its square."""
     turn = math.radians(_TURN_DEG)
     turned = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
     return _SIDE / 2 + (_NEAREST * _SIDE - _SIDE / 2) @ turned
 
 
-def gather_open(found: Texels, image: Array, covered: Array, vertices: int) -> Array:
-    """``gather`` without the texels that are ``covered`` (texels,).
+def gather_uncovered(found: Texels, image: Array, covered: Array, vertices: int) -> Array:
+    """``gather_to_vertices`` without the texels that are ``covered`` (texels,).
 
     A vertex around which all texels are covered gets the mean of the nearest vertices that have light, since a facet
     may show beside the rock that covers its corner.
     """
     seen = np.where(covered[:, None], 0.0, image)
-    light = gather(found, seen, vertices)
-    known = gather(found, np.where(seen[:, 3:] > 0, 1.0, 0.0) * np.ones(4), vertices)[:, 0] > 0
+    light = gather_to_vertices(found, seen, vertices)
+    known = gather_to_vertices(found, np.where(seen[:, 3:] > 0, 1.0, 0.0) * np.ones(4), vertices)[:, 0] > 0
     for _ in range(_FILLED):
         total, count = np.zeros((vertices, 3)), np.zeros(vertices)
         for corners in found.vertices:
@@ -110,7 +110,7 @@ def gather_open(found: Texels, image: Array, covered: Array, vertices: int) -> A
     return light
 
 
-def gather(found: Texels, image: Array, vertices: int) -> Array:
+def gather_to_vertices(found: Texels, image: Array, vertices: int) -> Array:
     """Light (vertices, 3) at the vertices, from an image (texels, 4) whose alpha is 0 where nothing was baked."""
     total, weights = np.zeros((vertices, 3)), np.zeros(vertices)
     for at, texels, areas, shape in zip(found.vertices, found.texels, found.areas, (_LINEAR, _BILINEAR), strict=True):

@@ -18,7 +18,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ..surfaces.spectra import MATERIALS, bubbly_ice_reflectance, ice_absorption_1_m, snow_reflectance
-from .photons import planck
+from .photons import planck_radiance
 from .sunlight import BANDS_M, SUN_TEMPERATURE_K
 
 #: The visible, within which materials are fitted.
@@ -43,7 +43,7 @@ def band_reflectances(reflectance: Callable[[Array], Array]) -> tuple[float, flo
     """
     wavelength = VISIBLE_NM * 1e-9
     shares = band_shares(wavelength)
-    weighted = shares * planck(wavelength, SUN_TEMPERATURE_K) * wavelength
+    weighted = shares * planck_radiance(wavelength, SUN_TEMPERATURE_K) * wavelength
     of_bands, of_spectrum = weighted @ shares.T, weighted @ reflectance(VISIBLE_NM)
     found, kept = np.zeros(3), np.ones(3, bool)
     while kept.any():

@@ -41,12 +41,12 @@ class Body:
     orbit: Orbit
 
 
-def _enceladus(d: float) -> tuple[float, float, float]:
+def _enceladus_orientation(d: float) -> tuple[float, float, float]:
     t = d / 36525
     return 40.66 - 0.036 * t, 83.52 - 0.004 * t, 6.32 + 262.7318996 * d
 
 
-def _europa(d: float) -> tuple[float, float, float]:
+def _europa_orientation(d: float) -> tuple[float, float, float]:
     t = d / 36525
     j4, j5, j6, j7 = (
         math.radians(a + b * t) for a, b in ((355.80, 1191.3), (119.90, 262.1), (229.80, 64.3), (352.25, 2382.6))
@@ -67,7 +67,7 @@ def _europa(d: float) -> tuple[float, float, float]:
 _SATURN_OVER, _JUPITER_OVER = -4.09, -1.53
 
 
-def _under_saturn(d: float) -> tuple[float, float]:
+def _place_under_saturn(d: float) -> tuple[float, float]:
     """Eccentricity 0.00485, and what Dione does to the mean longitude in 11.1 and 3.9 years."""
     days = d + 40452.0  # from JD 2411093
     years = days / 365.25
@@ -78,7 +78,7 @@ def _under_saturn(d: float) -> tuple[float, float]:
     return _SATURN_OVER + 0.55577 * math.sin(anomaly) + slow, 1.0 - 0.00485 * math.cos(anomaly)
 
 
-def _under_jupiter(d: float) -> tuple[float, float]:
+def _place_under_jupiter(d: float) -> tuple[float, float]:
     """Eccentricity 0.0094, kept up by Io and Ganymede, so that the pericentre is where Ganymede is passed."""
     days = d + 8544.5  # from JD 2443000.5
     anomaly = math.radians(2 * (175.73161 + 101.374724735 * days - 120.55883 - 50.317609207 * days) % 360)
@@ -103,6 +103,24 @@ _SATURN = Orbit(
 )
 
 BODIES = {
-    "ENCELADUS": Body("SATURN", (256.6, 251.4, 248.3), 238040.0, 60268.0, 54364.0, _enceladus, _under_saturn, _SATURN),
-    "EUROPA": Body("JUPITER", (1562.6, 1560.3, 1559.5), 671100.0, 71492.0, 66854.0, _europa, _under_jupiter, _JUPITER),
+    "ENCELADUS": Body(
+        "SATURN",
+        (256.6, 251.4, 248.3),
+        238040.0,
+        60268.0,
+        54364.0,
+        _enceladus_orientation,
+        _place_under_saturn,
+        _SATURN,
+    ),
+    "EUROPA": Body(
+        "JUPITER",
+        (1562.6, 1560.3, 1559.5),
+        671100.0,
+        71492.0,
+        66854.0,
+        _europa_orientation,
+        _place_under_jupiter,
+        _JUPITER,
+    ),
 }

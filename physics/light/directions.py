@@ -9,7 +9,7 @@ import numpy as np
 from ...support.arrays import Array
 
 
-def toward(azimuth_deg: float, elevation_deg: float) -> Array:
+def direction_toward(azimuth_deg: float, elevation_deg: float) -> Array:
     """Unit vector (3,) toward a point of the sky."""
     azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
     return np.array(
@@ -19,7 +19,7 @@ def toward(azimuth_deg: float, elevation_deg: float) -> Array:
 
 def camera_axes(heading_deg: float, pitch_down_deg: float) -> Array:
     """Columns x right, y down, z forward (3, 3) of a level camera, world axes (OpenCV convention)."""
-    forward = toward(heading_deg, -pitch_down_deg)
+    forward = direction_toward(heading_deg, -pitch_down_deg)
     heading = math.radians(heading_deg)
     right = np.array([math.cos(heading), -math.sin(heading), 0.0])
     return np.stack([right, np.cross(forward, right), forward], axis=1)

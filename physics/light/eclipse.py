@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from ...support.arrays import Array
-from .planetshine import Planet, ellipsoid
+from .planetshine import Planet, make_ellipsoid
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
-def hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
+def compute_hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
     """Share of the Sun's disc, evenly bright, that a planet in front of it hides; within 2e-4 of one.
 
     Of a planet that looks smaller than the Sun the error is within 5e-3.
@@ -25,7 +25,7 @@ def hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
     if planet.angular_diameter_deg <= 0 or apart > (planet.angular_diameter_deg + sun_diameter_deg) / 2:
         return 0.0
     radius = math.radians(max(sun_diameter_deg, 1e-6) / 2)
-    shape = ellipsoid(planet)
+    shape = make_ellipsoid(planet)
     # A ray from the site along w meets the ellipsoid where w Q w > 0, ahead if w · o < 0.
     toward = shape.stretch @ shape.observer / shape.radius
     quadric = (
@@ -42,12 +42,12 @@ def hidden_share(planet: Planet, sun_diameter_deg: float) -> float:
     off = radius * np.sin(angle)
     half = 2 * np.arcsin(np.sqrt(np.sin((radius + off) / 2) * np.sin((radius - off) / 2) / np.cos(off)))
     foot = np.cos(off)[:, None] * sun + np.sin(off)[:, None] * side
-    hidden = np.array([_hidden(f, up, h, quadric, toward) for f, h in zip(foot, half, strict=True)])
+    hidden = np.array([_integrate_hidden(f, up, h, quadric, toward) for f, h in zip(foot, half, strict=True)])
     weight = _WEIGHTS * np.cos(angle)
     return float(np.clip((weight * hidden).sum() / (weight * 2 * np.sin(half)).sum(), 0.0, 1.0))
 
 
-def _hidden(foot: Array, up: Array, half: float, quadric: Array, toward: Array) -> float:
+def _integrate_hidden(foot: Array, up: Array, half: float, quadric: Array, toward: Array) -> float:
     """Sum of the cosines of the distance from the foot, along a great circle from -half to half, that is hidden.
 
     On the circle w = cos φ foot + sin φ up the quadric is mean + swing cos(2 φ - turn).

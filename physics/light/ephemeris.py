@@ -61,7 +61,7 @@ def parse_date(date_utc: str) -> np.datetime64:
     year, month, day = (int(part or 1) for part in match.groups()[:3])
     hour, minute, second = (int(part or 0) for part in match.groups()[3:6])
     fraction, sign, zone_hours, zone_minutes = match.groups()[6:]
-    if lack := _calendar_lack(year, month, day, hour, minute, second + float(fraction or 0)):
+    if lack := _describe_missing_date(year, month, day, hour, minute, second + float(fraction or 0)):
         raise IcyMoonError(f"{shown}, but {lack}.")
     date = np.datetime64(f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}", "ms") + np.timedelta64(
         int(f"{fraction or '.'}000"[1:4]), "ms"
@@ -70,17 +70,17 @@ def parse_date(date_utc: str) -> np.datetime64:
     if ahead:
         raise IcyMoonError(
             f"{shown}, which is not in UTC; write the same moment as "
-            f"{date_text(date - ahead if sign == '+' else date + ahead)}."
+            f"{format_date(date - ahead if sign == '+' else date + ahead)}."
         )
     return date
 
 
-def date_text(date: np.datetime64) -> str:
+def format_date(date: np.datetime64) -> str:
     """A date as ``light.date_utc`` states it, without milliseconds that are 0."""
     return str(date.astype("datetime64[ms]")).removesuffix(".000")
 
 
-def _calendar_lack(year: int, month: int, day: int, hour: int, minute: int, second: float) -> str:
+def _describe_missing_date(year: int, month: int, day: int, hour: int, minute: int, second: float) -> str:
     """Why there is no such day or time of day, with the fix; empty if the date exists."""
     if not 1 <= month <= 12:
         return "a year has 12 months; write a month from 01 to 12"
@@ -120,7 +120,7 @@ def refuse_unknown_years(date_utc: str) -> None:
         )
 
 
-def heliocentric_au(orbit: Orbit, days: float) -> Array:
+def heliocentric_position_au(orbit: Orbit, days: float) -> Array:
     """Position (3,) from the Sun in the J2000 equatorial frame."""
     century = days / 36525
     a, e, inclination, longitude, perihelion, node = (
@@ -140,17 +140,21 @@ def heliocentric_au(orbit: Orbit, days: float) -> Array:
         eccentric -= (eccentric - e * math.sin(eccentric) - mean) / (1 - e * math.cos(eccentric))
     plane = np.array([a * (math.cos(eccentric) - e), a * math.sqrt(1 - e**2) * math.sin(eccentric), 0.0])
     to_ecliptic = (
-        _about_z(-math.radians(node))
-        @ _about_x(-math.radians(inclination))
-        @ _about_z(-math.radians(perihelion - node))
+        _rotation_about_z(-math.radians(node))
+        @ _rotation_about_x(-math.radians(inclination))
+        @ _rotation_about_z(-math.radians(perihelion - node))
     )
-    return np.asarray(_about_x(-_OBLIQUITY) @ to_ecliptic @ plane)
+    return np.asarray(_rotation_about_x(-_OBLIQUITY) @ to_ecliptic @ plane)
 
 
 def body_frame(orientation: tuple[float, float, float]) -> Array:
     """Matrix (3, 3) from the J2000 equatorial to the body-fixed frame, of pole and W in degrees."""
     ascension, declination, turned = (math.radians(angle % 360) for angle in orientation)
-    return _about_z(turned) @ _about_x(math.pi / 2 - declination) @ _about_z(math.pi / 2 + ascension)
+    return (
+        _rotation_about_z(turned)
+        @ _rotation_about_x(math.pi / 2 - declination)
+        @ _rotation_about_z(math.pi / 2 + ascension)
+    )
 
 
 def site_frame(radii_km: tuple[float, float, float], latitude_deg: float, longitude_deg: float) -> tuple[Array, Array]:
@@ -176,7 +180,7 @@ def local_axes(normal: Array, longitude: float, radii_km: Sequence[float]) -> Ar
     return np.stack([east, np.cross(up, east), up])
 
 
-def positions(body: str, date_utc: str, latitude_deg: float, longitude_deg: float) -> Positions:
+def find_positions(body: str, date_utc: str, latitude_deg: float, longitude_deg: float) -> Positions:
     """Sun and planet over a site of a body in ``bodies.BODIES``. Raises IcyMoonError for any other."""
     try:
         moon = BODIES[body.strip().upper()]
@@ -187,7 +191,7 @@ def positions(body: str, date_utc: str, latitude_deg: float, longitude_deg: floa
         ) from None
     days = days_since_j2000(date_utc)
     place, axes = site_frame(moon.radii_km, latitude_deg, longitude_deg)
-    toward_sun = -heliocentric_au(moon.orbit, days)
+    toward_sun = -heliocentric_position_au(moon.orbit, days)
     distance = float(np.linalg.norm(toward_sun))
     longitude, ratio = moon.under_planet(days)
     over = math.radians(longitude)
@@ -207,11 +211,11 @@ def positions(body: str, date_utc: str, latitude_deg: float, longitude_deg: floa
     )
 
 
-def _about_x(angle: float) -> Array:
+def _rotation_about_x(angle: float) -> Array:
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
 
 
-def _about_z(angle: float) -> Array:
+def _rotation_about_z(angle: float) -> Array:
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])

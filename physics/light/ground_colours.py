@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
-from ..surfaces.albedos import albedos
+from ..surfaces.albedos import find_albedos
 from .bands import bubbly_ice_bands, material_bands, snow_bands
 
 Bands = tuple[float, float, float]
@@ -12,7 +12,7 @@ _WHITE = (1.0, 1.0, 1.0)
 
 def clean_albedo(surface: SurfaceSettings, hapke: HapkeSettings | None) -> float:
     """The albedo of clean ice in even light, on which colours are factors; at least 0.001."""
-    found = albedos(surface, hapke) if surface.model == "HAPKE" and hapke is not None else None
+    found = find_albedos(surface, hapke) if surface.model == "HAPKE" and hapke is not None else None
     return max(surface.albedo if found is None else found.bond, 1e-3)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ...support.errors import IcyMoonError
 from ...support.files import shorten
-from ...support.foreign_bytes import ForeignBytes, RefusedError, backslash_note, read, reason_of
+from ...support.foreign_bytes import ForeignBytes, RefusedError, describe_reason, note_on_backslashes, read
 
 #: Largest text kernel and largest binary one, in bytes; most files of a folder.
 _MOST_TEXT, _MOST_BINARY, _MOST_FILES = 2**25, 2**36, 2000
@@ -33,17 +33,17 @@ def find_kernels(path: Path) -> list[Path]:
     Raises IcyMoonError without a kernel, if one is damaged, or if a meta-kernel names a file outside of its folder.
     """
     found: list[Path] = []
-    for file in kernel_files(path):
-        named = _look_at(file)
+    for file in list_kernel_files(path):
+        named = _inspect_kernel(file)
         if named is None:
             continue
-        found += [file] if not named else _named_kernels(file, named, path if path.is_dir() else None)
+        found += [file] if not named else _resolve_named_kernels(file, named, path if path.is_dir() else None)
     if not found:
         raise IcyMoonError(f"{path} has no SPICE kernel; give a meta-kernel or a folder of kernels.")
     return list(dict.fromkeys(found))
 
 
-def kernel_files(path: Path) -> list[Path]:
+def list_kernel_files(path: Path) -> list[Path]:
     """The files that may be kernels: a file itself, or the files of a folder and of its direct subfolders."""
     if not path.is_dir():
         return [path]
@@ -55,21 +55,21 @@ def kernel_files(path: Path) -> list[Path]:
     return found
 
 
-def _look_at(path: Path) -> tuple[str, ...] | None:
-    """The result of ``_parse``, found once for each size and time of change."""
+def _inspect_kernel(path: Path) -> tuple[str, ...] | None:
+    """The result of ``_parse_kernel``, found once for each size and time of change."""
     try:
         state = path.stat()
     except OSError as error:
-        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {_FIX}.") from None
-    return _read(path, state.st_size, state.st_mtime_ns)
+        raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {_FIX}.") from None
+    return _read_kernel(path, state.st_size, state.st_mtime_ns)
 
 
 @lru_cache(maxsize=4096)
-def _read(path: Path, _size: int, _modified_ns: int) -> tuple[str, ...] | None:
-    return read(path, _parse, "a SPICE kernel", _FIX, most=_MOST_BINARY)
+def _read_kernel(path: Path, _size: int, _modified_ns: int) -> tuple[str, ...] | None:
+    return read(path, _parse_kernel, "a SPICE kernel", _FIX, most=_MOST_BINARY)
 
 
-def _parse(foreign: ForeignBytes) -> tuple[str, ...] | None:
+def _parse_kernel(foreign: ForeignBytes) -> tuple[str, ...] | None:
     """The names that a meta-kernel lists, none of another kernel; None for a file that is no kernel."""
     head = foreign.part(0, min(foreign.size, _RECORD))
     if head.startswith(_BINARY):
@@ -81,11 +81,11 @@ def _parse(foreign: ForeignBytes) -> tuple[str, ...] | None:
         raise RefusedError(
             f"is a text kernel of {foreign.size / 1e6:.0f} MB, more than {_MOST_TEXT / 1e6:.0f}; {_FIX}."
         )
-    data = _data_of(foreign)
-    return None if data is None else _listed(data)
+    data = _extract_data(foreign)
+    return None if data is None else _list_kernels_to_load(data)
 
 
-def _data_of(foreign: ForeignBytes) -> bytes | None:
+def _extract_data(foreign: ForeignBytes) -> bytes | None:
     """The lines of the data of a text kernel, None if it has no data."""
     lines, is_data, any_data = [], False, False
     for _, line in foreign.lines():
@@ -99,7 +99,7 @@ def _data_of(foreign: ForeignBytes) -> bytes | None:
     return b"\n".join(lines) if any_data else None
 
 
-def _listed(data: bytes) -> tuple[str, ...]:
+def _list_kernels_to_load(data: bytes) -> tuple[str, ...]:
     """The files in KERNELS_TO_LOAD, with the symbols of paths replaced."""
     if b"KERNELS_TO_LOAD" not in data:
         return ()
@@ -136,7 +136,7 @@ def _listed(data: bytes) -> tuple[str, ...]:
     return tuple(listed)
 
 
-def _named_kernels(meta: Path, named: tuple[str, ...], folder: Path | None) -> list[Path]:
+def _resolve_named_kernels(meta: Path, named: tuple[str, ...], folder: Path | None) -> list[Path]:
     """The files that a meta-kernel names, in the folder that the user stated, or else in its own.
 
     A meta-kernel in a folder ``mk`` may also name files beside that folder, as in NAIF's archives.
@@ -155,9 +155,9 @@ def _named_kernels(meta: Path, named: tuple[str, ...], folder: Path | None) -> l
             )
         if not is_there:
             raise IcyMoonError(
-                f"{meta} names {shorten(name)!r}, which is not there{backslash_note(name)}; copy it there."
+                f"{meta} names {shorten(name)!r}, which is not there{note_on_backslashes(name)}; copy it there."
             )
-        if _look_at(file) != ():
+        if _inspect_kernel(file) != ():
             raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is no kernel with data; leave it out.")
         found.append(file)
     return found

@@ -15,7 +15,7 @@ _APART_DEG = 0.1
 _TURNED_DEG = 1.0
 
 
-def doubt_sky(light: LightSettings, place: Mapping[str, Any] | None) -> list[str]:
+def warn_sky_of_other_place(light: LightSettings, place: Mapping[str, Any] | None) -> list[str]:
     """Sentences if directions follow from a date, and the ``place`` on a map (``geotiff.MapPlace.to_json``) is not the
     place of the ``light`` settings, or the map's up is not north."""
     if light.directions_from == "ANGLES" or place is None or place["latitude_deg"] is None:
@@ -23,7 +23,7 @@ def doubt_sky(light: LightSettings, place: Mapping[str, Any] | None) -> list[str
     latitude, longitude = float(place["latitude_deg"]), float(place["longitude_deg"])
     north = float(place["north_deg"])
     said = []
-    if _angle_deg((latitude, longitude), (light.latitude_deg, light.longitude_deg)) > _APART_DEG:
+    if _angle_between_deg((latitude, longitude), (light.latitude_deg, light.longitude_deg)) > _APART_DEG:
         said.append(
             f"The map's site is at latitude {latitude:.4f}°, longitude {longitude:.4f}°, but the sky is that "
             f"of light.latitude_deg {light.latitude_deg:g} and light.longitude_deg {light.longitude_deg:g}; "
@@ -31,12 +31,12 @@ def doubt_sky(light: LightSettings, place: Mapping[str, Any] | None) -> list[str
         )
     elif 90.0 - abs(light.latitude_deg) <= _APART_DEG:  # where a longitude is a direction
         over = math.copysign(1.0, latitude)
-        found = _signed_deg(north - over * (light.longitude_deg - longitude))
+        found = _wrap_deg(north - over * (light.longitude_deg - longitude))
         if abs(found) > _TURNED_DEG:
             said.append(
                 f"At this pole light.longitude_deg {light.longitude_deg:g} sets where north is, {found:.1f}° "
                 f"clockwise of the map's up, from which the azimuths of a date are counted; set "
-                f"light.longitude_deg to {_signed_deg(longitude + over * north):.4f}, whose north is up."
+                f"light.longitude_deg to {_wrap_deg(longitude + over * north):.4f}, whose north is up."
             )
         return said
     if abs(north) > _TURNED_DEG:
@@ -48,12 +48,12 @@ def doubt_sky(light: LightSettings, place: Mapping[str, Any] | None) -> list[str
     return said
 
 
-def _signed_deg(angle_deg: float) -> float:
+def _wrap_deg(angle_deg: float) -> float:
     """An angle from -180 up to 180 degrees."""
     return (angle_deg + 180.0) % 360.0 - 180.0
 
 
-def _angle_deg(one: tuple[float, float], other: tuple[float, float]) -> float:
+def _angle_between_deg(one: tuple[float, float], other: tuple[float, float]) -> float:
     """Angle in degrees between two places (latitude, longitude) in degrees, as seen from the centre of the body."""
     a, b = (site_frame((1.0, 1.0, 1.0), *place)[0] for place in (one, other))
     return math.degrees(2 * math.asin(min(1.0, math.dist(a, b) / 2)))

@@ -22,7 +22,7 @@ BOLTZMANN_J_K = 1.380649e-23
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
 
-def planck(wavelength_m: Numbers, temperature_k: float) -> Array:
+def planck_radiance(wavelength_m: Numbers, temperature_k: float) -> Array:
     """Spectral radiance of a black body, W/(m² sr m), at wavelengths in metres."""
     wavelength = np.asarray(wavelength_m, np.float64)
     x = PLANCK_J_S * LIGHT_M_S / (wavelength * BOLTZMANN_J_K * temperature_k)
@@ -36,7 +36,7 @@ def total_radiance(temperature_k: float) -> float:
     return sigma * temperature_k**4 / math.pi
 
 
-def _band(sensor: SensorSettings) -> tuple[Array, Array]:
+def _sample_band(sensor: SensorSettings) -> tuple[Array, Array]:
     """Wavelengths in metres across the camera's band and the weights of an integral over it."""
     half = sensor.band_width_nm * 0.5e-9
     centre = sensor.band_centre_nm * 1e-9
@@ -57,23 +57,23 @@ def band_share(light: LightSettings, sensor: SensorSettings) -> float:
 
     At 5772 K the black body is within 10 % of the solar spectrum in bands 100 nm wide from 450 nm on.
     """
-    wavelength, weight = _band(sensor)
+    wavelength, weight = _sample_band(sensor)
     temperature = float(light.sun_temperature_k)
-    return float((planck(wavelength, temperature) * weight).sum() / total_radiance(temperature))
+    return float((planck_radiance(wavelength, temperature) * weight).sum() / total_radiance(temperature))
 
 
 def photons_per_joule(light: LightSettings, sensor: SensorSettings) -> float:
     """Photons in the camera's band per joule in the band that ``light.irradiance_band`` names."""
-    wavelength, weight = _band(sensor)
-    power = planck(wavelength, float(light.sun_temperature_k)) * weight
+    wavelength, weight = _sample_band(sensor)
+    power = planck_radiance(wavelength, float(light.sun_temperature_k)) * weight
     photons = float((power * wavelength).sum() / power.sum() / (PLANCK_J_S * LIGHT_M_S))
     return photons if light.irradiance_band == "CAMERA" else photons * band_share(light, sensor)
 
 
 def photons_by_wavelength(light: LightSettings, sensor: SensorSettings) -> tuple[Array, Array]:
     """Wavelengths (n,) in metres across the camera's band, and how many of ``photons_per_joule`` each stands for."""
-    wavelength, weight = _band(sensor)
-    each = planck(wavelength, float(light.sun_temperature_k)) * weight * wavelength
+    wavelength, weight = _sample_band(sensor)
+    each = planck_radiance(wavelength, float(light.sun_temperature_k)) * weight * wavelength
     return wavelength, photons_per_joule(light, sensor) * each / each.sum()
 
 

@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...support.arrays import Array
-from .planetshine import Planet, VisibleCap, cap_nodes
+from .planetshine import Planet, VisibleCap, make_cap_nodes
 
 #: Least cosine of the angle of emission, so that the limb stays finite.
 LEAST_COSINE = 0.02
@@ -53,12 +53,12 @@ class Face:
     ripple_deg: float = 0.0  # by how much the edges of its bands waver in latitude
 
 
-def _relative(bands: tuple[float, float, float]) -> tuple[float, float, float]:
+def _divide_by_mean(bands: tuple[float, float, float]) -> tuple[float, float, float]:
     mean = sum(bands) / 3
     return (bands[0] / mean, bands[1] / mean, bands[2] / mean)
 
 
-def _saturn() -> Face:
+def _make_saturn() -> Face:
     """Saturn's bands in V, alike in north and south; in R their contrast is 0.6 of that, in B 1.3."""
     latitude = np.array([0.0, 10, 18, 25, 33, 40, 48, 60, 65, 78, 90])
     visual = np.array([1.16, 1.12, 0.98, 0.90, 0.88, 0.96, 0.86, 0.88, 0.80, 0.78, 0.70])
@@ -68,7 +68,7 @@ def _saturn() -> Face:
         tuple(np.sin(np.radians(both)).tolist()),
         tuple((r, g, b) for r, g, b in bands.tolist()),
         (0.95, 0.87, 0.70),
-        _relative((1.15, 1.0, 0.69)),
+        _divide_by_mean((1.15, 1.0, 0.69)),
     )
 
 
@@ -92,7 +92,7 @@ _JUPITER = (
 _EDGE_DEG, _POLE_EDGE_DEG = 0.6, 7.0  # half the width of an edge between two bands, and of a polar region's edge
 
 
-def _jupiter() -> Face:
+def _make_jupiter() -> Face:
     sine, reflectance = [-1.0], [_JUPITER[0][1]]
     for (_, before), (edge, after) in pairwise(_JUPITER):
         half = _POLE_EDGE_DEG if _POLE in (before, after) else _EDGE_DEG
@@ -102,7 +102,7 @@ def _jupiter() -> Face:
         (*sine, 1.0),
         (*reflectance, _JUPITER[-1][1]),
         (1.0, 0.95, 0.87),
-        _relative((1.0, 1.0, 0.835)),
+        _divide_by_mean((1.0, 1.0, 0.835)),
         Spot(
             -22.5, 7000 / (71492 * math.cos(math.radians(22.5))), 5750 / 71492, (0.70, 0.48, 0.28), (0.86, 0.80, 0.68)
         ),
@@ -114,7 +114,7 @@ def _jupiter() -> Face:
 #: images at 435 to 716 nm (Icarus 100, Dec 1992) and Franz and Price; Jupiter's zones, belts and the size of its Red
 #: Spot, 14 000 by 11 500 km: the usual nomenclature and rounded reflectances. Both tints: the albedo spectra of whole
 #: discs of Karkoschka 1998, Icarus 133, 134, seen in the primaries of sRGB.
-FACES = {"SATURN": _saturn(), "JUPITER": _jupiter()}
+FACES = {"SATURN": _make_saturn(), "JUPITER": _make_jupiter()}
 
 
 def spot_axes(planet: Planet, spot: Spot) -> Array:
@@ -134,7 +134,7 @@ def spot_axes(planet: Planet, spot: Spot) -> Array:
     )
 
 
-def _reflectance(face: Face, planet: Planet, normal: Array) -> Array:
+def _band_reflectance(face: Face, planet: Planet, normal: Array) -> Array:
     """B (..., 3) at places with unit normals (..., 3)."""
     sine = normal @ planet.pole
     found = np.stack([np.interp(sine, face.sine, band) for band in np.transpose(face.reflectance)], axis=-1)
@@ -148,14 +148,16 @@ def _reflectance(face: Face, planet: Planet, normal: Array) -> Array:
     return found
 
 
-def over_zenith(face: Face, planet: Planet, normal: Array, toward: Array) -> Array:
+def radiance_over_zenith(face: Face, planet: Planet, normal: Array, toward: Array) -> Array:
     """Unscaled radiance (..., 3) relative to a place of an even globe with the Sun in its zenith; without ripples.
 
     ``normal`` and ``toward`` (..., 3) are unit vectors, the second toward the observer.
     """
     incidence = np.maximum(normal @ planet.sun, 0.0)[..., None]
     emission = np.maximum((normal * toward).sum(axis=-1), LEAST_COSINE)[..., None]
-    return np.asarray(_reflectance(face, planet, normal) * (incidence * emission) ** np.array(face.limb) / emission)
+    return np.asarray(
+        _band_reflectance(face, planet, normal) * (incidence * emission) ** np.array(face.limb) / emission
+    )
 
 
 def face_tint(planet: Planet) -> Array:
@@ -167,10 +169,10 @@ def face_tint(planet: Planet) -> Array:
 def face_scale(planet: Planet) -> tuple[float, float, float]:
     """Factors on the bands of a face that give the planet the irradiance of an even globe times the tint."""
     face, seen = FACES[planet.face], VisibleCap(planet)
-    nodes = cap_nodes(seen)
+    nodes = make_cap_nodes(seen)
     facing = nodes.solid_angle * np.maximum(nodes.ray @ planet.direction, 0.0)
     normal, shaded = seen.normal(nodes.sphere), facing * seen.passed(nodes.sphere)
-    total = (over_zenith(face, planet, normal, -nodes.ray) * shaded[..., None]).sum(axis=(0, 1))
+    total = (radiance_over_zenith(face, planet, normal, -nodes.ray) * shaded[..., None]).sum(axis=(0, 1))
     even = float((np.maximum(normal @ planet.sun, 0.0) * shaded).sum())
     r, g, b = (tint * even / band if band > 0 else tint for tint, band in zip(face.tint, total.tolist(), strict=True))
     return r, g, b

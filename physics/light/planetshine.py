@@ -110,7 +110,7 @@ class Ellipsoid:
     full_radiance: float  # W/(m² sr) where the Sun stands in the zenith
 
 
-def ellipsoid(planet: Planet) -> Ellipsoid:
+def make_ellipsoid(planet: Planet) -> Ellipsoid:
     """The shape of a planet; its radiance is Lambert's with the albedo of its phase."""
     radius = math.sin(math.radians(planet.angular_diameter_deg / 2))
     stretch = np.eye(3) + (1 / (1 - planet.flattening) - 1) * np.outer(planet.pole, planet.pole)
@@ -127,7 +127,7 @@ class VisibleCap:
     """
 
     def __init__(self, planet: Planet) -> None:
-        self.planet, self.shape = planet, ellipsoid(planet)
+        self.planet, self.shape = planet, make_ellipsoid(planet)
         self.shrink = np.eye(3) - planet.flattening * np.outer(planet.pole, planet.pole)
         distance = float(np.linalg.norm(self.shape.observer))
         self.half_angle = math.acos(min(1.0, 1 / distance))
@@ -179,8 +179,8 @@ class CapNodes:
     solid_angle: Array  # (n, 2n) sr; 0 below the horizon
 
 
-def cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
-    """The quadrature that ``light_rays`` uses."""
+def make_cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
+    """The quadrature that ``make_light_rays`` uses."""
     planet = seen.planet
     x, weight = np.polynomial.legendre.leggauss(nodes)
     angle = seen.half_angle * (x + 1) / 2
@@ -203,7 +203,7 @@ def cap_nodes(seen: VisibleCap, nodes: int = 96) -> CapNodes:
 
 
 @lru_cache(maxsize=4)  # one change of the light asks for the same planet's a dozen times
-def light_rays(planet: Planet, nodes: int = 96) -> tuple[Array, Array]:
+def make_light_rays(planet: Planet, nodes: int = 96) -> tuple[Array, Array]:
     """The planet's light in rays: unit vectors (n, 3) toward its surface and the irradiance (n,) in W/m² that each
     brings on a surface facing it.
 
@@ -213,7 +213,7 @@ def light_rays(planet: Planet, nodes: int = 96) -> tuple[Array, Array]:
     if planet.angular_diameter_deg <= 0:
         return np.array([planet.direction]), np.zeros(1)
     seen = VisibleCap(planet)
-    found = cap_nodes(seen, nodes)
+    found = make_cap_nodes(seen, nodes)
     rays, brought = found.ray.reshape(-1, 3), (seen.radiance(found.sphere) * found.solid_angle).ravel()
     rays.flags.writeable = brought.flags.writeable = False  # all who ask share them
     return rays, brought
@@ -221,19 +221,19 @@ def light_rays(planet: Planet, nodes: int = 96) -> tuple[Array, Array]:
 
 def irradiance_wm2(planet: Planet, normal: Array | None = None, nodes: int = 96) -> float:
     """Irradiance from the planet on a surface; ``normal`` (3,) is its unit normal, else it faces the planet."""
-    ray, brought = light_rays(planet, nodes)
+    ray, brought = make_light_rays(planet, nodes)
     return float(brought @ np.maximum(ray @ (planet.direction if normal is None else normal), 0.0))
 
 
-def mean_direction(planet: Planet) -> Array:
+def find_mean_direction(planet: Planet) -> Array:
     """Unit vector (3,) of the direction that the planet's light comes from in the mean; its centre if it is dark."""
-    ray, brought = light_rays(planet)
+    ray, brought = make_light_rays(planet)
     total = brought @ ray
     length = float(np.linalg.norm(total))
     return np.asarray(total / length if length > 0 else planet.direction)
 
 
-def lit_chords(planet: Planet) -> tuple[Array, float]:
+def find_lit_chords(planet: Planet) -> tuple[Array, float]:
     """The lit part of the planet's circle: the direction across it toward the Sun, a unit vector (3,), and the share of
     each chord along it, from the Sun's side, that holds all lit points.
 
@@ -243,7 +243,7 @@ def lit_chords(planet: Planet) -> tuple[Array, float]:
     if np.linalg.norm(across) < 1e-6:
         across = np.cross(planet.direction, np.eye(3)[np.abs(planet.direction).argmin()])
     across /= np.linalg.norm(across)
-    ray, brought = light_rays(planet)
+    ray, brought = make_light_rays(planet)
     ray = ray[brought > 0]
     if not len(ray):
         return across, 1.0
@@ -263,14 +263,14 @@ def unshaded_share(planet: Planet) -> float:
 
 
 @dataclass(frozen=True)
-class Disc:
+class DiscMesh:
     """The part of a planet that is seen as a mesh about the observer; its centre is at distance 1."""
 
     vertices: Array  # (n, 3)
     faces: Array  # (m, 4), the first ring has its first vertex twice; towards the observer
 
 
-def disc_mesh(planet: Planet, rings: int = 48) -> Disc:
+def make_disc_mesh(planet: Planet, rings: int = 48) -> DiscMesh:
     """The planet as a mesh whose outline is within 6e-4 of the ellipsoid's. Its radiance is computed at each pixel."""
     seen = VisibleCap(planet)
     sectors = 2 * rings
@@ -284,4 +284,4 @@ def disc_mesh(planet: Planet, rings: int = 48) -> Disc:
         np.stack([a + here, b + here, b + after, a + after], axis=1)
         for a, b in ((1 + k * sectors, 1 + (k + 1) * sectors) for k in range(rings - 1))
     ]
-    return Disc(seen.position(sphere), np.concatenate([first, *others]))
+    return DiscMesh(seen.position(sphere), np.concatenate([first, *others]))

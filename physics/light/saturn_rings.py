@@ -23,16 +23,16 @@ from .planetshine import Planet, Ring
 SATURN_EQUATOR_KM = 60268.0
 
 
-def _ring(inner_km: float, outer_km: float, optical_depth: float, albedo: float) -> Ring:
+def _make_ring(inner_km: float, outer_km: float, optical_depth: float, albedo: float) -> Ring:
     return Ring(inner_km / SATURN_EQUATOR_KM, outer_km / SATURN_EQUATOR_KM, optical_depth, albedo)
 
 
 #: NASA's Saturnian Rings Fact Sheet (NSSDCA): radii, and the middle of the ranges of optical depth and albedo.
 RINGS = {
-    "C": _ring(74658.0, 91975.0, 0.15, 0.2),
-    "B": _ring(91975.0, 117507.0, 1.5, 0.5),
-    "Cassini Division": _ring(117507.0, 122340.0, 0.1, 0.3),
-    "A": _ring(122340.0, 136780.0, 0.6, 0.5),
+    "C": _make_ring(74658.0, 91975.0, 0.15, 0.2),
+    "B": _make_ring(91975.0, 117507.0, 1.5, 0.5),
+    "Cassini Division": _make_ring(117507.0, 122340.0, 0.1, 0.3),
+    "A": _make_ring(122340.0, 136780.0, 0.6, 0.5),
 }
 #: Phase function of the particles, (1 - α/π)^n times what makes its mean one, with Callisto's n: Dones et al. 1993,
 #: Icarus 105, 184.
@@ -54,7 +54,7 @@ def phase_function(phase: Array) -> Array:
     return np.asarray(_PHASE_SCALE * (1 - phase / math.pi) ** _PHASE_POWER)
 
 
-def brightness(ring: Ring, sun: float, seen: Array, phase: Array, lit: bool) -> Array:
+def ring_brightness(ring: Ring, sun: float, seen: Array, phase: Array, lit: bool) -> Array:
     """I/F of a ring: its radiance relative to a white matt surface that faces the Sun.
 
     ``sun`` and ``seen`` are sines of the elevations of the Sun and the observer above the ring's plane; ``lit`` is
@@ -90,7 +90,7 @@ def shadow_half_angle(radius: Array, sun_elevation: float, flattening: float) ->
     return np.arccos(np.clip(np.sqrt(np.maximum(radius**2 - 1, 0.0)) / (radius * math.cos(stretched)), 0.0, 1.0))
 
 
-def ring_mesh(planet: Planet) -> RingMesh | None:
+def make_ring_mesh(planet: Planet) -> RingMesh | None:
     """The rings of a planet, or None if it has none or they are seen from within their plane.
 
     Sunlit and shadowed arcs are strips of their own, so that the edge of the shadow is as sharp as it is.
@@ -117,7 +117,7 @@ def ring_mesh(planet: Planet) -> RingMesh | None:
             ray = position / np.linalg.norm(position, axis=-1, keepdims=True)
             seen = np.abs(ray @ planet.pole)
             phase = np.arccos(np.clip(-ray @ planet.sun, -1, 1))
-            bright = brightness(ring, abs(up), seen, phase, up * height > 0)
+            bright = ring_brightness(ring, abs(up), seen, phase, up * height > 0)
             parts.append(
                 (
                     position,

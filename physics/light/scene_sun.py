@@ -66,8 +66,9 @@ class SceneSun:
         }
 
 
-def described_by(facts: Mapping[str, Any], source: str) -> SceneSun:
-    """The Sun of ``sky.sky_facts``, as it lights a scene: less the part behind the planet, and 0 below the horizon."""
+def sun_from_facts(facts: Mapping[str, Any], source: str) -> SceneSun:
+    """The Sun of ``sky.describe_sky``, as it lights a scene: less the part behind the planet, and 0 below the
+    horizon."""
     direction = np.array(facts["direction_to_world"])
     diameter, eclipse = facts["angular_diameter_deg"], facts["eclipse"]
     is_up = elevation_deg(direction) + diameter / 2 > 0
@@ -81,7 +82,7 @@ def described_by(facts: Mapping[str, Any], source: str) -> SceneSun:
     )
 
 
-def as_it_stands(
+def sun_from_lamp(
     described: SceneSun, direction: Array, irradiance_wm2: float, angular_diameter_deg: float, distance_m: float
 ) -> SceneSun:
     """The Sun of a lamp that was set up as ``described`` and that the user may have turned or changed since."""
@@ -98,7 +99,7 @@ def as_it_stands(
     return SceneSun(shown, irradiance_wm2, angular_diameter_deg, BY_HAND, distance_m=distance_m)
 
 
-def from_json(light: Any) -> SceneSun | None:
+def sun_from_json(light: Any) -> SceneSun | None:
     """The Sun of the table ``light`` of ``pair.json``, also of old pairs, whose other numbers may be of another Sun
     than their direction; None if the table has no valid Sun."""
     try:

@@ -19,8 +19,8 @@ from ...support.errors import IcyMoonError
 from ...support.files import absolute_path
 from . import ephemeris, spice
 from .bodies import BODIES
-from .directions import toward
-from .eclipse import hidden_share
+from .directions import direction_toward
+from .eclipse import compute_hidden_share
 from .ephemeris import Positions
 from .planetshine import Planet, Ring, irradiance_wm2
 from .saturn_rings import RINGS
@@ -63,7 +63,7 @@ class Sky:
         """How far north of the plane of Saturn's rings the site is, seen from the planet; None without rings."""
         if self.planet is None or not self.planet.rings:
             return None
-        return _above(self.planet.pole, -self.planet.direction)
+        return _angle_above_plane_deg(self.planet.pole, -self.planet.direction)
 
     @property
     def ground_irradiance_wm2(self) -> tuple[float, float]:
@@ -90,10 +90,10 @@ def compare_lights(planet: float, planet_level: float, sun: float, sun_level: fl
 
 def elevation_deg(direction: Array) -> float:
     """Angle of a direction above the horizon."""
-    return _above(np.array([0.0, 0.0, 1.0]), direction)
+    return _angle_above_plane_deg(np.array([0.0, 0.0, 1.0]), direction)
 
 
-def _above(axis: Array, direction: Array) -> float:
+def _angle_above_plane_deg(axis: Array, direction: Array) -> float:
     """Angle of a direction above the plane that an axis is normal to."""
     return math.degrees(math.asin(float(np.clip(axis @ direction, -1, 1))))
 
@@ -125,27 +125,27 @@ def check_body(
         )
 
 
-def sky(light: LightSettings, blend_folder: str | None = None) -> Sky:
+def compute_sky(light: LightSettings, blend_folder: str | None = None) -> Sky:
     """The sky that ``light`` settings describe; ``blend_folder`` is what // means in ``kernels``.
 
     Raises IcyMoonError if it is to come from a date or from kernels and cannot.
     """
     if light.directions_from != "ANGLES":
         return _sky_at_date(light, blend_folder)
-    sun = toward(light.sun_azimuth_deg, light.sun_elevation_deg)
+    sun = direction_toward(light.sun_azimuth_deg, light.sun_elevation_deg)
     irradiance = float(light.sun_irradiance_wm2)
     planet = (
         Planet(
-            toward(light.planet_azimuth_deg, light.planet_elevation_deg),
+            direction_toward(light.planet_azimuth_deg, light.planet_elevation_deg),
             float(light.planet_angular_diameter_deg),
             float(light.planet_flattening),
             # Moon and planet turn about axes within a degree of each other.
-            toward(0.0, light.latitude_deg),
+            direction_toward(0.0, light.latitude_deg),
             sun,
             irradiance,
             float(light.planet_albedo),
             light.planet_phase_law,
-            _rings(light),
+            _choose_rings(light),
             light.planet_face,
             float(light.planet_spot_longitude_deg),
         )
@@ -158,35 +158,37 @@ def sky(light: LightSettings, blend_folder: str | None = None) -> Sky:
         irradiance,
         diameter,
         planet,
-        hidden_share(planet, diameter) if planet else 0.0,
-        _stars_by_angles(light),
+        compute_hidden_share(planet, diameter) if planet else 0.0,
+        _star_frame_by_angles(light),
         float(light.sun_distance_m),
     )
 
 
-def _rings(light: LightSettings) -> tuple[Ring, ...]:
+def _choose_rings(light: LightSettings) -> tuple[Ring, ...]:
     return tuple(RINGS.values()) if light.planet_rings else ()
 
 
-def _stars_by_angles(light: LightSettings) -> Array:
+def _star_frame_by_angles(light: LightSettings) -> Array:
     """The J2000 equatorial frame over a site without a date: its pole is the body's pole, right ascension 0 h is on the
     meridian, in the south where the pole is up in the north."""
     latitude = math.radians(light.latitude_deg)
-    pole = toward(0.0, light.latitude_deg)
+    pole = direction_toward(0.0, light.latitude_deg)
     culminates = np.array([0.0, -math.sin(latitude), math.cos(latitude)])
     return np.stack([culminates, np.cross(pole, culminates), pole], axis=1)
 
 
-def _positions(light: LightSettings, blend_folder: str | None) -> Positions:
+def _find_positions(light: LightSettings, blend_folder: str | None) -> Positions:
     site = light.date_utc, float(light.latitude_deg), float(light.longitude_deg)
     if light.directions_from == "DATE":
         ephemeris.refuse_unknown_years(light.date_utc)
-        return ephemeris.positions(light.body, *site)
-    return spice.positions(absolute_path(light.kernels, "light.kernels", blend_folder), light.body, light.parent, *site)
+        return ephemeris.find_positions(light.body, *site)
+    return spice.find_positions(
+        absolute_path(light.kernels, "light.kernels", blend_folder), light.body, light.parent, *site
+    )
 
 
 def _sky_at_date(light: LightSettings, blend_folder: str | None) -> Sky:
-    at = _positions(light, blend_folder)
+    at = _find_positions(light, blend_folder)
     irradiance = sun_irradiance_wm2(at.sun_distance_au)
     planet = Planet(
         at.planet,
@@ -197,17 +199,22 @@ def _sky_at_date(light: LightSettings, blend_folder: str | None) -> Sky:
         irradiance,
         float(light.planet_albedo),
         light.planet_phase_law,
-        _rings(light) if at.planet_name in ("SATURN", "699") else (),
+        _choose_rings(light) if at.planet_name in ("SATURN", "699") else (),
         light.planet_face,
         float(light.planet_spot_longitude_deg),
     )
     diameter = sun_diameter_deg(at.sun_distance_au)
     return Sky(
-        at.sun, irradiance, diameter, planet if light.planet else None, hidden_share(planet, diameter), at.from_j2000
+        at.sun,
+        irradiance,
+        diameter,
+        planet if light.planet else None,
+        compute_hidden_share(planet, diameter),
+        at.from_j2000,
     )
 
 
-def sky_facts(shown: Sky) -> dict[str, Any]:
+def describe_sky(shown: Sky) -> dict[str, Any]:
     """The ``light`` table of ``pair.json``."""
     planet, on_ground = shown.planet, shown.ground_irradiance_wm2
     return {

@@ -16,8 +16,8 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.foreign_bytes import backslash_note
-from .ephemeris import Positions, date_text, local_axes, parse_date
+from ...support.foreign_bytes import note_on_backslashes
+from .ephemeris import Positions, format_date, local_axes, parse_date
 from .kernels import find_kernels
 from .sunlight import AU_KM
 
@@ -27,7 +27,7 @@ def has_spice() -> bool:
     return importlib.util.find_spec("spiceypy") is not None
 
 
-def positions(
+def find_positions(
     kernels: Path, body: str, parent: str, date_utc: str, latitude_deg: float, longitude_deg: float
 ) -> Positions:
     """Sun and planet over a site, with light time and stellar aberration.
@@ -43,16 +43,18 @@ def positions(
         )
     if not kernels.exists():
         raise IcyMoonError(
-            f"light.kernels names {kernels}, which is not there{backslash_note(kernels)}; give a "
+            f"light.kernels names {kernels}, which is not there{note_on_backslashes(kernels)}; give a "
             "meta-kernel or a folder of kernels."
         )
-    date_utc = date_text(parse_date(date_utc))  # SPICE reads other texts too, and some of them as other dates
+    date_utc = format_date(parse_date(date_utc))  # SPICE reads other texts too, and some of them as other dates
     spice = importlib.import_module("spiceypy")
     try:
         # Both orders of loading work: which kernel wins matters only where two hold the same.
         for path in find_kernels(kernels):
             spice.furnsh(str(path))
-        return _positions(spice, body.strip().upper(), parent.strip().upper(), date_utc, latitude_deg, longitude_deg)
+        return _find_positions(
+            spice, body.strip().upper(), parent.strip().upper(), date_utc, latitude_deg, longitude_deg
+        )
     except spice.utils.exceptions.SpiceyError as error:
         said = " ".join((getattr(error, "long", "") or str(error)).split(". ")[0].split()).rstrip(".")
         raise IcyMoonError(
@@ -63,7 +65,7 @@ def positions(
         spice.kclear()
 
 
-def _positions(
+def _find_positions(
     spice: ModuleType, body: str, parent: str, date_utc: str, latitude_deg: float, longitude_deg: float
 ) -> Positions:
     time = spice.str2et(date_utc)

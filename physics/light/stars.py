@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ...support.arrays import Array, Numbers
-from ..random_numbers.seeds import generator
+from ..random_numbers.seeds import make_generator
 from .sunlight import SOLAR_CONSTANT_WM2, sun_colour
 
 SUN_V_MAG = -26.76  # at 1 au, Vega's zero point: Willmer 2018, ApJ Supplement 236, 47
@@ -64,17 +64,17 @@ def read_catalogue() -> Catalogue:
     return Catalogue(tuple(row["name"] for row in rows), direction, v_mag, b_v)
 
 
-def irradiance_wm2(v_mag: Array) -> Array:
+def star_irradiance_wm2(v_mag: Array) -> Array:
     """Irradiance (n,) on a facing surface of stars of V magnitudes (n,)."""
     return np.asarray(V0_WM2 * 10 ** (-0.4 * v_mag))
 
 
-def temperature_k(b_v: float) -> float:
+def star_temperature_k(b_v: float) -> float:
     """Temperature of the black body that is nearest to a star's B - V: Ballesteros 2012, EPL 97, 34008, eq. 14."""
     return 4600 * (1 / (0.92 * b_v + 1.7) + 1 / (0.92 * b_v + 0.62))
 
 
-def count_to(v_mag: Numbers) -> Array:
+def count_stars_to(v_mag: Numbers) -> Array:
     """Number of stars in the whole sky that are as bright as a V magnitude from 2 to 8."""
     return np.exp(np.interp(v_mag, np.arange(2, 2 + len(_COUNTS)), np.log(_COUNTS)))
 
@@ -85,11 +85,11 @@ def _draw_faint(faintest_mag: float, seed: int) -> tuple[Array, Array]:
     Those there are crowd towards the Milky Way, about three times as dense there as at its poles. Magnitudes are
     drawn to the faintest that can be asked for, so that asking for more moves no star.
     """
-    random = generator(seed, "stars")
-    first, last = count_to(COMPLETE_TO_MAG), count_to(2 + len(_COUNTS) - 1)
+    random = make_generator(seed, "stars")
+    first, last = count_stars_to(COMPLETE_TO_MAG), count_stars_to(2 + len(_COUNTS) - 1)
     rank = np.arange(float(first), float(last))  # the brightest first
     grid = np.linspace(COMPLETE_TO_MAG, 2 + len(_COUNTS) - 1, 1001)
-    v_mag = np.interp(rank + random.random(len(rank)), count_to(grid), grid)
+    v_mag = np.interp(rank + random.random(len(rank)), count_stars_to(grid), grid)
     z, around = random.uniform(-1, 1, len(rank)), random.uniform(0, 2 * np.pi, len(rank))
     keep = v_mag <= faintest_mag
     flat = np.sqrt(1 - z**2)
@@ -101,11 +101,11 @@ def stars_above_horizon(faintest_mag: float, seed: int, from_j2000: Array) -> St
     known = read_catalogue()
     bright = known.v_mag <= faintest_mag
     direction, v_mag = known.direction[bright], known.v_mag[bright]
-    colour = np.array([sun_colour(temperature_k(b_v)) for b_v in known.b_v[bright]]).reshape(-1, 3)
+    colour = np.array([sun_colour(star_temperature_k(b_v)) for b_v in known.b_v[bright]]).reshape(-1, 3)
     if faintest_mag > COMPLETE_TO_MAG:
         more, their_mag = _draw_faint(faintest_mag, seed)
         direction, v_mag = np.concatenate([direction, more]), np.concatenate([v_mag, their_mag])
         colour = np.concatenate([colour, np.ones_like(more)])
     direction = direction @ from_j2000.T
     up = direction[:, 2] > 0
-    return Stars(direction[up], irradiance_wm2(v_mag[up])[:, None] * colour[up])
+    return Stars(direction[up], star_irradiance_wm2(v_mag[up])[:, None] * colour[up])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ...support.arrays import Array
-from .photons import planck
+from .photons import planck_radiance
 
 SOLAR_CONSTANT_WM2 = 1361.0  # at 1 au; IAU 2015 nominal
 SUN_RADIUS_KM = 695700.0  # IAU 2015 nominal
@@ -38,5 +38,5 @@ def sun_diameter_deg(distance_au: float) -> float:
 def sun_colour(temperature_k: float) -> Array:
     """Light (3,) of a black body over the light of the Sun in the bands R, G, B, relative to their mean."""
     wavelength = np.array(BANDS_M)
-    ratio = planck(wavelength, temperature_k) / planck(wavelength, SUN_TEMPERATURE_K)
+    ratio = planck_radiance(wavelength, temperature_k) / planck_radiance(wavelength, SUN_TEMPERATURE_K)
     return np.asarray(ratio / ratio.mean())

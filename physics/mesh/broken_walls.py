@@ -18,7 +18,7 @@ from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ..terrain.landforms import Walls
 from ..terrain.noise.lattice_noise import hash_lattice, to_uniform
-from .split_triangles import split_sides
+from .split_triangles import split_at_sides
 
 #: Vertical parts of the normals between which ground becomes a wall: slopes of 52 and 68 degrees. So the sides
 #: of fragments, which are up to 66 degrees steep, break too.
@@ -50,7 +50,7 @@ def breaks_walls(settings: Settings) -> bool:
 
 
 @dataclass(frozen=True)
-class Broken:
+class BrokenMesh:
     """A mesh with broken walls: positions (n, 3), triangles (m, 3) int32, and the triangle that each was part of (m,).
 
     ``spacing_m`` (n,) are spacings of vertices on the map; an added vertex has the mean of two others.
@@ -62,7 +62,7 @@ class Broken:
     spacing_m: Array
 
 
-def scoops(points: Array, key: int) -> Array:
+def scoop_depth(points: Array, key: int) -> Array:
     """Depth (n,) of scoops about 1 wide at points (n, 3), from 0 to about 1, continuous, with edges between scoops.
 
     Each cell of a lattice has a point with a bowl, and the deepest of the bowls counts.
@@ -74,16 +74,17 @@ def scoops(points: Array, key: int) -> Array:
         place = hash_lattice(cell[:, 0] + i, cell[:, 1] + j, key) ^ hash_lattice(cell[:, 2] + k, zero, key)
         tilt = hash_lattice(place.astype(np.int64), zero, key)
         off = [
-            points[:, axis] - base[:, axis] - shift - _tenth_bits(place, axis) for axis, shift in enumerate((i, j, k))
+            points[:, axis] - base[:, axis] - shift - _ten_bit_fractions(place, axis)
+            for axis, shift in enumerate((i, j, k))
         ]
         bowl = _EDGES + _DIFFER * to_uniform(hash_lattice(tilt.astype(np.int64), zero, key))
         for axis, along in enumerate(off):
-            bowl += along * ((2.0 * _TILT) * (_tenth_bits(tilt, axis) - 0.5) - _BOWL * along)
+            bowl += along * ((2.0 * _TILT) * (_ten_bit_fractions(tilt, axis) - 0.5) - _BOWL * along)
         np.maximum(deepest, bowl, out=deepest)
     return deepest
 
 
-def _tenth_bits(h: Array, third: int) -> Array:
+def _ten_bit_fractions(h: Array, third: int) -> Array:
     """Numbers in [0, 1) from ten bits of hashes."""
     return np.asarray(((h >> np.uint32(10 * third)) & np.uint32(1023)) * (1.0 / 1024.0))
 
@@ -97,11 +98,11 @@ def chip_depth_m(points: Array, walls: Walls, finest_m: Array) -> Array:
         some = np.flatnonzero(share)
         for start in range(0, len(some), _BLOCK):
             here = some[start : start + _BLOCK]
-            total[here] += share[here] * (_DEPTH * width) * scoops(points[here] / width, walls.key + octave)
+            total[here] += share[here] * (_DEPTH * width) * scoop_depth(points[here] / width, walls.key + octave)
     return total
 
 
-def steepness(normals: Array) -> Array:
+def wall_steepness(normals: Array) -> Array:
     """0 to 1 (n,): how much of a wall ground with upward normals (n, 3) is, which need not be of unit length."""
     up = normals[:, 2] / np.maximum(np.linalg.norm(normals, axis=1), 1e-30)
     t = np.clip((_GROUND - up) / (_GROUND - _WALL), 0.0, 1.0)
@@ -114,7 +115,9 @@ def face_normals(positions: Array, faces: Array) -> Array:
     return np.cross(b - a, c - a)
 
 
-def break_walls(positions: Array, faces: Array, walls: Walls, spacing_m: Array, pixel_m: Array, most: int) -> Broken:
+def break_walls(
+    positions: Array, faces: Array, walls: Walls, spacing_m: Array, pixel_m: Array, most: int
+) -> BrokenMesh:
     """Break the walls of a mesh whose vertices are ``spacing_m`` (n,) apart on the map.
 
     Pixels are ``pixel_m`` (n,) wide, and infinite where nothing is seen; walls are left there. Long sides of triangles
@@ -122,24 +125,26 @@ def break_walls(positions: Array, faces: Array, walls: Walls, spacing_m: Array, 
     where the mesh has a border, as beside triangles that were cut for fine relief, stay where they are.
     """
     free = np.isfinite(pixel_m)
-    free[_border(faces, free)] = False
+    free[_find_border(faces, free)] = False
     seen_m = np.where(free, pixel_m, np.inf)
     of_face = np.arange(len(faces))
     positions = _smooth_walls(positions, faces, free)
     for _ in range(_HALVED):
-        edges, sides, some = _long_sides(positions, faces, seen_m)
+        edges, sides, some = _find_long_sides(positions, faces, seen_m)
         if not len(edges) or len(positions) + len(edges) > most:
             break
         middle = np.where(sides >= 0, len(positions) + sides, -1)
         positions, seen_m, spacing_m = (
             np.concatenate([each, each[edges].mean(axis=1)]) for each in (positions, seen_m, spacing_m)
         )
-        added, part_of = split_sides(faces[some], middle)
+        added, part_of = split_at_sides(faces[some], middle)
         faces, of_face = (
             np.concatenate([np.delete(whole, some, axis=0), new.astype(whole.dtype)])
             for whole, new in ((faces, added), (of_face, of_face[some][part_of]))
         )
-    return Broken(positions - _chips(positions, faces, walls, np.isfinite(seen_m)), faces, of_face, spacing_m)
+    return BrokenMesh(
+        positions - _chip_offsets(positions, faces, walls, np.isfinite(seen_m)), faces, of_face, spacing_m
+    )
 
 
 def _smooth_walls(positions: Array, faces: Array, free: Array) -> Array:
@@ -166,7 +171,7 @@ def _smooth_walls(positions: Array, faces: Array, free: Array) -> Array:
     return positions
 
 
-def _normals(positions: Array, faces: Array) -> Array:
+def _sum_vertex_normals(positions: Array, faces: Array) -> Array:
     """Sums (n, 3) of the normals of some triangles at each vertex."""
     of_faces = face_normals(positions, faces)
     return np.stack(
@@ -183,29 +188,29 @@ def _normals(positions: Array, faces: Array) -> Array:
 
 def _vertex_steepness(positions: Array, faces: Array) -> Array:
     """Steepness (n,) of the vertices of some triangles, 0 of all others."""
-    normals = _normals(positions, faces)
-    return steepness(normals) * (normals[:, 2] != 0.0)
+    normals = _sum_vertex_normals(positions, faces)
+    return wall_steepness(normals) * (normals[:, 2] != 0.0)
 
 
-def _sides(faces: Array) -> Array:
+def _triangle_sides(faces: Array) -> Array:
     """The sides (m, 3, 2) of triangles, each from the lower to the higher vertex."""
     return np.sort(np.stack([faces[:, [k, (k + 1) % 3]] for k in range(3)], axis=1), axis=2).astype(np.int64)
 
 
-def _border(faces: Array, near: Array) -> Array:
+def _find_border(faces: Array, near: Array) -> Array:
     """Vertices on sides that only one triangle has, among those ``near`` (n,)."""
-    sides = _sides(faces[near[faces].any(axis=1)]).reshape(-1, 2)
+    sides = _triangle_sides(faces[near[faces].any(axis=1)]).reshape(-1, 2)
     sides = sides[near[sides].any(axis=1)]  # of these, all triangles are here
     keys, uses = np.unique(sides[:, 0] * len(near) + sides[:, 1], return_counts=True)
     keys = keys[uses == 1]
     return np.concatenate([keys // len(near), keys % len(near)])
 
 
-def _long_sides(positions: Array, faces: Array, seen_m: Array) -> tuple[Array, Array, Array]:
+def _find_long_sides(positions: Array, faces: Array, seen_m: Array) -> tuple[Array, Array, Array]:
     """Long sides (k, 2) of walls, which of them the sides of triangles are (c, 3) or -1, and these triangles (c,)."""
     near = np.flatnonzero(np.isfinite(seen_m)[faces].any(axis=1))
-    wall = near[steepness(face_normals(positions, faces[near])) > 0.0]
-    sides = _sides(faces[wall]).reshape(-1, 2)
+    wall = near[wall_steepness(face_normals(positions, faces[near])) > 0.0]
+    sides = _triangle_sides(faces[wall]).reshape(-1, 2)
     length = np.linalg.norm(positions[sides[:, 0]] - positions[sides[:, 1]], axis=1)
     sides = sides[length > _LONGEST_PX * seen_m[sides].max(axis=1)]
     many = len(positions)
@@ -213,7 +218,7 @@ def _long_sides(positions: Array, faces: Array, seen_m: Array) -> tuple[Array, A
     touched = np.zeros(many, bool)
     touched[sides] = True
     some = near[touched[faces[near]].sum(axis=1) > 1]
-    their = _sides(faces[some])
+    their = _triangle_sides(faces[some])
     wanted = their[..., 0] * many + their[..., 1]
     place = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
     which = np.where(keys[place] == wanted, place, -1) if len(keys) else np.full(wanted.shape, -1)
@@ -221,16 +226,16 @@ def _long_sides(positions: Array, faces: Array, seen_m: Array) -> tuple[Array, A
     return np.stack([keys // many, keys % many], axis=1), which[cut], some[cut]
 
 
-def _chips(positions: Array, faces: Array, walls: Walls, free: Array) -> Array:
+def _chip_offsets(positions: Array, faces: Array, walls: Walls, free: Array) -> Array:
     """By how much chips move each vertex of a mesh into the ice (n, 3), in metres; by nothing unless it is ``free``."""
     near = faces[free[faces].any(axis=1)]
-    normals = _normals(positions, near)
+    normals = _sum_vertex_normals(positions, near)
     length, number = np.zeros(len(positions)), np.zeros(len(positions))
     for k in range(3):
         side = np.linalg.norm(positions[near[:, k]] - positions[near[:, (k + 1) % 3]], axis=1)
         length += np.bincount(near[:, k], side, len(positions))
         number += np.bincount(near[:, k], minlength=len(positions))
-    wall, depth = steepness(normals), np.zeros((len(positions), 3))
+    wall, depth = wall_steepness(normals), np.zeros((len(positions), 3))
     here = np.flatnonzero((wall > 0.0) & free & (number > 0.0))
     unit = normals[here] / np.linalg.norm(normals[here], axis=1, keepdims=True)
     finest = 2.0 * length[here] / number[here]

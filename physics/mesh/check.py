@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 
 _AXES = "XYZ"
 
@@ -44,7 +44,7 @@ class MeshReport:
     def lines(self) -> list[str]:
         """The report as lines of text, without counts of 0."""
         size = " x ".join(f"{e:.4g}" for e in self.extents_m)
-        rim = f" beside the outer rim ({count_of(self.boundary_edges, 'open edge')})"
+        rim = f" beside the outer rim ({format_count(self.boundary_edges, 'open edge')})"
         counted = (
             (self.non_finite_vertices, ("vertex", "vertices"), " without finite coordinates"),
             (self.duplicate_vertices, ("duplicate vertex", "duplicate vertices"), ""),
@@ -55,11 +55,12 @@ class MeshReport:
             (self.inconsistent_edges, ("edge",), " between a face and a flipped one"),
             (max(self.parts - 1, 0), ("loose part",), " beside the largest"),
         )
-        found = [count_of(n, *noun) + rest for n, noun, rest in counted if n]
+        found = [format_count(n, *noun) + rest for n, noun, rest in counted if n]
         if self.facing_down > 0.001:
             found.append(f"{self.facing_down:.1%} of the area faces down")
         return [
-            f"{count_of(self.vertices, 'vertex', 'vertices')}, {count_of(self.triangles, 'triangle')}, {size} m, "
+            f"{format_count(self.vertices, 'vertex', 'vertices')}, {format_count(self.triangles, 'triangle')}, "
+            f"{size} m, "
             f"{self.area_m2:.4g} m²",
             *found,
         ]
@@ -132,13 +133,13 @@ def _sort_edges(faces: Array, vertices: int) -> _Edges:
     )
 
 
-def _neighbours(edges: _Edges) -> tuple[Array, Array, Array]:
+def _find_neighbours(edges: _Edges) -> tuple[Array, Array, Array]:
     """Faces on both sides of the edges that exactly two share, and whether both are turned alike."""
     at = edges.first[edges.count == 2]
     return edges.face[at], edges.face[at + 1], edges.forward[at] != edges.forward[at + 1]
 
 
-def examine(positions: Array, faces: Array) -> MeshReport:
+def examine_mesh(positions: Array, faces: Array) -> MeshReport:
     """Examine a mesh. Vertices that are not finite are counted and left out of everything else."""
     finite = np.isfinite(positions).all(axis=1)
     good = faces[finite[faces].all(axis=1)]
@@ -146,7 +147,7 @@ def examine(positions: Array, faces: Array) -> MeshReport:
     twice = np.linalg.norm(normals, axis=1)
     size = np.ptp(positions[finite], axis=0).astype(np.float64) if finite.any() else np.zeros(3)
     edges = _sort_edges(good, len(positions))
-    one, other, alike = _neighbours(edges)
+    one, other, alike = _find_neighbours(edges)
     rim = edges.ends[edges.count == 1]
     part = label_components(len(good), one, other)
     corners = np.unique(rim)
@@ -157,7 +158,7 @@ def examine(positions: Array, faces: Array) -> MeshReport:
         vertices=len(positions),
         triangles=len(faces),
         non_finite_vertices=int((~finite).sum()),
-        degenerate_faces=int(_degenerate(positions, good, twice).sum()),
+        degenerate_faces=int(_find_degenerate(positions, good, twice).sum()),
         duplicate_vertices=int(finite.sum()) - len(find_equal_rows(positions[finite])[0]),
         duplicate_faces=len(good) - len(find_equal_rows(np.sort(good, axis=1))[0]),
         boundary_edges=len(rim),
@@ -172,7 +173,7 @@ def examine(positions: Array, faces: Array) -> MeshReport:
     )
 
 
-def _degenerate(positions: Array, faces: Array, twice_area: Array) -> Array:
+def _find_degenerate(positions: Array, faces: Array, twice_area: Array) -> Array:
     """Which faces of finite vertices have no area within the rounding of single precision, which grows with the
     distance from the middle: a site with its ground out to the horizon has fine triangles there."""
     if not len(faces):
@@ -182,7 +183,7 @@ def _degenerate(positions: Array, faces: Array, twice_area: Array) -> Array:
     return np.asarray(twice_area <= 1e-14 * np.maximum(away[faces].max(axis=1), 1e-30) ** 2)
 
 
-def repair(positions: Array, faces: Array, uv: Array | None = None) -> tuple[Array, Array, Array | None]:
+def repair_mesh(positions: Array, faces: Array, uv: Array | None = None) -> tuple[Array, Array, Array | None]:
     """The mesh without parts that cannot be rendered, and with its upper side up.
 
     Drops faces with a vertex that is not a number, without area, or there twice; merges vertices of
@@ -198,7 +199,7 @@ def repair(positions: Array, faces: Array, uv: Array | None = None) -> tuple[Arr
     index = np.zeros(len(positions), np.int64)
     index[finite] = which
     faces = index[faces]
-    solid = ~_degenerate(kept, faces, np.linalg.norm(face_normals(kept, faces), axis=1))
+    solid = ~_find_degenerate(kept, faces, np.linalg.norm(face_normals(kept, faces), axis=1))
     faces, of_face = faces[solid], of_face[solid]
     once = np.sort(find_equal_rows(np.sort(faces, axis=1))[0])
     faces, of_face = faces[once], of_face[once]
@@ -219,7 +220,7 @@ def orient_faces(positions: Array, faces: Array) -> Array:
     """
     m = len(faces)
     edges = _sort_edges(faces, len(positions))
-    one, other, alike = _neighbours(edges)
+    one, other, alike = _find_neighbours(edges)
     away = np.where(alike, other, other + m)
     back = np.where(alike, other + m, other)
     state = label_components(2 * m, np.concatenate([one, one + m]), np.concatenate([away, back]))

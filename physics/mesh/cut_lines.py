@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...support.arrays import Array
-from .split_triangles import split_sides
+from .split_triangles import split_at_sides
 
 #: A signed distance, in metres, of places (x_m, y_m) from the nearest line. It may jump where that is another line.
 Line = Callable[[Array, Array], Array]
@@ -29,7 +29,7 @@ _THINNEST = 0.05
 
 
 @dataclass(frozen=True)
-class Cut:
+class CutMesh:
     """Places (n, 2) and triangles (m, 3) of a mesh, and which places are on a line (n,)."""
 
     places: Array
@@ -43,7 +43,7 @@ class Cut:
         return np.unique(edges[self.on_line[edges].all(axis=1)], axis=0)
 
 
-def cut_along(places: Array, faces: Array, step_m: Array, line: Line, apart_m: float) -> Cut:
+def cut_along_lines(places: Array, faces: Array, step_m: Array, line: Line, apart_m: float) -> CutMesh:
     """Cut triangles along lines that are about ``apart_m`` from each other.
 
     ``step_m`` (n,) is the length of the edges at each place. Triangles that are too coarse for the lines stay whole,
@@ -51,7 +51,7 @@ def cut_along(places: Array, faces: Array, step_m: Array, line: Line, apart_m: f
     """
     fine = np.flatnonzero((step_m[faces] < _FINE * apart_m).sum(axis=1) > 1)
     if not fine.size:
-        return Cut(places, faces, np.zeros(len(places), bool))
+        return CutMesh(places, faces, np.zeros(len(places), bool))
     few, local = np.unique(faces[fine], return_inverse=True)
     cut = _cut_fine(places[few], local.reshape(-1, 3), step_m[few], line, apart_m, few == 0)
     # The new places follow the old ones.
@@ -60,21 +60,23 @@ def cut_along(places: Array, faces: Array, step_m: Array, line: Line, apart_m: f
     moved[few] = cut.places[: len(few)]
     on_line = np.zeros(len(moved), bool)
     on_line[number] = cut.on_line
-    return Cut(moved, np.concatenate([np.delete(faces, fine, axis=0), number[cut.faces].astype(faces.dtype)]), on_line)
+    return CutMesh(
+        moved, np.concatenate([np.delete(faces, fine, axis=0), number[cut.faces].astype(faces.dtype)]), on_line
+    )
 
 
-def _cut_fine(places: Array, faces: Array, step_m: Array, line: Line, apart_m: float, fixed: Array) -> Cut:
-    """Cut triangles with at least two corners that are fine enough; see ``cut_along``."""
+def _cut_fine(places: Array, faces: Array, step_m: Array, line: Line, apart_m: float, fixed: Array) -> CutMesh:
+    """Cut triangles with at least two corners that are fine enough; see ``cut_along_lines``."""
     places, widest_m = np.array(places, np.float64), _WIDEST * apart_m
     value = line(places[:, 0], places[:, 1])
     value[step_m >= _FINE * apart_m] = np.nan  # no edge to such a corner is cut, in either of its triangles
-    near = np.unique(faces[_crossed(value, faces, widest_m)])
+    near = np.unique(faces[_find_crossed(value, faces, widest_m)])
     near = near[(np.abs(value[near]) < 2 * _NEAR * step_m[near]) & ~fixed[near]]
-    moved, reached = _move_onto(places[near], line, _NEAR * step_m[near])
+    moved, reached = _move_onto_line(places[near], line, _NEAR * step_m[near])
     near, moved = near[reached], moved[reached]
     on_line = _move_without_folding(places, faces, near, moved, step_m)
     value[on_line] = 0.0
-    return _split(places, faces, value, on_line, _crossed(value, faces, widest_m), line, widest_m)
+    return _split_crossed(places, faces, value, on_line, _find_crossed(value, faces, widest_m), line, widest_m)
 
 
 def _move_without_folding(places: Array, faces: Array, which: Array, moved: Array, step_m: Array) -> Array:
@@ -95,18 +97,18 @@ def _move_without_folding(places: Array, faces: Array, which: Array, moved: Arra
         places[which[back]] = start[back]
 
 
-def _crosses(value: Array, start: Array, end: Array, widest_m: float) -> Array:
+def _edge_crosses_line(value: Array, start: Array, end: Array, widest_m: float) -> Array:
     one, other = value[start], value[end]
     return (one * other < 0.0) & (np.abs(one - other) < widest_m)
 
 
-def _crossed(value: Array, faces: Array, widest_m: float) -> Array:
+def _find_crossed(value: Array, faces: Array, widest_m: float) -> Array:
     """Indices of the triangles with an edge that a line crosses."""
-    edges = [_crosses(value, faces[:, k], faces[:, (k + 1) % 3], widest_m) for k in range(3)]
+    edges = [_edge_crosses_line(value, faces[:, k], faces[:, (k + 1) % 3], widest_m) for k in range(3)]
     return np.flatnonzero(np.logical_or.reduce(edges))
 
 
-def _move_onto(start: Array, line: Line, furthest_m: Array) -> tuple[Array, Array]:
+def _move_onto_line(start: Array, line: Line, furthest_m: Array) -> tuple[Array, Array]:
     """Places on the line near those given, and which of them were found within the distance."""
     places, h = start.copy(), 1e-3 * furthest_m
     for _ in range(_NEWTON if len(start) else 0):
@@ -119,7 +121,7 @@ def _move_onto(start: Array, line: Line, furthest_m: Array) -> tuple[Array, Arra
     return places, (np.hypot(*(places - start).T) <= furthest_m) & (left < 1e-3 * furthest_m)
 
 
-def _split(
+def _split_crossed(
     places: Array,
     faces: Array,
     value: Array,
@@ -127,21 +129,21 @@ def _split(
     crossed: Array,
     line: Line,
     widest_m: float,
-) -> Cut:
+) -> CutMesh:
     some = faces[crossed]
     pairs = np.stack([np.sort(some[:, [k, (k + 1) % 3]], axis=1) for k in range(3)], axis=1)  # (c, 3 edges, 2)
-    cut = _crosses(value, pairs[..., 0], pairs[..., 1], widest_m)
+    cut = _edge_crosses_line(value, pairs[..., 0], pairs[..., 1], widest_m)
     edges, which = np.unique(pairs[cut], axis=0, return_inverse=True)
     new = len(places) + np.arange(len(edges))
     middle = np.full(pairs.shape[:2], -1)
     middle[cut] = new[which.ravel()]
-    places = np.concatenate([places, _bisect(places, edges, value, line)])
+    places = np.concatenate([places, _bisect_edges(places, edges, value, line)])
     on_line = np.concatenate([on_line, np.ones(len(edges), bool)])
-    made = np.concatenate([np.delete(faces, crossed, axis=0), split_sides(some, middle)[0]])
-    return Cut(places, made.astype(faces.dtype), on_line)
+    made = np.concatenate([np.delete(faces, crossed, axis=0), split_at_sides(some, middle)[0]])
+    return CutMesh(places, made.astype(faces.dtype), on_line)
 
 
-def _bisect(places: Array, edges: Array, value: Array, line: Line) -> Array:
+def _bisect_edges(places: Array, edges: Array, value: Array, line: Line) -> Array:
     """Where the line crosses each edge (k, 2)."""
     start, end = places[edges[:, 0]].copy(), places[edges[:, 1]].copy()
     sign = np.sign(value[edges[:, 0]])

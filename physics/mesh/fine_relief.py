@@ -45,30 +45,30 @@ OF_THE_SURFACE = ("relief", "grain_size_m", "grain_amplitude_m")
 OF_THE_RIG = ("pitch_deg", "heading_deg", "principal_x_px", "principal_y_px", "overscan", "toe_in_deg")
 
 
-def wavelengths_m(surface: SurfaceSettings) -> Array:
+def relief_wavelengths_m(surface: SurfaceSettings) -> Array:
     """Wavelengths (4,) of the octaves of fine relief in metres, longest first."""
     return np.asarray(surface.grain_size_m * 0.5 ** np.arange(OCTAVES))
 
 
-def height_m(surface: SurfaceSettings) -> float:
+def relief_height_m(surface: SurfaceSettings) -> float:
     """Height of fine relief in metres, between the lowest and the highest 2 % of the surface."""
     return float(_SPAN * DEVIATION * surface.grain_amplitude_m)
 
 
 def carried_share(surface: SurfaceSettings, spacing_m: float) -> float:
     """Share of the RMS height of fine relief that vertices ``spacing_m`` apart carry."""
-    waves = wavelengths_m(surface)
+    waves = relief_wavelengths_m(surface)
     share = np.clip((1.0 - spacing_m / waves) / (1.0 - CARRIED), 0.0, 1.0)
     weight = 0.25 ** np.arange(OCTAVES)
     return math.sqrt(float(share**2 @ weight / weight.sum()))
 
 
-def still_from_m(surface: SurfaceSettings) -> float:
+def still_spacing_m(surface: SurfaceSettings) -> float:
     """Spacing of vertices in metres from which fine relief does not move them; infinite if it may move all."""
     return float(surface.grain_size_m) if surface.relief == "REAL" else math.inf
 
 
-def displacement_advice(settings: Settings, spacing_m: float) -> list[str]:
+def advise_on_displacement(settings: Settings, spacing_m: float) -> list[str]:
     """A sentence if displacement loses fine relief on a mesh whose nearest vertices are ``spacing_m`` apart."""
     surface = settings.surface
     if surface.relief != "DISPLACEMENT" or surface.grain_amplitude_m == 0.0:
@@ -83,7 +83,7 @@ def displacement_advice(settings: Settings, spacing_m: float) -> list[str]:
     ]
 
 
-def nearest_m(rig: RigSettings) -> float:
+def nearest_ground_m(rig: RigSettings) -> float:
     """Distance in metres of the nearest level ground that the images show; the camera's height if they look up."""
     half = (0.5 + float(rig.overscan)) * int(rig.height_px) + abs(float(rig.principal_y_px))
     down = math.radians(rig.pitch_deg) + math.atan(half / focal_px(rig))
@@ -111,19 +111,19 @@ class FineRelief:
         return np.full(np.shape(distance_m), True) if self.everywhere else np.asarray(distance_m <= self.to_m)
 
 
-def relief_in_mesh(settings: Settings, pixels_per_radian: float) -> FineRelief | None:
+def find_relief_in_mesh(settings: Settings, pixels_per_radian: float) -> FineRelief | None:
     """The fine relief in the graded mesh of complete ``settings``; None if the mesh has none."""
     if settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":
         return None
     error_px, everywhere = float(settings.mesh.error_px), settings.mesh.seen == "FINE"
-    high = height_m(settings.surface) if is_real(settings) else 0.0
+    high = relief_height_m(settings.surface) if is_relief_geometry(settings) else 0.0
     farthest = high * pixels_per_radian / (_LEAST * error_px)
-    if farthest <= nearest_m(settings.rig) and not everywhere:
+    if farthest <= nearest_ground_m(settings.rig) and not everywhere:
         return None
     return FineRelief(farthest, PARTS, _SPACING * max(error_px, 1.0), everywhere)
 
 
-def is_real(settings: Settings) -> bool:
+def is_relief_geometry(settings: Settings) -> bool:
     """Whether complete ``settings`` ask for fine relief as geometry, on ground whose vertices are made here."""
     surface = settings.surface
     return bool(surface.relief == "REAL" and surface.grain_amplitude_m > 0.0 and settings.source.kind == "PROCEDURAL")
@@ -132,4 +132,7 @@ def is_real(settings: Settings) -> bool:
 def is_carried_by_grid(settings: Settings) -> bool:
     """Whether complete ``settings`` ask for fine relief as geometry, and a uniform grid carries any of it."""
     terrain = settings.terrain
-    return is_real(settings) and carried_share(settings.surface, terrain.size_m / (terrain.resolution - 1)) > 0.0
+    return (
+        is_relief_geometry(settings)
+        and carried_share(settings.surface, terrain.size_m / (terrain.resolution - 1)) > 0.0
+    )

@@ -10,13 +10,13 @@ import numpy as np
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
-from ..rig.seen_points import is_seen
+from ..rig.seen_points import is_in_view
 from ..terrain.landforms import Walls
 from ..terrain.terrain import Terrain
 from .broken_walls import BEFORE, break_walls, breaks_walls
-from .cut_lines import Line, cut_along
-from .fine_relief import PARTS, carried_share, nearest_m
-from .grading import CARRIED, Grading, grade
+from .cut_lines import Line, cut_along_lines
+from .fine_relief import PARTS, carried_share, nearest_ground_m
+from .grading import CARRIED, VertexSpacing, choose_vertex_spacing
 from .horizon import drop_m
 from .split_triangles import split_triangles
 
@@ -42,7 +42,7 @@ class GradedMesh:
 
 
 @dataclass(frozen=True)
-class Graded:
+class GradedGround:
     """Ground on a sphere that touches the map at the site, and the grading of its mesh.
 
     ``rig`` are the settings of the cameras that see the finer part; None without a finer part. If it ``breaks_walls``,
@@ -50,7 +50,7 @@ class Graded:
     """
 
     ground: Terrain
-    grading: Grading
+    grading: VertexSpacing
     body_radius_m: float
     cuts_crests: bool = False
     rig: RigSettings | None = None
@@ -90,32 +90,32 @@ class Graded:
         """``mesh`` with its finer part that the cameras see."""
         rings = self.grading.rings
         x, y = rings.map_positions()
-        step = rings.of_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m)
+        step = rings.spread_to_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m)
         places = np.stack(
             [_round_to_single(x + self.grading.view.x_m), _round_to_single(y + self.grading.view.y_m)], axis=1
         )
         faces, sharp = rings.faces(), np.empty((0, 2), np.int64)
-        for line, apart_m in self._lines():
-            cut = cut_along(places, faces, step, line, apart_m)
+        for line, apart_m in self._find_crest_lines():
+            cut = cut_along_lines(places, faces, step, line, apart_m)
             places, faces, sharp = _round_to_single(cut.places), cut.faces, np.concatenate([sharp, cut.sharp_edges()])
-            step = self.grading.spacing_at(np.hypot(*self._from_the_site(places)))
-        whole = GradedMesh(self._raise(places, step), faces, sharp)
+            step = self.grading.spacing_at(np.hypot(*self._relative_to_site(places)))
+        whole = GradedMesh(self._raise_to_ground(places, step), faces, sharp)
         if self.rig is not None and self.grading.relief is not None:
             whole = self._cut_for_relief(whole, step)
         for walls in (each.walls for each in self.ground.landforms if self.breaks_walls and each.walls):
-            whole = self._break(whole, walls)
+            whole = self._break_visible_walls(whole, walls)
         return whole
 
-    def _lines(self) -> list[tuple[Line, float]]:
+    def _find_crest_lines(self) -> list[tuple[Line, float]]:
         """The lines that triangles are cut along, and about how far apart they are in metres."""
         crests = [each.crests for each in self.ground.landforms if self.cuts_crests and each.crests]
         return [(line, each.apart_m) for each in crests for line in each.lines]
 
-    def _from_the_site(self, places: Array) -> Array:
+    def _relative_to_site(self, places: Array) -> Array:
         """East and north (2, n) of the left eye of places or positions (n, 2 or 3), in metres."""
         return np.stack([places[:, 0] - self.grading.view.x_m, places[:, 1] - self.grading.view.y_m])
 
-    def _raise(self, places: Array, step: Array) -> Array:
+    def _raise_to_ground(self, places: Array, step: Array) -> Array:
         """Positions (n, 3) of the ground at places (n, 2) of a mesh with spacings ``step`` (n,)."""
         positions = np.concatenate([places, np.zeros((len(places), 1))], axis=1)
         shortest = _round_to_single(CARRIED * step)
@@ -129,12 +129,12 @@ class Graded:
         relief, at = self.grading.relief, self.grading.view
         assert relief is not None
         assert self.rig is not None
-        east, north = self._from_the_site(whole.positions)
+        east, north = self._relative_to_site(whole.positions)
         near = np.flatnonzero(relief.is_cut(at.nearest_m(np.hypot(east, north))))
         # Vertex 0 is under the left eye.
         above = whole.positions[near, 2] - whole.positions[0, 2] - at.height_m
         seen = np.zeros(len(whole.positions), bool)
-        seen[near] = is_seen(self.rig, east[near], north[near], above)
+        seen[near] = is_in_view(self.rig, east[near], north[near], above)
         split = split_triangles(whole.faces, seen[whole.faces].any(axis=1), len(seen), relief.parts)
         positions, step = split.spread(whole.positions), split.spread(step)
         inside = ~split.bordering
@@ -142,21 +142,21 @@ class Graded:
         finer = np.flatnonzero(inside)
         finest = step[finer] / relief.parts
         # Else fine relief stands for the ground below the spacing before the cut, whose own waves are left out.
-        positions[finer] = self._raise(
+        positions[finer] = self._raise_to_ground(
             _round_to_single(positions[finer, :2]), finest if relief.everywhere else step[finer]
         )
         spacing = np.full(len(positions), np.inf)
         spacing[finer] = finest
         return GradedMesh(positions, split.faces, whole.sharp, spacing, split.cut)
 
-    def _break(self, whole: GradedMesh, walls: Walls) -> GradedMesh:
+    def _break_visible_walls(self, whole: GradedMesh, walls: Walls) -> GradedMesh:
         """The mesh with walls that are broken where they are near enough and the cameras see them."""
         at = self.grading.view
         assert self.rig is not None
-        east, north = self._from_the_site(whole.positions)
+        east, north = self._relative_to_site(whole.positions)
         above = whole.positions[:, 2] - whole.positions[0, 2] - at.height_m
         pixel_m = np.where(
-            is_seen(self.rig, east, north, above), at.nearest_m(np.hypot(east, north)) / at.pixels_per_radian, np.inf
+            is_in_view(self.rig, east, north, above), at.nearest_m(np.hypot(east, north)) / at.pixels_per_radian, np.inf
         )
         spacing = np.zeros(len(above)) if whole.spacing_m is None else np.minimum(whole.spacing_m, _UNMOVED_M)
         broken = break_walls(whole.positions, whole.faces, walls, spacing, pixel_m, self.most)
@@ -188,7 +188,7 @@ class Graded:
                 f"mesh.most ({settings.mesh.most}), so sides of its triangles there are in {parts} parts instead "
                 f"of {PARTS}. Raise mesh.most, or set mesh.seen to EVEN."
             )
-        spacing_m = relief.spacing_px * nearest_m(settings.rig) / at.pixels_per_radian if relief else math.inf
+        spacing_m = relief.spacing_px * nearest_ground_m(settings.rig) / at.pixels_per_radian if relief else math.inf
         return (
             f"Fine relief as fine as the image takes a mesh of {many} vertices. This one keeps to mesh.most "
             f"({settings.mesh.most}), so {carried_share(settings.surface, spacing_m):.0%} of the height of the "
@@ -201,13 +201,15 @@ def _round_to_single(values: Array) -> Array:
     return values.astype(np.float32).astype(np.float64)
 
 
-def grade_ground(ground: Terrain, settings: Settings) -> Graded:
+def grade_ground(ground: Terrain, settings: Settings) -> GradedGround:
     """The graded ground that complete ``settings`` ask for."""
     cuts_crests = settings.mesh.crests == "CUT" and any(each.crests for each in ground.landforms)
     broken, most = breaks_walls(settings), int(settings.mesh.most)
     # By the rounded crests, so that cutting them changes no spacing.
-    grading = grade(ground, settings | {"mesh": settings.mesh | {"most": int(BEFORE * most)}} if broken else settings)
-    return Graded(
+    grading = choose_vertex_spacing(
+        ground, settings | {"mesh": settings.mesh | {"most": int(BEFORE * most)}} if broken else settings
+    )
+    return GradedGround(
         ground.with_sharp_crests() if cuts_crests else ground,
         grading,
         float(settings.terrain.body_radius_m),

@@ -21,11 +21,11 @@ import numpy as np
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
-from ..rig.seen_points import is_seen
+from ..rig.seen_points import is_in_view
 from ..terrain.terrain import Terrain
-from .fine_relief import FineRelief, relief_in_mesh
+from .fine_relief import FineRelief, find_relief_in_mesh
 from .horizon import horizon_m
-from .vertex_rings import RINGS_APART, Rings
+from .vertex_rings import RINGS_APART, VertexRings
 
 #: Triangles measured per distance, and the sectors they are sorted into.
 _SAMPLES, _SECTORS = 1800, 6
@@ -51,7 +51,7 @@ EDGE_OVER_SPACING = 1.4
 
 
 @dataclass(frozen=True)
-class View:
+class GradingView:
     """The view that decides the grading: the site and the left eye's height above it in metres, the distance
     to the other eye, and the pixels per radian."""
 
@@ -70,7 +70,7 @@ class View:
 OF_THE_RIG = ("x_m", "y_m", "height_m", "baseline_m", "focal_length_mm", "sensor_width_mm", "width_px", "height_px")
 
 
-def view_of(rig: RigSettings) -> View:
+def make_grading_view(rig: RigSettings) -> GradingView:
     """The view of ``rig`` settings.
 
     A pixel at the tangents (a, b) from the optical axis spans 1 / (1 + a² + b²) of the angle that one on the
@@ -79,17 +79,17 @@ def view_of(rig: RigSettings) -> View:
     half_width = rig.sensor_width_mm / 2 / rig.focal_length_mm
     half_height = half_width * rig.height_px / rig.width_px
     stretch = 1.0 + (half_width**2 + half_height**2) / 3.0
-    return View(rig.x_m, rig.y_m, rig.height_m, rig.baseline_m, rig.width_px / (2.0 * half_width) * stretch)
+    return GradingView(rig.x_m, rig.y_m, rig.height_m, rig.baseline_m, rig.width_px / (2.0 * half_width) * stretch)
 
 
 @dataclass(frozen=True)
-class Grading:
+class VertexSpacing:
     """The spacing that was found. ``nearest_m`` (n,) are distances to the eye, rising, and ``spacing_m`` (n,) the
     vertex spacings there; between them the spacing is a power of the distance. ``error_px`` is the bound on
     the error that it keeps, ``wanted_vertices`` the number of vertices for the bound that the settings ask for.
     ``relief`` is the cut for fine relief; the spacing is before the cut."""
 
-    view: View
+    view: GradingView
     nearest_m: Array
     spacing_m: Array
     farthest_m: float
@@ -115,7 +115,7 @@ class Grading:
         return float(self.spacing_at(0.0))
 
     @functools.cached_property
-    def rings(self) -> Rings:
+    def rings(self) -> VertexRings:
         """The rings that the vertices stand on."""
         radii, last = [self.finest_m], self.finest_m
         while last < self.farthest_m:
@@ -125,15 +125,15 @@ class Grading:
         if len(radii) > 1 and radii[-1] - self.farthest_m > 0.5 * (radii[-1] - radii[-2]):
             radii.pop()
         radii[-1] = self.farthest_m
-        return Rings.of(np.array(radii), self.spacing_at(np.array(radii)))
+        return VertexRings.of(np.array(radii), self.spacing_at(np.array(radii)))
 
 
-def fine_relief_of(settings: Settings) -> FineRelief | None:
+def find_fine_relief(settings: Settings) -> FineRelief | None:
     """Where the graded mesh of complete ``settings`` is to have fine relief; None if nowhere, or for other ground."""
-    return relief_in_mesh(settings, view_of(settings.rig).pixels_per_radian)
+    return find_relief_in_mesh(settings, make_grading_view(settings.rig).pixels_per_radian)
 
 
-def _count_cut(grading: Grading, rig: RigSettings, most: int) -> int:
+def _count_cut(grading: VertexSpacing, rig: RigSettings, most: int) -> int:
     """How many vertices are added for fine relief, on level ground; 0 if there are more than ``most`` without them.
 
     Narrow images ask for more vertices than any memory holds, so they are counted before they are made.
@@ -144,10 +144,12 @@ def _count_cut(grading: Grading, rig: RigSettings, most: int) -> int:
     rings = grading.rings
     x, y = rings.map_positions()
     near = relief.is_cut(at.nearest_m(np.hypot(x, y)))
-    return (relief.parts**2 - 1) * int(np.sum(is_seen(rig, x[near], y[near], np.full(int(near.sum()), -at.height_m))))
+    return (relief.parts**2 - 1) * int(
+        np.sum(is_in_view(rig, x[near], y[near], np.full(int(near.sum()), -at.height_m)))
+    )
 
 
-def _even_points(count: int, dimensions: int) -> Array:
+def _spread_points_evenly(count: int, dimensions: int) -> Array:
     """Points (dimensions, count) that fill the unit cube evenly: multiples of powers of one number, modulo 1.
 
     Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018: the number is the root of x^(d+1) = x + 1.
@@ -159,9 +161,9 @@ def _even_points(count: int, dimensions: int) -> Array:
     return (0.5 + steps[:, None] * np.arange(count)) % 1.0
 
 
-def _farthest_m(ground: Terrain, at: View, ground_m: float, body_radius_m: float) -> float:
+def _farthest_ground_m(ground: Terrain, at: GradingView, ground_m: float, body_radius_m: float) -> float:
     """Distance in metres beyond which no ground can be seen: highest relief sinks under the horizon there."""
-    outward, turn = _even_points(4 * _SAMPLES, 2)
+    outward, turn = _spread_points_evenly(4 * _SAMPLES, 2)
     radius = at.height_m * (2.0 * horizon_m(at.height_m, body_radius_m) / at.height_m) ** outward
     z = ground.heights(at.x_m + radius * np.cos(2 * np.pi * turn), at.y_m + radius * np.sin(2 * np.pi * turn))
     lowest, highest = float(min(z.min(), ground_m)), float(max(z.max(), ground_m))
@@ -170,11 +172,11 @@ def _farthest_m(ground: Terrain, at: View, ground_m: float, body_radius_m: float
     return min(horizon_m(eye, body_radius_m) + horizon_m(relief, body_radius_m), 0.9 * body_radius_m)
 
 
-class _Probe:
+class _ErrorProbe:
     """Triangles round the site at one distance, and how far they are from the ground under them."""
 
-    def __init__(self, ground: Terrain, at: View, ground_m: float, low_m: float, high_m: float) -> None:
-        outward, turn, self._phase, first, second = _even_points(_SAMPLES, 5)
+    def __init__(self, ground: Terrain, at: GradingView, ground_m: float, low_m: float, high_m: float) -> None:
+        outward, turn, self._phase, first, second = _spread_points_evenly(_SAMPLES, 5)
         # Logarithmic, or over the whole disc round the site.
         radius = high_m * np.sqrt(outward) if low_m == 0.0 else low_m * (high_m / low_m) ** outward
         east, north = np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)
@@ -205,18 +207,18 @@ class _Probe:
         normal /= np.linalg.norm(normal, axis=0)
         error = np.abs(((self._share * z).sum(axis=0) - self._z) * normal[2]) / self._far
         seen = np.maximum((normal * self._to_eye).sum(axis=0) / (normal[2] * self._far), 1e-3)
-        worst = max(_typical_error(error[here], seen[here]) for here in self._sectors)
+        worst = max(_bound_error(error[here], seen[here]) for here in self._sectors)
         return worst * self._view.pixels_per_radian
 
 
-def _typical_error(errors: Array, weights: Array) -> float:
+def _bound_error(errors: Array, weights: Array) -> float:
     """A bound on weighted errors: nearly all are below it, and so is their RMS, which a few large ones raise."""
     order = np.argsort(errors)
     below = np.cumsum(weights[order]) / weights.sum()
     return max(float(np.interp(_SHARE, below, errors[order])), math.sqrt(float(np.average(errors**2, weights=weights))))
 
 
-def _measure_curve(probe: _Probe, longest_px: float, error_px: float) -> tuple[Array, Array]:
+def _measure_curve(probe: _ErrorProbe, longest_px: float, error_px: float) -> tuple[Array, Array]:
     """Spacings in pixels, falling, and the errors they leave, down to the first that keeps to ``error_px``."""
     spacings, errors = [longest_px], [probe.error_px(longest_px)]
     while errors[-1] > error_px and len(spacings) < _HALVINGS:
@@ -225,7 +227,7 @@ def _measure_curve(probe: _Probe, longest_px: float, error_px: float) -> tuple[A
     return np.array(spacings), np.array(errors)
 
 
-def _interpolate(x: float, xs: Array, ys: Array) -> float:
+def _interpolate_log(x: float, xs: Array, ys: Array) -> float:
     """``ys`` at ``x``, a power law between points; ``xs`` rises."""
     tiny = 1e-30
     return math.exp(
@@ -233,14 +235,14 @@ def _interpolate(x: float, xs: Array, ys: Array) -> float:
     )
 
 
-def _count_vertices(grading: Grading) -> float:
+def _count_vertices(grading: VertexSpacing) -> float:
     """How many vertices a grading takes, to about a per cent."""
     r = np.concatenate([[0.0], np.geomspace(grading.finest_m, grading.farthest_m, 400)])
     density = 2 * np.pi * r / (RINGS_APART * grading.spacing_at(r) ** 2)
     return 1.0 + float(np.sum((density[1:] + density[:-1]) / 2 * np.diff(r)))
 
 
-def _probes_of(ground: Terrain, at: View, ground_m: float, nearest_m: Array) -> list[_Probe]:
+def _probes_of(ground: Terrain, at: GradingView, ground_m: float, nearest_m: Array) -> list[_ErrorProbe]:
     """A probe for each of the distances, half way on to the next ones; the first is under the eyes too."""
     probes = []
     for k, distance in enumerate(nearest_m):
@@ -248,32 +250,32 @@ def _probes_of(ground: Terrain, at: View, ground_m: float, nearest_m: Array) -> 
             at.baseline_m + math.sqrt(max(d * d - at.height_m**2, 0.0))
             for d in (distance / math.sqrt(2.0), min(distance * math.sqrt(2.0), float(nearest_m[-1])))
         )
-        probes.append(_Probe(ground, at, ground_m, 0.0 if k == 0 else low, high))
+        probes.append(_ErrorProbe(ground, at, ground_m, 0.0 if k == 0 else low, high))
     return probes
 
 
-def grade(ground: Terrain, settings: Settings) -> Grading:
+def choose_vertex_spacing(ground: Terrain, settings: Settings) -> VertexSpacing:
     """The grading that complete ``settings`` ask for on a ground (not yet curved).
 
     Where it would take more than ``mesh.most`` vertices, first vertices of fine relief are set wider apart, then all
     vertices; ``error_px`` is the error that remains.
     """
-    mesh, at, body = settings.mesh, view_of(settings.rig), float(settings.terrain.body_radius_m)
+    mesh, at, body = settings.mesh, make_grading_view(settings.rig), float(settings.terrain.body_radius_m)
     ground_m = float(ground.heights(at.x_m, at.y_m))
-    farthest = max(min(_farthest_m(ground, at, ground_m, body), float(mesh.farthest_m)), 2.0 * at.height_m)
+    farthest = max(min(_farthest_ground_m(ground, at, ground_m, body), float(mesh.farthest_m)), 2.0 * at.height_m)
     last = float(at.nearest_m(farthest))
     nearest = np.geomspace(at.height_m, last, 1 + max(2, math.ceil(math.log2(last / at.height_m))))
     probes = _probes_of(ground, at, ground_m, nearest)
     curves = [_measure_curve(probe, mesh.edge_px / EDGE_OVER_SPACING, mesh.error_px) for probe in probes]
 
-    def made(error_px: float, wider: float = 1.0) -> Grading:
+    def made(error_px: float, wider: float = 1.0) -> VertexSpacing:
         # Six digits, as powers differ between machines in the last ones.
-        pixels = np.array(
-            [float(f"{_interpolate(error_px, errors[::-1], spacings[::-1]):.5e}") for spacings, errors in curves]
+        pixels = wider * np.array(
+            [float(f"{_interpolate_log(error_px, errors[::-1], spacings[::-1]):.5e}") for spacings, errors in curves]
         )
-        return Grading(at, nearest, wider * pixels * nearest / at.pixels_per_radian, farthest, error_px, wanted, relief)
+        return VertexSpacing(at, nearest, pixels * nearest / at.pixels_per_radian, farthest, error_px, wanted, relief)
 
-    relief = relief_in_mesh(settings, at.pixels_per_radian)
+    relief = find_relief_in_mesh(settings, at.pixels_per_radian)
     error, wider, wanted = float(mesh.error_px), 1.0, 0.0
     grading = made(error)
     wanted = _count_vertices(grading) + _count_cut(grading, settings.rig, mesh.most)

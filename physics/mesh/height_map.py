@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array, Numbers
-from .height_surface import Surface, fine_part
+from .height_surface import Surface, fine_part_of_heights
 
 #: Magnitude from which a value is no height: the most negative float32 is a usual mark of missing ones.
 NO_HEIGHT = 1e30
@@ -64,7 +64,7 @@ class HeightMap:
         inside = (x >= west - slack) & (x <= east + slack) & (y >= south - slack) & (y <= north + slack)
         total = np.where(inside, self._bilinear(x, y), np.nan)
         if self.roughness is not None:
-            total = total + fine_part(self.roughness, x, y, self.resolution_m, shortest_m)
+            total = total + fine_part_of_heights(self.roughness, x, y, self.resolution_m, shortest_m)
         return total
 
     def _bilinear(self, x: Array, y: Array) -> Array:
@@ -117,10 +117,10 @@ def fill_holes(heights_m: Array) -> Array:
     known = np.isfinite(heights_m)
     if not known.any():
         raise ValueError("no finite height")
-    return _fill(np.where(known, heights_m, 0.0).astype(np.float64), known.astype(np.float64))
+    return _fill_from_coarse(np.where(known, heights_m, 0.0).astype(np.float64), known.astype(np.float64))
 
 
-def _fill(total: Array, weight: Array) -> Array:
+def _fill_from_coarse(total: Array, weight: Array) -> Array:
     """Averages ``total`` where ``weight`` is 1, filled where it is 0."""
     if weight.all():
         return total
@@ -130,11 +130,11 @@ def _fill(total: Array, weight: Array) -> Array:
         np.pad(a, even).reshape(math.ceil(rows / 2), 2, math.ceil(columns / 2), 2).sum(axis=(1, 3))
         for a in (total * weight, weight)
     ]
-    coarse = _fill(blocks[0] / np.maximum(blocks[1], 1.0), np.minimum(blocks[1], 1.0))
-    return np.where(weight > 0, total, _double(coarse, total.shape))
+    coarse = _fill_from_coarse(blocks[0] / np.maximum(blocks[1], 1.0), np.minimum(blocks[1], 1.0))
+    return np.where(weight > 0, total, _double_resolution(coarse, total.shape))
 
 
-def _double(coarse: Array, shape: tuple[int, ...]) -> Array:
+def _double_resolution(coarse: Array, shape: tuple[int, ...]) -> Array:
     """A grid of twice the resolution, bilinear between the centres of the coarse squares."""
     for axis in (0, 1):
         at = np.clip((np.arange(shape[axis]) - 0.5) / 2, 0, coarse.shape[axis] - 1)
@@ -145,7 +145,7 @@ def _double(coarse: Array, shape: tuple[int, ...]) -> Array:
     return coarse
 
 
-def clear_mark(values: Array, mark: float, number: np.dtype[Any]) -> int:
+def clear_missing_mark(values: Array, mark: float, number: np.dtype[Any]) -> int:
     """Set values equal to ``mark`` to NaN, in place; returns their number. ``number`` is the type of the file's values;
     a mark may be stated with fewer digits than the values have."""
     with np.errstate(over="ignore", invalid="ignore"):
@@ -155,13 +155,13 @@ def clear_mark(values: Array, mark: float, number: np.dtype[Any]) -> int:
     return int(found.sum())
 
 
-def clear_stated(values: Array, mark: float, number: np.dtype[Any]) -> tuple[str, ...]:
-    """Clear a mark that the settings state, see ``clear_mark``; a sentence on it."""
-    count = clear_mark(values, mark, number)
+def clear_stated_mark(values: Array, mark: float, number: np.dtype[Any]) -> tuple[str, ...]:
+    """Clear a mark that the settings state, see ``clear_missing_mark``; a sentence on it."""
+    count = clear_missing_mark(values, mark, number)
     return (f"{count} pixel{'s' * (count != 1)} of {mark:g} without a height, by source.missing",)
 
 
-def clear_unmarked(values: Array) -> tuple[Array, list[str]]:
+def clear_unstated_mark(values: Array) -> tuple[Array, list[str]]:
     """Heights with NaN where a value looks like a mark of missing ones that the file does not state, and sentences.
 
     Such a value is the lowest or the highest one, several pixels have it to the bit or it is a usual mark, and it is
@@ -193,7 +193,7 @@ _USUAL_MARKS = (9999.0, 32768.0, 32767.0, 65535.0, 99999.0, 999999.0)
 _ALONE, _MOST_MARKED = 3.0, 0.5
 
 
-def grid_mesh(heights_m: Array, x_m: Array, y_m: Array) -> tuple[Array, Array]:
+def make_grid_mesh(heights_m: Array, x_m: Array, y_m: Array) -> tuple[Array, Array]:
     """Vertices (n, 3) float32 and quadrilaterals (m, 4) int32 of heights (rows, columns) at ``x_m`` and ``y_m``."""
     rows, columns = heights_m.shape
     positions = np.empty((rows, columns, 3), np.float32)

@@ -25,7 +25,7 @@ class Surface(Protocol):
         ...
 
 
-def fine_part(roughness: Surface, x_m: Array, y_m: Array, longest_m: float, shortest_m: float) -> Array:
+def fine_part_of_heights(roughness: Surface, x_m: Array, y_m: Array, longest_m: float, shortest_m: float) -> Array:
     """The part of the heights of a made-up ground that wavelengths from ``shortest_m`` to ``longest_m`` add."""
     if shortest_m >= longest_m:
         return np.zeros(np.broadcast_shapes(np.shape(x_m), np.shape(y_m)))

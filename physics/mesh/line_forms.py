@@ -22,11 +22,11 @@ _MANY_DIGITS = b"0" * 300
 _DIGITS = bytes.maketrans(b"123456789", b"0" * 9)
 
 
-class UnusualError(Exception):
+class UnusualTextError(Exception):
     """A text must be looked at line by line."""
 
 
-def whole_lines(foreign: ForeignBytes, start: int = 0) -> Iterator[bytes]:
+def read_whole_lines(foreign: ForeignBytes, start: int = 0) -> Iterator[bytes]:
     """A text from byte ``start`` on, in parts that end with a line.
 
     Raises UnusualError where lines may be longer than ``LONGEST_LINE``, or do not end in \\n.
@@ -36,7 +36,7 @@ def whole_lines(foreign: ForeignBytes, start: int = 0) -> Iterator[bytes]:
         data = rest + foreign.part(at, min(_TOGETHER, foreign.size - at))
         # A line that is too long fills one of these windows.
         if any(data.find(b"\n", k, k + _WINDOW) < 0 for k in range(0, len(data) - _WINDOW, _WINDOW)):
-            raise UnusualError
+            raise UnusualTextError
         end = data.rfind(b"\n") + 1
         if end:
             yield data[:end]
@@ -45,37 +45,37 @@ def whole_lines(foreign: ForeignBytes, start: int = 0) -> Iterator[bytes]:
         yield rest
 
 
-class Rows:
+class LineRows:
     """The lines of a text from byte ``start`` on, to be taken by the number of rows of each table."""
 
     def __init__(self, foreign: ForeignBytes, start: int) -> None:
-        self._parts, self._rest = whole_lines(foreign, start), b""
+        self._parts, self._share_above_largest = read_whole_lines(foreign, start), b""
 
     def take(self, count: int) -> Iterator[bytes]:
         """The next ``count`` lines, many at a time. Raises UnusualError if there are fewer."""
         while count:
-            text = self._rest or next(self._parts, b"")
+            text = self._share_above_largest or next(self._parts, b"")
             if not text:
-                raise UnusualError
+                raise UnusualTextError
             ends = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n")) + 1
             if not text.endswith(b"\n"):
                 ends = np.append(ends, len(text))
             cut = int(ends[min(count, len(ends)) - 1])
-            text, self._rest = text[:cut], text[cut:]
+            text, self._share_above_largest = text[:cut], text[cut:]
             count -= min(count, len(ends))
             yield text
 
 
-def reduced(text: bytes) -> bytes:
+def reduce_digits(text: bytes) -> bytes:
     """The text with one 0 for each run of digits. Raises UnusualError for one with zero bytes, and where a number may
     be too large for double precision: with an exponent of three digits, or hundreds of digits."""
     zeros = text.translate(_DIGITS)
     if b"\0" in text or _MANY_DIGITS in zeros:
-        raise UnusualError
+        raise UnusualTextError
     values = np.frombuffer(zeros, np.uint8)
     is_digit = values == ord("0")
     if _has_long_exponent(values, is_digit):
-        raise UnusualError
+        raise UnusualTextError
     kept = values.copy()
     kept[1:] *= ~(is_digit[1:] & is_digit[:-1])
     return kept.tobytes().translate(None, b"\0")
@@ -89,18 +89,18 @@ def _has_long_exponent(values: Array, is_digit: Array) -> bool:
     return bool((three[1:] & exponent[:-3]).any() or (three[2:] & sign[1:-3] & exponent[:-4]).any())
 
 
-class Forms:
+class LineForms:
     """Forms of lines that ``check`` has passed. It gets a line, and raises ValueError or UnusualError for a bad one."""
 
     def __init__(self, check: Callable[[bytes], object]) -> None:
         self._check, self._known = check, set[bytes]()
 
-    def look_at(self, text: bytes) -> None:
+    def check_lines(self, text: bytes) -> None:
         """Check the lines of a reduced text. Raises UnusualError for one that ``check`` does not pass."""
         for form in set(text.removesuffix(b"\n").split(b"\n")) - self._known:
             try:
                 self._check(form.removesuffix(b"\r"))
             except ValueError:
-                raise UnusualError from None
+                raise UnusualTextError from None
             if len(self._known) < _MOST_FORMS and len(form) <= _LONGEST_FORM:
                 self._known.add(form)

@@ -29,10 +29,10 @@ class MeshGround:
     def heights(self, x_m: Numbers, y_m: Numbers, shortest_m: float = 0.0) -> Array:
         """Heights in metres at east and north coordinates (arrays that broadcast); NaN where there is no mesh."""
         x, y = np.broadcast_arrays(np.asarray(x_m, np.float64), np.asarray(y_m, np.float64))
-        found = [self._height(a, b) for a, b in zip(x.ravel().tolist(), y.ravel().tolist(), strict=True)]
+        found = [self._highest_at(a, b) for a, b in zip(x.ravel().tolist(), y.ravel().tolist(), strict=True)]
         return np.array(found).reshape(x.shape)
 
-    def _height(self, x: float, y: float) -> float:
+    def _highest_at(self, x: float, y: float) -> float:
         # A triangle that contains the point has corners on both sides of it along both axes.
         near = self.faces
         for axis, at in ((0, x), (1, y)):

@@ -13,7 +13,7 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.files import shorten
 from ...support.foreign_bytes import LONGEST_LINE, ForeignBytes, RefusedError
-from .line_forms import Forms, UnusualError, reduced, whole_lines
+from .line_forms import LineForms, UnusualTextError, read_whole_lines, reduce_digits
 
 #: Bytes that a face may have.
 _OF_A_FACE = b"0123456789/- \t"
@@ -39,7 +39,7 @@ def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
                 raise RefusedError(f"has more than {most_vertices} vertices; make it coarser.")
         elif words[0] == b"f":
             count = len(numbers) // 3
-            face = [_index(word, count, number) for word in words[1:]]
+            face = [_parse_index(word, count, number) for word in words[1:]]
             if (highest := max(face, default=-1) + 1) > farthest:
                 farthest, at = highest, number
             if highest > most_vertices:
@@ -73,21 +73,21 @@ def check_statements(foreign: ForeignBytes) -> list[bytes]:
     """
     libraries = list[bytes]()
     try:
-        forms = Forms(_check_form)
-        for text in whole_lines(foreign):
-            lines = reduced(text)
-            forms.look_at(lines)
+        forms = LineForms(_check_form)
+        for text in read_whole_lines(foreign):
+            lines = reduce_digits(text)
+            forms.check_lines(lines)
             if b"mtllib" in lines:
                 for line in text.split(b"\n"):
                     _add_library(libraries, line)
-    except UnusualError:
+    except UnusualTextError:
         return _check_lines(foreign)
     return libraries
 
 
 def _check_form(line: bytes) -> None:
     if line.endswith(b"\\"):
-        raise UnusualError
+        raise UnusualTextError
     _check_line(line, 0)
 
 
@@ -121,7 +121,7 @@ def _add_library(libraries: list[bytes], line: bytes) -> None:
             raise ValueError(f"it names more than {_MOST_LIBRARIES} material libraries")
 
 
-def _index(word: bytes, count: int, number: int) -> int:
+def _parse_index(word: bytes, count: int, number: int) -> int:
     """The index of a corner such as 7/1/2 of a face, after ``count`` vertices: from 1, or back from -1, the last."""
     try:
         index = int(word.partition(b"/")[0])

@@ -34,7 +34,7 @@ def cut_hole(
         if not (times > 1).any():
             break
         meets = meets | np.isin(faces, starts[times > 1]).any(axis=1)
-    loop = _loop_of(rim)
+    loop = _order_loop(rim)
     if loop is None:
         return None
     x, y = positions[loop, 0], positions[loop, 1]
@@ -53,7 +53,7 @@ def _close_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, A
         if (grown == meets).all():  # else those that were added may have seams of their own
             break
         meets = grown
-    rim, _ = _rim_edges(faces[meets])
+    rim, _ = _find_rim_edges(faces[meets])
     many = len(positions)
     seams = edges[np.unique(sides)]
     return meets, rim[~np.isin(rim[:, 0] * many + rim[:, 1], seams[:, 0] * many + seams[:, 1])]
@@ -67,7 +67,7 @@ def _find_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, Ar
     around = np.zeros(len(positions), bool)
     around[faces[used[faces].any(axis=1)]] = True  # small triangles along a side have corners that others do not
     near = np.flatnonzero(around[faces].any(axis=1))
-    edges, owners = _rim_edges(faces[near])
+    edges, owners = _find_rim_edges(faces[near])
     owners = near[owners]
     begin, end = positions[edges[:, 0], :2], positions[edges[:, 1], :2]
     along, middle = end - begin, (begin + end) / 2
@@ -82,7 +82,7 @@ def _find_seams(positions: Array, faces: Array, meets: Array) -> tuple[Array, Ar
     return edges, owners, np.array(pairs, np.int64).reshape(-1, 2)
 
 
-def _loop_of(once: Array) -> Array | None:
+def _order_loop(once: Array) -> Array | None:
     """The vertices of edges (k, 2), in order; None if they are not one loop."""
     if not len(once):
         return None
@@ -95,7 +95,7 @@ def _loop_of(once: Array) -> Array | None:
     return np.array(loop) if len(loop) == len(once) else None
 
 
-def _rim_edges(faces: Array) -> tuple[Array, Array]:
+def _find_rim_edges(faces: Array) -> tuple[Array, Array]:
     """Edges (k, 2) of triangles that have a triangle on their left only, and the number of that triangle (k,)."""
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
     many = int(faces.max()) + 1 if len(faces) else 1
@@ -104,13 +104,13 @@ def _rim_edges(faces: Array) -> tuple[Array, Array]:
     return edges[once], once // 3
 
 
-def rim_of(rows: int, columns: int) -> Array:
+def list_grid_rim(rows: int, columns: int) -> Array:
     """Numbers of the vertices on the rim of a grid, counter-clockwise from the first."""
     number = np.arange(rows * columns).reshape(rows, columns)
     return np.concatenate([number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:0:-1, 0]])
 
 
-def inside_loop(points: Array, loop: Array) -> Array:
+def is_inside_loop(points: Array, loop: Array) -> Array:
     """Whether points (n, 2) are inside a loop (k, 2): whether a ray eastward crosses it an odd number of times."""
     inside = np.zeros(len(points), bool)
     for (x0, y0), (x1, y1) in zip(loop, np.roll(loop, -1, axis=0), strict=True):

@@ -10,7 +10,7 @@ from ...support.arrays import Array
 
 
 @dataclass(frozen=True)
-class Split:
+class SplitMesh:
     """A mesh after the cut. Its first vertices are the vertices from before the cut.
 
     Each added vertex is the mean of three earlier ones, ``parents`` (a, 3), with ``weights`` (a, 3). ``faces`` (m, 3)
@@ -31,7 +31,7 @@ class Split:
         return np.concatenate([values, (of_parents * weights).sum(axis=1)])
 
 
-def split_triangles(faces: Array, which: Array, vertices: int, parts: int) -> Split:
+def split_triangles(faces: Array, which: Array, vertices: int, parts: int) -> SplitMesh:
     """Cut each side of the triangles (k, 3) in a mask (k,) into equal ``parts``; the mesh has ``vertices`` vertices.
 
     Both triangles at an edge get the same vertices on it. Vertices on the border of the mask are on straight edges of
@@ -67,7 +67,7 @@ def split_triangles(faces: Array, which: Array, vertices: int, parts: int) -> Sp
         [np.zeros(vertices, bool), np.repeat(uses == 1, along), np.zeros(inside * len(chosen), bool)]
     )
     border[np.unique(faces[~which])] = True
-    return Split(
+    return SplitMesh(
         np.concatenate([ends, np.repeat(chosen, inside, axis=0)]),
         np.concatenate([np.stack([1.0 - share, share, 0.0 * share], axis=1), np.tile(weights, (len(chosen), 1))]),
         np.concatenate([faces[~which], small]).astype(np.int32),
@@ -76,7 +76,7 @@ def split_triangles(faces: Array, which: Array, vertices: int, parts: int) -> Sp
     )
 
 
-def split_sides(faces: Array, middle: Array) -> tuple[Array, Array]:
+def split_at_sides(faces: Array, middle: Array) -> tuple[Array, Array]:
     """Triangles (m, 3) from some (c, 3), cut at vertices ``middle`` (c, 3) on their sides; which each is part of (m,).
 
     Side k is that from corner k to the next; -1 for a side that is not cut. Each triangle has at least one cut.

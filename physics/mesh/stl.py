@@ -11,7 +11,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.foreign_bytes import ForeignBytes, RefusedError
-from .line_forms import Forms, UnusualError, reduced, whole_lines
+from .line_forms import LineForms, UnusualTextError, read_whole_lines, reduce_digits
 from .obj import parse_vertex
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -34,7 +34,7 @@ def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[Array, Array]:
     """
     count = count_triangles(foreign)
     if count is None:
-        corners = _read_text(foreign, most)
+        corners = _read_ascii(foreign, most)
     else:
         _check_count(count, most)
         table = foreign.cursor(_HEADER).numbers(_TRIANGLE, count, "triangles")
@@ -47,7 +47,7 @@ def _check_count(triangles: int, most: int) -> None:
         raise RefusedError(f"has more than {most} triangles; make it coarser.")
 
 
-def _read_text(foreign: ForeignBytes, most: int) -> Array:
+def _read_ascii(foreign: ForeignBytes, most: int) -> Array:
     numbers, begun = array("d"), False
     for number, line in foreign.lines():
         words = line.split(None, 4)
@@ -73,7 +73,7 @@ def check_statements(foreign: ForeignBytes) -> None:
         return
     try:
         count = _count_vertices(foreign)
-    except UnusualError:
+    except UnusualTextError:
         count = 0
         for number, line in foreign.lines():
             if _is_vertex(line):
@@ -92,11 +92,11 @@ def _is_vertex(line: bytes) -> bool:
 def _count_vertices(foreign: ForeignBytes) -> int:
     """The number of vertices of a text whose lines are usual and right. Raises UnusualError for another."""
     if not foreign.part(0, min(foreign.size, _TEXT)).lstrip(b" \t").lower().startswith(b"solid"):
-        raise UnusualError
-    forms, count = Forms(_check_line), 0
-    for text in whole_lines(foreign):
-        lines = reduced(text)
-        forms.look_at(lines)
+        raise UnusualTextError
+    forms, count = LineForms(_check_line), 0
+    for text in read_whole_lines(foreign):
+        lines = reduce_digits(text)
+        forms.check_lines(lines)
         count += lines.count(b"vertex")
     return count
 
@@ -105,4 +105,4 @@ def _check_line(line: bytes) -> None:
     if _is_vertex(line):
         parse_vertex(line.split(None, 4), 0)
     if line.count(b"vertex") != _is_vertex(line):  # such as in the name of a solid
-        raise UnusualError
+        raise UnusualTextError

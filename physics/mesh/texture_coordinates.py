@@ -42,7 +42,7 @@ def repair_coordinates(uv: Array) -> tuple[Array | None, list[str]]:
     return kept, found
 
 
-def _areas(positions: Array, faces: Array) -> Array:
+def _double_areas(positions: Array, faces: Array) -> Array:
     """Areas (m,) of triangles, each twice."""
     corner = positions[faces].astype(np.float64)
     return np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
@@ -56,9 +56,9 @@ def sample_surface(positions: Array, faces: Array, uv: Array) -> tuple[Array, Ar
     rank = np.arange(_POINTS)
     if len(faces) > _POINTS:  # some triangles by their area, evenly spread
         face = np.unique((rank * _LINE % 1.0 * len(faces)).astype(np.int64))
-        weight = _areas(positions, faces[face])
+        weight = _double_areas(positions, faces[face])
     else:  # more points on larger triangles, so that all stand for about the same area
-        share = np.cumsum(_areas(positions, faces))
+        share = np.cumsum(_double_areas(positions, faces))
         face = np.searchsorted(share, (rank + 0.5) / _POINTS * share[-1]).clip(max=len(faces) - 1)
         weight = np.ones(_POINTS)
     a, b = (np.arange(1, len(face) + 1)[:, None] * _SQUARE % 1.0).T
@@ -68,7 +68,7 @@ def sample_surface(positions: Array, faces: Array, uv: Array) -> tuple[Array, Ar
     return (at[..., None] * corner).sum(axis=1), weight / weight.sum()
 
 
-def pixels_at(uv: Array, rows: int, columns: int) -> tuple[Array, Array]:
+def find_pixels(uv: Array, rows: int, columns: int) -> tuple[Array, Array]:
     """Row (k,), from the bottom, and column (k,) of the pixels of an image, repeated, at coordinates ``uv`` (k, 2)."""
     u, v = (uv % 1.0).T
     return (v * rows).astype(np.int64).clip(max=rows - 1), (u * columns).astype(np.int64).clip(max=columns - 1)

@@ -15,7 +15,7 @@ _FEWEST = 6
 
 
 @dataclass(frozen=True)
-class Rings:
+class VertexRings:
     """Radii in metres (n,), rising, and numbers of vertices (n,). Every other ring is turned by half a step.
 
     Vertex 0 is the centre; the rings follow from the inside out, each counter-clockwise from east.
@@ -25,7 +25,7 @@ class Rings:
     count: Array
 
     @classmethod
-    def of(cls, radius_m: Array, spacing_m: Array) -> Rings:
+    def of(cls, radius_m: Array, spacing_m: Array) -> VertexRings:
         """Rings whose vertices are about ``spacing_m`` (n,) apart."""
         count = np.maximum(np.rint(2 * np.pi * radius_m / spacing_m), _FEWEST).astype(np.int64)
         return cls(np.asarray(radius_m, np.float64), count)
@@ -37,12 +37,12 @@ class Rings:
 
     def map_positions(self) -> tuple[Array, Array]:
         """East and north (vertices,) of the vertices from the centre, in metres."""
-        ring, place = self._places()
+        ring, place = self._ring_places()
         angle = (place + 0.5 * (ring % 2)) * (2 * np.pi / self.count[ring])
         x, y = (np.concatenate([[0.0], self.radius_m[ring] * f(angle)]) for f in (np.cos, np.sin))
         return x, y
 
-    def of_vertices(self, values: Array, centre: float) -> Array:
+    def spread_to_vertices(self, values: Array, centre: float) -> Array:
         """Values (n,) of the rings, as values (vertices,) of their vertices."""
         return np.concatenate([[centre], np.repeat(values, self.count)])
 
@@ -56,19 +56,19 @@ class Rings:
         first = 1 + np.concatenate([[0], np.cumsum(self.count)[:-1]])
         around = np.arange(self.count[0])
         fan = np.stack([0 * around, 1 + around, 1 + (around + 1) % self.count[0]], axis=1)
-        ring, place = self._places()
+        ring, place = self._ring_places()
         turned = ring % 2
         inner = ring < len(self.count) - 1  # rings whose edges have a triangle outward
-        outward = self._strip(ring[inner], place[inner], turned[inner], 1, first)
-        inward = self._strip(ring[ring > 0], place[ring > 0], turned[ring > 0], -1, first)
+        outward = self._strip_triangles(ring[inner], place[inner], turned[inner], 1, first)
+        inward = self._strip_triangles(ring[ring > 0], place[ring > 0], turned[ring > 0], -1, first)
         return np.concatenate([fan, outward, inward]).astype(np.int32)
 
-    def _places(self) -> tuple[Array, Array]:
+    def _ring_places(self) -> tuple[Array, Array]:
         """Ring and place on it of each vertex but the centre's."""
         ring = np.repeat(np.arange(len(self.count)), self.count)
         return ring, np.arange(len(ring)) - np.repeat(np.cumsum(self.count) - self.count, self.count)
 
-    def _strip(self, ring: Array, place: Array, turned: Array, to: int, first: Array) -> Array:
+    def _strip_triangles(self, ring: Array, place: Array, turned: Array, to: int, first: Array) -> Array:
         """Triangles of the edges that start at places on rings, with a vertex of the next ring out (1) or in (-1)."""
         own, other = self.count[ring], self.count[ring + to]
         # Edges of the other ring whose middle comes before this one's; of two at one azimuth the inner is first.

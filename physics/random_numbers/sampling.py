@@ -41,11 +41,11 @@ _JOE_KUO: tuple[tuple[int, tuple[int, ...]], ...] = (
     (145, (1, 3, 5, 9, 1, 25, 53)),
     (157, (1, 3, 1, 13, 9, 35, 107)),
 )
-#: Dimensions that ``sobol`` has.
+#: Dimensions that ``draw_sobol`` has.
 MOST_DIMENSIONS = 1 + len(_JOE_KUO)
 
 
-def _directions(dimension: int) -> Array:
+def _direction_numbers(dimension: int) -> Array:
     """Direction numbers (32,) uint64 of a dimension: the binary fractions that the bits of an index add, modulo 2."""
     if dimension == 0:
         return np.array([1 << (_BITS - 1 - k) for k in range(_BITS)], np.uint64)
@@ -61,7 +61,7 @@ def _directions(dimension: int) -> Array:
     return np.array(v, np.uint64)
 
 
-def sobol(count: int, randoms: Sequence[np.random.Generator]) -> Array:
+def draw_sobol(count: int, randoms: Sequence[np.random.Generator]) -> Array:
     """The first ``count`` points (count, d) of Sobol's sequence in (0, 1), each of d axes shifted by its random.
 
     The order is by Antonov and Saleev (1979). A digital shift (exclusive or with a random number) keeps the property
@@ -75,14 +75,14 @@ def sobol(count: int, randoms: Sequence[np.random.Generator]) -> Array:
     columns = []
     for dimension, random in enumerate(randoms):
         bits = np.zeros(count, np.uint64)
-        for k, number in enumerate(_directions(dimension)):
+        for k, number in enumerate(_direction_numbers(dimension)):
             bits ^= np.where(gray >> np.uint64(k) & np.uint64(1), number, np.uint64(0))
         shift = np.uint64(random.integers(0, 1 << _BITS))
         columns.append(((bits ^ shift).astype(np.float64) + 0.5) / (1 << _BITS))
     return np.stack(columns, axis=1)
 
 
-def latin_hypercube(count: int, randoms: Sequence[np.random.Generator]) -> Array:
+def draw_latin_hypercube(count: int, randoms: Sequence[np.random.Generator]) -> Array:
     """``count`` points (count, d) in [0, 1), one in each of ``count`` equal parts of every axis, at random within it.
 
     McKay, Beckman and Conover 1979, Technometrics 21, 239. An axis is drawn from its own random.
@@ -90,22 +90,22 @@ def latin_hypercube(count: int, randoms: Sequence[np.random.Generator]) -> Array
     return np.stack([(random.permutation(count) + random.random(count)) / count for random in randoms], axis=1)
 
 
-def independent(count: int, randoms: Sequence[np.random.Generator]) -> Array:
+def draw_independent(count: int, randoms: Sequence[np.random.Generator]) -> Array:
     """``count`` independent, uniform points (count, d) in [0, 1), an axis from its own random."""
     return np.stack([random.random(count) for random in randoms], axis=1)
 
 
-def uniform(share: Array, low: float, high: float) -> Array:
+def to_uniform(share: Array, low: float, high: float) -> Array:
     """Values below which these shares (0 to 1) of a uniform distribution lie."""
     return low + share * (high - low)
 
 
-def log_uniform(share: Array, low: float, high: float) -> Array:
+def to_log_uniform(share: Array, low: float, high: float) -> Array:
     """The same of a distribution that is uniform in the logarithm; both ends are above 0."""
-    return np.clip(np.exp(uniform(share, np.log(low), np.log(high))), low, high)
+    return np.clip(np.exp(to_uniform(share, np.log(low), np.log(high))), low, high)
 
 
-def normal(share: Array, mean: float, deviation: float, low: float, high: float) -> Array:
+def to_normal(share: Array, mean: float, deviation: float, low: float, high: float) -> Array:
     """The same of a normal distribution that is cut off at ``low`` and ``high`` (and renormalised).
 
     A mean beyond them is turned to the nearer tail, where the distribution function is accurate. Raises
@@ -123,6 +123,6 @@ def normal(share: Array, mean: float, deviation: float, low: float, high: float)
     return np.clip(mean + deviation * mirror * np.array([law.inv_cdf(p) for p in inside.tolist()]), low, high)
 
 
-def whole(share: Array, low: int, high: int) -> Array:
+def to_whole_numbers(share: Array, low: int, high: int) -> Array:
     """Whole numbers from ``low`` to ``high``, both included, equally often."""
     return low + np.minimum((share * (high - low + 1)).astype(np.int64), high - low)

@@ -25,7 +25,7 @@ STREAMS = (
 )
 
 
-def stream(seed: int, concern: str, *index: int) -> np.random.SeedSequence:
+def seed_stream(seed: int, concern: str, *index: int) -> np.random.SeedSequence:
     """The seed sequence of one concern, optionally of one element of it (a pair, an eye, a rock).
 
     Equal to what ``SeedSequence(seed).spawn(len(STREAMS))`` gives at the concern's position, with
@@ -34,14 +34,14 @@ def stream(seed: int, concern: str, *index: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(seed, spawn_key=(STREAMS.index(concern), *index))
 
 
-def generator(seed: int, concern: str, *index: int) -> np.random.Generator:
+def make_generator(seed: int, concern: str, *index: int) -> np.random.Generator:
     """A numpy generator on ``stream(seed, concern, *index)``."""
-    return np.random.default_rng(stream(seed, concern, *index))
+    return np.random.default_rng(seed_stream(seed, concern, *index))
 
 
-def ground_generator(seed: int, variant: int, *index: int) -> np.random.Generator:
+def make_ground_generator(seed: int, variant: int, *index: int) -> np.random.Generator:
     """A numpy generator of the ground's relief, layers or landforms; ``variant`` is ``terrain.variant``.
 
     Variant 0 is the ground of versions that had no variants, so it adds nothing to the spawn key.
     """
-    return generator(seed, "terrain", *index, *([variant] if variant else []))
+    return make_generator(seed, "terrain", *index, *([variant] if variant else []))

@@ -14,7 +14,7 @@ from .focal_length import focal_px
 _MARGIN = 0.05
 
 
-def sides_passed(rig: RigSettings, right_m: Array, down_m: Array, depth_m: Array) -> Array:
+def find_sides_passed(rig: RigSettings, right_m: Array, down_m: Array, depth_m: Array) -> Array:
     """Which of the five sides of the space that the eyes see points (n,) are beyond, bool (n, 5).
 
     Points are metres right of, below and before the left eye, in axes of its camera. The space is a convex one that
@@ -36,7 +36,7 @@ def sides_passed(rig: RigSettings, right_m: Array, down_m: Array, depth_m: Array
     )
 
 
-def is_seen(rig: RigSettings, east_m: Array, north_m: Array, above_m: Array) -> Array:
+def is_in_view(rig: RigSettings, east_m: Array, north_m: Array, above_m: Array) -> Array:
     """Whether either eye of the rig has points in its frame or near it.
 
     The points (n,) are metres east and north of the left eye and above it (most often negative).
@@ -46,14 +46,14 @@ def is_seen(rig: RigSettings, east_m: Array, north_m: Array, above_m: Array) -> 
     ahead = east_m * math.sin(heading) + north_m * math.cos(heading)
     depth = ahead * math.cos(pitch) - above_m * math.sin(pitch)
     down = -ahead * math.sin(pitch) - above_m * math.cos(pitch)
-    return ~sides_passed(rig, right, down, depth).any(axis=-1)
+    return ~find_sides_passed(rig, right, down, depth).any(axis=-1)
 
 
 def find_seen_facets(passed: Array, starts: Array, corners: Array) -> Array:
     """Which facets of a mesh may be seen, bool (facets,): all but those that are beyond one side with all corners.
 
-    ``passed`` (vertices, 5) is ``sides_passed`` of the vertices, ``corners`` are the vertices of the facets' corners
-    one facet after the other, ``starts`` (facets,) where each facet begins in them.
+    ``passed`` (vertices, 5) is ``find_sides_passed`` of the vertices, ``corners`` are the vertices of the facets'
+    corners one facet after the other, ``starts`` (facets,) where each facet begins in them.
     """
     if not len(starts):
         return np.zeros(0, bool)

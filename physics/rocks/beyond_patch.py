@@ -16,14 +16,14 @@ from ...settings.topics.rocks import RocksSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ..rig.focal_length import focal_px
-from .size_laws import SizeLaw, size_law
+from .size_laws import SizeLaw, make_size_law
 
 _STEPS = 2048  # of the table of distances; the trapezoidal rule is then within 1e-5
 _WIDER = 1.05  # by which the angle grows until the rocks are few enough
 
 
 @dataclass(frozen=True)
-class View:
+class ViewBeyond:
     """What decides which rocks are seen: the angle in radians under which the smallest is wide, the height in metres
     of the eye, and the distance in metres at which the ground ends."""
 
@@ -33,7 +33,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class RocksBeyond:
     """Places (n, 2) and diameters (n,) in metres, largest first, and the angles (n,) in radians under which they are
     seen from the nearest place on the patch; ``smallest_rad`` is the angle that was kept to."""
 
@@ -43,37 +43,37 @@ class Drawn:
     smallest_rad: float
 
 
-def view_beyond(settings: Settings) -> View | None:
+def make_view_beyond(settings: Settings) -> ViewBeyond | None:
     """The view of complete settings; None if they ask for no rocks beyond the patch or have no ground there."""
     rocks, rig = settings.rocks, settings.rig
     if rocks.beyond_px == 0.0 or settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":
         return None
-    return View(float(rocks.beyond_px) / focal_px(rig), float(rig.height_m), float(settings.mesh.farthest_m))
+    return ViewBeyond(float(rocks.beyond_px) / focal_px(rig), float(rig.height_m), float(settings.mesh.farthest_m))
 
 
-def draw_beyond(rocks: RocksSettings, size_m: float, view: View, random: np.random.Generator) -> Drawn:
+def draw_beyond(rocks: RocksSettings, size_m: float, view: ViewBeyond, random: np.random.Generator) -> RocksBeyond:
     """Rocks outside a square patch of side ``size_m`` about the origin, at most ``rocks.most``.
 
     Where there would be more, the angle is larger than the view asks for.
     """
-    law, angle = size_law(rocks), view.smallest_rad
-    while (count := _count(law, size_m, view, angle)[1][-1]) > rocks.most:
+    law, angle = make_size_law(rocks), view.smallest_rad
+    while (count := _count_rocks(law, size_m, view, angle)[1][-1]) > rocks.most:
         angle *= _WIDER
-    radii, above = _count(law, size_m, view, angle)
+    radii, above = _count_rocks(law, size_m, view, angle)
     n = round(float(count))
     radius = np.interp((np.arange(n) + random.random(n)) / max(n, 1) * count, above, radii)
     turn = random.uniform(0.0, 2.0 * math.pi, n)
     xy = radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     diameter = law.diameter_m(random.random(n) * _per_m2_above(law, angle * _nearest_m(radius, size_m, view)))
-    xy = _gather(rocks, xy, law.total_per_m2, random)
+    xy = _gather_to_clusters(rocks, xy, law.total_per_m2, random)
     # A rock may not reach onto the patch, which has its own.
     outside = np.abs(xy).max(axis=1, initial=0.0) > size_m / 2 + diameter / 2
     order = np.flatnonzero(outside)[np.argsort(-diameter[outside], kind="stable")]
     xy, diameter = xy[order], diameter[order]
-    return Drawn(xy, diameter, diameter / _nearest_m(np.hypot(*xy.T), size_m, view), angle)
+    return RocksBeyond(xy, diameter, diameter / _nearest_m(np.hypot(*xy.T), size_m, view), angle)
 
 
-def _nearest_m(radius_m: Array, size_m: float, view: View) -> Array:
+def _nearest_m(radius_m: Array, size_m: float, view: ViewBeyond) -> Array:
     """Distance from the nearest eye over the patch of places at distances from its middle, in metres."""
     return np.hypot(np.maximum(radius_m - size_m * math.sqrt(0.5), 0.0), view.height_m)
 
@@ -85,7 +85,7 @@ def _per_m2_above(law: SizeLaw, diameter_m: Array) -> Array:
     return np.where(diameter_m <= law.smallest_m, law.total_per_m2, inside)
 
 
-def _count(law: SizeLaw, size_m: float, view: View, angle: float) -> tuple[Array, Array]:
+def _count_rocks(law: SizeLaw, size_m: float, view: ViewBeyond, angle: float) -> tuple[Array, Array]:
     """Distances in metres from the middle of the patch, and how many rocks lie within each, the patch's corners
     counted as if they were outside."""
     last = min(float(np.max(law.diameter_m(np.zeros(1)))) / angle + size_m * math.sqrt(0.5), view.farthest_m)
@@ -94,7 +94,7 @@ def _count(law: SizeLaw, size_m: float, view: View, angle: float) -> tuple[Array
     return radii, np.append(0.0, np.cumsum((rings[1:] + rings[:-1]) / 2.0 * np.diff(radii)))
 
 
-def _gather(rocks: RocksSettings, xy: Array, per_m2: float, random: np.random.Generator) -> Array:
+def _gather_to_clusters(rocks: RocksSettings, xy: Array, per_m2: float, random: np.random.Generator) -> Array:
     """Places with the share ``clustering`` of them drawn to clusters; each square of the map has one cluster."""
     member = random.random(len(xy)) < rocks.clustering
     away = random.normal(0.0, rocks.cluster_radius_m, xy.shape)

@@ -15,11 +15,11 @@ import numpy as np
 from ...settings.topics.rocks import RocksSettings
 from ...support.arrays import Array
 from ...support.files import absolute_path
-from ..random_numbers.seeds import generator
-from .beyond_patch import View, draw_beyond
-from .shapes import Shape
-from .size_laws import draw_diameters, size_law
-from .table import TABLE, read_table
+from ..random_numbers.seeds import make_generator
+from .beyond_patch import ViewBeyond, draw_beyond
+from .shapes import RockShape
+from .size_laws import draw_diameters, make_size_law
+from .table import TABLE, read_rock_table
 
 #: Height of the ground in metres at arrays of east and north coordinates; NaN where there is no ground.
 HeightAt = Callable[[Array, Array], Array]
@@ -69,7 +69,7 @@ def draw_places(rocks: RocksSettings, n: int, size_m: float, random: np.random.G
     return np.mod(np.where(member[:, None], of, where) + size_m / 2, size_m) - size_m / 2
 
 
-def _turn(axis: int, angle: Array) -> Array:
+def _rotation_about(axis: int, angle: Array) -> Array:
     """Rotation matrices (n, 3, 3) about a coordinate axis."""
     turned = np.zeros((len(angle), 3, 3))
     a, b = (axis + 1) % 3, (axis + 2) % 3
@@ -80,7 +80,7 @@ def _turn(axis: int, angle: Array) -> Array:
     return turned
 
 
-def _upright_to(normal: Array) -> Array:
+def _rotation_from_vertical(normal: Array) -> Array:
     """The least rotations (n, 3, 3) that take the vertical to unit vectors (n, 3) above the horizon."""
     nx, ny, nz = normal.T
     k = 1.0 / (1.0 + nz)
@@ -100,10 +100,10 @@ def euler_xyz(rotation: Array) -> Array:
 
 def euler_matrices(angles: Array) -> Array:
     """Rotation matrices (n, 3, 3) that turn by angles (n, 3) in radians about x, then y, then z."""
-    return _turn(2, angles[:, 2]) @ _turn(1, angles[:, 1]) @ _turn(0, angles[:, 0])
+    return _rotation_about(2, angles[:, 2]) @ _rotation_about(1, angles[:, 1]) @ _rotation_about(0, angles[:, 0])
 
 
-def _footprint_ground(xy: Array, radius: Array, surface: HeightAt) -> tuple[Array, Array]:
+def _measure_footprint_ground(xy: Array, radius: Array, surface: HeightAt) -> tuple[Array, Array]:
     """Unit normals (n, 3) of the ground under footprints, and its height (n,) at their centres where the
     deepest of the sampled points would lie on a plane with that normal; NaN if the centre is off the ground."""
     ring = np.linspace(0, 2 * np.pi, 8, endpoint=False)
@@ -118,13 +118,13 @@ def _footprint_ground(xy: Array, radius: Array, surface: HeightAt) -> tuple[Arra
     return normal, (z - east[:, None] * dx - north[:, None] * dy).min(axis=1)
 
 
-def _extent(
+def _measure_extent(
     rotation: Array,
     scale: Array,
     level: Array,
     shape: Array,
     normal: Array,
-    shapes: Sequence[Sequence[Shape]],
+    shapes: Sequence[Sequence[RockShape]],
 ) -> tuple[Array, Array, Array]:
     """Of turned rocks: the vertex (n, 3) deepest along the ground's normal, relative to the centre,
     the thickness (n,) along the normal, and the reach (n,) to any side, all in metres."""
@@ -140,14 +140,14 @@ def _extent(
     return deepest, thickness, reach
 
 
-def scatter(
+def scatter_rocks(
     rocks: RocksSettings,
     size_m: float,
     seed: int,
     surface: HeightAt,
-    shapes: Sequence[Sequence[Shape]],
+    shapes: Sequence[Sequence[RockShape]],
     clear_m: tuple[float, float, float],
-    beyond: View | None = None,
+    beyond: ViewBeyond | None = None,
 ) -> Rocks:
     """The rocks that ``rocks`` settings describe on a square patch of side ``size_m`` about the origin.
 
@@ -160,19 +160,19 @@ def scatter(
     """
     xy, diameter, smallest = _read_places(rocks) if rocks.law == TABLE else _draw_places(rocks, size_m, seed)
     level = np.searchsorted(LEVEL_RANKS, np.arange(len(diameter)), side="right")
-    made = _lay(rocks, xy, diameter, level, generator(seed, "rocks", _POSES), surface, shapes, clear_m)
+    made = _lay_rocks(rocks, xy, diameter, level, make_generator(seed, "rocks", _POSES), surface, shapes, clear_m)
     made = replace(made, smallest_m=smallest)
     if beyond is None or rocks.law == TABLE:
         return made
-    drawn = draw_beyond(rocks, size_m, beyond, generator(seed, "rocks", _BEYOND))
+    drawn = draw_beyond(rocks, size_m, beyond, make_generator(seed, "rocks", _BEYOND))
     rank = np.argsort(np.argsort(-drawn.angle_rad, kind="stable"))
     level = np.searchsorted(LEVEL_RANKS, rank, side="right")
-    far = _lay(
+    far = _lay_rocks(
         rocks,
         drawn.places_m,
         drawn.diameter_m,
         level,
-        generator(seed, "rocks", _BEYOND, _POSES),
+        make_generator(seed, "rocks", _BEYOND, _POSES),
         surface,
         shapes,
         clear_m,
@@ -187,28 +187,30 @@ def scatter(
 
 def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[Array, Array, float]:
     """Places (n, 2) and diameters (n,) that follow the law of sizes, largest first, and the smallest diameter."""
-    diameter, smallest = draw_diameters(size_law(rocks), size_m**2, int(rocks.most), generator(seed, "rocks", _SIZES))
+    diameter, smallest = draw_diameters(
+        make_size_law(rocks), size_m**2, int(rocks.most), make_generator(seed, "rocks", _SIZES)
+    )
     # Rocks stay on the patch: places are drawn on all of it, then drawn in by half a diameter.
-    xy = draw_places(rocks, len(diameter), size_m, generator(seed, "rocks", _PLACES))
+    xy = draw_places(rocks, len(diameter), size_m, make_generator(seed, "rocks", _PLACES))
     xy *= np.maximum(1.0 - diameter / size_m, 0.0)[:, None]
     return xy, diameter, smallest
 
 
 def _read_places(rocks: RocksSettings) -> tuple[Array, Array, float]:
     """The same of the user's table; the smallest diameter is 0 unless some rocks are left out."""
-    table = read_table(absolute_path(rocks.file, "rocks.file"))
+    table = read_rock_table(absolute_path(rocks.file, "rocks.file"))
     kept = table[: int(rocks.most)]
     return kept[:, :2].copy(), kept[:, 2].copy(), float(kept[-1, 2]) if 0 < len(kept) < len(table) else 0.0
 
 
-def _lay(
+def _lay_rocks(
     rocks: RocksSettings,
     xy: Array,
     diameter: Array,
     level: Array,
     random: np.random.Generator,
     surface: HeightAt,
-    shapes: Sequence[Sequence[Shape]],
+    shapes: Sequence[Sequence[RockShape]],
     clear_m: tuple[float, float, float],
 ) -> Rocks:
     """Rocks of given places (n, 2), diameters and levels of detail in poses at rest on the ground."""
@@ -219,13 +221,13 @@ def _lay(
     height *= rocks.height_ratio * np.exp(random.normal(0, _VARIATION, n))
     scale = diameter[:, None] * np.stack([np.sqrt(elongation), 1.0 / np.sqrt(elongation), height], axis=1)
     tilt = math.radians(rocks.tilt_deg)
-    loose = _turn(0, random.normal(0, 1, n) * tilt) @ _turn(1, random.normal(0, 1, n) * tilt)
-    loose = loose @ _turn(2, random.uniform(0, 2 * np.pi, n))
+    loose = _rotation_about(0, random.normal(0, 1, n) * tilt) @ _rotation_about(1, random.normal(0, 1, n) * tilt)
+    loose = loose @ _rotation_about(2, random.uniform(0, 2 * np.pi, n))
     burial = np.clip(rocks.burial + random.normal(0, _BURIAL_VARIATION, n) * (rocks.burial > 0), 0.0, 0.95)
 
-    normal, ground = _footprint_ground(xy, 0.45 * diameter, surface)
-    rotation = _upright_to(normal) @ loose
-    deepest, thickness, reach = _extent(rotation, scale, level, shape, normal, shapes)
+    normal, ground = _measure_footprint_ground(xy, 0.45 * diameter, surface)
+    rotation = _rotation_from_vertical(normal) @ loose
+    deepest, thickness, reach = _measure_extent(rotation, scale, level, shape, normal, shapes)
     # The depth below the ground is measured along its normal, the rock moved along the vertical.
     sunk = np.einsum("nk,nk->n", normal, deepest) + burial * thickness
     z = ground - sunk / normal[:, 2]
@@ -244,13 +246,13 @@ def _lay(
     )
 
 
-def rest_on(
+def lay_rocks_again(
     rocks: Rocks,
     which: Array,
     xy: Array,
     surface: HeightAt,
     before: HeightAt,
-    shapes: Sequence[Sequence[Shape]],
+    shapes: Sequence[Sequence[RockShape]],
 ) -> tuple[Array, Array]:
     """Positions (m, 3) and Euler angles (m, 3) of the rocks ``which`` (m,) laid loosely on other places (m, 2).
 
@@ -258,9 +260,9 @@ def rest_on(
     until it touches it.
     """
     size = 0.45 * rocks.diameter_m[which]
-    old, _ = _footprint_ground(rocks.position_m[which, :2], size, before)
-    new, _ = _footprint_ground(xy, size, surface)
-    turn = _upright_to(new) @ np.swapaxes(_upright_to(old), 1, 2)
+    old, _ = _measure_footprint_ground(rocks.position_m[which, :2], size, before)
+    new, _ = _measure_footprint_ground(xy, size, surface)
+    turn = _rotation_from_vertical(new) @ np.swapaxes(_rotation_from_vertical(old), 1, 2)
     rotation = turn @ euler_matrices(rocks.rotation[which])
     z = np.empty(len(which))
     for k, rock in enumerate(which):

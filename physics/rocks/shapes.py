@@ -22,7 +22,7 @@ from itertools import combinations
 import numpy as np
 
 from ...support.arrays import Array
-from ..random_numbers.seeds import generator
+from ..random_numbers.seeds import make_generator
 
 FAMILIES = ("FRAGMENTS", "BOULDERS", "SLABS", "BROKEN_ICE")
 MIXED = FAMILIES[:3]
@@ -40,7 +40,7 @@ _CLEAVAGE_JITTER, _STEP_DEPTH, _STEP_WAVES, _STEP_FALL = 0.12, 0.05, (5.0, 11.0,
 
 
 @dataclass(frozen=True)
-class Shape:
+class RockShape:
     """A rock of unit size: ``vertices`` (n, 3), ``triangles`` (m, 3) int32 counter-clockwise from
     outside, ``plane`` (m,) whether a triangle is flat, as part of a plane face or of broken ice, and not rounded,
     ``height`` a factor on the height of rocks of this family, ``face`` (m,) int32 the plane that a triangle lies on."""
@@ -53,7 +53,7 @@ class Shape:
 
 
 @lru_cache(maxsize=8)
-def icosphere(subdivisions: int) -> tuple[Array, Array]:
+def make_icosphere(subdivisions: int) -> tuple[Array, Array]:
     """Unit directions (n, 3) and triangles (20·4^subdivisions, 3) of a subdivided icosahedron."""
     golden = (1 + 5**0.5) / 2
     points = [(a, b * golden, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
@@ -79,7 +79,7 @@ def icosphere(subdivisions: int) -> tuple[Array, Array]:
     return vertices / np.linalg.norm(vertices, axis=1, keepdims=True), triangles.astype(np.int32)
 
 
-def corners_of(normals: Array, depths: Array) -> Array:
+def find_polyhedron_corners(normals: Array, depths: Array) -> Array:
     """Corners (n, 3) of the polyhedron of points p with p·normals (k, 3) <= depths (k,), which is bounded."""
     triples = np.array(list(combinations(range(len(normals)), 3)))
     systems = normals[triples]
@@ -117,10 +117,10 @@ def _draw_cleavage(random: np.random.Generator) -> tuple[Array, Array]:
     depths = np.tile(np.array([1.0, 0.8, 0.62]) * random.uniform(0.85, 1.1, 3), 2) * random.uniform(0.9, 1.1, 6)
     # Planes across the rock, then chips of its corners: each plane cuts off a part of the shape so far.
     cuts = unit(random.normal(size=(random.integers(3, 6), 3)))
-    farthest = (cuts @ corners_of(normals, depths).T).max(axis=1)
+    farthest = (cuts @ find_polyhedron_corners(normals, depths).T).max(axis=1)
     depths = np.append(depths, farthest * random.uniform(0.62, 0.85, len(cuts)))
     normals = np.concatenate([normals, cuts])
-    corners = corners_of(normals, depths)
+    corners = find_polyhedron_corners(normals, depths)
     chipped = corners[random.choice(len(corners), min(len(corners), random.integers(4, 9)), replace=False)]
     chips = unit(chipped + random.normal(0, 0.25, chipped.shape))
     reach = (chips @ corners.T).max(axis=1) * random.uniform(0.9, 0.97, len(chips))
@@ -159,10 +159,10 @@ def _hull_area(points: Array) -> float:
 def _round_edges(normals: Array, depths: Array, wear: float) -> list[tuple[Array, Array]]:
     """Vertices at every level, and which triangles are plane faces, of a polyhedron whose edges are worn round."""
     radius = wear * depths.min()
-    corners = corners_of(normals, depths - radius)
+    corners = find_polyhedron_corners(normals, depths - radius)
     levels = []
     for subdivisions in LEVELS:
-        directions, triangles = icosphere(subdivisions)
+        directions, triangles = make_icosphere(subdivisions)
         farthest = np.argmax(directions @ corners.T, axis=1)
         a, b, c = farthest[triangles].T
         # One corner: part of a ball. Two: of the cylinder along an edge. Three: of a face.
@@ -178,7 +178,7 @@ def _blend_planes(
     waves, phases = random.normal(0, 2.0, (5, 3)), random.uniform(0, 2 * np.pi, 5)
     levels = []
     for subdivisions in LEVELS:
-        directions, triangles = icosphere(subdivisions)
+        directions, triangles = make_icosphere(subdivisions)
         blend = (np.maximum(directions @ normals.T / depths, 0.0) ** power).sum(axis=1) ** (-1.0 / power)
         swell = 1.0 + 0.03 * np.sin(directions @ waves.T + phases).sum(axis=1)
         levels.append((directions * (blend * swell)[:, None], np.zeros(len(triangles), bool)))
@@ -209,7 +209,7 @@ def _break_ice(
     power = 8.0 + 42.0 * angularity  # rounds edges by about a step of the finest mesh at 0.9
     planes, levels = normals / depths[:, None], []
     for subdivisions in ICE_LEVELS:
-        directions, triangles = icosphere(subdivisions)
+        directions, triangles = make_icosphere(subdivisions)
         directions = _follow_edges(directions, planes, 1.107 / 2**subdivisions)  # an icosahedron's edge is 1.107 rad
         points = directions * ((np.maximum(directions @ planes.T, 0.0) ** power).sum(axis=1) ** (-1 / power))[:, None]
         steps = np.zeros(len(points))
@@ -223,12 +223,12 @@ def _break_ice(
     return levels
 
 
-def _faces_of(vertices: Array, triangles: Array, planes: Array) -> Array:
+def _assign_faces(vertices: Array, triangles: Array, planes: Array) -> Array:
     """The plane (m,) int32 that each triangle lies on, of ``planes`` (k, 3), normals over distances from the centre."""
     return np.argmax(vertices[triangles].mean(axis=1) @ planes.T, axis=1).astype(np.int32)
 
 
-def _make_rock(family: str, angularity: float, random: np.random.Generator) -> list[Shape]:
+def _make_rock(family: str, angularity: float, random: np.random.Generator) -> list[RockShape]:
     """One rock at every level, of unit size."""
     normals, depths = _draw_cleavage(random) if family == "BROKEN_ICE" else _draw_planes(family, random)
     sampled = ICE_LEVELS if family == "BROKEN_ICE" else LEVELS
@@ -246,19 +246,19 @@ def _make_rock(family: str, angularity: float, random: np.random.Generator) -> l
     # A worn boulder has no faces left.
     planes = (normals / depths[:, None])[: 1 if family == "BOULDERS" else None]
     return [
-        Shape(
+        RockShape(
             (vertices - (low + high) / 2) * scale,
-            icosphere(subdivisions)[1],
+            make_icosphere(subdivisions)[1],
             plane,
             height,
-            _faces_of(vertices, icosphere(subdivisions)[1], planes),
+            _assign_faces(vertices, make_icosphere(subdivisions)[1], planes),
         )
         for subdivisions, (vertices, plane) in zip(sampled, levels, strict=True)
     ]
 
 
 @lru_cache(maxsize=4)
-def make_rock_shapes(family: str, angularity: float, seed: int) -> tuple[tuple[Shape, ...], ...]:
+def make_rock_shapes(family: str, angularity: float, seed: int) -> tuple[tuple[RockShape, ...], ...]:
     """The shapes to choose from, ``[level][shape]``: the same shapes at every level, finest first.
 
     ``family`` is one of ``FAMILIES`` or "MIXED" for all of ``MIXED``; ``angularity`` from 0, worn round,
@@ -266,7 +266,7 @@ def make_rock_shapes(family: str, angularity: float, seed: int) -> tuple[tuple[S
     """
     families = MIXED if family == "MIXED" else (family,)
     rocks = [
-        _make_rock(kind, angularity, generator(seed, "rocks", 0, FAMILIES.index(kind), k))
+        _make_rock(kind, angularity, make_generator(seed, "rocks", 0, FAMILIES.index(kind), k))
         for k in range(PER_FAMILY)
         for kind in families
     ]

@@ -76,7 +76,7 @@ class PowerLaw:
         return self.coverage / self.mean_footprint_m2
 
     @property
-    def _rest(self) -> float:
+    def _share_above_largest(self) -> float:
         """Share that the law without an upper end would have above the largest diameter."""
         return (self.smallest_m / self.largest_m) ** self.index
 
@@ -84,16 +84,22 @@ class PowerLaw:
         """Rocks per square metre larger than diameters in metres; NaN if there is but one size."""
         d = np.clip(diameter_m, self.smallest_m, self.largest_m)
         with np.errstate(invalid="ignore"):
-            return self.total_per_m2 * ((self.smallest_m / d) ** self.index - self._rest) / (1.0 - self._rest)
+            return (
+                self.total_per_m2
+                * ((self.smallest_m / d) ** self.index - self._share_above_largest)
+                / (1.0 - self._share_above_largest)
+            )
 
     def diameter_m(self, per_m2: Array) -> Array:
         """The diameters in metres above which there are ``per_m2`` rocks per square metre."""
         share = np.asarray(per_m2) / self.total_per_m2
-        return self.smallest_m * (share * (1.0 - self._rest) + self._rest) ** (-1.0 / self.index)
+        return self.smallest_m * (share * (1.0 - self._share_above_largest) + self._share_above_largest) ** (
+            -1.0 / self.index
+        )
 
 
 @dataclass(frozen=True)
-class Golombek:
+class GolombekLaw:
     """Golombek's law for a rock abundance ``k``, between two diameters in metres."""
 
     k: float
@@ -110,7 +116,7 @@ class Golombek:
         return self.k * np.exp(-self.q_per_m * np.asarray(diameter_m))
 
     @cached_property
-    def _table(self) -> tuple[Array, Array]:
+    def _density_table(self) -> tuple[Array, Array]:
         """Diameters from the largest down, and the rocks per square metre above each."""
         log_d = np.linspace(math.log(self.largest_m), math.log(self.smallest_m), _TABLE)
         d = np.exp(log_d)
@@ -122,20 +128,20 @@ class Golombek:
     @property
     def total_per_m2(self) -> float:
         """Rocks per square metre of all sizes."""
-        return float(self._table[1][-1])
+        return float(self._density_table[1][-1])
 
     def per_m2_above(self, diameter_m: Array) -> Array:
         """Rocks per square metre larger than diameters in metres."""
-        d, above = self._table
+        d, above = self._density_table
         return np.interp(np.log(diameter_m), np.log(d[::-1]), above[::-1])
 
     def diameter_m(self, per_m2: Array) -> Array:
         """The diameters in metres above which there are ``per_m2`` rocks per square metre."""
-        d, above = self._table
+        d, above = self._density_table
         return np.exp(np.interp(per_m2, above, np.log(d)))
 
 
-def size_law(rocks: RocksSettings) -> SizeLaw:
+def make_size_law(rocks: RocksSettings) -> SizeLaw:
     """The law that ``rocks`` settings describe; their coverage must be above 0.
 
     Raises IcyMoonError if the largest diameter is below the smallest.
@@ -147,7 +153,7 @@ def size_law(rocks: RocksSettings) -> SizeLaw:
             "raise the one or lower the other."
         )
     if rocks.law == "GOLOMBEK":
-        return Golombek(float(rocks.coverage), smallest, largest)
+        return GolombekLaw(float(rocks.coverage), smallest, largest)
     return PowerLaw(float(rocks.coverage), smallest, largest, float(rocks.power_index))
 
 

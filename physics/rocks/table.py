@@ -15,7 +15,7 @@ COLUMNS = ("x_m", "y_m", "diameter_m")
 TABLE = "TABLE"
 
 
-def read_table(path: Path) -> Array:
+def read_rock_table(path: Path) -> Array:
     """Places east and north and diameters (n, 3) in metres, largest first, from a CSV file whose first line names its
     columns; others than ``COLUMNS`` are not read.
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from . import photometry
-from .hapke import HapkeParameters, bidirectional_reflectance, from_settings
+from .hapke import HapkeParameters, bidirectional_reflectance, hapke_from_settings
 from .snow import snow_law
 
 
@@ -19,13 +19,13 @@ class Albedos(NamedTuple):
     bond: float
 
 
-def law_of(surface: SurfaceSettings, hapke: HapkeSettings) -> photometry.Law | None:
+def make_law(surface: SurfaceSettings, hapke: HapkeSettings) -> photometry.Law | None:
     """The law of ``surface`` settings, without albedo patches and relief; None for Principled snow, which has no
     closed form. Raises IcyMoonError if the parameters are outside of physics."""
     if surface.model == "PRINCIPLED":
         return None
     if surface.model == "HAPKE":
-        return partial(bidirectional_reflectance, parameters=from_settings(hapke))
+        return partial(bidirectional_reflectance, parameters=hapke_from_settings(hapke))
     if surface.model == "SNOW":
         return snow_law(surface.albedo)
     share = {"LAMBERT": 0.0, "LOMMEL_SEELIGER": 1.0}.get(surface.model, surface.lommel_seeliger_share)
@@ -33,17 +33,17 @@ def law_of(surface: SurfaceSettings, hapke: HapkeSettings) -> photometry.Law | N
 
 
 @lru_cache(maxsize=32)
-def _hapke_albedos(parameters: HapkeParameters) -> Albedos:
-    return _albedos(partial(bidirectional_reflectance, parameters=parameters))
+def _compute_hapke_albedos(parameters: HapkeParameters) -> Albedos:
+    return _compute_albedos(partial(bidirectional_reflectance, parameters=parameters))
 
 
-def _albedos(law: photometry.Law) -> Albedos:
+def _compute_albedos(law: photometry.Law) -> Albedos:
     return Albedos(photometry.normal_albedo(law), photometry.geometric_albedo(law), photometry.bond_albedo(law))
 
 
-def albedos(surface: SurfaceSettings, hapke: HapkeSettings) -> Albedos | None:
+def find_albedos(surface: SurfaceSettings, hapke: HapkeSettings) -> Albedos | None:
     """Albedos of ``surface`` settings; None for Principled snow. Those of Hapke's law are computed once."""
     if surface.model == "HAPKE":
-        return _hapke_albedos(from_settings(hapke))
-    law = law_of(surface, hapke)
-    return None if law is None else _albedos(law)
+        return _compute_hapke_albedos(hapke_from_settings(hapke))
+    law = make_law(surface, hapke)
+    return None if law is None else _compute_albedos(law)

@@ -26,7 +26,7 @@ def gap_reflectance(cosine: Numbers, refractive_index: float) -> Array:
     return np.asarray(np.where(inside <= 0.0, 1.0, across / (1.0 + across) + along / (1.0 + along)))
 
 
-def sight_m(surface: SurfaceSettings) -> float:
+def sight_depth_m(surface: SurfaceSettings) -> float:
     """How far one sees into ice with ``surface`` settings, in metres: the distance at which 1/e of the light is left
     unscattered. 0 if the ice is opaque.
 
@@ -42,4 +42,4 @@ def sight_m(surface: SurfaceSettings) -> float:
 
 def has_fractures(surface: SurfaceSettings) -> bool:
     """Whether fractures inside the ice are seen."""
-    return surface.model == "PRINCIPLED" and surface.fracture_share > 0.0 and sight_m(surface) > 0.0
+    return surface.model == "PRINCIPLED" and surface.fracture_share > 0.0 and sight_depth_m(surface) > 0.0

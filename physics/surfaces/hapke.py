@@ -70,24 +70,28 @@ class HapkeParameters:
                 values = np.asarray(getattr(self, field.name), np.float64)
                 if not np.isfinite(values).all():
                     raise IcyMoonError(f"Hapke: {field.name} is not a finite number; give one.")
-        self._refuse("w", 0.0, 1.0, "a grain scatters at least nothing and at most all of the light it meets")
-        self._refuse("b", -1.0, 1.0, "at 1 the lobe is a ray", open_ends=True)
+        self._refuse_out_of_range(
+            "w", 0.0, 1.0, "a grain scatters at least nothing and at most all of the light it meets"
+        )
+        self._refuse_out_of_range("b", -1.0, 1.0, "at 1 the lobe is a ray", open_ends=True)
         for name in ("b_s0", "h_s", "b_c0", "h_c"):
-            self._refuse(name, 0.0, np.inf, "an opposition effect only brightens, over some angle")
-        self._refuse("theta_bar", 0.0, np.pi / 2, "it is a mean slope in radians", open_high=True)
-        self._refuse("filling_factor", 0.0, CLOSEST_PACKING, "grains cannot be packed closer", open_high=True)
+            self._refuse_out_of_range(name, 0.0, np.inf, "an opposition effect only brightens, over some angle")
+        self._refuse_out_of_range("theta_bar", 0.0, np.pi / 2, "it is a mean slope in radians", open_high=True)
+        self._refuse_out_of_range(
+            "filling_factor", 0.0, CLOSEST_PACKING, "grains cannot be packed closer", open_high=True
+        )
         # The smaller of p(0) and p(π); p is monotonic wherever one lobe counts negative.
         if np.any(np.minimum(*(phase_function(g, self.b, self.c) for g in (0.0, np.pi))) < 0.0):
             raise IcyMoonError(
-                f"Hapke: c is {self._shown('c')}, which makes the phase function negative with this b; "
+                f"Hapke: c is {self._format_parameter('c')}, which makes the phase function negative with this b; "
                 "-1 to 1 is right for every b."
             )
 
-    def _shown(self, name: str) -> str:
+    def _format_parameter(self, name: str) -> str:
         values = np.asarray(getattr(self, name), np.float64)
         return f"{values:g}" if values.ndim == 0 else f"{values.min():g} to {values.max():g}"
 
-    def _refuse(
+    def _refuse_out_of_range(
         self, name: str, low: float, high: float, why: str, open_ends: bool = False, open_high: bool = False
     ) -> None:
         values = np.asarray(getattr(self, name), np.float64)
@@ -100,10 +104,10 @@ class HapkeParameters:
                 else f"{'above' if open_ends else 'from'} {low:g} {'and below' if open_ends or open_high else 'to'} "
                 f"{high:.5g}"
             )
-            raise IcyMoonError(f"Hapke: {name} is {self._shown(name)}, it must be {side}: {why}.")
+            raise IcyMoonError(f"Hapke: {name} is {self._format_parameter(name)}, it must be {side}: {why}.")
 
 
-def from_settings(hapke: HapkeSettings) -> HapkeParameters:
+def hapke_from_settings(hapke: HapkeSettings) -> HapkeParameters:
     """Parameters that ``hapke`` settings describe. Raises IcyMoonError if they are outside of physics."""
     same = ("w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "filling_factor")
     return HapkeParameters(
@@ -176,7 +180,7 @@ def coherent_backscatter(tan_half: Numbers, h_c: Numbers) -> Array:
     return surge
 
 
-def _rough(incidence: Array, emission: Array, psi: Array, theta_bar: Array) -> tuple[Array, Array, Array]:
+def _apply_roughness(incidence: Array, emission: Array, psi: Array, theta_bar: Array) -> tuple[Array, Array, Array]:
     """Effective cosines µ0e and µe and the shadowing function S (Hapke 1984; 2012, section 12.4).
 
     The smooth limit needs no special case: with θ̄ = 0, cot θ̄ is infinite and every exponential 0.
@@ -228,7 +232,7 @@ def bidirectional_reflectance(
     cos2_half = np.cos((i + e) / 2) ** 2 + around * np.cos(psi / 2) ** 2
     tan_half = np.sqrt(sin2_half / cos2_half)
     with np.errstate(divide="ignore", over="ignore", under="ignore"):
-        mu0_e, mu_e, shadowing = _rough(i, e, psi, np.asarray(q.theta_bar, np.float64))
+        mu0_e, mu_e, shadowing = _apply_roughness(i, e, psi, np.asarray(q.theta_bar, np.float64))
         k = porosity_factor(q.filling_factor)
         single = _phase_function(sin2_half, cos2_half, q.b, q.c) * (
             1 + np.asarray(q.b_s0) * shadow_hiding(tan_half, q.h_s)

@@ -43,7 +43,7 @@ def lunar_lambert_normal_albedo(albedo: Numbers, share: Numbers) -> Numbers:
     return albedo / (1 + share * (LOMMEL_SEELIGER_BOND - 1))
 
 
-def _gauss(low: Numbers, high: Numbers, nodes: int = _NODES) -> tuple[Array, Array]:
+def _gauss_nodes(low: Numbers, high: Numbers, nodes: int = _NODES) -> tuple[Array, Array]:
     """Nodes and weights on [low, high], in a last axis, crowded at both ends where laws have peaks and edges."""
     x, weight = np.polynomial.legendre.leggauss(nodes)
     t = (x + 1) / 2
@@ -68,11 +68,11 @@ def hemispherical_albedo(law: Law, incidence: Numbers) -> Array:
     total = np.zeros(len(flat))
     # Rings about the source that are wholly above the horizon, then those that it cuts.
     for low, high in ((0 * flat, np.pi / 2 - flat), (np.pi / 2 - flat, np.pi / 2 + flat)):
-        g, ring = _gauss(low, high)
+        g, ring = _gauss_nodes(low, high)
         with np.errstate(divide="ignore", invalid="ignore"):
             cut = -1 / (np.tan(i[..., 0]) * np.tan(g))
         end = np.where(g + i[..., 0] <= np.pi / 2, np.pi, np.arccos(np.clip(np.nan_to_num(cut), -1, 1)))
-        phi, arc = _gauss(np.zeros_like(end), end)
+        phi, arc = _gauss_nodes(np.zeros_like(end), end)
         g = g[..., None]
         x = np.cos(g) * np.sin(i) - np.sin(g) * np.cos(i) * np.cos(phi)
         y = np.sin(g) * np.sin(phi)
@@ -113,8 +113,8 @@ def hemispherical_fit(law_of: Callable[[float, float], Law], gammas: Array, slop
 def disc_brightness(law: Law, phase: Numbers) -> Array:
     """Brightness of a sphere at phase angles in radians relative to a white, facing Lambert disc of its size."""
     alpha = np.atleast_1d(np.asarray(phase, np.float64))
-    longitude, along = _gauss(alpha - np.pi / 2, np.full_like(alpha, np.pi / 2))
-    latitude, across = _gauss(0.0, np.pi / 2)
+    longitude, along = _gauss_nodes(alpha - np.pi / 2, np.full_like(alpha, np.pi / 2))
+    latitude, across = _gauss_nodes(0.0, np.pi / 2)
     a, lam = alpha[:, None, None], longitude[..., None]
     mu0, mu = (np.maximum(np.cos(latitude) * np.cos(angle), 0.0) for angle in (lam - a, lam))
     psi = np.arctan2(np.sin(a) * np.sin(latitude), np.cos(a) - mu0 * mu)
@@ -146,5 +146,5 @@ def equigonal_albedo(law: Law) -> float:
 
 def bond_albedo(law: Law) -> float:
     """Share of the sunlight on a sphere that it returns, p q; also of a plane under an even sky."""
-    alpha, weight = _gauss(0.0, np.pi)
+    alpha, weight = _gauss_nodes(0.0, np.pi)
     return float(2 * (disc_brightness(law, alpha) * np.sin(alpha)) @ weight)

@@ -26,7 +26,7 @@ TABLES = {"4.2": "principled_4_2.json", "5.0": "principled.json", "5.2": "princi
 REPORTED_FROM = 0.01
 
 
-class _Used:
+class _TableInUse:
     """The table in use, a key of ``TABLES``."""
 
     blender = "5.0"
@@ -34,11 +34,11 @@ class _Used:
 
 def use_table(blender: str) -> None:
     """Use the table of a Blender, a key of ``TABLES``, from now on. Until this is called, the table of 5.0 is used."""
-    _Used.blender = blender
+    _TableInUse.blender = blender
 
 
-def _table() -> dict[str, Array]:
-    return _read_table(TABLES[_Used.blender])
+def _get_table() -> dict[str, Array]:
+    return _read_table(TABLES[_TableInUse.blender])
 
 
 @functools.cache
@@ -73,7 +73,7 @@ def diffuse_fresnel_reflectance(refractive_index: float) -> float:
 
 def _interpolate(values: Array, root: float, roughness: float) -> Array:
     """Bilinear interpolation in the first two axes of a table."""
-    table = _table()
+    table = _get_table()
 
     def weights(axis: Array, value: float) -> tuple[int, float]:
         k = int(np.clip(np.searchsorted(axis, value) - 1, 0, len(axis) - 2))
@@ -85,12 +85,12 @@ def _interpolate(values: Array, root: float, roughness: float) -> Array:
     return low + u * (high - low)
 
 
-def curve(surface: SurfaceSettings) -> tuple[Array, Array]:
+def albedo_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
     """Base colours (n,) from 0 to 1 and the reflectances (n,) that they give with the other ``surface`` settings.
 
     Between them the reflectance is linear in the base colour.
     """
-    table = _table()
+    table = _get_table()
     root = root_f0(surface.refractive_index, surface.specular)
     # With Burley's profile no less light leaves than from a diffuse surface.
     walks = surface.subsurface_radius_m > 0.0 and surface.subsurface_method == "RANDOM_WALK"
@@ -107,10 +107,10 @@ def curve(surface: SurfaceSettings) -> tuple[Array, Array]:
     return base, reflectance * np.interp(steepness, table["steepness"], table["bump"])
 
 
-def inverse_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
+def base_colour_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
     """Reflectances from 0 to 1 and the base colours that give them, or the nearest that there are, each (n,);
     straight lines are meant between them."""
-    base, reflectance = curve(surface)
+    base, reflectance = albedo_curve(surface)
     # Where the curve is flat its first point is meant.
     rising = np.concatenate([[True], np.diff(reflectance) > 1e-9])
     base, reflectance = base[rising], reflectance[rising]
@@ -123,32 +123,32 @@ def inverse_curve(surface: SurfaceSettings) -> tuple[Array, Array]:
 
 def base_colour(surface: SurfaceSettings, albedo: float) -> float:
     """Base colour that reflects ``albedo``, or the nearest there is, from 0 to 1."""
-    return float(np.interp(albedo, *inverse_curve(surface)))
+    return float(np.interp(albedo, *base_colour_curve(surface)))
 
 
 def real_albedo(surface: SurfaceSettings) -> float:
     """Bihemispherical reflectance of clean, flat ice with ``surface`` settings: the albedo or the nearest one."""
-    _, reflectance = curve(surface)
+    _, reflectance = albedo_curve(surface)
     return float(np.clip(surface.albedo, reflectance[0], reflectance[-1]))
 
 
-def albedo_advice(surface: SurfaceSettings) -> str:
+def advise_on_albedo(surface: SurfaceSettings) -> str:
     """A sentence if the surface cannot have the albedo that is asked for; empty if it has."""
     asked, real = float(surface.albedo), real_albedo(surface)
     if abs(real - asked) <= REPORTED_FROM * asked:
         return ""
     if real > asked:
         return f"The albedo is really {real:.2f}: the specular reflection alone is that bright; lower it."
-    lost, key = _lost_most(surface)
+    lost, key = _find_largest_loss(surface)
     return f"The albedo is really {real:.2f}, not {asked:.2f}: {lost}; lower {key}."
 
 
-def _lost_most(surface: SurfaceSettings) -> tuple[str, str]:
+def _find_largest_loss(surface: SurfaceSettings) -> tuple[str, str]:
     """The largest loss of light at a surface, in words, and the setting to lower."""
     causes = {
         "transmission": "what is transmitted is lost",
         "grain_amplitude_m": "steep bumps lose light",
         "subsurface_weight": "snow under the surface absorbs",
     }
-    most = max(causes, key=lambda k: float(curve(surface | {k: 0.0})[1][-1]))
+    most = max(causes, key=lambda k: float(albedo_curve(surface | {k: 0.0})[1][-1]))
     return causes[most], most

@@ -22,7 +22,7 @@ LEAST_COSINES = 0.2
 LARGEST_INCIDENCE_DEG, LARGEST_EMISSION_DEG = 70.0, 60.0
 
 
-def escape(mu: Numbers) -> Array:
+def escape_function(mu: Numbers) -> Array:
     """Escape function K of a cosine, which is 1 in the mean over the hemisphere: (3/7)(1 + 2µ)."""
     return np.asarray(3 / 7 * (1 + 2 * np.asarray(mu, np.float64)))
 
@@ -44,7 +44,7 @@ def reflectance_factor(incidence: Numbers, emission: Numbers, azimuth: Numbers, 
     both = np.maximum(mu0 + mu, LEAST_COSINES)
     phase = sum(amplitude * np.exp(-decay * scattering_deg) for amplitude, decay in PHASE)
     white = (LEVEL + LINEAR * both + PRODUCT * mu0 * mu + phase) / (4 * both)
-    absorbed = np.asarray(albedo, np.float64) ** (escape(mu0) * escape(mu) / white)
+    absorbed = np.asarray(albedo, np.float64) ** (escape_function(mu0) * escape_function(mu) / white)
     return np.asarray(np.where(lit, white * absorbed, 0.0))
 
 

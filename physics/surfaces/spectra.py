@@ -118,13 +118,13 @@ class Material:
 _COLOUR_NM = (400.0, 460.0, 550.0, 620.0, 700.0)
 
 
-def _coloured(title: str, green: float, over_green: tuple[float, float, float, float], source: str) -> Material:
+def _make_coloured(title: str, green: float, over_green: tuple[float, float, float, float], source: str) -> Material:
     """A material with the reflectance ``green`` at 550 nm; its others are given over it, without the green."""
     violet, blue, orange, red = over_green
     return Material(title, _COLOUR_NM, tuple(green * part for part in (violet, blue, 1.0, orange, red)), source)
 
 
-def _with_band(title: str, level: float, depth: float, centre_nm: float, fwhm_nm: float, source: str) -> Material:
+def _make_with_band(title: str, level: float, depth: float, centre_nm: float, fwhm_nm: float, source: str) -> Material:
     """A material that is grey but for one absorption band of Gaussian shape."""
     wavelength = np.arange(400.0, 701.0, 10.0)
     band = np.exp(-4 * np.log(2) * ((wavelength - centre_nm) / fwhm_nm) ** 2)
@@ -134,7 +134,7 @@ def _with_band(title: str, level: float, depth: float, centre_nm: float, fwhm_nm
 #: Materials by their names in the settings. Replace a number that is called a guess or assumed by a measurement if you
 #: have one.
 MATERIALS: dict[str, Material] = {
-    "ENCELADUS_PLAINS": _coloured(
+    "ENCELADUS_PLAINS": _make_coloured(
         "Plains of Enceladus",
         0.9,
         (0.98, 0.99, 0.99, 0.985),
@@ -142,7 +142,7 @@ MATERIALS: dict[str, Material] = {
         "measured up to 0.02 less toward red and violet. Level: a guess, near the high albedo of the moon; "
         "surface.albedo replaces it",
     ),
-    "EUROPA_PLAINS": _coloured(
+    "EUROPA_PLAINS": _make_coloured(
         "Bright plains of Europa",
         0.7,
         (0.76, 0.88, 1.04, 1.06),
@@ -150,7 +150,7 @@ MATERIALS: dict[str, Material] = {
         "spectra of the trailing side have 0.05 less blue than these plains with some dark matter. The ends are a "
         "guess that follows the downturn to the ultraviolet (Trumbo et al. 2020, AJ 160, 282)",
     ),
-    "EUROPA_DARK": _coloured(
+    "EUROPA_DARK": _make_coloured(
         "Dark matter of Europa",
         0.17,
         (0.42, 0.62, 1.25, 1.38),
@@ -159,28 +159,28 @@ MATERIALS: dict[str, Material] = {
         "al. 1998, Icarus 135, 95). Ratios of orange and blue to green 1.25 and 0.62: assumed, good to 0.1; the "
         "ends are a guess",
     ),
-    "SULPHATE_SALTS": _coloured(
+    "SULPHATE_SALTS": _make_coloured(
         "Hydrated sulphates",
         0.8,
         (0.96, 0.98, 1.01, 1.01),
         "Hydrates of magnesium and sodium sulphate have their bands above 1 µm (McCord et al. 1998, Science 280, 1242) "
         "and are white in the visible; ratios assumed. Level: a guess",
     ),
-    "ACID_HYDRATE": _coloured(
+    "ACID_HYDRATE": _make_coloured(
         "Sulphuric-acid hydrate",
         0.75,
         (1.0, 1.0, 1.0, 1.0),
         "Colourless in the visible: the brown of Europa's trailing side is from sulphur (Carlson et al. 1999, Science "
         "286, 97). Level: a guess",
     ),
-    "SULPHUR": _coloured(
+    "SULPHUR": _make_coloured(
         "Sulphur from radiolysis",
         0.5,
         (0.35, 0.6, 1.2, 1.25),
         "Chains and rings of sulphur in the acid hydrate (Carlson et al. 1999, Science 286, 97); ratios of orange and "
         "blue to green 1.2 and 0.6 assumed, level and ends a guess",
     ),
-    "IRRADIATED_SALT": _with_band(
+    "IRRADIATED_SALT": _make_with_band(
         "Irradiated table salt, laboratory",
         0.8,
         0.38,
@@ -189,7 +189,7 @@ MATERIALS: dict[str, Material] = {
         "Sodium chloride with colour centres, F band at 460 nm (Cerubini et al. 2022); its depth, which leaves "
         "about 0.7 of the green in the blue, and its width of 80 nm are assumed. Level: a guess",
     ),
-    "EUROPA_SALT": _with_band(
+    "EUROPA_SALT": _make_with_band(
         "Irradiated salt of Europa",
         0.7,
         0.06,
@@ -198,7 +198,7 @@ MATERIALS: dict[str, Material] = {
         "The band near 450 nm of chaos on the leading side (Trumbo et al. 2019, Science Advances 5, eaaw7123); depth "
         "and width assumed. Level: a guess, that of the plains",
     ),
-    "THOLIN": _coloured(
+    "THOLIN": _make_coloured(
         "Red organics (tholin)",
         0.15,
         (0.3, 0.5, 1.5, 2.0),

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...settings.topics.surfaces import TexturesSettings
 from ...support.arrays import Array
-from ..random_numbers.seeds import generator
+from ..random_numbers.seeds import make_generator
 
 SETS = ("FROST", "GRAINS", "CRACKS")
 #: Pixels along a side of every map.
@@ -22,7 +22,7 @@ _SEED = 0  # the sets are the same in every data set; where they lie is not
 
 
 @dataclass(frozen=True)
-class Maps:
+class TextureSet:
     """Maps (SIZE, SIZE) of one set, row 0 at the bottom: ``albedo`` with a mean of 1, ``roughness`` (0 to 1),
     ``height`` from 0 to 1."""
 
@@ -61,23 +61,23 @@ def _draw_cells(random: np.random.Generator, across: int) -> tuple[Array, Array,
     return first, second, value
 
 
-def _stretch(field: Array) -> Array:
+def _stretch_to_unit(field: Array) -> Array:
     return (field - field.min()) / np.ptp(field)
 
 
-def _pack_maps(height: Array, albedo: Array, roughness: Array) -> Maps:
-    return Maps(
+def _pack_maps(height: Array, albedo: Array, roughness: Array) -> TextureSet:
+    return TextureSet(
         *(
             np.ascontiguousarray(a, np.float32)
-            for a in (albedo / albedo.mean(), np.clip(roughness, 0, 1), _stretch(height))
+            for a in (albedo / albedo.mean(), np.clip(roughness, 0, 1), _stretch_to_unit(height))
         )
     )
 
 
 @functools.cache
-def make_maps(name: str) -> Maps:
+def make_maps(name: str) -> TextureSet:
     """The maps of one of ``SETS``. Raises ValueError for another name."""
-    random = generator(_SEED, "surface", SETS.index(name))
+    random = make_generator(_SEED, "surface", SETS.index(name))
     if name == "FROST":
         # Crystals of hoar: fine relief, brightest on the tips.
         height = _draw_waves(random, 1.2, 1 / 128, 1 / 3)

@@ -13,15 +13,15 @@ import numpy as np
 
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
-from ..random_numbers.seeds import ground_generator
+from ..random_numbers.seeds import make_ground_generator
 from .noise.lattice_noise import gradient_noise_3d
-from .roughness.roughness import RELIEF_SPAN, amplitudes, carried_share, wavelengths_m
-from .roughness.structure_function import structure
+from .roughness.roughness import RELIEF_SPAN, carried_share, fit_amplitudes, octave_wavelengths_m
+from .roughness.structure_function import structure_function
 
 _DIMENSIONS = 3
 
 
-def relief(
+def relief_heights_m(
     points_m: Array, settings: Settings, seed: int, longest_m: float = math.inf, shortest_m: Numbers = 0.0
 ) -> Array:
     """Heights (n,) in metres of the described roughness at points (n, 3) in metres, any order.
@@ -31,16 +31,16 @@ def relief(
     Raises IcyMoonError where the cut-offs make no sense.
     """
     ground = settings.terrain
-    wavelength = wavelengths_m(ground)
-    random = ground_generator(seed, int(ground.variant), 4)
+    wavelength = octave_wavelengths_m(ground)
+    random = make_ground_generator(seed, int(ground.variant), 4)
     keys = [int(k) for k in random.integers(0, 2**32, len(wavelength))]
     offsets = random.uniform(0.0, 1024.0, (len(wavelength), 3))
     baseline, hurst = float(ground.slope_baseline_m), float(ground.hurst)
-    amplitude = amplitudes(wavelength, hurst, _DIMENSIONS)
+    amplitude = fit_amplitudes(wavelength, hurst, _DIMENSIONS)
     at_baseline = math.tan(math.radians(ground.rms_slope_deg)) * baseline
-    amplitude *= at_baseline / math.sqrt(float(structure(baseline / wavelength, _DIMENSIONS) @ amplitude**2))
+    amplitude *= at_baseline / math.sqrt(float(structure_function(baseline / wavelength, _DIMENSIONS) @ amplitude**2))
     total, weight, variance = np.zeros(len(points_m)), np.ones(len(points_m)), 0.0
-    mixing, unit_variance = float(ground.multifractality), float(structure(np.array(9.0), _DIMENSIONS)) / 2
+    mixing, unit_variance = float(ground.multifractality), float(structure_function(np.array(9.0), _DIMENSIONS)) / 2
     for k in np.flatnonzero((wavelength <= longest_m) & (amplitude > 0)):
         share = carried_share(wavelength[k], shortest_m)
         if not np.any(share):
@@ -65,7 +65,7 @@ def _expected_weight(mixing: float) -> float:
 _CUT_VARIANCE = (1.0 - 2.0 * 2.0 * math.exp(-2.0) / math.sqrt(2 * math.pi) + 3.0 * math.erfc(math.sqrt(2.0))) / 16.0
 
 
-def displace(
+def displace_by_relief(
     points_m: Array,
     normals: Array,
     settings: Settings,
@@ -73,6 +73,6 @@ def displace(
     longest_m: float = math.inf,
     shortest_m: Numbers = 0.0,
 ) -> Array:
-    """Points (n, 3) moved by ``relief`` along their unit ``normals`` (n, 3)."""
-    heights = relief(points_m, settings, seed, longest_m, shortest_m)
+    """Points (n, 3) moved by ``relief_heights_m`` along their unit ``normals`` (n, 3)."""
+    heights = relief_heights_m(points_m, settings, seed, longest_m, shortest_m)
     return np.asarray(points_m, np.float64) + heights[:, None] * normals

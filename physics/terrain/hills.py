@@ -17,8 +17,8 @@ import numpy as np
 from ...settings.topics.ground import HillsSettings, TerrainLayer
 from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
-from .landforms.common import Landform, only_where, smooth_step
-from .layers import MOST_OCTAVES, Layer, make_layer
+from .landforms.common import Landform, evaluate_where, smooth_step
+from .layers import MOST_OCTAVES, NoiseLayer, make_layer
 from .roughness.roughness import LAW_TO
 
 #: Hills are whole at this many half diagonals of the patch, so that they rise no faster than a self-affine ground does.
@@ -40,13 +40,13 @@ def make_hills(settings: HillsSettings, random: np.random.Generator, size_m: flo
     """
     if settings.rms_slope_deg == 0.0:
         return None
-    hills = _make_surface(settings, random)
+    hills = _make_endless_hills(settings, random)
     start = size_m * math.sqrt(0.5)
-    level = _mean_around_m(hills, start)
+    level = _mean_at_rim_m(hills, start)
 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         x_m, y_m, shortest_m = np.broadcast_arrays(x_m, y_m, shortest_m)
-        return only_where(np.hypot(x_m, y_m) > start, beyond, x_m, y_m, shortest_m)
+        return evaluate_where(np.hypot(x_m, y_m) > start, beyond, x_m, y_m, shortest_m)
 
     def beyond(x_m: Array, y_m: Array, shortest_m: Array) -> Array:
         share = smooth_step(np.log(np.hypot(x_m, y_m) / start) / math.log(_WHOLE_AT))
@@ -55,14 +55,14 @@ def make_hills(settings: HillsSettings, random: np.random.Generator, size_m: flo
     return Landform(math.inf, heights)
 
 
-def _mean_around_m(hills: Layer, start_m: float) -> float:
+def _mean_at_rim_m(hills: NoiseLayer, start_m: float) -> float:
     """Mean height in metres of endless hills where they rise from the patch: a site is neither a summit nor a pit."""
     turn = np.arange(_AZIMUTHS) * (2.0 * np.pi / _AZIMUTHS)
     radius = np.geomspace(start_m, _WHOLE_AT * start_m, _AZIMUTHS)[:, None]
     return float(f"{np.mean(hills.heights(radius * np.cos(turn), radius * np.sin(turn))):.9e}")
 
 
-def _make_surface(settings: HillsSettings, random: np.random.Generator) -> Layer:
+def _make_endless_hills(settings: HillsSettings, random: np.random.Generator) -> NoiseLayer:
     """Endless hills whose RMS slope between points one baseline apart is the one stated, and whose RMS deviation grows
     by the Hurst exponent up to 0.3 of the largest."""
     largest, smallest, baseline = (float(settings[k]) for k in ("largest_m", "smallest_m", "slope_baseline_m"))
@@ -83,7 +83,9 @@ def _make_surface(settings: HillsSettings, random: np.random.Generator) -> Layer
     return replace(_make_layer(settings.fractal, largest, octaves, roughness, random), factor=rise_m / deviation_m)
 
 
-def _make_layer(fractal: str, largest_m: float, octaves: int, roughness: float, random: np.random.Generator) -> Layer:
+def _make_layer(
+    fractal: str, largest_m: float, octaves: int, roughness: float, random: np.random.Generator
+) -> NoiseLayer:
     entry = TerrainLayer(
         basis="GRADIENT",
         amplitude_m=1.0,

@@ -26,7 +26,7 @@ _TURN = math.radians(37.0)
 
 
 @dataclass(frozen=True)
-class Layer:
+class NoiseLayer:
     """One layer; build it with :func:`make_layer`. an octave that is left out is held at ``signal_mean``;
     ``centre`` and ``factor`` bring the sum to metres."""
 
@@ -50,7 +50,7 @@ class Layer:
         """
         shape = np.broadcast_shapes(np.shape(x_m), np.shape(y_m), np.shape(shortest_m))
         if self.warp_m:
-            x_m, y_m = self._warped(x_m, y_m)
+            x_m, y_m = self._warp_points(x_m, y_m)
 
         def signal(k: int) -> Numbers:
             share = carried_share(self.scale_m / self.lacunarity**k, shortest_m)
@@ -70,7 +70,7 @@ class Layer:
         )
         return FRACTALS[self.fractal].signal(noise)
 
-    def _warped(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
+    def _warp_points(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
         """The points moved sideways by noise of the layer's scale and RMS ``warp_m``."""
         x_m, y_m = np.broadcast_arrays(x_m, y_m)
         east, north = (
@@ -82,21 +82,21 @@ class Layer:
         return x_m + self.warp_m / NOISE_DEVIATION * east, y_m + self.warp_m / NOISE_DEVIATION * north
 
 
-def make_layer(settings: TerrainLayer, random: np.random.Generator) -> Layer | None:
+def make_layer(settings: TerrainLayer, random: np.random.Generator) -> NoiseLayer | None:
     """The layer that one entry of ``terrain.layers`` describes, or None if it has no height."""
     keys = tuple(int(k) for k in random.integers(0, 2**32, MOST_OCTAVES + 2))
     offsets = random.uniform(0.0, 1024.0, (MOST_OCTAVES + 2, 2))
     if settings.amplitude_m == 0.0:
         return None
     parts = {k: settings[k] for k in ("basis", "fractal", "scale_m", "octaves", "lacunarity", "roughness", "warp_m")}
-    raw = Layer(**parts, keys=keys, offsets=offsets)
+    raw = NoiseLayer(**parts, keys=keys, offsets=offsets)
     x, y = random.uniform(-0.5, 0.5, (2, _POINTS)) * (_SPAN * raw.scale_m)
     mean = float(f"{raw.signal(0, x, y).mean():.9e}")
     sample = raw.heights(x, y)
     deviation = float(sample.std())
     factor = settings.amplitude_m / deviation if deviation > 1e-12 else 0.0
     # Ten digits, as sums differ between machines in the last ones.
-    return Layer(
+    return NoiseLayer(
         **parts,
         keys=keys,
         offsets=offsets,

@@ -15,9 +15,9 @@ import numpy as np
 
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
-from ..rocks.beyond_patch import view_beyond
-from ..rocks.rocks import Rocks, euler_matrices, scatter
-from ..rocks.shapes import Shape, make_rock_shapes
+from ..rocks.beyond_patch import make_view_beyond
+from ..rocks.rocks import Rocks, euler_matrices, scatter_rocks
+from ..rocks.shapes import RockShape, make_rock_shapes
 from .terrain import Terrain, make_terrain
 
 #: Places tried for each that is asked for, before too few are returned.
@@ -25,7 +25,7 @@ _TRIES = 1000
 
 
 @dataclass(frozen=True)
-class Eyes:
+class EyeSurroundings:
     """Why cameras cannot stand where they do: of each of n, the height in metres of the other eye above the ground
     (negative under it), and whether that eye is in a rock."""
 
@@ -53,7 +53,7 @@ class RockyGround:
         return np.where(inside, self.ground.heights(x_m, y_m, self.shortest_m), np.nan)
 
     @cached_property
-    def shapes(self) -> Sequence[Sequence[Shape]]:
+    def shapes(self) -> Sequence[Sequence[RockShape]]:
         """The shapes that rocks are chosen from."""
         rocks = self.settings.rocks
         return make_rock_shapes(rocks.family, rocks.angularity, int(self.settings.dataset.seed))
@@ -63,14 +63,14 @@ class RockyGround:
         """All rocks, those too that a camera's clear circle will take away."""
         if self.settings.rocks.coverage <= 0:
             return None
-        return scatter(
+        return scatter_rocks(
             self.settings.rocks,
             self.ground.size_m,
             int(self.settings.dataset.seed),
             self.heights,
             self.shapes,
             (0.0, 0.0, -math.inf),
-            view_beyond(self.settings),
+            make_view_beyond(self.settings),
         )
 
     def clearance_m(self, x_m: float, y_m: float) -> float:
@@ -81,7 +81,7 @@ class RockyGround:
         away = np.hypot(rocks.position_m[:, 0] - x_m, rocks.position_m[:, 1] - y_m)
         return float((away - rocks.reach_m).min())
 
-    def eyes(self, x_m: Array, y_m: Array, height_m: Array, heading_deg: Array, baseline_m: Array) -> Eyes:
+    def eyes(self, x_m: Array, y_m: Array, height_m: Array, heading_deg: Array, baseline_m: Array) -> EyeSurroundings:
         """The surroundings of the right eyes of n cameras whose left eyes stand ``height_m`` above the ground.
 
         Heights are NaN where there is no ground. A left eye is in no rock: the build leaves such rocks out.
@@ -90,12 +90,12 @@ class RockyGround:
         x, y = x_m + baseline_m * np.cos(heading), y_m - baseline_m * np.sin(heading)
         eye = self.heights(x_m, y_m) + height_m
         inside = [
-            self._in_rock(np.array(right), left)
+            self._is_in_rock(np.array(right), left)
             for *right, left in zip(x, y, eye, zip(x_m, y_m, strict=True), strict=True)
         ]
-        return Eyes(eye - self.heights(x, y), np.array(inside, bool))
+        return EyeSurroundings(eye - self.heights(x, y), np.array(inside, bool))
 
-    def _in_rock(self, eye_m: Array, left_m: tuple[float, float]) -> bool:
+    def _is_in_rock(self, eye_m: Array, left_m: tuple[float, float]) -> bool:
         # The build keeps this circle about the left eye clear; without it rocks need not be drawn.
         if math.dist(eye_m[:2], left_m) <= self.settings.rocks.clear_radius_m:
             return False

@@ -14,7 +14,7 @@ from .terrain import Terrain, make_terrain
 _APART = 1.01
 
 
-def skyline_deg(
+def find_skyline_deg(
     ground: Terrain, site_m: tuple[float, float], azimuth_deg: float, body_radius_m: float, farthest_m: float
 ) -> float:
     """Elevation in degrees of the highest ground outside the patch, seen from the ground at the site.
@@ -31,14 +31,14 @@ def skyline_deg(
     return math.degrees(math.atan(float((rise / distance).max())))
 
 
-def skyline_advice(settings: Settings, toward_sun: Array, sun_diameter_deg: float) -> list[str]:
+def advise_on_skyline(settings: Settings, toward_sun: Array, sun_diameter_deg: float) -> list[str]:
     """A sentence if distant hills hide the Sun, whose direction is a unit vector (3,), from the site; else none."""
     elevation = math.degrees(math.asin(float(np.clip(toward_sun[2], -1.0, 1.0))))
     if settings.hills.rms_slope_deg == 0.0 or settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":
         return []
     ground, rig = make_terrain(settings, int(settings.dataset.seed)), settings.rig
     azimuth = math.degrees(math.atan2(toward_sun[0], toward_sun[1]))
-    skyline = skyline_deg(
+    skyline = find_skyline_deg(
         ground, (rig.x_m, rig.y_m), azimuth, float(settings.terrain.body_radius_m), float(settings.mesh.farthest_m)
     )
     if not -sun_diameter_deg / 2 < elevation < skyline + sun_diameter_deg / 2:

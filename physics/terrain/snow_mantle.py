@@ -10,7 +10,7 @@ import numpy as np
 from ...support.arrays import Array
 
 
-def fill(below_m: Array, thickness_m: float) -> Array:
+def snow_depth_m(below_m: Array, thickness_m: float) -> Array:
     """Metres of snow on ground that lies ``below_m`` under its smoothed surroundings (negative: above).
 
     Shallow hollows are filled to that surface, deep ones by ``thickness_m``, with no step between:

@@ -17,21 +17,21 @@ import numpy as np
 from ...settings.topics.ground import TerrainSettings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
-from ..random_numbers.seeds import ground_generator
+from ..random_numbers.seeds import make_ground_generator
 from .hills import make_hills
 from .landforms import MAKERS, Landform, make_plugin_landforms
-from .layers import Layer, make_layer
+from .layers import NoiseLayer, make_layer
 from .roughness.roughness import (
     LAW_FROM,
     LAW_TO,
     RoughSurface,
-    amplitudes,
     carried_share,
+    fit_amplitudes,
     make_rough_surface,
-    wavelengths_m,
+    octave_wavelengths_m,
 )
-from .roughness.structure_function import structure
-from .snow_mantle import fill
+from .roughness.structure_function import structure_function
+from .snow_mantle import snow_depth_m
 
 #: Points worked on at a time, so that their arrays stay in the processor's cache.
 _TILE = 128
@@ -49,7 +49,7 @@ class Terrain:
 
     size_m: float
     base: RoughSurface
-    layers: tuple[Layer, ...] = ()
+    layers: tuple[NoiseLayer, ...] = ()
     landforms: tuple[Landform, ...] = ()
     slope_east: float = 0.0
     slope_north: float = 0.0
@@ -69,8 +69,8 @@ class Terrain:
         shape = np.broadcast_shapes(x.shape, y.shape, np.shape(shortest_m))
         if len(shape) == 2 and x.shape == (1, shape[1]) and y.shape == (shape[0], 1) and np.ndim(shortest_m) == 0:
             result = np.empty(shape)
-            for rows, columns in _tiles(*shape):
-                result[rows, columns] = self._tile(x[:, columns], y[rows], shortest_m)
+            for rows, columns in _list_tiles(*shape):
+                result[rows, columns] = self._compute_tile(x[:, columns], y[rows], shortest_m)
             return result
         x, y = (np.broadcast_to(a, shape).reshape(-1) for a in (x, y))
         shortest = np.broadcast_to(shortest_m, shape).reshape(-1) if np.ndim(shortest_m) else None
@@ -78,35 +78,35 @@ class Terrain:
         result = np.empty(x.size)
         for start in range(0, x.size, _TILE**2):
             some = order[start : start + _TILE**2]
-            result[some] = self._tile(x[some], y[some], shortest_m if shortest is None else shortest[some])
+            result[some] = self._compute_tile(x[some], y[some], shortest_m if shortest is None else shortest[some])
         return result.reshape(shape)
 
     def with_sharp_crests(self) -> Terrain:
         """The same ground for a mesh that has edges along the crests of its landforms."""
         return replace(self, landforms=tuple(each.with_sharp_crests() for each in self.landforms))
 
-    def _tile(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
-        total = self._ground(x, y, shortest_m)
+    def _compute_tile(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
+        total = self._sum_ground(x, y, shortest_m)
         for landform in self.landforms:
             # Only a mesh of one spacing leaves out landforms too fine for it; the error of a graded one is bounded.
             share = landform.carried_share(shortest_m) if np.ndim(shortest_m) == 0 else 1.0
             if share:
                 total += share * landform.heights(x, y, shortest_m)
         if self.mantle_thickness_m:
-            smooth = self._ground(x, y, np.maximum(shortest_m, self.mantle_length_m))
-            total += fill(smooth + (self.mantle_level_m - total), self.mantle_thickness_m)
+            smooth = self._sum_ground(x, y, np.maximum(shortest_m, self.mantle_length_m))
+            total += snow_depth_m(smooth + (self.mantle_level_m - total), self.mantle_thickness_m)
         if self.slope_east or self.slope_north:
-            total += self._regional(x, y)
+            total += self._regional_slope(x, y)
         return total
 
-    def _regional(self, x: Array, y: Array) -> Array:
+    def _regional_slope(self, x: Array, y: Array) -> Array:
         """The regional slope: a plane on the patch, levelling out beyond it to a flank of twice the patch's height."""
         rise = self.slope_east * x + self.slope_north * y
         end = math.hypot(self.slope_east, self.slope_north) * self.size_m * math.sqrt(0.5)
         beyond = np.maximum(np.abs(rise) - end, 0.0)
         return rise if not np.any(beyond) else rise - np.sign(rise) * (beyond + end * np.expm1(-beyond / end))
 
-    def _ground(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
+    def _sum_ground(self, x: Array, y: Array, shortest_m: Numbers) -> Array:
         """The random surface, the layers on it, and the distant hills that it lies on."""
         total = self.base.heights(x, y, shortest_m)
         for each in self.layers:
@@ -116,7 +116,7 @@ class Terrain:
         return total
 
 
-def _tiles(rows: int, columns: int) -> Iterator[tuple[slice, slice]]:
+def _list_tiles(rows: int, columns: int) -> Iterator[tuple[slice, slice]]:
     for j in range(0, rows, _TILE):
         for i in range(0, columns, _TILE):
             yield slice(j, j + _TILE), slice(i, i + _TILE)
@@ -141,15 +141,15 @@ def make_terrain(settings: Settings, seed: int) -> Terrain:
     """
     ground = settings.terrain
     size, variant = float(ground.size_m), int(ground.variant)
-    layers = [make_layer(entry, ground_generator(seed, variant, 2, k)) for k, entry in enumerate(ground.layers)]
+    layers = [make_layer(entry, make_ground_generator(seed, variant, 2, k)) for k, entry in enumerate(ground.layers)]
     landforms = [
-        make(settings[topic], ground_generator(seed, variant, 3, k), size)
+        make(settings[topic], make_ground_generator(seed, variant, 3, k), size)
         for k, (topic, make) in enumerate(MAKERS.items())
     ]
-    landforms += make_plugin_landforms(settings, lambda key: ground_generator(seed, variant, 5, key)).values()
+    landforms += make_plugin_landforms(settings, lambda key: make_ground_generator(seed, variant, 5, key)).values()
     fall, azimuth = (math.radians(ground[k]) for k in ("regional_slope_deg", "regional_slope_azimuth_deg"))
     mantle = settings.mantle
-    base = make_rough_surface(ground, size, ground_generator(seed, variant, 0))
+    base = make_rough_surface(ground, size, make_ground_generator(seed, variant, 0))
     made = Terrain(
         size,
         base,
@@ -159,7 +159,7 @@ def make_terrain(settings: Settings, seed: int) -> Terrain:
         -math.tan(fall) * math.cos(azimuth),
         mantle.thickness_m,
         mantle.length_m,
-        hills=make_hills(settings.hills, ground_generator(seed, variant, 4), size),
+        hills=make_hills(settings.hills, make_ground_generator(seed, variant, 4), size),
     )
     if mantle.thickness_m and made.landforms:
         return _level_mantle(made)
@@ -179,17 +179,17 @@ def law_range_m(ground: TerrainSettings) -> tuple[float, float]:
     return LAW_FROM * ground.inner_scale_m, LAW_TO * ground.outer_scale_m
 
 
-def _lost_share(ground: TerrainSettings, shortest_m: float) -> float:
+def _share_lost_to_mesh(ground: TerrainSettings, shortest_m: float) -> float:
     """Share of the stated RMS deviation at three times the shortest wavelength that a mesh carries which it loses."""
-    wavelength = wavelengths_m(ground)
+    wavelength = octave_wavelengths_m(ground)
     lag = 3 * shortest_m
     if not LAW_FROM * wavelength[-1] <= lag <= LAW_TO * wavelength[0]:
         return 0.0
-    squares = amplitudes(wavelength, ground.hurst) ** 2 * structure(lag / wavelength)
+    squares = fit_amplitudes(wavelength, ground.hurst) ** 2 * structure_function(lag / wavelength)
     return 1.0 - math.sqrt(carried_share(wavelength, shortest_m) ** 2 @ squares / squares.sum())
 
 
-def terrain_advice(settings: Settings, shortest_m: float) -> list[str]:
+def advise_on_terrain(settings: Settings, shortest_m: float) -> list[str]:
     """Sentences about what a mesh whose shortest wavelength is ``shortest_m`` cannot show of the ground.
 
     None if it shows all of it.
@@ -205,7 +205,7 @@ def terrain_advice(settings: Settings, shortest_m: float) -> list[str]:
             f"{ground.slope_baseline_m:g} m become {steep:.0f} degrees at {finest:.2g} m, which no ice "
             "holds; raise terrain.hurst or terrain.inner_scale_m."
         )
-    lost = _lost_share(ground, shortest_m)
+    lost = _share_lost_to_mesh(ground, shortest_m)
     if slope and lost > _MOST_LOST:
         notes.append(
             f"The mesh carries no wave under {shortest_m:.2g} m, so that the ground is {lost:.0%} smoother "

@@ -11,7 +11,7 @@ from ...physics.scene_requirements import surface_topics
 from ...settings.topics.rendering import QualitySettings
 from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..workers.job import blender_command
 from ..workers.process import Process
 
@@ -91,7 +91,7 @@ def find_lack(wanted: Iterable[Settings], blender: str) -> str:
     if not found or count == 1:
         return "".join(found)
     what, fix = found[0].rstrip(".").split("; ", 1)
-    return f"{what}, which {len(found)} of {count_of(count, 'pair')} need; {fix}."
+    return f"{what}, which {len(found)} of {format_count(count, 'pair')} need; {fix}."
 
 
 def check_abilities(wanted: Iterable[Settings], blender: str) -> None:

@@ -16,18 +16,18 @@ from typing import Any
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.scene_requirements import (
-    image_quality,
+    choose_image_quality,
     is_baked,
     only_camera_meets_relief,
-    rendered_surface,
+    simplify_surface,
     surface_topics,
 )
 from ...settings import changes
 from ...settings.topics.scene import Settings
-from ...settings.topics.stand_ins import mesh_item
+from ...settings.topics.stand_ins import find_mesh_item
 from ...support.errors import IcyMoonError
 from ...support.labels import IMAGE_PASS, NORMAL_PASS, rounded_passes
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ...support.system import count_processors
 from ..pairs.pair_folder import is_complete, read_pair
 from ..plans.indirect import bake_seconds, light_bytes, light_key
@@ -154,7 +154,7 @@ class Work:
 
 def work_of(settings: Settings) -> Work:
     """The work of a pair with these complete settings."""
-    quality = image_quality(settings)
+    quality = choose_image_quality(settings)
     topics, coverage = surface_topics(settings), settings.rocks.coverage
     weights = (1.0,) if len(topics) == 1 else (1.0 - coverage, coverage)
     relative = sum(weight * _sample_cost(settings, topic) for weight, topic in zip(weights, topics, strict=True))
@@ -172,7 +172,7 @@ def pixels_of(settings: Settings) -> int:
 
 def bytes_of(settings: Settings) -> float:
     """Bytes of the images of a pair with these complete settings, before any pair of the scene is known."""
-    quality, light = image_quality(settings), settings.light
+    quality, light = choose_image_quality(settings), settings.light
     rounded = rounded_passes(quality.files, quality.half_floats)
     stored = _LIGHT[IMAGE_PASS in rounded]
     samples = samples_taken(quality.samples, quality.noise_threshold)
@@ -210,7 +210,7 @@ def _edge_px(settings: Settings) -> float:
     if source.kind == "PROCEDURAL":
         edge_m = math.sqrt(2.0) * settings.terrain.size_m / (settings.terrain.resolution - 1)
     elif source.kind == "STAND_IN":
-        item = mesh_item(source.stand_in)
+        item = find_mesh_item(source.stand_in)
         edge_m = item.size_m * math.sqrt(2.0 / item.triangles)
     else:
         return 0.0
@@ -231,7 +231,7 @@ def sky_fraction(settings: Settings) -> float:
 
 def _sample_cost(settings: Settings, topic: str) -> float:
     """Cost of a sample that meets a surface, over that with Lambert's law and shaded relief."""
-    surface, hapke = rendered_surface(settings, topic), settings.hapke
+    surface, hapke = simplify_surface(settings, topic), settings.hapke
     relative = _MODELS[surface.model]
     if surface.model == "HAPKE":
         relative = {"REFERENCE": _HAPKE_REFERENCE}.get(hapke.accuracy, relative)
@@ -299,16 +299,18 @@ class Estimate:
         """The estimate in words, a line each."""
         left = self.left_wall_s
         low, high = left / self.factor, left * self.factor
-        basis = f"corrected by {count_of(self.measured, 'rendered pair')}" if self.measured else f"from {self.basis}"
+        basis = (
+            f"corrected by {format_count(self.measured, 'rendered pair')}" if self.measured else f"from {self.basis}"
+        )
         there = f", {self.there} of them there already" if self.there else ""
         lines = [
-            f"{count_of(self.pairs, 'pair')}{there}",
-            f"{count_of(self.geometries, 'ground')}, {count_of(self.surfaces, 'surface')}, "
-            f"{count_of(self.lights, 'light')}; {count_of(self.scenes, 'scene')} to build",
+            f"{format_count(self.pairs, 'pair')}{there}",
+            f"{format_count(self.geometries, 'ground')}, {format_count(self.surfaces, 'surface')}, "
+            f"{format_count(self.lights, 'light')}; {format_count(self.scenes, 'scene')} to build",
         ]
         if self.there < self.pairs:
             lines += [
-                f"{duration_text(left)} on {count_of(self.processors, 'processor')} ({duration_text(low)} to "
+                f"{duration_text(left)} on {format_count(self.processors, 'processor')} ({duration_text(low)} to "
                 f"{duration_text(high)}; {basis}), {duration_text(self.left_s)} of a processor",
                 f"{size_text(self.left_bytes)} on the disk",
             ]
@@ -336,7 +338,10 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
     """The cost of planned pairs on a machine of a known ``speed``. Pairs that are complete are not counted as left,
     and correct the estimate."""
     pairs = ordered(pairs)
-    keys = [tuple(settings_key(part, pair) for part in (changes.scene, changes.look, changes.light)) for pair in pairs]
+    keys = [
+        tuple(settings_key(part, pair) for part in (changes.select_scene, changes.select_look, changes.select_light))
+        for pair in pairs
+    ]
     triangles = _count_triangles_of_all({each[0]: pair for each, pair in zip(keys, pairs, strict=True)})
     there = {pair.id for pair in pairs if dataset is not None and is_complete(pair.folder(dataset))}
     scenes = {pair.id: each[0] for each, pair in zip(keys, pairs, strict=True)}
@@ -352,7 +357,7 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
     return Estimate(
         pairs=len(pairs),
         there=len(there),
-        geometries=len({settings_key(changes.geometry, pair) for pair in pairs}),
+        geometries=len({settings_key(changes.select_geometry, pair) for pair in pairs}),
         scenes=len({k[0] for k in keys}),
         surfaces=len({k[1] for k in keys}),
         lights=len({k[2] for k in keys}),

@@ -10,7 +10,7 @@ from typing import Any
 
 from ...physics.scene_requirements import is_baked
 from ...settings.description import merged
-from ...settings.preset_files import load, preset_header, preset_names, preset_path
+from ...settings.preset_files import find_preset, load, preset_names, read_preset_header
 from ...settings.toml_text import read_toml
 from ...settings.topics.scene import Settings
 from ..plans.indirect import bake_seconds, settle_indirect
@@ -105,5 +105,5 @@ def list_qualities(
 @cache
 def _read_preset(name: str) -> tuple[str, Settings, Mapping[str, Any]]:
     """Title, settings and measured errors of a preset; read once, since the window asks at every redraw."""
-    path = preset_path(name)
-    return preset_header(name)[0], load(path), read_toml(path).get("measured", {})
+    path = find_preset(name)
+    return read_preset_header(name)[0], load(path), read_toml(path).get("measured", {})

@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...physics.light.sky import sky
+from ...physics.light.sky import compute_sky
 from ...physics.scene_requirements import (
-    follows_walk,
-    images_per_bake,
+    count_images_per_bake,
     is_baked,
-    relief_of_camera_alone,
+    is_relief_for_camera_alone,
+    random_walk_px,
     surface_topics,
-    walk_px,
+    traces_random_walk,
     why_not_baked,
 )
 from ...physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
@@ -27,7 +27,7 @@ from ...settings.description import merged
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array, Numbers
 from ...support.errors import IcyMoonError
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..plans.indirect import bake_seconds
 from .abilities import Abilities, lack_for
 from .estimate import work_of
@@ -175,7 +175,7 @@ def _baked_parts(settings: Settings, area: str = "GROUND") -> _Parts:
         {}
         if why_not_baked(settings)
         else {
-            f"{where} by {count_of(most, 'sample')}, {count_of(n, 'direct sample')}": {
+            f"{where} by {format_count(most, 'sample')}, {format_count(n, 'direct sample')}": {
                 "quality": {**fixed, "bake_samples": most, "direct_samples": n}
             }
             for most in _BAKE_SAMPLES
@@ -188,11 +188,13 @@ def _shortcuts(settings: Settings) -> list[_Shortcut]:
     """The parts that the scene has: shaded relief, subsurface scattering, labels and normals."""
     found = []
     topics = surface_topics(settings)
-    if any(relief_of_camera_alone(merged(settings, {"quality": {"fine_relief": "CAMERA"}}), each) for each in topics):
+    if any(
+        is_relief_for_camera_alone(merged(settings, {"quality": {"fine_relief": "CAMERA"}}), each) for each in topics
+    ):
         found.append(
             _Shortcut("fine_relief", "CAMERA", "ALL", "fine relief for camera rays only", "fine relief for all light")
         )
-    walk = max(walk_px(settings, each) for each in topics)
+    walk = max(random_walk_px(settings, each) for each in topics)
     if 0 < walk < _LONGEST_WALK_PX:
         least = settings.quality.walk_px
         lean = least if least > walk else _LONGEST_WALK_PX
@@ -211,7 +213,7 @@ def leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
 
 def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
     """Hapke settings with the surface's albedo for sunlight on level ground: isotropic, smooth, without surges."""
-    incidence = math.radians(90.0 - min(max(sky(settings.light).sun_elevation_deg, 1.0), 90.0))
+    incidence = math.radians(90.0 - min(max(compute_sky(settings.light).sun_elevation_deg, 1.0), 90.0))
 
     def albedo(w: float) -> float:
         def law(i: Numbers, e: Numbers, psi: Numbers) -> Array:
@@ -257,7 +259,7 @@ def candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> l
 
 def _seconds(settings: Settings, images: int) -> float:
     """Processor seconds of an image, with its share of the bake."""
-    bake = bake_seconds(settings) / images_per_bake(settings, images) if is_baked(settings) else 0.0
+    bake = bake_seconds(settings) / count_images_per_bake(settings, images) if is_baked(settings) else 0.0
     return work_of(settings).seconds(0.0) + bake
 
 
@@ -268,7 +270,7 @@ def _has_graded_mesh(settings: Settings) -> bool:
 def _sampled(denoisers: Iterable[str], **quality: float) -> _Parts:
     """Numbers of samples, each with these denoisers; with more samples a denoiser costs more than it can remove."""
     return {
-        f"{count_of(n, 'sample')}{_DENOISERS[denoiser]}": {
+        f"{format_count(n, 'sample')}{_DENOISERS[denoiser]}": {
             "quality": {"samples": n, "denoiser": denoiser, **quality, **_TRACED}
         }
         for denoiser in denoisers
@@ -309,7 +311,7 @@ def _subsurface(settings: Settings) -> _Parts:
         other.replace("_", " ").capitalize(): {"surface": {"subsurface_method": other}},
     }
     return {
-        **(followed if follows_walk(settings, "surface") else {}),
+        **(followed if traces_random_walk(settings, "surface") else {}),
         "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _isotropic_hapke(settings)},
         "Lambert": {"surface": {"model": "LAMBERT"}},
     }
@@ -343,7 +345,7 @@ _HAPKE: _Parts = {
 #: By group of ``GROUPS``, the parts of settings that vary, by the name of the variant; none if a scene lacks them.
 _PARTS: dict[str, Callable[[Settings], _Parts]] = {
     "samples": lambda _: _sampled(_DENOISERS),
-    "bounces": lambda _: {count_of(n, "bounce"): {"quality": {"diffuse_bounces": n, **_TRACED}} for n in _BOUNCES},
+    "bounces": lambda _: {format_count(n, "bounce"): {"quality": {"diffuse_bounces": n, **_TRACED}} for n in _BOUNCES},
     "threshold": _thresholds,
     "indirect": _baked,
     "shortcuts": _left_out,

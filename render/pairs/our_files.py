@@ -19,7 +19,7 @@ from ...support.files import is_of_file_manager
 #: Folder of a data set for arrays that a program gave: heights, albedos, rocks.
 INPUTS = "inputs"
 _ID = re.compile(r"[0-9a-f]{12}")
-#: What ``files.part_of`` appends: host, process and number.
+#: What ``files.make_part_path`` appends: host, process and number.
 _UNFINISHED = r"\.[^/\\]+-\d+-\d+\.part"
 _CLAIM = r"[0-9a-f]{12}\.\d{1,9}"
 #: Names in each of our folders that may be removed.

@@ -18,9 +18,9 @@ import numpy as np
 
 from ...physics.camera.blur import is_blurred
 from ...physics.camera.stereo_camera import CAMERA_SHAPE, StereoCamera
-from ...physics.light.scene_sun import SceneSun, from_json
-from ...settings.changes import response
-from ...settings.description import Restorer, merged, restored
+from ...physics.light.scene_sun import SceneSun, sun_from_json
+from ...settings.changes import select_response
+from ...settings.description import Restorer, merged, restore_settings
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -40,8 +40,8 @@ from ...support.file_shapes import (
     check_record,
     find_fault,
 )
-from ...support.files import PART, json_text, quote, read_text, replace_if_unchanged, sha256
-from ...support.foreign_bytes import parse_json, reason_of
+from ...support.files import PART, hash_file, quote, read_text, replace_if_unchanged, to_json_text
+from ...support.foreign_bytes import describe_reason, parse_json
 from .our_files import check_no_link, checked_id, folder_of_pairs, is_regular
 from .statements import find_contradictions
 from .workspace_cells import workspace_files
@@ -83,7 +83,7 @@ class Pair:
     @property
     def sun(self) -> SceneSun | None:
         """The Sun that lit its images; None if the pair does not contain it."""
-        return from_json(self.data.get("light"))
+        return sun_from_json(self.data.get("light"))
 
     @property
     def rectified_poses(self) -> dict[str, Any] | None:
@@ -102,7 +102,7 @@ class Pair:
         return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)
 
 
-#: Makes complete settings of stored ones: ``description.restored``, or a ``Restorer`` for many.
+#: Makes complete settings of stored ones: ``description.restore_settings``, or a ``Restorer`` for many.
 Restore = Callable[[Mapping[str, Any], str, str], Settings]
 _FIX = "move the folder away and render the pair again"
 #: The settings of a pair, and the version that wrote them.
@@ -151,17 +151,17 @@ def _read_pair_json(path: Path) -> str:
     except FileNotFoundError:
         raise IcyMoonError(f"{path.parent} is not a complete stereo pair (no pair.json); render it again.") from None
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {_FIX}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {_FIX}.") from None
 
 
 def _parse(path: Path, text: str) -> Any:
     try:
         return parse_json(text)
     except ValueError as error:
-        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {_FIX}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {_FIX}.") from None
 
 
-def read_pair(folder: Path, restore: Restore = restored) -> Pair:
+def read_pair(folder: Path, restore: Restore = restore_settings) -> Pair:
     """Read ``pair.json`` of one pair. Raises IcyMoonError if it is missing, foreign or incomplete.
 
     ``restore`` is a ``Restorer`` for many pairs.
@@ -170,7 +170,7 @@ def read_pair(folder: Path, restore: Restore = restored) -> Pair:
     return check_pair(folder, _parse(path, _read_pair_json(path)), restore)
 
 
-def check_pair(folder: Path, data: object, restore: Restore = restored) -> Pair:
+def check_pair(folder: Path, data: object, restore: Restore = restore_settings) -> Pair:
     """The pair whose ``pair.json`` has this content, see ``read_pair``."""
     path = folder / "pair.json"
     if not isinstance(data, dict) or data.get("format") != FORMAT:
@@ -269,12 +269,14 @@ def has_its_files(folder: Path, data: Any) -> bool:
     )
 
 
-def has_response(folder: Path, data: Mapping[str, Any], settings: Settings, restore: Restore = restored) -> bool:
+def has_response(
+    folder: Path, data: Mapping[str, Any], settings: Settings, restore: Restore = restore_settings
+) -> bool:
     """Whether a pair, with this content of its ``pair.json``, states the camera response of these settings."""
     path = folder / "pair.json"
     check_record(data, _SETTINGS_SHAPE, path, _FIX)
     stated = restore(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
-    return response(stated) == response(settings)
+    return select_response(stated) == select_response(settings)
 
 
 def update_response(folder: Path, settings: Settings) -> None:
@@ -289,7 +291,7 @@ def update_response(folder: Path, settings: Settings) -> None:
     # Compared as they are read: a setting that is newer than the file is no difference.
     if has_response(folder, data, settings):
         return
-    now = json_text({**data, "settings": merged(data["settings"], response(settings))})
+    now = to_json_text({**data, "settings": merged(data["settings"], select_response(settings))})
     if not replace_if_unchanged(path, before, now):
         update_response(folder, settings)
 
@@ -326,7 +328,7 @@ def find_changed_files(pair: Pair) -> list[str]:
     return [
         name
         for name, fact in pair.data["files"].items()
-        if not (pair.folder / name).is_file() or sha256(pair.folder / name) != fact["sha256"]
+        if not (pair.folder / name).is_file() or hash_file(pair.folder / name) != fact["sha256"]
     ]
 
 

@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ...support.errors import IcyMoonError
-from ...support.files import explain_disk_errors, part_of
+from ...support.files import explain_disk_errors, make_part_path
 from ...support.system import flush, rename
 from .our_files import find_reason_to_keep, is_of_a_pair, remove_ours
 from .pair_folder import is_whole
@@ -35,7 +35,7 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
                 if not again and is_whole(folder):
                     return  # another has finished it meanwhile
                 check_place(folder)
-                aside.append(part_of(folder))
+                aside.append(make_part_path(folder))
                 with suppress(FileNotFoundError):
                     _try_rename(folder, aside[-1])
                 if not again:
@@ -74,7 +74,7 @@ def discard(part: Path) -> None:
 
     What cannot be removed is left for whoever sweeps next.
     """
-    doomed, dataset = part_of(part.with_name(part.name.split(".")[0])), part.parent.parent
+    doomed, dataset = make_part_path(part.with_name(part.name.split(".")[0])), part.parent.parent
     with suppress(OSError):
         if not find_reason_to_keep(part, dataset):
             rename(part, doomed)

@@ -27,13 +27,15 @@ def scene_of(pair: Pair) -> str:
     """
     own = pair.id if pair.data.get("edited_by_hand") else pair.data.get("own_files_sha256", "")
     # As ids are made: a setting that a later version adds moves no scene into another split.
-    shape = [[name, value] for part in pair_ids.counted(pair.settings) for name, value in part if _is_shape(name)]
+    shape = [
+        [name, value] for part in pair_ids.list_counted_values(pair.settings) for name, value in part if _is_shape(name)
+    ]
     return hashlib.sha256(json.dumps([shape, own], sort_keys=True).encode()).hexdigest()[:12]
 
 
 def _is_shape(name: str) -> bool:
     """Whether the shape of ground and rocks depends on a setting, or on an entry of its list."""
-    topic, key, *_ = re.split(r"[. ]", pair_ids.present_name(name))
+    topic, key, *_ = re.split(r"[. ]", pair_ids.find_present_name(name))
     return topic in TOPICS and any(s.key == key and s.effect == "geometry" for s in TOPICS[topic].settings)
 
 

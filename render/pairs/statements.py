@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.camera.blur import blur_of
-from ...physics.camera.lens_distortion import COEFFICIENTS, coefficients
-from ...physics.excavation.jitter import jittered_rig
-from ...physics.light.directions import camera_axes, toward
-from ...physics.light.scene_sun import described_by, from_json
-from ...physics.light.sky import azimuth_deg, elevation_deg, sky, sky_facts
+from ...physics.camera.blur import find_blur
+from ...physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
+from ...physics.excavation.jitter import jitter_rig
+from ...physics.light.directions import camera_axes, direction_toward
+from ...physics.light.scene_sun import sun_from_facts, sun_from_json
+from ...physics.light.sky import azimuth_deg, compute_sky, describe_sky, elevation_deg
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -45,7 +45,7 @@ def find_contradictions(
     ``camera`` and ``eyes`` are these tables of the settings, see ``StereoCamera``.
     """
     by_hand = bool(data.get("edited_by_hand"))
-    distortion = dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True))
+    distortion = dict(zip(COEFFICIENTS, read_coefficients(settings.rig), strict=True))
     yield from _compare("camera", data["camera"], camera)
     yield from _compare(
         "eyes", data.get("eyes", {}), {eye: {**facts, "distortion": distortion} for eye, facts in eyes.items()}
@@ -70,7 +70,7 @@ def find_contradictions(
 def _describe_blur(settings: Settings) -> dict[str, Any]:
     """The numbers of the table "blur"; nothing where the camera response has changed to one that cannot be rendered."""
     try:
-        blur = blur_of(settings)
+        blur = find_blur(settings)
     except IcyMoonError:
         return {}
     return {"blur": blur and {key: value for key, value in blur.to_json().items() if key != "truth"}}
@@ -85,7 +85,7 @@ def _compare_poses(
         return
     left, right = (np.array(data[name][eye], np.float64) for eye in ("left", "right"))
     if not by_hand:
-        rig = jittered_rig(settings)
+        rig = jitter_rig(settings)
         wanted = np.eye(4)
         wanted[:3, :3] = camera_axes(rig.heading_deg, rig.pitch_deg)
         wanted[:3, 3] = rig.x_m, rig.y_m, left[2, 3]
@@ -112,10 +112,10 @@ def _compare_pose(name: str, stated: Array, wanted: Array, place_m: float) -> It
 def _compare_light(light: Mapping[str, Any], settings: Settings, by_hand: bool) -> Iterator[str]:
     """Contradictions in the table "light": with the settings, and of angles with directions."""
     facts = {} if by_hand else _describe_sky(settings)
-    sun = from_json(light)
+    sun = sun_from_json(light)
     if sun is not None and (facts or "source" in light["sun"]):
         # A pair of a version that stated no source has the angles of its settings, whatever was turned by hand.
-        wanted = described_by(facts["sun"], settings.light.directions_from) if facts else sun
+        wanted = sun_from_facts(facts["sun"], settings.light.directions_from) if facts else sun
         stated = {**light["sun"], "distance_m": sun.distance_m}
         yield from _compare_direction("light.sun", light["sun"], wanted.direction)
         yield from _compare(
@@ -149,7 +149,7 @@ def _compare_indirect(stated: Any, light: Mapping[str, Any], settings: Settings)
     noise, most = stated.get("noise"), settings.quality.bake_noise
     if not is_number(noise) or 0 < most < noise - _NOISE_DIGITS:
         yield f"indirect.noise is {_show(noise)}, and its settings give at most {_show(most)}"
-    sun, lights = from_json(light), stated.get("lights")
+    sun, lights = sun_from_json(light), stated.get("lights")
     if sun is None or not isinstance(lights, Mapping):
         return
     planet = {"Planet"} & lights.keys() if light.get("planet") else set()
@@ -159,11 +159,11 @@ def _compare_indirect(stated: Any, light: Mapping[str, Any], settings: Settings)
 
 
 def _describe_sky(settings: Settings) -> dict[str, Any]:
-    """The table of ``sky.sky_facts``; nothing where it needs kernels, or settings that are accepted no more."""
+    """The table of ``sky.describe_sky``; nothing where it needs kernels, or settings that are accepted no more."""
     if settings.light.directions_from == "KERNELS":
         return {}
     try:
-        return sky_facts(sky(settings.light))
+        return describe_sky(compute_sky(settings.light))
     except IcyMoonError:
         return {}
 
@@ -197,7 +197,7 @@ def _compare_direction(name: str, stated: Mapping[str, Any], wanted: Array) -> I
     elevation, azimuth = (stated.get(key, angle) for key, angle in angles.items())
     if not (is_number(elevation) and is_number(azimuth)):
         yield from _compare(name, stated, angles)
-    elif np.abs(toward(azimuth, elevation) - wanted).max() > _SINGLE:
+    elif np.abs(direction_toward(azimuth, elevation) - wanted).max() > _SINGLE:
         is_high = abs(elevation - angles["elevation_deg"]) > math.degrees(_SINGLE)
         key = "elevation_deg" if is_high else "azimuth_deg"
         yield _contradict(f"{name}.{key}", stated[key], angles[key])

@@ -11,19 +11,19 @@ from pathlib import Path
 
 from ...formats.toml_lines import Place
 from ...physics import scene_checks
-from ...physics.camera.blur import blur_identity
-from ...physics.random_numbers.seeds import generator, stream
+from ...physics.camera.blur import describe_blur_identity
+from ...physics.random_numbers.seeds import make_generator, seed_stream
 from ...physics.scene_checks import Reason
 from ...physics.terrain.sites import RockyGround, make_rocky_ground
 from ...settings.description import defaults, digest, merged
 from ...settings.pair_ids import make_counter
-from ...settings.preset_files import beside
-from ...settings.table import TOPICS, all_settings
-from ...settings.table_texts import Texts
+from ...settings.preset_files import make_paths_relative_to
+from ...settings.table import TOPICS, list_all_settings
+from ...settings.table_texts import SettingsTexts
 from ...settings.topics.scene import Settings
-from ...settings.user_files import content, used_files
+from ...settings.user_files import find_used_files, hash_content
 from ...support.errors import IcyMoonError
-from ...support.foreign_bytes import backslash_note
+from ...support.foreign_bytes import note_on_backslashes
 from . import poses, sweeps
 from .indirect import choose_indirect
 from .overwritten import check_overwritten
@@ -37,7 +37,7 @@ MOST_GROUNDS = 32
 Report = Callable[[int, int], None]
 #: Pairs from one report to the next.
 _REPORTED = 100
-#: Topics that ``scene_checks.reasons_of_settings`` reads, and the settings of the terrain that it reads.
+#: Topics that ``scene_checks.find_reasons_in_settings`` reads, and the settings of the terrain that it reads.
 _OF_SETTINGS = (
     "source",
     "surface",
@@ -51,7 +51,7 @@ _OF_SETTINGS = (
     "excavation",
 )
 _OF_TERRAIN = ("size_m", "body_radius_m")
-_GEOMETRY = [(topic, s.key) for topic, s in all_settings() if s.effect == "geometry"]
+_GEOMETRY = [(topic, s.key) for topic, s in list_all_settings() if s.effect == "geometry"]
 _RIG = [("rig", s.key) for s in TOPICS["rig"].settings]
 _REASONS = [
     *((topic, s.key) for topic in _OF_SETTINGS for s in TOPICS[topic].settings),
@@ -108,7 +108,7 @@ class _Grounds:
 
     def __init__(self) -> None:
         self._known: dict[str, RockyGround] = {}
-        self._keys = Texts(_GEOMETRY)
+        self._keys = SettingsTexts(_GEOMETRY)
 
     def key_of(self, settings: Settings) -> str:
         """What made-up ground and its rocks depend on."""
@@ -145,7 +145,7 @@ def combine(design: Design, most_grounds: int = MOST_GROUNDS, report: Report = l
     """
     grounds = _Grounds()
     made = _deal_grounds(list(_combinations(design)), design)
-    rigs = Texts(_RIG)
+    rigs = SettingsTexts(_RIG)
     for sweep in _cameras(design):
         known: dict[str, list[Variation]] = {}
         made = [
@@ -165,7 +165,7 @@ def combine(design: Design, most_grounds: int = MOST_GROUNDS, report: Report = l
     count = make_counter()
     described = choose_indirect([each.settings for each in made])
     pairs = [
-        PlannedPair(digest(settings, _read_content(each) + blur_identity(settings), count), settings, 0.0)
+        PlannedPair(digest(settings, _read_content(each) + describe_blur_identity(settings), count), settings, 0.0)
         for each, settings in zip(made, described, strict=True)
     ]
     refused = {pair.id: str(error) for pair, error in zip(pairs, refusals, strict=True) if error}
@@ -181,7 +181,7 @@ def _with_file_paths(part: Variation, design: Design) -> Variation:
     """A part whose relative files are in the plan's folder of files, or beside the plan that names them."""
     if not part.settings:
         return part
-    return replace(part, settings=beside(design.files or part.place.file.parent, merged(part.settings)))
+    return replace(part, settings=make_paths_relative_to(design.files or part.place.file.parent, merged(part.settings)))
 
 
 def _combinations(design: Design) -> Iterator[_Combination]:
@@ -242,7 +242,7 @@ def _deal_grounds(made: list[_Combination], design: Design) -> list[_Combination
         return made
     stated, place = design.grounds
     count = min(stated, len(made))
-    order = generator(int(made[0].settings.dataset.seed), "plan", zlib.crc32(b"grounds")).permutation(len(made))
+    order = make_generator(int(made[0].settings.dataset.seed), "plan", zlib.crc32(b"grounds")).permutation(len(made))
     children: dict[int, list[int]] = {}
     dealt = []
     for each, k in zip(made, order, strict=True):
@@ -260,11 +260,11 @@ def seeds_of(stated: int | list[int], seed: int) -> list[int]:
     are the same for any number."""
     if isinstance(stated, list):
         return stated
-    return [int(stream(seed, "plan", k).generate_state(1)[0] >> 1) for k in range(stated)]
+    return [int(seed_stream(seed, "plan", k).generate_state(1)[0] >> 1) for k in range(stated)]
 
 
 def _place_cameras(
-    sweep: Sweep, made: _Combination, grounds: _Grounds, rigs: Texts, known: dict[str, list[Variation]]
+    sweep: Sweep, made: _Combination, grounds: _Grounds, rigs: SettingsTexts, known: dict[str, list[Variation]]
 ) -> list[Variation]:
     """The cameras that a sweep gives to a combination; computed once for each ground and rig."""
     key = grounds.key_of(made.settings) + rigs.of(made.settings)
@@ -311,7 +311,7 @@ def _headings_of(made: _Combination) -> Iterator[_Combination]:
 
 def _read_content(made: _Combination) -> str:
     try:
-        return content(made.settings)
+        return hash_content(made.settings)
     except IcyMoonError as error:
         raise _at_place(error, made.place_of("source.file", "textures.albedo_file")) from None
 
@@ -338,7 +338,7 @@ def _find_refusals(
     Raises IcyMoonError for a missing file, and for a camera outside the ground.
     """
     seen: set[str] = set()
-    files, reasons, rigs = Texts(_FILES), Texts(_REASONS), Texts(_RIG)
+    files, reasons, rigs = SettingsTexts(_FILES), SettingsTexts(_REASONS), SettingsTexts(_RIG)
     known: dict[str, list[Reason]] = {}
     standing_on: dict[int, tuple[RockyGround, list[int]]] = {}
     found: list[list[Reason]] = []
@@ -352,7 +352,7 @@ def _find_refusals(
         if each.settings.lander.kind != "NONE" or each.settings.excavation.path != "NONE":
             key += rigs.of(each.settings)  # an arm may be around an eye, a trench too far from it
         if key not in known:
-            known[key] = scene_checks.reasons_of_settings(each.settings)
+            known[key] = scene_checks.find_reasons_in_settings(each.settings)
         found.append(list(known[key]))
         if each.settings.source.kind == "PROCEDURAL" and grounds.key_of(each.settings) in looked_at:
             try:
@@ -368,7 +368,7 @@ def _find_refusals(
 
 def _check_eyes(ground: RockyGround, made: list[_Combination]) -> list[Reason | None]:
     try:
-        found = scene_checks.reasons_of_eyes(ground, [each.settings.rig for each in made])
+        found = scene_checks.find_eye_reasons(ground, [each.settings.rig for each in made])
     except IcyMoonError as error:  # sizes of rocks that contradict each other
         return [Reason(str(error)) for _ in made]
     for each, reason in zip(made, found, strict=True):
@@ -395,14 +395,14 @@ def _place_named_in(error: IcyMoonError, made: _Combination) -> Place | None:
 def _check_files(made: _Combination) -> None:
     """Refuse a file that is not there."""
     try:
-        files = used_files(made.settings)
+        files = find_used_files(made.settings)
     except IcyMoonError as error:
         raise _at_place(error, _place_named_in(error, made)) from None
     for name, path in files.items():
         if not (path.is_file() or (name == "light.kernels" and path.is_dir())):
             raise _at_place(
                 IcyMoonError(
-                    f"{name}: {path} is missing{backslash_note(path)}; put it there, or "
+                    f"{name}: {path} is missing{note_on_backslashes(path)}; put it there, or "
                     "extend this plan by one of your own that names another file, or that states "
                     "its folder in plan.files."
                 ),

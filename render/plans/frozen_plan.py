@@ -13,15 +13,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...settings.description import asking_to_update, changed, check, overlaid, restored
-from ...settings.pair_ids import counts, value_in_id
-from ...settings.table import all_settings
+from ...settings.description import ask_to_update, changed, check, overlaid, restore_settings
+from ...settings.pair_ids import affects_pixels, value_in_id
+from ...settings.table import list_all_settings
 from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import COUNT, TABLE, TEXT, Each, check_record
 from ...support.files import quote, read_text, write_text
-from ...support.foreign_bytes import parse_json, reason_of
-from ...support.number_text import count_of
+from ...support.foreign_bytes import describe_reason, parse_json
+from ...support.number_text import format_count
 from ...support.version import version
 from ..pairs.our_files import checked_id
 from ..pairs.pair_folder import is_complete
@@ -78,7 +78,7 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
         if lacking:
             raise IcyMoonError(
                 f"{dataset} contains another data set: {len(lacking)} of its "
-                f"{count_of(len(known.pairs), 'pair')} {'is' if len(lacking) == 1 else 'are'} not in "
+                f"{format_count(len(known.pairs), 'pair')} {'is' if len(lacking) == 1 else 'are'} not in "
                 f"this plan, since {_describe_difference(known.pairs, pairs)}. To continue that data "
                 "set, use icymoon work. For this plan choose another folder, or let it have those "
                 "pairs too."
@@ -102,7 +102,7 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
 
 def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPair]) -> str:
     """By which settings some ``known`` pairs are not among the others, in words."""
-    names = [(topic, s.key) for topic, s in all_settings() if counts(s)]
+    names = [(topic, s.key) for topic, s in list_all_settings() if affects_pixels(s)]
     before, now = (
         {name: {_value(name, pair): pair.settings[name[0]][name[1]] for pair in plan} for name in names}
         for plan in (known, pairs)
@@ -138,12 +138,12 @@ def _describe_change(name: str, before: Mapping[str, Any], now: Mapping[str, Any
 
 def _list_values(values: Sequence[Any]) -> str:
     more = len(values) - 1
-    return quote(values[0]) + (f" and {count_of(more, 'more value')}" if more else "")
+    return quote(values[0]) + (f" and {format_count(more, 'more value')}" if more else "")
 
 
 def _join(texts: Sequence[str]) -> str:
     more = len(texts) - _MOST_NAMED
-    return ", ".join([*texts[:_MOST_NAMED], *([count_of(more, "more setting")] if more > 0 else [])])
+    return ", ".join([*texts[:_MOST_NAMED], *([format_count(more, "more setting")] if more > 0 else [])])
 
 
 def read_frozen_plan(dataset: Path) -> FrozenPlan:
@@ -154,7 +154,7 @@ def read_frozen_plan(dataset: Path) -> FrozenPlan:
     try:
         header, *lines = [parse_json(line) for line in read_text(path).split("\n") if line]
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {_FIX}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({describe_reason(error)}); {_FIX}.") from None
     check_record(header, _KIND, path, _FIX)
     if header["format"] != FORMAT or header["version"] != VERSION:
         raise IcyMoonError(
@@ -162,11 +162,11 @@ def read_frozen_plan(dataset: Path) -> FrozenPlan:
             f"{VERSION} of {FORMAT}; use the version that wrote it."
         )
     check_record(header, _HEADER, path, _FIX)
-    base = restored(header["settings"], str(path), header["icymoon"])
-    with asking_to_update(str(path), header["icymoon"]):
+    base = restore_settings(header["settings"], str(path), header["icymoon"])
+    with ask_to_update(str(path), header["icymoon"]):
         pairs = tuple(_parse_pair(line, base, path) for line in lines)
     if (there := len({pair.id for pair in pairs})) != header["pairs"]:
-        raise IcyMoonError(f"{path} contains {there} of {count_of(header['pairs'], 'pair')}; {_FIX}.")
+        raise IcyMoonError(f"{path} contains {there} of {format_count(header['pairs'], 'pair')}; {_FIX}.")
     return FrozenPlan(pairs, header["plan"], header["icymoon"])
 
 

@@ -16,19 +16,19 @@ import numpy as np
 
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.baked_rocks import POINTS
-from ...physics.mesh.grading import grade
-from ...physics.rig.seen_points import is_seen
+from ...physics.mesh.grading import choose_vertex_spacing
+from ...physics.rig.seen_points import is_in_view
 from ...physics.rocks.rocks import LEVEL_RANKS
-from ...physics.rocks.size_laws import size_law
+from ...physics.rocks.size_laws import make_size_law
 from ...physics.rocks.table import TABLE
-from ...physics.scene_requirements import can_be_baked, direct_quality, images_per_bake
+from ...physics.scene_requirements import can_be_baked, count_images_per_bake, make_direct_quality
 from ...physics.terrain.terrain import make_terrain
 from ...settings import changes
 from ...settings.description import merged
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.rendering import QualitySettings
 from ...settings.topics.scene import Settings
-from ...settings.topics.stand_ins import mesh_item
+from ...settings.topics.stand_ins import find_mesh_item
 from ...support.errors import IcyMoonError
 from .triangles import count_triangles
 
@@ -71,18 +71,18 @@ def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
 def settle_indirect(settings: Settings, images: int) -> Settings:
     """Settings with BAKED or TRACED in place of AUTO, as in a data set of ``images`` images of one ground under one
     Sun, in different directions."""
-    return choose_indirect([settings] * images_per_bake(settings, images))[0]
+    return choose_indirect([settings] * count_images_per_bake(settings, images))[0]
 
 
 def light_key(settings: Settings) -> str:
     """A text that is equal for pairs that can share baked light."""
     quality = settings.quality
-    seen = [changes.camera(settings)] if quality.bake_area == "VIEW" else []
+    seen = [changes.select_camera(settings)] if quality.bake_area == "VIEW" else []
     return json.dumps(
         [
-            changes.scene(settings),
-            changes.look(settings),
-            changes.light(settings),
+            changes.select_scene(settings),
+            changes.select_look(settings),
+            changes.select_light(settings),
             quality.diffuse_bounces,
             quality.bake_samples,
             quality.bake_noise,
@@ -94,7 +94,7 @@ def light_key(settings: Settings) -> str:
 def break_even(settings: Settings) -> int:
     """Number of images of a ground under one Sun from which baked light takes less than traced light; 0 if it never
     does."""
-    saved = _pair_seconds(settings, settings.quality) - _pair_seconds(settings, direct_quality(settings.quality))
+    saved = _pair_seconds(settings, settings.quality) - _pair_seconds(settings, make_direct_quality(settings.quality))
     return 0 if saved <= 0 else max(1, round(0.5 + bake_seconds(settings) / saved))
 
 
@@ -120,15 +120,15 @@ def _count_corners(settings: Settings) -> float:
     terrain, rig, source = settings.terrain, settings.rig, settings.source
     in_view = settings.quality.bake_area == "VIEW"
     if source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
-        rings = grade(make_terrain(settings, int(settings.dataset.seed)), settings).rings
+        rings = choose_vertex_spacing(make_terrain(settings, int(settings.dataset.seed)), settings).rings
         corners = _OF_TRIANGLES * rings.vertices
         if in_view:
             east, north = rings.map_positions()
-            corners *= is_seen(rig, east, north, np.full(len(east), -rig.height_m)).mean()
+            corners *= is_in_view(rig, east, north, np.full(len(east), -rig.height_m)).mean()
         return float(corners)
     size_m, corners = terrain.size_m, _OF_A_QUAD * terrain.resolution**2
     if source.kind == "STAND_IN":
-        size_m = mesh_item(source.stand_in).size_m
+        size_m = find_mesh_item(source.stand_in).size_m
     if source.kind in ("STAND_IN", "MESH"):
         with suppress(IcyMoonError):  # a file that cannot be read; the build reports why
             corners = _OF_A_TRIANGLE * count_triangles(settings)
@@ -142,7 +142,7 @@ def _share_seen(size_m: float, points: int, rig_items: tuple[tuple[str, float], 
     rig = RigSettings.from_values(rig_items)
     across = np.linspace(-size_m / 2, size_m / 2, points)
     east, north = (each.ravel() for each in np.meshgrid(across - rig.x_m, across - rig.y_m))
-    return float(is_seen(rig, east, north, np.full(len(east), -rig.height_m)).mean())
+    return float(is_in_view(rig, east, north, np.full(len(east), -rig.height_m)).mean())
 
 
 def _count_points(settings: Settings) -> float:
@@ -160,7 +160,7 @@ def _count_rocks(settings: Settings) -> float:
     if rocks.law == TABLE:
         return float(rocks.most)
     far = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED" and rocks.beyond_px > 0
-    of_the_patch = size_law(rocks).total_per_m2 * settings.terrain.size_m**2
+    of_the_patch = make_size_law(rocks).total_per_m2 * settings.terrain.size_m**2
     return min(float(rocks.most), of_the_patch * (_WITH_FAR_ROCKS if far else 1.0))
 
 

@@ -17,12 +17,12 @@ from ...support.system import count_processors
 from .planned_pair import PlannedPair
 
 _STAGES: tuple[Callable[[Settings], Parts], ...] = (
-    changes.scene,
-    changes.look,
-    changes.light,
-    changes.lander,
-    changes.camera,
-    changes.sampling,
+    changes.select_scene,
+    changes.select_look,
+    changes.select_light,
+    changes.select_lander,
+    changes.select_camera,
+    changes.select_sampling,
 )
 #: Jobs per worker that a data set is cut into, so that the last ones of all workers end at about the same time.
 _JOBS_PER_WORKER = 4
@@ -38,7 +38,7 @@ def usual_workers() -> int:
 
 
 def settings_key(part: Callable[[Settings], Parts], pair: PlannedPair) -> str:
-    """A text that is equal for pairs that agree in a part of their settings, such as ``changes.scene``."""
+    """A text that is equal for pairs that agree in a part of their settings, such as ``changes.select_scene``."""
     return json.dumps(part(pair.settings))
 
 
@@ -56,7 +56,7 @@ def ordered(pairs: Sequence[PlannedPair]) -> list[PlannedPair]:
 
 def runs_of_scenes(pairs: Sequence[PlannedPair]) -> list[list[PlannedPair]]:
     """Ordered pairs, in runs that share a scene."""
-    return [list(run) for _, run in groupby(pairs, lambda pair: settings_key(changes.scene, pair))]
+    return [list(run) for _, run in groupby(pairs, lambda pair: settings_key(changes.select_scene, pair))]
 
 
 def cut_into_jobs(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) -> list[list[PlannedPair]]:

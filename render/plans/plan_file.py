@@ -16,11 +16,11 @@ from typing import Any
 from ...formats.toml_lines import Place
 from ...settings.description import check
 from ...settings.preset_files import PLANS, plan_names
-from ...settings.toml_text import read_toml, toml_and_text
+from ...settings.toml_text import read_toml, read_toml_and_text
 from ...support.errors import IcyMoonError
 from ...support.files import is_file, parse_path, quote
 from ...support.foreign_bytes import parse_toml
-from ...support.suggestions import nearest
+from ...support.suggestions import suggest_nearest
 from ..pairs.scene_splits import check_splits
 from . import poses, sweeps
 from .combine import MOST_GROUNDS, Combined, Design, Report, combine
@@ -151,7 +151,7 @@ def find_plan(name: str) -> Path:
     path = parse_path(name, "The plan")
     if path.suffix == ".toml" or os.path.lexists(path):
         return path
-    raise IcyMoonError(f"Unknown plan {quote(name)}, {nearest(name, plan_names())}")
+    raise IcyMoonError(f"Unknown plan {quote(name)}, {suggest_nearest(name, plan_names())}")
 
 
 def read_plan_header(path: Path) -> tuple[str, str]:
@@ -171,7 +171,7 @@ def parse_plan(path: Path, text: str) -> Plan:
 
 
 def _read_extended(path: Path, readers: tuple[Path, ...]) -> Plan:
-    return _parse(path, *toml_and_text(path), readers)
+    return _parse(path, *read_toml_and_text(path), readers)
 
 
 def _parse(path: Path, data: dict[str, Any], text: str, readers: tuple[Path, ...]) -> Plan:
@@ -253,7 +253,7 @@ def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, 
     for name, at in _names(header, "without", place):
         if not any(name == sweep.name for design in designs for sweep in design.sweeps):
             known = sorted({sweep.name for design in designs for sweep in design.sweeps})
-            raise IcyMoonError(f"{at}: there is no sweep {quote(name)} to leave out, {nearest(name, known)}")
+            raise IcyMoonError(f"{at}: there is no sweep {quote(name)} to leave out, {suggest_nearest(name, known)}")
         designs = [replace(design, sweeps=tuple(b for b in design.sweeps if b.name != name)) for design in designs]
     return designs
 
@@ -314,12 +314,12 @@ def _with_sweep(designs: Sequence[Design], table: Mapping[str, Any], place: Plac
     kind, replaces = table.get("kind"), _text(table, "replaces", place) or None
     if kind not in kinds:
         problem = "lacks its kind" if kind is None else f"is of kind {quote(kind)}"
-        raise IcyMoonError(f"{place.at('kind')}: this sweep {problem}, {nearest(str(kind), kinds)}")
+        raise IcyMoonError(f"{place.at('kind')}: this sweep {problem}, {suggest_nearest(str(kind), kinds)}")
     known = {sweep.name for design in designs for sweep in design.sweeps}
     if replaces is not None and replaces not in known:
         raise IcyMoonError(
             f"{place.at('replaces')}: there is no sweep {quote(replaces)} to replace, "
-            f"{nearest(replaces, sorted(known))}"
+            f"{suggest_nearest(replaces, sorted(known))}"
         )
     # Random numbers depend on the name; a made-up one counts the sweeps of its kind in this file.
     name = replaces or _text(table, "name", place) or _free_name(kind, known)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...physics.camera.blur import blur_identity
-from ...physics.random_numbers.seeds import stream
+from ...physics.camera.blur import describe_blur_identity
+from ...physics.random_numbers.seeds import seed_stream
 from ...settings.description import digest, merged
 from ...settings.topics.scene import Settings
 from ..pairs.our_files import folder_of_pair
@@ -29,7 +29,7 @@ class PlannedPair:
     @property
     def render_seed(self) -> int:
         """Seed of Cycles' sampling: another one for every pair, the same for the same pair."""
-        state = stream(int(self.settings.dataset.seed), "render", int(self.id, 16)).generate_state(1)
+        state = seed_stream(int(self.settings.dataset.seed), "render", int(self.id, 16)).generate_state(1)
         return int(state[0] >> 1)
 
 
@@ -53,6 +53,6 @@ def expand_headings(settings: Settings, extra: str = "") -> list[PlannedPair]:
         ]
     )
     return [
-        PlannedPair(digest(turned, extra + blur_identity(turned)), turned, 360.0 * k / headings)
+        PlannedPair(digest(turned, extra + describe_blur_identity(turned)), turned, 360.0 * k / headings)
         for k, turned in enumerate(described)
     ]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...formats.toml_lines import Place
-from ...physics.light.directions import toward
+from ...physics.light.directions import direction_toward
 from ...physics.scene_checks import LOWEST_M
 from ...physics.terrain.sites import RockyGround
 from ...settings.topics.scene import Settings
@@ -21,7 +21,7 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import is_number
 from ...support.files import quote
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from .planned_pair import turned_heading_deg
 from .sweeps import Sweep, Variation, axis_generator, check_keys, check_pair_count, check_settings, read_count
 
@@ -100,7 +100,7 @@ def _look_at(
     target: Array, distance: float, elevation: float, azimuth: float, sweep: Sweep, standing: RockyGround
 ) -> Variation:
     """A camera that looks at a target. Raises IcyMoonError if there is no ground under it, or it is in the ground."""
-    x, y, z = target + distance * toward(azimuth, elevation)
+    x, y, z = target + distance * direction_toward(azimuth, elevation)
     x, y = (float(f"{v:.6g}") for v in (x, y))
     height = z - float(standing.heights(x, y))
     at = f"The camera at elevation {elevation:g}°, azimuth {azimuth:g}°, {distance:g} m from the target"
@@ -131,7 +131,7 @@ def _make_sites(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]
     if len(found) < count:
         raise IcyMoonError(
             f"{sweep.place}: the {base.terrain.size_m:g} m patch has room for {len(found)} of "
-            f"{count_of(count, 'site')} {clearance:g} m clear of rocks, {margin:g} m from its edge "
+            f"{format_count(count, 'site')} {clearance:g} m clear of rocks, {margin:g} m from its edge "
             f"and {apart:g} m apart; lower count, clearance_m, margin_m, apart_m or rocks.coverage."
         )
     headings = axis_generator(sweep, "heading", seed).uniform(-180.0, 180.0, count)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...physics.random_numbers.seeds import generator
-from ...settings.table import all_settings
+from ...physics.random_numbers.seeds import make_generator
+from ...settings.table import list_all_settings
 from ...support.arrays import Array
 from .planned_pair import PlannedPair
 
@@ -20,11 +20,11 @@ def varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
     # Pairs share most of their tables; each is compared once.
     tables = {
         topic: list({id(table): table for pair in pairs if (table := pair.settings[topic]) is not None}.values())
-        for topic in dict.fromkeys(topic for topic, _ in all_settings())
+        for topic in dict.fromkeys(topic for topic, _ in list_all_settings())
     }
     return [
         (topic, s.key)
-        for topic, s in all_settings()
+        for topic, s in list_all_settings()
         if any(table[s.key] != tables[topic][0][s.key] for table in tables[topic])
     ]
 
@@ -39,7 +39,7 @@ def choose_stratified(pairs: Sequence[PlannedPair], count: int) -> list[PlannedP
     levels = _levels(pairs)
     share = [np.bincount(level) / len(pairs) for level in levels]
     chosen_of = [np.zeros(len(each)) for each in share]
-    order = generator(_ORDER_SEED, "plan", zlib.crc32(b"stratified")).permutation(len(pairs))
+    order = make_generator(_ORDER_SEED, "plan", zlib.crc32(b"stratified")).permutation(len(pairs))
     left = np.ones(len(pairs), bool)
     chosen: list[int] = []
     for number in range(min(count, len(pairs))):

@@ -13,9 +13,9 @@ import numpy as np
 
 from ...formats.toml_lines import Place
 from ...physics.random_numbers import sampling
-from ...physics.random_numbers.seeds import generator
-from ...settings.description import check, merged, nearest_topic
-from ...settings.preset_files import load, preset_path
+from ...physics.random_numbers.seeds import make_generator
+from ...settings.description import check, merged, suggest_topic
+from ...settings.preset_files import find_preset, load
 from ...settings.table import TOPICS
 from ...settings.topics.declaration import Parts, Setting
 from ...settings.topics.scene import Settings
@@ -23,12 +23,16 @@ from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import is_number
 from ...support.files import parse_path, quote, shorten
-from ...support.suggestions import nearest
+from ...support.suggestions import suggest_nearest
 
 #: Kinds of sweeps that vary settings; ``poses.KINDS`` are the others.
 KINDS = ("grid", "one_at_a_time", "cases", "random", "sobol", "latin_hypercube")
 #: Those that draw values.
-DRAWN = {"random": sampling.independent, "sobol": sampling.sobol, "latin_hypercube": sampling.latin_hypercube}
+DRAWN = {
+    "random": sampling.draw_independent,
+    "sobol": sampling.draw_sobol,
+    "latin_hypercube": sampling.draw_latin_hypercube,
+}
 _PRESET, _PRESETS = "preset", "presets"
 #: Pairs above which a plan is a mistake, or more than one data set.
 MOST_PAIRS = 100000
@@ -63,7 +67,7 @@ def check_keys(table: Mapping[str, Any], known: Sequence[str], place: Place, wha
     """Raise IcyMoonError if a table has a key that it cannot have."""
     for key in table:
         if key not in known:
-            raise IcyMoonError(f"{place.at(key)}: {what} has no {shorten(key)}, {nearest(key, known)}")
+            raise IcyMoonError(f"{place.at(key)}: {what} has no {shorten(key)}, {suggest_nearest(key, known)}")
 
 
 def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
@@ -88,14 +92,14 @@ def load_included(name: object, place: Place) -> Settings:
     if not isinstance(name, str):
         raise IcyMoonError(f"{place}: a preset is named by a text in quotes, not {quote(name)}.")
     try:
-        return load(place.file.parent / parse_path(name, "The preset") if name.endswith(".toml") else preset_path(name))
+        return load(place.file.parent / parse_path(name, "The preset") if name.endswith(".toml") else find_preset(name))
     except IcyMoonError as error:
         raise IcyMoonError(f"{place}: {error}") from None
 
 
 def axis_generator(sweep: Sweep, axis: str, seed: int) -> np.random.Generator:
     """The random numbers of one axis of a sweep. They depend on names, so other sweeps do not change them."""
-    return generator(seed, "plan", zlib.crc32(sweep.name.encode()), zlib.crc32(axis.encode()))
+    return make_generator(seed, "plan", zlib.crc32(sweep.name.encode()), zlib.crc32(axis.encode()))
 
 
 def read_count(sweep: Sweep, key: str, least: int = 1) -> int:
@@ -121,10 +125,10 @@ def check_pair_count(pairs: int, place: Place) -> None:
 def _find_setting(topic: str, key: str, place: Place) -> Setting:
     """The setting that a factor names."""
     if topic not in TOPICS:
-        raise IcyMoonError(f"{place}: unknown topic {shorten(topic)}, {nearest_topic(topic, TOPICS)}")
+        raise IcyMoonError(f"{place}: unknown topic {shorten(topic)}, {suggest_topic(topic, TOPICS)}")
     known = {s.key: s for s in TOPICS[topic].settings}
     if key not in known:
-        raise IcyMoonError(f"{place}: unknown setting {topic}.{shorten(key)}, {nearest(key, known)}")
+        raise IcyMoonError(f"{place}: unknown setting {topic}.{shorten(key)}, {suggest_nearest(key, known)}")
     if known[key].effect in NOT_SWEPT:
         raise IcyMoonError(f"{place}: {topic}.{key} {NOT_SWEPT[known[key].effect]}.")
     return known[key]
@@ -145,7 +149,7 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
             continue
         if topic not in (_PRESETS, *TOPICS):
             raise IcyMoonError(
-                f"{place}: a {sweep.kind} sweep has no {shorten(topic)}, {nearest_topic(topic, [*also, *TOPICS])}"
+                f"{place}: a {sweep.kind} sweep has no {shorten(topic)}, {suggest_topic(topic, [*also, *TOPICS])}"
             )
         if topic == _PRESETS:
             raise IcyMoonError(
@@ -247,11 +251,11 @@ def _read_law(name: str, setting: Setting | None, law: object, place: Place, kin
     if law_name == "choice":
         if not isinstance(numbers, list) or not numbers:
             raise IcyMoonError(f"{place}: choice of {name} must list values, not {quote(numbers)}.")
-        return lambda fraction: [numbers[k] for k in sampling.whole(fraction, 0, len(numbers) - 1)]
+        return lambda fraction: [numbers[k] for k in sampling.to_whole_numbers(fraction, 0, len(numbers) - 1)]
     if law_name not in ("uniform", "log_uniform", "normal"):
         raise IcyMoonError(
             f"{place}: there is no distribution {shorten(law_name)}, "
-            f"{nearest(law_name, ('uniform', 'log_uniform', 'normal', 'choice'))}"
+            f"{suggest_nearest(law_name, ('uniform', 'log_uniform', 'normal', 'choice'))}"
         )
     if setting is None or setting.kind not in ("int", "float"):
         raise IcyMoonError(f"{place}: {name} is no number; draw it with {{ choice = [values] }}.")
@@ -267,8 +271,8 @@ def _read_law(name: str, setting: Setting | None, law: object, place: Place, kin
     if law_name == "log_uniform" and first <= 0:
         raise IcyMoonError(f"{place}: log_uniform of {name} begins at {first:g}, it must be above 0.")
     if setting.kind == "int" and law_name == "uniform":
-        return lambda fraction: [int(v) for v in sampling.whole(fraction, int(first), int(second))]
-    draw = sampling.uniform if law_name == "uniform" else sampling.log_uniform
+        return lambda fraction: [int(v) for v in sampling.to_whole_numbers(fraction, int(first), int(second))]
+    draw = sampling.to_uniform if law_name == "uniform" else sampling.to_log_uniform
     return lambda fraction: _rounded(setting, draw(fraction, first, second))
 
 
@@ -279,13 +283,13 @@ def _read_normal(
     if law[1] <= 0:
         raise IcyMoonError(f"{place}: the deviation of {name} is {law[1]:g}, it must be above 0.")
     try:
-        sampling.normal(np.array([0.5]), *law, *limits)
+        sampling.to_normal(np.array([0.5]), *law, *limits)
     except ValueError:
         raise IcyMoonError(
             f"{place}: the normal distribution of {name} has next to nothing within {limits[0]:g} to "
             f"{limits[1]:g}; widen within."
         ) from None
-    return lambda fraction: _rounded(setting, sampling.normal(fraction, *law, *limits))
+    return lambda fraction: _rounded(setting, sampling.to_normal(fraction, *law, *limits))
 
 
 def _rounded(setting: Setting, values: Array) -> list[Any]:

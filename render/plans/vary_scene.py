@@ -15,14 +15,14 @@ from typing import Any
 
 from ...formats.toml_lines import Place
 from ...settings.description import check, merged
-from ...settings.table import TOPICS, all_settings
-from ...settings.toml_text import to_toml, toml_value
+from ...settings.table import TOPICS, list_all_settings
+from ...settings.toml_text import to_toml, to_toml_value
 from ...settings.topics.declaration import Parts, Setting
 from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
 from ...support.files import shorten
-from ...support.number_text import count_of
-from ...support.suggestions import nearest
+from ...support.number_text import format_count
+from ...support.suggestions import suggest_nearest
 from ...support.version import version
 from . import sweeps
 from .combine import seeds_of
@@ -36,7 +36,7 @@ SPACINGS = ("EVEN", "RATIO", "RANDOM")
 WHERE = "Vary This Scene"
 #: A prime number of pairs between two of a sample, so that the sample has all values of each setting.
 _STRIDE = 7919
-_SETTINGS = {f"{topic}.{setting.key}": setting for topic, setting in all_settings()}
+_SETTINGS = {f"{topic}.{setting.key}": setting for topic, setting in list_all_settings()}
 #: Settings of the data set that a plan states; the others are where and how it is rendered.
 _OF_DATASET = ("seed", "headings")
 
@@ -62,7 +62,7 @@ class VariedSetting:
         setting = _SETTINGS.get(self.name)
         if setting is None:
             name = shorten(self.name)  # which anybody's .blend file states
-            raise IcyMoonError(f"{WHERE}: unknown setting {name!r}, {nearest(name, _SETTINGS)}")
+            raise IcyMoonError(f"{WHERE}: unknown setting {name!r}, {suggest_nearest(name, _SETTINGS)}")
         if why := why_fixed(*self.name.split(".")):
             raise IcyMoonError(f"{WHERE}: {self.name} {why}.")
         return setting
@@ -161,7 +161,7 @@ def check_varied(varied: VariedSetting) -> Setting:
     if varied.first == varied.last:
         raise IcyMoonError(f"{WHERE}: {name} goes from {varied.first:g} to {varied.last:g}; give two different ends.")
     if not 2 <= varied.count <= MOST_PAIRS:
-        raise IcyMoonError(f"{WHERE}: {name} has {count_of(varied.count, 'value')}; give 2 to {MOST_PAIRS}.")
+        raise IcyMoonError(f"{WHERE}: {name} has {format_count(varied.count, 'value')}; give 2 to {MOST_PAIRS}.")
     if varied.spacing == "RATIO" and min(varied.first, varied.last) <= 0:
         raise IcyMoonError(
             f"{WHERE}: {name} goes from {varied.first:g} to {varied.last:g}; even ratios need two ends above 0."
@@ -190,7 +190,7 @@ def _make_factors(settings: Settings, variations: SceneVariations) -> list[_Fact
     if variations.combine == "SOBOL":
         what = label_of(names[0]) if len(varied) == 1 else f"{len(varied)} settings"
         table = _sweep_table("sobol", "draws", {each.name: _law(each) for each in varied}, count=variations.draws)
-        return [_Factor(table, variations.draws, f"{count_of(variations.draws, 'draw')} of {what}")]
+        return [_Factor(table, variations.draws, f"{format_count(variations.draws, 'draw')} of {what}")]
     if variations.combine == "ONE_AT_A_TIME":
         return [_make_one_at_a_time(settings, varied)]
     return [_make_grid_factor(each) for each in varied]
@@ -199,12 +199,12 @@ def _make_factors(settings: Settings, variations: SceneVariations) -> list[_Fact
 def _make_grid_factor(varied: VariedSetting) -> _Factor:
     if _is_drawn(varied):
         table = _sweep_table("random", varied.name, {varied.name: _law(varied)}, count=varied.count)
-        return _Factor(table, varied.count, f"{count_of(varied.count, 'random value')} of {label_of(varied.name)}")
+        return _Factor(table, varied.count, f"{format_count(varied.count, 'random value')} of {label_of(varied.name)}")
     values = list_values(varied)
     return _Factor(
         _sweep_table("grid", varied.name, {varied.name: values}),
         len(values),
-        f"{count_of(len(values), 'value')} of {label_of(varied.name)}",
+        f"{format_count(len(values), 'value')} of {label_of(varied.name)}",
     )
 
 
@@ -226,7 +226,7 @@ def _make_one_at_a_time(settings: Settings, varied: Sequence[VariedSetting]) -> 
     return _Factor(
         _sweep_table("one_at_a_time", "one at a time", listed),
         1 + others,
-        f"{count_of(1 + others, 'scene')}, one setting at a time",
+        f"{format_count(1 + others, 'scene')}, one setting at a time",
     )
 
 
@@ -264,7 +264,7 @@ def plan_text(settings: Settings, variations: SceneVariations) -> str:
     header: dict[str, Any] = {"title": title_of(variations), "description": f"Made by {WHERE} of Icy Moon {version()}"}
     if variations.seeds > 1:
         header["seeds"] = _draw_seeds(settings, variations.seeds)
-    lines = ["[plan]", *(f"{key} = {toml_value(value)}" for key, value in header.items()), ""]
+    lines = ["[plan]", *(f"{key} = {to_toml_value(value)}" for key, value in header.items()), ""]
     for factor in _make_factors(settings, variations):
         lines += ["[[sweep]]", *_sweep_lines(factor.table), ""]
     described = {
@@ -278,13 +278,13 @@ def _sweep_lines(table: Mapping[str, Any]) -> list[str]:
     lines = []
     for key, value in table.items():
         if not isinstance(value, dict):
-            lines.append(f"{key} = {toml_value(value)}")
+            lines.append(f"{key} = {to_toml_value(value)}")
             continue
         for name, stated in value.items():
             text = (
-                f"{{ {', '.join(f'{law} = {toml_value(of)}' for law, of in stated.items())} }}"
+                f"{{ {', '.join(f'{law} = {to_toml_value(of)}' for law, of in stated.items())} }}"
                 if isinstance(stated, dict)
-                else toml_value(stated)
+                else to_toml_value(stated)
             )
             lines.append(f"{key}.{name} = {text}")
     return lines
@@ -332,7 +332,7 @@ def describe(settings: Settings, variations: SceneVariations) -> str:
     parts = [factor.text for factor in _make_factors(settings, variations)]
     parts += [f"{variations.seeds} seeds"] if variations.seeds > 1 else []
     parts += [f"{headings} headings"] if headings > 1 else []
-    total = count_of(pairs, "pair")
+    total = format_count(pairs, "pair")
     return f"{' x '.join(parts)} = {total}" if parts else total
 
 

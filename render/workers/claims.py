@@ -20,7 +20,7 @@ from typing import Any
 
 from ...support import system
 from ...support.file_shapes import NUMBER, PROCESS, SHA256, TEXT, Maybe, find_fault
-from ...support.files import PART, explain_disk_errors, find_leftover_parts, part_of, read_text, write_text
+from ...support.files import PART, explain_disk_errors, find_leftover_parts, make_part_path, read_text, write_text
 from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import folder_of_pairs, is_claim, remove_ours
@@ -60,8 +60,10 @@ class Claims:
 
     def take(self, pair: str) -> bool:
         """Claim a pair; False while another holds it. Raises IcyMoonError where it could not be written."""
-        folder = part_of(self._pairs / pair)
-        system.check_path(self._pairs.parent, part_of(folder / "pair.json"))  # the longest name in a pair's folder
+        folder = make_part_path(self._pairs / pair)
+        system.check_path(
+            self._pairs.parent, make_part_path(folder / "pair.json")
+        )  # the longest name in a pair's folder
         with explain_disk_errors("write to", self._folder):
             self._folder.mkdir(parents=True, exist_ok=True)
             claims = self._find_claims(pair)
@@ -87,7 +89,12 @@ class Claims:
         return True
 
     def _describe_self(self) -> dict[str, Any]:
-        return {"pid": os.getpid(), "place": system.process_scope(), "host": system.computer_name(), "key": self._key}
+        return {
+            "pid": os.getpid(),
+            "place": system.find_process_scope(),
+            "host": system.computer_name(),
+            "key": self._key,
+        }
 
     def state_light(self, key: str, checksum: str, cpu_seconds: float) -> None:
         """Let the claim of baked light state its file's checksum, so that other processes may use the file.
@@ -233,7 +240,7 @@ class Claims:
 
     def _read_clock(self) -> float:
         """The time by the clock that stamps the files of this folder, which may be another machine's."""
-        probe = part_of(self._pairs / ".clock")
+        probe = make_part_path(self._pairs / ".clock")
         with explain_disk_errors("write to", probe.parent):
             probe.parent.mkdir(parents=True, exist_ok=True)
             try:

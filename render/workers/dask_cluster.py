@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...support.errors import IcyMoonError
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..pairs.pair_folder import is_complete
 from ..plans import frozen_plan as datasets
 from ..plans.order import cut_into_jobs
@@ -94,7 +94,7 @@ def render_on_cluster(
                     fraction=len(there) / max(1, len(pairs)),
                     done=len(there),
                     total=len(pairs),
-                    message=f"{len(there)} of {count_of(len(pairs), 'pair')} on {count_of(slots, 'worker')}",
+                    message=f"{len(there)} of {format_count(len(pairs), 'pair')} on {format_count(slots, 'worker')}",
                 )
                 if ended:
                     break

@@ -43,7 +43,7 @@ class Detached(ProcessOutput):
         self._stem, self._watch, self._process = stem, watch, process
         self._pid = int(facts["pid"])
         self._log = system.open_regular(stem.with_suffix(".log"))
-        self._rest = b""
+        self._share_above_largest = b""
         self._ended = False
 
     @classmethod
@@ -90,9 +90,9 @@ class Detached(ProcessOutput):
     def poll(self) -> list[dict[str, Any]]:
         """The messages since the last call."""
         gone = not self._is_alive()  # before reading: its last lines are then in the file
-        *lines, self._rest = (self._rest + self._log.read()).split(b"\n")
+        *lines, self._share_above_largest = (self._share_above_largest + self._log.read()).split(b"\n")
         if gone:
-            lines, self._rest = [*lines, self._rest], b""
+            lines, self._share_above_largest = [*lines, self._share_above_largest], b""
             self._close()
         return [message for line in lines if (message := self._read_line(line.decode("utf-8", "replace"))) is not None]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...settings.description import Restorer
-from ...settings.shared_settings import find_shared, with_shared, without_shared
+from ...settings.shared_settings import add_shared, find_shared, remove_shared
 from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import COUNT, FLAG, PATH, TABLE, TEXT, WHOLE, Each, Maybe, read_record
@@ -76,7 +76,7 @@ def read_planned_pairs(job: Mapping[str, Any]) -> list[PlannedPair]:
     """The planned pairs of a job, each with its own settings beside those that all share."""
     restore, shared = Restorer(), job.get("shared", {})
     return [
-        PlannedPair(checked_id(pair["id"], "The job"), restore(with_shared(pair["settings"], shared), "job"), 0.0)
+        PlannedPair(checked_id(pair["id"], "The job"), restore(add_shared(pair["settings"], shared), "job"), 0.0)
         for pair in job["pairs"]
     ]
 
@@ -115,7 +115,7 @@ class Job:
                 "scene": scene,
                 "threads": threads,
                 "shared": shared,
-                "pairs": [{"id": pair.id, "settings": without_shared(pair.settings, shared)} for pair in pairs],
+                "pairs": [{"id": pair.id, "settings": remove_shared(pair.settings, shared)} for pair in pairs],
             }
             self.file.write_text(json.dumps(job), encoding="utf-8")
 

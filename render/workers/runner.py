@@ -17,7 +17,7 @@ from typing import Any
 from ...settings.description import Restorer
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import check_no_link, folder_of_pair, folder_of_pairs
 from ..pairs.pair_folder import has_response, is_complete, read_complete, update_response
@@ -290,7 +290,7 @@ class Runner:
         """Report the progress, and the pairs that it is ``waiting`` for."""
         total = max(1, len(self._pairs))
         fraction = (len(self._complete) + sum(w.fraction for w in self._running if w.current)) / total
-        text = f"{len(self._complete)} of {count_of(len(self._pairs), 'pair')}"
+        text = f"{len(self._complete)} of {format_count(len(self._pairs), 'pair')}"
         if waiting:
             holder = self._claims.describe_holder(waiting[0].id)
             text += f"; others render {len(waiting)}, such as {waiting[0].id} by {holder}"

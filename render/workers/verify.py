@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from ...formats.exr_layout import read_sizes
-from ...physics.camera.blur import blur_identity
+from ...physics.camera.blur import describe_blur_identity
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.description import Restorer, digest
-from ...settings.pair_ids import counts, make_counter, value_in_id
-from ...settings.table import all_settings
+from ...settings.pair_ids import affects_pixels, make_counter, value_in_id
+from ...settings.table import list_all_settings
 from ...settings.topics.camera import RigSettings
 from ...support.errors import IcyMoonError, describe_error
 from ...support.file_shapes import FILE_NAME, SHA256, Each, find_fault
-from ...support.files import list_put_there, quote, read_text, sha256
+from ...support.files import hash_file, list_put_there, quote, read_text
 from ...support.foreign_bytes import parse_json
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..pairs.baked_file import LIGHT, parse_name
 from ..pairs.our_files import (
     INPUTS,
@@ -166,7 +166,9 @@ class _Shared:
         self.restore, self.count = Restorer(), make_counter()
         #: Name, topic and key of the settings that can change a rendered pixel.
         self.names = [
-            (f"{topic}.{setting.key}", topic, setting.key) for topic, setting in all_settings() if counts(setting)
+            (f"{topic}.{setting.key}", topic, setting.key)
+            for topic, setting in list_all_settings()
+            if affects_pixels(setting)
         ]
 
 
@@ -250,7 +252,7 @@ def _has_rendered_files(folder: Path, data: Any) -> bool:
             not find_fault(data, _FILES_SHAPE)
             and bool(data["files"])
             and all(
-                is_regular(folder / name) and sha256(folder / name) == fact["sha256"]
+                is_regular(folder / name) and hash_file(folder / name) == fact["sha256"]
                 for name, fact in data["files"].items()
             )
         )
@@ -273,7 +275,7 @@ def _find_damage(pair: Pair) -> Iterator[str]:
             yield f"{file} is missing."
         elif file.stat().st_size != fact["bytes"]:
             yield f"{file} has {file.stat().st_size} bytes, not {fact['bytes']}."
-        elif sha256(file) != fact["sha256"]:
+        elif hash_file(file) != fact["sha256"]:
             yield f"{file} is not what was rendered: its checksum differs."
 
 
@@ -298,9 +300,9 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
         texts = [
             f"{name} is {quote(there)} and was planned as {quote(asked)}" for name, there, asked in others[:_MOST_NAMED]
         ]
-        more = [f"{count_of(len(others) - _MOST_NAMED, 'more setting')}"] * (len(others) > _MOST_NAMED)
+        more = [f"{format_count(len(others) - _MOST_NAMED, 'more setting')}"] * (len(others) > _MOST_NAMED)
         yield f"{path}: {'; '.join([*texts, *more])}, so its settings do not give the id {wanted.id}"
-    own, blur = str(pair.data.get("own_files_sha256", "")), blur_identity(wanted.settings)
+    own, blur = str(pair.data.get("own_files_sha256", "")), describe_blur_identity(wanted.settings)
     if edited and planned:
         yield f"{path} states that the scene was edited by hand, and {PLAN} plans no such pair"
     elif (
@@ -350,7 +352,7 @@ def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> It
         first, pairs = min(file.name for file in gone), {pair for each in gone.values() for pair in each}
         more = f" and {len(gone) - 1} more are" if len(gone) > 1 else " is"
         yield (
-            f"{folder / first}{more} missing, the baked light of {count_of(len(pairs), 'pair')}; their images do "
+            f"{folder / first}{more} missing, the baked light of {format_count(len(pairs), 'pair')}; their images do "
             "not need it any more, and later pairs of the same ground bake it again."
         )
 
@@ -371,7 +373,7 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
         elif parts and not is_regular(path):
             yield Problem("foreign", path.name, f"{path} is no regular file, so its light counts as absent; remove it.")
         elif parts:
-            checksums[path.name] = checksum = sha256(path)
+            checksums[path.name] = checksum = hash_file(path)
             if not checksum.startswith(parts[1]):
                 yield Problem(
                     "broken", path.name, f"{path} is not what was baked: its name states another content.", path

@@ -18,10 +18,10 @@ from ...render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, 
 from ...support.blender import compat
 from ...support.errors import IcyMoonError
 from ..change_announcements import COLOURS, announce, batch_changes, count_changes, make_update
-from ..description import canonical, check
-from ..landform_releases import refuse_missing, with_releases
+from ..description import check, to_canonical
+from ..landform_releases import fill_in_releases, refuse_missing
 from ..mirrored_properties import make_mirror
-from ..table import TOPICS, all_settings
+from ..table import TOPICS, list_all_settings
 from ..topics.declaration import EFFECTS, Setting, Value
 from ..topics.scene import Settings, typed
 
@@ -53,7 +53,7 @@ def make_property(setting: Setting, **other: object) -> object:
         return bpy.props.EnumProperty(**common | {"items": setting.choices} | other)
     if setting.kind == "text":
         if setting.subtype in ("DIR_PATH", "FILE_PATH"):
-            common |= {"subtype": setting.subtype, "options": compat.path_options()}
+            common |= {"subtype": setting.subtype, "options": compat.list_path_options()}
         return bpy.props.StringProperty(**common | other)
     low, high = setting.soft or (setting.minimum, setting.maximum)
     common |= {
@@ -98,7 +98,7 @@ def _make_variations() -> object:
         {
             "setting": bpy.props.StringProperty(name="Setting", update=update, description="Which setting varies"),
             "ticks": bpy.props.CollectionProperty(type=tick, name="Values", description="The values of a choice"),
-            **varied_fields(update=update),
+            **make_varied_fields(update=update),
         },
     )
     group = _register_group(
@@ -144,15 +144,15 @@ def _make_variations() -> object:
     )
 
 
-def varied_fields(**common: object) -> dict[str, Any]:
+def make_varied_fields(**common: object) -> dict[str, Any]:
     """The properties of the values of a number that varies, the same in the list and in the dialog."""
     ends = (("first", "From", "The first value"), ("last", "To", "The last value"))
     shown = {
-        shown_as(end, precision): bpy.props.FloatProperty(
+        shown_property_name(end, precision): bpy.props.FloatProperty(
             name=name, description=description, precision=precision, options={"HIDDEN", "SKIP_SAVE"}, **make_mirror(end)
         )
         for end, name, description in ends
-        for precision in sorted({s.precision for _, s in all_settings()})
+        for precision in sorted({s.precision for _, s in list_all_settings()})
     }
     return {
         "first": bpy.props.FloatProperty(name="From", precision=6, description="The first value", **common),
@@ -182,7 +182,7 @@ def varied_fields(**common: object) -> dict[str, Any]:
     }
 
 
-def shown_as(end: str, precision: int) -> str:
+def shown_property_name(end: str, precision: int) -> str:
     """The property that shows an end of a number that varies, ``first`` or ``last``, with ``precision`` decimals.
 
     The decimals of a property are fixed, and each setting has its own.
@@ -202,7 +202,7 @@ def read_item(item: bpy.types.PropertyGroup) -> VariedSetting:
 
 
 def read_varied(fields: bpy.types.PropertyGroup, name: str, values: tuple[str, ...]) -> VariedSetting:
-    """The setting of this name with the values that ``varied_fields`` state."""
+    """The setting of this name with the values that ``make_varied_fields`` state."""
     topic, _, key = name.partition(".")
     setting = next((s for s in TOPICS[topic].settings if s.key == key), None) if topic in TOPICS else None
     if setting is None or setting.kind not in ("int", "float"):
@@ -210,11 +210,11 @@ def read_varied(fields: bpy.types.PropertyGroup, name: str, values: tuple[str, .
     whole = "_whole" if setting.kind == "int" else ""
     first, last = getattr(fields, f"first{whole}"), getattr(fields, f"last{whole}")
     if not whole:
-        first, last = _single(first), _single(last)
+        first, last = _shortest_single(first), _shortest_single(last)
     return VariedSetting(name, first, last, fields.count, fields.spacing)
 
 
-def _single(value: float) -> float:
+def _shortest_single(value: float) -> float:
     """A number of Blender's, which is in single precision, by its shortest spelling."""
     return float(str(np.float32(value)))
 
@@ -279,7 +279,7 @@ def register() -> None:
 
     Also selects the table of Principled albedos for this version of Blender.
     """
-    principled.use_table(compat.principled_table())
+    principled.use_table(compat.choose_principled_table())
     pointers: dict[str, Any] = {}
     for topic in TOPICS.values():
         members = {s.key: _make_scene_property(topic.key, s) for s in topic.settings}
@@ -328,7 +328,7 @@ def find_left_landforms(group: bpy.types.PropertyGroup) -> list[str]:
     """The landforms of plug-ins that are not installed here but have settings in the scene, other than 0."""
     return sorted(
         name
-        for name, values in compat.stored_groups(group).items()
+        for name, values in compat.read_stored_groups(group).items()
         if name.startswith(PREFIX) and name not in TOPICS and any(values.values())
     )
 
@@ -354,7 +354,7 @@ def _forget_displayed(*_: object) -> None:
 
 def read_unchecked(group: bpy.types.PropertyGroup) -> Settings:
     """The complete settings without a check: to show them, not to pass them to a process."""
-    return with_releases(
+    return fill_in_releases(
         typed(
             {
                 topic: {s.key: _read_property(s, getattr(getattr(group, topic), s.key)) for s in TOPICS[topic].settings}
@@ -367,7 +367,7 @@ def read_unchecked(group: bpy.types.PropertyGroup) -> Settings:
 def _read_property(setting: Setting, value: Any) -> Value:
     if setting.kind == "list":
         return [{s.key: _read_property(s, getattr(item, s.key)) for s in setting.entries} for item in value]
-    return canonical(setting, value)
+    return to_canonical(setting, value)
 
 
 def write_settings(group: bpy.types.PropertyGroup, settings: Mapping[str, Mapping[str, Value]]) -> None:
@@ -380,13 +380,13 @@ def write_settings(group: bpy.types.PropertyGroup, settings: Mapping[str, Mappin
         for topic, values in settings.items():
             for key, value in values.items():
                 if isinstance(value, list):
-                    _fill(getattr(getattr(group, topic), key), value)
+                    _replace_entries(getattr(getattr(group, topic), key), value)
                     announce(group.id_data, TOPICS[topic][key].effect)
                 else:
                     setattr(getattr(group, topic), key, value)
 
 
-def _fill(collection: bpy.types.bpy_prop_collection, entries: list[dict[str, Any]]) -> None:
+def _replace_entries(collection: bpy.types.bpy_prop_collection, entries: list[dict[str, Any]]) -> None:
     """Replace the entries of a list of property groups."""
     collection.clear()
     for entry in entries:

@@ -36,7 +36,7 @@ class SourceSettings(Table, label="Ground from a File", inside="terrain"):
         "ATHABASCA", "GLACIER_42M", "BLOODFALLS", "SEAICE1", "MATANUSKA_A1", "MATANUSKA_C1", "SVALBARD1",
         "GAEA_RIDGY", "GAEA_ROCKY_PERLIN", "GAEA_ROCKY", "MATANUSKA_PLAYGROUND"
     ] = choice("Stand-In", "ATHABASCA", "The mesh made by code that is the ground", "geometry",
-        *stand_ins.choices_of(stand_ins.MESHES),
+        *stand_ins.make_choices(stand_ins.MESHES),
         shown=chosen("kind", "STAND_IN"), since="0.3")
     file: str = text(
         "File", "", "Mesh or height map that is the ground. ~ is your home folder, // the folder of the .blend file. "

@@ -110,7 +110,7 @@ TEXTURES = (
 )
 
 
-def texture_item(key: str) -> TextureItem:
+def find_texture_item(key: str) -> TextureItem:
     """The stand-in texture of a name. Raises KeyError for another."""
     return _TEXTURES[key]
 
@@ -141,7 +141,7 @@ MESHES = (
 )
 
 
-def mesh_item(key: str) -> MeshItem:
+def find_mesh_item(key: str) -> MeshItem:
     """The stand-in mesh of a name. Raises KeyError for another."""
     return _MESHES[key]
 
@@ -149,7 +149,7 @@ def mesh_item(key: str) -> MeshItem:
 _MESHES = {item.key: item for item in MESHES}
 
 
-def choices_of(items: Sequence[TextureItem | MeshItem]) -> tuple[tuple[str, str, str], ...]:
+def make_choices(items: Sequence[TextureItem | MeshItem]) -> tuple[tuple[str, str, str], ...]:
     """The stand-ins as choices of a setting: name, label, description."""
     return tuple((item.key, item.title, f"In place of {item.paper} of the GUISS paper: {item.known}")
                  for item in items)

@@ -311,7 +311,7 @@ class TexturesSettings(Table, label="Textures", inside="surface"):
         "SNOW_CRYSTALS", "HOAR_FROST", "SNOW_DRIFT", "CRUSTED_SNOW", "CRACKED_ICE", "POWDER_SNOW",
         "GROUND_SNOW", "LUMPY_SNOW", "FIRN", "GLACIER_ICE", "MIXED_SNOW", "SETTLED_SNOW", "SUNCUPS", "SASTRUGI"
     ] = choice("Stand-In", "SNOW_CRYSTALS", "The texture made by code", "material",
-        *stand_ins.choices_of(stand_ins.TEXTURES),
+        *stand_ins.make_choices(stand_ins.TEXTURES),
         shown=chosen("set", "STAND_IN"), active=~chosen("set", "MESH"), since="0.3")
     mapping: Literal["OBJECT", "UV", "PATCH"] = choice(
         "Mapping", "OBJECT", "How the images are mapped. Images from the mesh always use its UV coordinates",

@@ -5,7 +5,7 @@ written them, so they are data: numbers, choices, files that are read as data, a
 must not name a command, program, interpreter or checkpoint. These come only from the user: from the preferences of the
 add-on, from the command line and from environment variables.
 
-Every setting that is a text has one of ``CLASSES``, and ``fault`` finds text that its class forbids.
+Every setting that is a text has one of ``CLASSES``, and ``find_text_fault`` finds text that its class forbids.
 ``description.check`` calls it for all settings from any origin. ``LOADS`` contains the options of matchers that name
 programs and checkpoints, and ``stereo.matchers.options.Option`` allows no other text. Imports no other module of Icy
 Moon.
@@ -30,7 +30,7 @@ OWN = "own"
 OWN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 
-def listed(text: str) -> list[tuple[str, list[str]]]:
+def split_methods(text: str) -> list[tuple[str, list[str]]]:
     """(name, options) of each matcher in a list such as ``bm,sgbm:window=7``; every reader must split it like this."""
     labels = (label.strip() for label in text.split(","))
     return [(parts[0], parts[1:]) for parts in (label.split(":") for label in labels if label)]
@@ -42,18 +42,18 @@ def split_option(text: str) -> tuple[str, str, str]:
     return key, equals, value
 
 
-def own_names(text: str) -> list[str]:
+def list_own_names(text: str) -> list[str]:
     """Names of the user's own matchers in a list of matchers, without repetitions."""
-    return list(dict.fromkeys(options[0] for name, options in listed(text) if name == OWN and options))
+    return list(dict.fromkeys(options[0] for name, options in split_methods(text) if name == OWN and options))
 
 
-def fault(kind: str, text: str) -> str:
+def find_text_fault(kind: str, text: str) -> str:
     """Why settings may not contain this text of one of the ``CLASSES``; empty if they may."""
     if kind == "mark" and text not in ("", NO_MARK) and not _is_finite(text):
         return f"is {text[:40]!r}, which is no number; give one such as -9999, {NO_MARK}, or an empty text."
     if kind != "matchers":
         return ""
-    loaded = next(iter(_loaded(option for _, options in listed(text) for option in options)), "")
+    loaded = next(iter(_list_loading_options(option for _, options in split_methods(text) for option in options)), "")
     if not loaded:
         return ""
     return (f"names a {loaded}, which only you may, not a scene or a file: add it under Own Matchers in the "
@@ -67,5 +67,5 @@ def _is_finite(text: str) -> bool:
         return False
 
 
-def _loaded(options: Iterable[str]) -> Iterable[str]:
+def _list_loading_options(options: Iterable[str]) -> Iterable[str]:
     return (key for key, _, _ in map(split_option, options) if key in LOADS)

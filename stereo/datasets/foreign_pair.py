@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.camera.occlusion import is_in_frame, matching_column
+from ...physics.camera.occlusion import find_matching_column, is_in_frame
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import FILE_NAME
 from ...support.files import read_checksum
-from ...support.foreign_bytes import MOST_BYTES, backslash_note
+from ...support.foreign_bytes import MOST_BYTES, note_on_backslashes
 from ..images import colours
 from ..images.disparity_and_occlusion import ESTIMATED, MASK, find_visible_in_right
 from ..images.image_values import describe_size, to_grey
@@ -90,7 +90,7 @@ class ForeignPair:
         """
         for path in self.files:
             if not os.path.lexists(path):
-                raise IcyMoonError(f"{path} is missing{backslash_note(path)}; add it, or leave out this pair.")
+                raise IcyMoonError(f"{path} is missing{note_on_backslashes(path)}; add it, or leave out this pair.")
         left, right = (self._read_grey_image(path) for path in (self.left, self.right))
         turned = find_turned((self.left, self.right))
         if left.shape[:2] != right.shape[:2]:
@@ -201,7 +201,7 @@ class ForeignPair:
     ) -> tuple[Array, bool, list[str]]:
         """Where the right eye sees the point of a pixel too, whether that is known of more than the frame, and warnings
         about it; ``markers`` stand for unknown values in the truth."""
-        inside = np.isfinite(truth) & is_in_frame(matching_column(disparity))
+        inside = np.isfinite(truth) & is_in_frame(find_matching_column(disparity))
         if self.mask:
             return inside & read_mask(self.mask, disparity), True, []
         if self.truth_right:

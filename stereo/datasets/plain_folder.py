@@ -32,8 +32,8 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record, is_number
 from ...support.files import list_put_there
-from ...support.foreign_bytes import parse_toml, path_hint
-from ...support.suggestions import nearest
+from ...support.foreign_bytes import hint_on_paths, parse_toml
+from ...support.suggestions import suggest_nearest
 from .data_files import MapFile, find_inside, read_text
 from .foreign_pair import ForeignPair, UnusablePair, open_foreign_pair, safe_name
 from .visibility import Mask
@@ -129,14 +129,14 @@ def parse_pairs_toml(path: Path) -> dict[str, Any]:
     try:
         data = parse_toml(read_text(path))
     except tomllib.TOMLDecodeError as error:
-        raise IcyMoonError(f"{path} is not TOML ({error}){path_hint(error)}; {_FIX}.") from None
+        raise IcyMoonError(f"{path} is not TOML ({error}){hint_on_paths(error)}; {_FIX}.") from None
     check_record(data, _SHAPE, path, _FIX)
     for table, keys in data.items():
         if table not in _SHAPE:
-            raise IcyMoonError(f"{path}: unknown table {table}, {nearest(table, _SHAPE)}")
+            raise IcyMoonError(f"{path}: unknown table {table}, {suggest_nearest(table, _SHAPE)}")
         for key in keys:
             if key not in _SHAPE[table]:
-                raise IcyMoonError(f"{path}: unknown key {table}.{key}, {nearest(key, _SHAPE[table])}")
+                raise IcyMoonError(f"{path}: unknown key {table}.{key}, {suggest_nearest(key, _SHAPE[table])}")
     return data
 
 

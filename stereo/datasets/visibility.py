@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...physics.camera.occlusion import find_hidden, is_in_frame, matching_column
+from ...physics.camera.occlusion import find_hidden, find_matching_column, is_in_frame
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
@@ -61,7 +61,7 @@ def read_mask(mask: Mask, disparity: Array) -> Array:
     better = find_better_reading(seen, disparity)
     if better is not None:
         raise IcyMoonError(f"{first} fits the truth only {better}; write it so.")
-    if not (seen & is_in_frame(matching_column(disparity))).any():
+    if not (seen & is_in_frame(find_matching_column(disparity))).any():
         raise IcyMoonError(
             f"{first} marks no pixel that by the truth is in both images; give the mask of what the "
             "right eye sees too, or leave it out."
@@ -88,7 +88,8 @@ def find_better_reading(seen: Array, disparity: Array) -> str | None:
     the left eye's true ``disparity`` (H, W), px, far better. None if no reading does or nearly nothing is hidden."""
     known = np.isfinite(disparity)
     hidden = known & ~(
-        is_in_frame(matching_column(disparity)) & ~find_hidden(disparity, warp_to_other_eye(disparity, "left"), "left")
+        is_in_frame(find_matching_column(disparity))
+        & ~find_hidden(disparity, warp_to_other_eye(disparity, "left"), "left")
     )
     if hidden.sum() < _FEWEST:
         return None

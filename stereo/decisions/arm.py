@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.arm.kinematics import forward
-from ...physics.arm.lander_solids import arm_solids
-from ...physics.arm.parametric import JOINTS, arm_of, commanded_rad, real_rad
+from ...physics.arm.kinematics import forward_kinematics
+from ...physics.arm.lander_solids import make_arm_solids
+from ...physics.arm.parametric import JOINTS, find_real_angles_rad, make_parametric_arm, read_commanded_rad
 from ...render.pairs.pair_folder import Pair
 from ...support.arrays import Array
 from ..images.exr import NORMAL_PASSES, read_truth
@@ -40,13 +40,13 @@ def find_scoop(pair: Pair, pose: Array, random: np.random.Generator) -> Scoop | 
     if instance is None:
         return None
     site_m = float(pose[2, 3]) - pair.settings.rig.height_m
-    arm, joints = arm_of(pair.settings, site_m), commanded_rad(pair.settings.arm)
-    solid = arm_solids(pair.settings.arm)[SCOOP]
+    arm, joints = make_parametric_arm(pair.settings, site_m), read_commanded_rad(pair.settings.arm)
+    solid = make_arm_solids(pair.settings.arm)[SCOOP]
     middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
     return Scoop(
         pair.camera.cropped(instance) == links[SCOOP]["instance"],
         pose @ np.array(links[SCOOP]["link_to_left"], np.float64),
-        forward(arm, joints)[-1],
+        forward_kinematics(arm, joints)[-1],
         sample_surface(solid.vertices, solid.triangles, _MODEL_POINTS, random),
         middle,
     )
@@ -57,10 +57,10 @@ def read_stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
     if there is no arm of ours in it."""
     if not pair.data.get("lander") or pair.settings.lander.kind != "PARAMETRIC":
         return None
-    told = commanded_rad(pair.settings.arm)
+    told = read_commanded_rad(pair.settings.arm)
     return {
         name: dict(zip(JOINTS, np.round(np.degrees(angles), 6).tolist(), strict=True))
-        for name, angles in (("commanded", told), ("fault", real_rad(pair.settings.arm) - told))
+        for name, angles in (("commanded", told), ("fault", find_real_angles_rad(pair.settings.arm) - told))
     }
 
 

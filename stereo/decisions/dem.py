@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...formats.geotiff import map_notes
+from ...formats.geotiff import describe_map_notes
 from ...formats.tiff_write import Place, encode_tiff
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
@@ -73,7 +73,7 @@ class Dem:
         Its metadata ``map`` is the place on a map that the entry ``ground`` of a ``pair.json`` states, as JSON.
         """
         grid = self.grid
-        place = Place(grid.cell_m, grid.west_m, grid.north_m, _FRAME, notes=map_notes(ground))
+        place = Place(grid.cell_m, grid.west_m, grid.north_m, _FRAME, notes=describe_map_notes(ground))
         return encode_tiff(self.height_m.astype(np.float32), place)
 
 

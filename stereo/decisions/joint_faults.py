@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...support.arrays import Array
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..matchers.methods import describe_method
 
 #: Fewest pairs without a fault from which a limit is computed.
@@ -80,7 +80,7 @@ def _find_by_method(
                 "note": ""
                 if limit is not None
                 else f"By {describe_method(label)} it cannot be given which fault is noticed: "
-                f"{count_of(len(scores), 'pair')} without a fault, at "
+                f"{format_count(len(scores), 'pair')} without a fault, at "
                 f"the commanded angles of those with one, show the scoop, and it takes {FEWEST_SOUND}; add some "
                 "with other noise, as datasets/arm_faults has.",
             }

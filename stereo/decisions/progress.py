@@ -15,7 +15,7 @@ import numpy as np
 
 from ...settings.table import TOPICS
 from ...support.arrays import Array
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..images.image_files import write_png
 from ..matchers.methods import describe_method
 from .change import (
@@ -174,7 +174,7 @@ def _find_null_noise(
     ]
     if len(volumes) >= FEWEST_NULLS:
         return find_volume_noise(volumes), ""
-    there = f"{count_of(len(group), 'pair')} of this site show{'s' * (len(group) == 1)}"
+    there = f"{format_count(len(group), 'pair')} of this site show{'s' * (len(group) == 1)}"
     return None, (
         f"{there} it with nothing dug and noise of the render of their own, {len(volumes)} of them can be "
         f"compared with the first, and it takes {FEWEST_NULLS}; render state 0 again with another "

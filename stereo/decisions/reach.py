@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...physics.arm.parametric import arm_of, find_joint_margin
+from ...physics.arm.parametric import find_joint_margin, make_parametric_arm
 from ...settings.topics.scene import Settings
 from ...support.arrays import Array
 
@@ -25,7 +25,9 @@ def find_joint_margins_deg(settings: Settings, site_m: float, east_m: Array, nor
     known = np.isfinite(height_m)
     found = np.full(height_m.shape, np.nan)
     found[known] = (
-        np.degrees(find_joint_margin(arm_of(settings, site_m), east_m[known], north_m[known], height_m[known]))
+        np.degrees(
+            find_joint_margin(make_parametric_arm(settings, site_m), east_m[known], north_m[known], height_m[known])
+        )
         if has_arm(settings)
         else _ANYWHERE_DEG
     )

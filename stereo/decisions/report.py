@@ -16,7 +16,7 @@ import numpy as np
 from ...support.arrays import Array
 from ...support.files import escape_cell, read_text, write_json, write_text
 from ...support.foreign_bytes import parse_toml
-from ...support.number_text import count_of, show_rounded
+from ...support.number_text import format_count, show_rounded
 from ...support.version import version
 from ..inference import typical_scene
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN, average_by_scene, find_mean_intervals
@@ -279,7 +279,7 @@ def _head_sentence(entry: Mapping[str, Any], sun: str) -> str:
     if not entry["pairs"] or entry["dem.completeness"] is None:  # the second: no image shows ground in reach
         return ""
     name = "the true depth" if entry["method"] == TRUE_DEPTH else describe_method(entry["method"])
-    scenes = count_of(entry["scenes"], "scene")
+    scenes = format_count(entry["scenes"], "scene")
     lost = entry["sites.safe_lost"]
     unsafe = entry["sites.false_safe"]
     if unsafe is None or entry["sites.taken"] < _HARDLY:
@@ -291,7 +291,7 @@ def _head_sentence(entry: Mapping[str, Any], sun: str) -> str:
         f"With {name}{sun}, {_percent_text(unsafe)} of 100 sites that look safe are not{between}"
         f"{'' if lost is None else f', and {_percent_text(lost)} of 100 safe ones are lost'}; it would choose a "
         "site in "
-        f"{entry['chosen']} of {count_of(entry['pairs'], 'pair')}, an unsafe one in "
+        f"{entry['chosen']} of {format_count(entry['pairs'], 'pair')}, an unsafe one in "
         f"{entry['unsafe_chosen']} ({scenes})."
     )
 
@@ -310,7 +310,7 @@ def _volume_sentences(progress: _Entries) -> list[str]:
     for entry in progress:
         if entry["smallest_m3"] is not None and entry["method"] != TRUE_DEPTH:
             least, low, high = (show_rounded(_LITRES * value) for value in (entry["smallest_m3"], *entry["bounds_m3"]))
-            nulls = count_of(entry["null_pairs"], "pair")
+            nulls = format_count(entry["null_pairs"], "pair")
             said.append(
                 f"With {describe_method(entry['method'])}, a dug volume is noticed from {least} L "
                 f"on (between {low} and {high} L, from {nulls} with nothing dug)."
@@ -335,7 +335,7 @@ def _fault_sentences(faults: _Entries) -> list[str]:
             )
             found.append(
                 f"With {describe_method(method)}, these faults of a joint are noticed: {joints} (limit "
-                f"from {count_of(own[0]['sound'], 'pair')} without a fault)."
+                f"from {format_count(own[0]['sound'], 'pair')} without a fault)."
             )
     return found
 
@@ -357,7 +357,7 @@ def find_notes(rows: _Entries, facts: _Entries) -> list[str]:
 
 
 def _notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
-    all_pairs = count_of(len(facts), "pair")
+    all_pairs = format_count(len(facts), "pair")
     unseen = sum(not fact["exact"] for fact in facts)
     if unseen:
         yield (
@@ -381,7 +381,7 @@ def _notes_on_heights(rows: _Entries, facts: _Entries) -> Iterator[str]:
 
 
 def _notes_on_noise(facts: _Entries) -> Iterator[str]:
-    all_pairs = count_of(len(facts), "pair")
+    all_pairs = format_count(len(facts), "pair")
     noises = [fact.get("noise") or {} for fact in facts]
     by_bake = sum(noise.get("verdict") == DECIDES and noise.get("larger") == BAKE for noise in noises)
     if by_noise := sum(noise.get("verdict") == DECIDES for noise in noises) - by_bake:
@@ -402,11 +402,11 @@ def _notes_on_noise(facts: _Entries) -> Iterator[str]:
 
 
 def _notes_on_pairs(rows: _Entries, facts: _Entries) -> Iterator[str]:
-    all_pairs = count_of(len(facts), "pair")
+    all_pairs = format_count(len(facts), "pair")
     suspect = sorted({row["pair"] for row in rows if row["status"] == "suspect"})
     if suspect:
         yield (
-            f"No mean contains {count_of(len(suspect), 'pair')} whose eyes contradict each other or the "
+            f"No mean contains {format_count(len(suspect), 'pair')} whose eyes contradict each other or the "
             f"truth: {', '.join(suspect[:5])}."
         )
     if not all(fact.get("arm") for fact in facts):

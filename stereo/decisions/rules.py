@@ -9,8 +9,8 @@ from pathlib import Path
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import is_number
 from ...support.files import quote, read_text, shorten
-from ...support.foreign_bytes import parse_toml, reason_of
-from ...support.suggestions import nearest
+from ...support.foreign_bytes import describe_reason, parse_toml
+from ...support.suggestions import suggest_nearest
 
 SHIPPED = Path(__file__).with_suffix(".toml")
 
@@ -81,7 +81,7 @@ def _read_rule_tables(path: Path) -> dict[str, dict[str, float]]:
     try:
         data = parse_toml(read_text(path))
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read as rules ({reason_of(error)}); give a TOML file.") from None
+        raise IcyMoonError(f"{path} cannot be read as rules ({describe_reason(error)}); give a TOML file.") from None
     data.pop("sources", None)
     found = {}
     for part, table in data.items():
@@ -94,7 +94,7 @@ def _read_rule_tables(path: Path) -> dict[str, dict[str, float]]:
 def _check_number(path: Path, part: str, key: str, value: object) -> float:
     names = [field.name for field in fields(_PARTS[part])]
     if key not in names:
-        raise IcyMoonError(f"{path} states {shorten(f'{part}.{key}')}, which is no rule; {nearest(key, names)}")
+        raise IcyMoonError(f"{path} states {shorten(f'{part}.{key}')}, which is no rule; {suggest_nearest(key, names)}")
     most = 1.0 if key in _SHARES else 90.0 if key.endswith("_deg") else math.inf
     if not is_number(value) or not 0 < value <= most:
         raise IcyMoonError(

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from ...physics.arm.kinematics import pose, turn
+from ...physics.arm.kinematics import rigid_transform, rotation_about
 from ...physics.camera.rotations import from_vector, to_vector
 from ...support.arrays import Array
 
@@ -75,9 +75,9 @@ def find_pose(model: Array, points: Array, commanded: Array, eye: Array, random:
 def _find_best_start(surface: Array, points: Array) -> Array:
     """The motion (4, 4) of a surface (n, 6) from which steps reach the pose that fits points (m, 3) best."""
     few = points[:: math.ceil(len(points) / _FEW_POINTS)]
-    moved = pose(None, np.median(points, axis=0))
-    turns = [turn(sign * axis, math.radians(_TURN_DEG)) for axis in np.eye(3) for sign in (-1.0, 1.0)]
-    starts = [np.eye(4), moved, *(moved @ pose(each, np.zeros(3)) for each in turns)]
+    moved = rigid_transform(None, np.median(points, axis=0))
+    turns = [rotation_about(sign * axis, math.radians(_TURN_DEG)) for axis in np.eye(3) for sign in (-1.0, 1.0)]
+    starts = [np.eye(4), moved, *(moved @ rigid_transform(each, np.zeros(3)) for each in turns)]
     reached = [_fit_motion(surface, few, start, _FEW_STEPS)[0] for start in starts]
     misfits = np.array([_rms_distance_m(_transform_cloud(surface, motion), few) for motion in reached])
     best = int(misfits.argmin())
@@ -121,7 +121,7 @@ def _step_motion(surface: Array, points: Array, motion: Array) -> tuple[Array, f
     off = np.append(to_vector(motion[:3, :3]), motion[:3, 3])
     before = np.repeat([_TURN, _SHIFT_M], 3) ** -2.0
     solved = np.linalg.solve(certainty * rows.T @ rows + np.diag(before), certainty * rows.T @ residual - before * off)
-    return pose(from_vector(solved[:3]), solved[3:]), left
+    return rigid_transform(from_vector(solved[:3]), solved[3:]), left
 
 
 def _transform_cloud(cloud: Array, motion: Array) -> Array:

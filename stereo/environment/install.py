@@ -77,7 +77,7 @@ def is_unfinished(folder: Path) -> bool:
 
 def _make_environment(folder: str) -> bool:
     """Make the environment; after an error, which is reported as a message, return False."""
-    python = system.venv_python(Path(folder))
+    python = system.find_venv_python(Path(folder))
     # -I: Python then ignores a venv or pip in the current folder, which may belong to any .blend file.
     steps = (
         ("Making the environment", [sys.executable, "-I", "-m", "venv", folder]),

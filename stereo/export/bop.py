@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...formats.ply import write_triangles
-from ...physics.arm.lander_arm import solids_of
+from ...physics.arm.lander_arm import make_solids
 from ...physics.arm.silhouette import find_silhouette
 from ...physics.arm.solids import Solid
 from ...render.pairs.pair_folder import EYES
@@ -98,7 +98,7 @@ def write_all(each: Each, out: Path) -> None:
             )
         image = str(len(scenes["left"]["camera"]))
         losses: list[Loss] = []
-        solids = solids_of(pair.settings, lander["pads_m"])
+        solids = make_solids(pair.settings, lander["pads_m"])
         with_this = models.copy()
         described = {}
         with fill_whole_folder(out) as part:

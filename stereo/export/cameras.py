@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...formats.cahvor import cahvor_text, from_pinhole, pds_text
-from ...physics.camera.lens_distortion import coefficients
+from ...formats.cahvor import make_cahvor_text, make_pds_text, model_from_pinhole
+from ...physics.camera.lens_distortion import read_coefficients
 from ...physics.camera.rotations import quaternion
 from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
@@ -56,14 +56,14 @@ def _write_cahvor(pair: LoadedPair, folder: Path) -> None:
     IcyMoonError if the lens cannot be represented in CAHVOR.
     """
     camera = pair.pair.camera
-    k, images = coefficients(pair.settings.rig), pair.images
+    k, images = read_coefficients(pair.settings.rig), pair.images
     for eye in EYES:
         pose = read_pose(pair, eye)
         named: dict[str, tuple[Array, tuple[float, ...], Array]] = {eye: (images.for_files(eye), (), np.eye(3))}
         if any(k) or camera.toe_in_deg:
             named[f"{eye}_sensor"] = (getattr(images, f"detected_{eye}"), k, camera.eye_rotation(eye))
         for name, (image, distortion, turn) in named.items():
-            model = from_pinhole(
+            model = model_from_pinhole(
                 centre_matrix(camera),
                 turn @ pose[:3, :3].T,
                 pose[:3, 3],
@@ -71,8 +71,8 @@ def _write_cahvor(pair: LoadedPair, folder: Path) -> None:
                 distortion,
             )
             write_png(folder / f"{name}.png", to_8_bit(image, images.bits, images.encoding))
-            write_text(folder / f"{name}.cahvor", cahvor_text(model))
-            write_text(folder / f"{name}.lbl", pds_text(model, FRAME))
+            write_text(folder / f"{name}.cahvor", make_cahvor_text(model))
+            write_text(folder / f"{name}.lbl", make_pds_text(model, FRAME))
 
 
 def centre_matrix(camera: StereoCamera) -> Array:
@@ -117,7 +117,7 @@ def _write_colmap(each: Each, out: Path) -> None:
 
 
 def _scene_key(pair: LoadedPair) -> str:
-    parts = [part(pair.pair.settings) for part in (changes.geometry, changes.look, changes.light)]
+    parts = [part(pair.pair.settings) for part in (changes.select_geometry, changes.select_look, changes.select_light)]
     return json.dumps(
         [
             parts,

@@ -30,7 +30,7 @@ from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import TEXT, Each, read_record
 from ...support.files import write_json
-from ...support.scratch import scratch_folder
+from ...support.scratch import open_scratch_folder
 from . import Export
 from .plug_in import FoldersContext
 
@@ -102,9 +102,9 @@ def _files_key(settings: Settings, kind: str) -> str:
     )
     return json.dumps(
         [
-            changes.scene(settings),
-            changes.materials(settings) if shown else None,
-            changes.lander(settings) if kind != "dem" else None,
+            changes.select_scene(settings),
+            changes.select_materials(settings) if shown else None,
+            changes.select_lander(settings) if kind != "dem" else None,
         ]
     )
 
@@ -124,7 +124,7 @@ def build_geometry(planned: Sequence[PlannedPair], out: Path, blender: str, hear
     ``arguments`` are the arguments of ``render.geometry_worker`` after the folder.
     """
     failure = ""
-    with scratch_folder() as scratch:
+    with open_scratch_folder() as scratch:
         job = Job(scratch, pairs=planned)
         try:
             process = Process(blender_command(blender, "geometry", str(job.file), str(out.absolute()), *arguments))

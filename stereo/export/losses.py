@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from ...support.errors import IcyMoonError
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..measure.prepare import LoadedPair
 
 #: A pair is not written if more of its true disparities than this share would be lost: the rest is not its truth.
@@ -57,6 +57,6 @@ class Losses:
             share, name = max(found)
             written = f"{100 * share:.2g} %" if share < 0.995 else "all"
             yield (
-                f"In {len(found)} of {count_of(pairs, 'pair')} up to {written} of the true {what} is lost (pair "
+                f"In {len(found)} of {format_count(pairs, 'pair')} up to {written} of the true {what} is lost (pair "
                 f"{name}): it is {why}. {_WHOLE[what]} hold all of it."
             )

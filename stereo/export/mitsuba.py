@@ -20,9 +20,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from ...formats.geotiff import map_facts
+from ...formats.geotiff import describe_map_place
 from ...physics.light.planetshine import VisibleCap, irradiance_wm2
-from ...physics.light.sky import Sky, sky
+from ...physics.light.sky import Sky, compute_sky
 from ...physics.surfaces.hapke import porosity_factor
 from ...render.pairs.pair_folder import EYES, Pair, read_pair
 from ...render.plans.planned_pair import PlannedPair
@@ -63,7 +63,7 @@ def write_folders(folders: Sequence[Path], out: Path, context: FoldersContext) -
     """Write the scenes of the pairs in folders, and warn of what they lack."""
     pairs = [read_pair(folder) for folder in distinct_pairs(folders)]
     for pair in pairs:
-        for sentence in find_left_out(pair.settings, sky(pair.settings.light)):
+        for sentence in find_left_out(pair.settings, compute_sky(pair.settings.light)):
             context.warn(f"pair {pair.id}: {sentence}")
     with context.progress("Starting Blender") as show:
         export_mitsuba(pairs, out, context.blender, show)
@@ -98,7 +98,7 @@ def _refuse_unexportable(pair: Pair) -> None:
 
 def write_scene(pair: Pair, folder: Path) -> Path:
     """Write the scene files of a pair beside its meshes, and return the folder."""
-    settings, shown = pair.settings, sky(pair.settings.light)
+    settings, shown = pair.settings, compute_sky(pair.settings.light)
     left_out = find_left_out(settings, shown)
     meshes = [kind for kind in ("terrain", "rock") if (folder / f"{kind}.ply").is_file()]
     models = {_choose_surface(settings, kind).model for kind in meshes}
@@ -125,7 +125,7 @@ def write_scene(pair: Pair, folder: Path) -> Path:
             "meshes": meshes,
             "left_out": left_out,
             "unit": "W/(m² sr)",
-            **({"map": place} if (place := map_facts(pair.data.get("ground"))) else {}),
+            **({"map": place} if (place := describe_map_place(pair.data.get("ground"))) else {}),
         },
     )
     return folder

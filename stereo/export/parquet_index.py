@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...render.pairs.scene_splits import split_of_pair
-from ...settings.table import all_settings
+from ...settings.table import list_all_settings
 from ...settings.topics.scene import Settings
 from ...support.files import write_atomically
 from ..measure.prepare import LoadedPair
@@ -57,7 +57,7 @@ def write_all(each: Each, out: Path) -> None:
     each(add)
     varied = [
         (topic, s.key)
-        for topic, s in all_settings()
+        for topic, s in list_all_settings()
         if any(settings[topic][s.key] != described[0][topic][s.key] for settings in described)
     ]
     for row, settings in zip(rows, described, strict=True):

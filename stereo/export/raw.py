@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...physics.camera.lens_distortion import COEFFICIENTS, coefficients
+from ...physics.camera.lens_distortion import COEFFICIENTS, read_coefficients
 from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
@@ -30,7 +30,7 @@ def write_pair(pair: LoadedPair, folder: Path) -> None:
     for eye, numbers in (("left", pair.images.detected_left), ("right", pair.images.detected_right)):
         write_png(folder / f"{eye}.png", numbers.astype(np.uint8) if pair.images.bits == 8 else numbers)
         write_npy(folder / f"depth_{eye}.npy", read_sensor_depth(pair.pair, eye, pair.settings.rig))
-    camera, distortion = pair.pair.camera, coefficients(pair.settings.rig)
+    camera, distortion = pair.pair.camera, read_coefficients(pair.settings.rig)
     opencv = make_opencv_calibration(camera, distortion)
     intrinsic = ("M1", "D1", "M2", "D2")
     write_text(folder / "intrinsics.yml", _to_opencv_yaml({key: opencv[key] for key in intrinsic}))

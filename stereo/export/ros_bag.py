@@ -18,7 +18,7 @@ from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.files import explain_disk_errors, part_of
+from ...support.files import explain_disk_errors, make_part_path
 from ...support.system import remove_folder, replace
 from ..images.develop import to_8_bit
 from ..measure.prepare import LoadedPair
@@ -54,7 +54,7 @@ def write_all(each: Each, out: Path) -> None:
     if bag.exists():
         raise IcyMoonError(f"{bag} exists already, and a bag is not written over; remove it or choose another folder.")
     types = get_typestore(Stores.ROS2_JAZZY)
-    part = part_of(bag)
+    part = make_part_path(bag)
     with explain_disk_errors("write to", part):
         part.mkdir(parents=True)
     try:

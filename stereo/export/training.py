@@ -23,8 +23,8 @@ from ...render.pairs.pair_folder import EYES
 from ...render.pairs.scene_splits import scene_of, split_of_pair
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.files import explain_disk_errors, part_of, sha256, write_json, write_text
-from ...support.number_text import count_of
+from ...support.files import explain_disk_errors, hash_file, make_part_path, write_json, write_text
+from ...support.number_text import format_count
 from ...support.system import remove, replace
 from ...support.version import version
 from ..images.develop import to_8_bit
@@ -217,7 +217,7 @@ class _Shards:
             name = f"{split}-{self._count[split]:06d}.tar"
             self._count[split] += 1
             self._out.mkdir(parents=True, exist_ok=True)
-            part = part_of(self._out / name)
+            part = make_part_path(self._out / name)
             self._open[split] = (
                 name,
                 part,
@@ -328,7 +328,7 @@ def _make_data_card(index: _Index, layout: str, how: str) -> str:
     spread += f"The Sun stands {min(suns):g} to {max(suns):g} degrees above the horizon.\n" if suns else ""
     return (
         f"# Stereo pairs of icy moons\n\nMade by Icy Moon {version()}, a simulator; no image here is a photograph. "
-        f"{count_of(len(rows), 'pair')} in {layout}. {how}\n\n| split | pairs | scenes |\n|---|---|---|\n"
+        f"{format_count(len(rows), 'pair')} in {layout}. {how}\n\n| split | pairs | scenes |\n|---|---|---|\n"
         f"{table}\n{spread}\nA scene, the shape of its ground and rocks, is in one split only. Disparity is exact "
         "at pixel centres, left column minus right column; sky has none. `index.csv` lists the pairs. What the "
         "surfaces, the light and the cameras are like, with sources, is in the `pair.json` of the pairs that this "
@@ -370,7 +370,7 @@ def _file_object(path: Path, kind: str) -> dict[str, Any]:
         "name": path.name,
         "contentUrl": path.name,
         "encodingFormat": kind,
-        "sha256": sha256(path),
+        "sha256": hash_file(path),
     }
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ...support.files import explain_disk_errors, part_of
+from ...support.files import explain_disk_errors, make_part_path
 from ...support.system import flush, remove_folder, replace
 
 
@@ -16,7 +16,7 @@ def fill_whole_folder(target: Path, name: str = "") -> Iterator[Path]:
 
     The folder lies beside ``name`` in ``target``, or beside ``target`` itself.
     """
-    part = part_of(target / name)
+    part = make_part_path(target / name)
     with explain_disk_errors("write", target):
         part.mkdir(parents=True)
     try:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...physics.camera.sensor import exposure_of_level, metered_level
+from ...physics.camera.sensor import expose_level_s, meter_level
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair
@@ -49,7 +49,7 @@ class Crops:
         left = read_view(pair.image("left"), "left", _unneeded_passes(groups), rows)
         light = {"left": left, "right": read_light(pair.image("right"), "right", groups, rows)}
         channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
-        seconds = exposure_of_level(
+        seconds = expose_level_s(
             self._meter_level(pair, settings) if settings.sensor.auto_exposure else 0.0, channels.rate, settings.sensor
         )
         fixed = Settings(settings | {"sensor": settings.sensor | {"auto_exposure": False, "exposure_s": seconds}})
@@ -70,7 +70,7 @@ class Crops:
         if key not in self._levels:
             light = read_light(pair.image("left"), "left", _needs_light_groups(settings))
             radiance = average_bands(scaled_radiance(light, pair, settings.light))
-            self._levels[key] = metered_level(np.minimum(radiance, 1e30), settings.sensor)
+            self._levels[key] = meter_level(np.minimum(radiance, 1e30), settings.sensor)
         return self._levels[key]
 
 

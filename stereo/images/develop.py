@@ -10,22 +10,29 @@ from typing import Any
 import numpy as np
 
 from ...physics.camera import brackets
-from ...physics.camera.blur import developing_warnings
-from ...physics.camera.colour import can_balance, channel_rates, grey_of, mosaic, white_gains, white_rates
-from ...physics.camera.deposits import apply_deposits, blocked_share
+from ...physics.camera.blur import warn_on_blur_mismatch
+from ...physics.camera.colour import (
+    apply_mosaic,
+    can_balance,
+    compute_channel_rates,
+    compute_white_gains,
+    compute_white_rates,
+    mix_to_grey,
+)
+from ...physics.camera.deposits import apply_deposits, compute_blocked_share
 from ...physics.camera.particle_hits import draw_hits
-from ...physics.camera.point_spread import apply_lens
+from ...physics.camera.point_spread import apply_point_spread
 from ...physics.camera.sensor import (
     black_dn,
     capacity_e,
-    digital_numbers,
+    choose_exposure_s,
+    collect_electrons,
+    convert_to_digital,
     draw_pattern,
-    electrons,
-    exposure_s,
-    exposure_warnings,
     gain_dn_per_e,
-    noise_generator,
+    make_noise_generator,
     top_dn,
+    warn_on_exposure,
 )
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.photons import electron_rate, pixel_pitch_m
@@ -56,7 +63,7 @@ class Exposure:
 class DevelopedImages:
     """A developed pair, uint16 (H, W) digital numbers of ``bits`` bits: one exposure, or several merged.
 
-    ``left`` and ``right`` of a colour sensor are its grey images, see ``sensor.grey``.
+    ``left`` and ``right`` of a colour sensor are its grey images, see ``colour.mix_to_grey``.
     """
 
     left: Array  # rectified, on the truth
@@ -153,8 +160,8 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Develo
         for eye, view in (("left", left), ("right", right))
     }
     light = {eye: channels.at_pixels([optics[eye].on_sensor(plane) for plane in planes[eye]]) for eye in EYES}
-    metered = exposure_s(channels.balanced(light["left"]), rate, sensor)
-    times = brackets.exposure_times(metered, sensor)
+    metered = choose_exposure_s(channels.balanced(light["left"]), rate, sensor)
+    times = brackets.list_exposure_times(metered, sensor)
     exposed = {eye: _expose_eye(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
     bits, detected, full_s = _merged(exposed, times, channels, sensor)
     black = black_dn(sensor) if len(times) == 1 else 0.0
@@ -174,8 +181,8 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Develo
         saturated,
         str(sensor.encoding),
         (
-            *developing_warnings(settings, pair.settings, times),
-            *exposure_warnings(metered, saturated, sensor),
+            *warn_on_blur_mismatch(settings, pair.settings, times),
+            *warn_on_exposure(metered, saturated, sensor),
             *channels.warnings,
         ),
         colours.get("left"),
@@ -198,13 +205,13 @@ class _Optics:
     def of(cls, pair: Pair, settings: Settings, eye: str) -> _Optics:
         sensor, rig, camera = settings.sensor, settings.rig, pair.camera
         shape = camera.height_px, camera.width_px
-        blocked = blocked_share(sensor, rig, shape, int(pair.settings.dataset.seed), eye)
+        blocked = compute_blocked_share(sensor, rig, shape, int(pair.settings.dataset.seed), eye)
         return cls(camera, sensor, make_lens(camera, rig, eye), blocked)
 
     def on_sensor(self, plane: Array) -> Array:
         """The light (H, W) of a channel on the sensor, from that which falls into the eye."""
         there = self.camera.cropped(plane) if self.lens is None else self.lens.distort(plane)
-        return apply_lens(apply_deposits(there, self.blocked, self.sensor), self.sensor)
+        return apply_point_spread(apply_deposits(there, self.blocked, self.sensor), self.sensor)
 
     def rectified(self, numbers: Array) -> Array:
         return numbers if self.lens is None else self.lens.rectify(numbers)
@@ -220,8 +227,8 @@ def _merged(
     if len(times) == 1:
         return int(sensor.bits), {eye: exposed[eye][0] for eye in EYES}, capacity_e(sensor) / times[0]
     merged = {eye: brackets.merge_exposures(exposed[eye], times, sensor) for eye in EYES}
-    full_s = brackets.full_rate(channels.balanced(merged["left"]), times[-1], sensor)
-    return brackets.MERGED_BITS, {eye: brackets.quantise(merged[eye], full_s) for eye in EYES}, full_s
+    full_s = brackets.find_full_rate(channels.balanced(merged["left"]), times[-1], sensor)
+    return brackets.MERGED_BITS, {eye: brackets.quantise_merged(merged[eye], full_s) for eye in EYES}, full_s
 
 
 def _rectify_if_needed(
@@ -231,7 +238,7 @@ def _rectify_if_needed(
     if optics["left"].sensor.colour != "BAYER":
         return {eye: optics[eye].rectified(detected[eye]) for eye in EYES}, {}
     colours = {eye: optics[eye].rectified(channels.colours(detected[eye], bits, black)) for eye in EYES}
-    grey_images = {eye: np.rint(grey_of(colours[eye], optics[eye].sensor)).astype(np.uint16) for eye in EYES}
+    grey_images = {eye: np.rint(mix_to_grey(colours[eye], optics[eye].sensor)).astype(np.uint16) for eye in EYES}
     return grey_images, colours
 
 
@@ -247,13 +254,13 @@ class Channels:
             self._weights = None
             self.rate = electron_rate(light, sensor, pitch_m)
             return
-        rates = channel_rates(light, sensor, pitch_m)
-        white = white_rates(light, rates)
+        rates = compute_channel_rates(light, sensor, pitch_m)
+        white = compute_white_rates(light, rates)
         #: Electrons per second per W/(m² sr) of white ground, in the channel that sees most of it.
         self.rate = float(white.max())
         self._weights = rates / self.rate if self.rate > 0 else np.zeros_like(rates)
         if sensor.colour == "BAYER":
-            self.gains = white_gains(white, sensor)
+            self.gains = compute_white_gains(white, sensor)
             if sensor.white_balance != "NONE" and self.rate > 0 and not can_balance(white):
                 self.warnings = (
                     "There is no white balance, because a filter passes next to no light; check the "
@@ -270,14 +277,14 @@ class Channels:
 
     def at_pixels(self, planes: list[Array]) -> Array:
         """Signal (H, W) at the pixels of the sensor, from the signals of its channels."""
-        return planes[0] if len(planes) == 1 else mosaic(np.stack(planes), self._sensor.bayer_pattern)
+        return planes[0] if len(planes) == 1 else apply_mosaic(np.stack(planes), self._sensor.bayer_pattern)
 
     def balanced(self, values: Array) -> Array:
         """Values (H, W) at the pixels of the sensor times the gains of the white balance."""
         if len(self.gains) == 1:
             return values
         gains = self.gains[:, None, None] * np.ones((1, *values.shape))
-        return np.asarray(values * mosaic(gains, self._sensor.bayer_pattern))
+        return np.asarray(values * apply_mosaic(gains, self._sensor.bayer_pattern))
 
     def colours(self, numbers: Array, bits: int, black: float) -> Array:
         """R, G, B, uint16 (H, W, 3), of a mosaic of digital numbers whose black is ``black``, with white balance."""
@@ -289,7 +296,7 @@ class Channels:
         seen = [
             np.clip(gain * plane / top, 0.0, 1.0) for gain, plane in zip(self.gains, self.planes(radiance), strict=True)
         ]
-        return seen[0] if len(seen) == 1 else grey_of(np.stack(seen, axis=-1), self._sensor)
+        return seen[0] if len(seen) == 1 else mix_to_grey(np.stack(seen, axis=-1), self._sensor)
 
 
 def _expose_eye(
@@ -302,12 +309,14 @@ def _expose_eye(
     numbers = []
     for k, seconds in enumerate(times):
         freed = (
-            draw_hits(sensor, shape, pitch_m, seconds, noise_generator(*stream, seed, k, 1))
+            draw_hits(sensor, shape, pitch_m, seconds, make_noise_generator(*stream, seed, k, 1))
             if sensor.radiation_flux_cm2_s > 0
             else 0.0
         )
-        charge = electrons(light, seconds, rate, sensor, noise_generator(*stream, seed, k, 0), pattern, freed)
-        numbers.append(digital_numbers(charge, sensor))
+        charge = collect_electrons(
+            light, seconds, rate, sensor, make_noise_generator(*stream, seed, k, 0), pattern, freed
+        )
+        numbers.append(convert_to_digital(charge, sensor))
     return numbers
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...physics.camera.occlusion import find_hidden, is_in_frame, matching_column
+from ...physics.camera.occlusion import find_hidden, find_matching_column, is_in_frame
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.labels import PLANET
@@ -47,4 +47,4 @@ def _find_visible(depth: Array, other_depth: Array, camera: StereoCamera, eye: s
     disparity = camera.disparity(depth)
     if hidden is None:
         hidden = find_hidden(disparity, camera.disparity(other_depth), eye)
-    return is_in_frame(matching_column(disparity, eye)) & ~hidden
+    return is_in_frame(find_matching_column(disparity, eye)) & ~hidden

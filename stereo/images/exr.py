@@ -24,7 +24,7 @@ from ...formats.exr_pixels import decode_parts
 from ...render.pairs.pair_folder import EYES
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.foreign_bytes import ForeignBytes, Parsed, explained
+from ...support.foreign_bytes import ForeignBytes, Parsed, explain_errors
 from ...support.foreign_bytes import read as read_foreign
 from ...support.labels import (
     BAKED_ERROR_AOVS,
@@ -39,7 +39,7 @@ from ...support.labels import (
     SKY_DEPTH_M,
     TRUTH,
 )
-from ...support.scratch import scratch_folder
+from ...support.scratch import open_scratch_folder
 from ..environment.packages import is_in_blender
 from .exr_passes import keep_passes, keep_row_chunks, remove_passes
 
@@ -191,7 +191,7 @@ def _read_parts(
     data, before = _read_file(
         path, lambda foreign: keep_row_chunks(_drop_passes(foreign.content(), passes, without), rows)
     )
-    with scratch_folder() as folder:
+    with open_scratch_folder() as folder:
         file = folder / path.name
         file.write_bytes(data)
         found = _read_with_openexr(file, (), ())
@@ -211,7 +211,7 @@ def _read_with_openexr(
     except ImportError:
         return _decode_with_numpy(path, passes, without)
     # The library gets only headers and chunks that were checked. It raises RuntimeError, ValueError and its own types.
-    with explained(path, KIND, _FIX), silence_openexr(), _make_smaller_file(path, passes, without) as file:
+    with explain_errors(path, KIND, _FIX), silence_openexr(), _make_smaller_file(path, passes, without) as file:
         parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
         parts = OpenEXR.File(file, separate_channels=True).parts
     # OpenEXR leaves out a part that it cannot decode, and reports that on standard output only.
@@ -250,7 +250,7 @@ def _make_smaller_file(path: Path, passes: Collection[str], without: Collection[
         return
     data = _read_file(path, lambda foreign: _drop_passes(foreign.content(), passes, without))
     # A file, since older versions of the OpenEXR package read no stream.
-    with scratch_folder() as folder:
+    with open_scratch_folder() as folder:
         file = folder / path.name
         file.write_bytes(data)
         yield str(file)

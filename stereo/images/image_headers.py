@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...formats.image_size import webp_size
+from ...formats.image_size import read_webp_size
 from ...support.arrays import Array
 from ...support.foreign_bytes import Cursor, ForeignBytes, RefusedError
 from .exif import UPRIGHT, parse_orientation
@@ -217,7 +217,7 @@ def parse_webp(foreign: ForeignBytes) -> EncodedImage:
             continue
         if kind == b"VP8X":
             body = bytes([body[0] & _WEBP_OPACITY]) + body[1:]  # what else it announces is left out
-        if size := webp_size(kind, body):
+        if size := read_webp_size(kind, body):
             sizes.append(size)
         kept.append(struct.pack("<4sI", kind, length) + body + b"\0" * (length & 1))
     else:

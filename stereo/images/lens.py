@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...physics.camera.lens_distortion import coefficients, distort, refuse_folds, undistort
+from ...physics.camera.lens_distortion import distort_points, read_coefficients, refuse_folds, undistort_points
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.topics.camera import RigSettings
 from ...support.arrays import Array, Numbers
@@ -79,7 +79,7 @@ def make_lens(camera: StereoCamera, rig: RigSettings, eye: str) -> Lens | None:
 
     Raises IcyMoonError if the coefficients fold the image.
     """
-    k = coefficients(rig)
+    k = read_coefficients(rig)
     return _make_lens(camera, k, eye) if any(k) or camera.toe_in_deg else None
 
 
@@ -95,8 +95,8 @@ def _make_lens(camera: StereoCamera, k: tuple[float, ...], eye: str) -> Lens:
 
     rectified = _turn_and_distort(points, camera.eye_rotation(eye), k) if camera.toe_in_deg else points
     return Lens(
-        columns_and_rows(undistort(points, k), margin),
-        columns_and_rows(distort(rectified, k)),
+        columns_and_rows(undistort_points(points, k), margin),
+        columns_and_rows(distort_points(rectified, k)),
         columns_and_rows(rectified, margin),
         camera.rendered_px,
     )
@@ -108,7 +108,7 @@ def _turn_and_distort(points: Array, rotation: Array, k: tuple[float, ...]) -> A
     rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1) @ rotation.T
     ahead = rays[..., 2:] > 1e-6
     seen = np.where(ahead, rays[..., :2] / np.where(ahead, rays[..., 2:], 1.0), np.nan)
-    back = undistort(distort(seen, k), k)
+    back = undistort_points(distort_points(seen, k), k)
     return np.where(np.abs(back - seen) < 1e-6 * (1 + np.abs(seen)), seen, np.nan)
 
 

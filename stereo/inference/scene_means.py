@@ -22,7 +22,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...physics.random_numbers.seeds import generator
+from ...physics.random_numbers.seeds import make_generator
 from ...support.arrays import Array
 
 LEVEL = 0.95
@@ -94,13 +94,13 @@ def _choose_draw_count(most: int, scenes: int) -> int:
 @lru_cache(maxsize=1)
 def _draw_weights(scenes: int) -> Array:
     """Random weights (draws, 1 + scenes), not divided by their sum; the first is of the scene that is added."""
-    return generator(0, "statistics", 1).standard_exponential((_choose_draw_count(_WEIGHTS, scenes), 1 + scenes))
+    return make_generator(0, "statistics", 1).standard_exponential((_choose_draw_count(_WEIGHTS, scenes), 1 + scenes))
 
 
 @lru_cache(maxsize=1)
 def _draw_resamples(scenes: int, seed: int) -> Array:
     """How often each resample contains each scene (draws, scenes)."""
-    random = generator(seed, "statistics", 2)
+    random = make_generator(seed, "statistics", 2)
     return np.stack(
         [
             np.bincount(random.integers(0, scenes, scenes), minlength=scenes)

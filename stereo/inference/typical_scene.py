@@ -20,7 +20,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from ...physics.random_numbers.seeds import generator
+from ...physics.random_numbers.seeds import make_generator
 from ...support.arrays import Array
 from .walsh_averages import WalshSums, round_to_grid
 
@@ -181,7 +181,7 @@ def _draw_signs(scenes: int, seed: int) -> Array:
     if scenes <= _MOST_EXACT:
         flipped = np.arange(2 ** max(0, scenes - 1))[:, None] >> np.arange(scenes)[::-1] & 1
     else:
-        flipped = generator(seed, "statistics").integers(0, 2, (_FLIPS, scenes), np.int8)
+        flipped = make_generator(seed, "statistics").integers(0, 2, (_FLIPS, scenes), np.int8)
     return (1 - 2 * flipped).astype(np.int8)
 
 

@@ -31,7 +31,7 @@ from ...settings.topics.trust_boundary import OWN
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.printer import show_controls
-from ...support.suggestions import nearest
+from ...support.suggestions import suggest_nearest
 from ..images.image_values import describe_size, to_8_bit, to_grey
 from ..measure.costs import COSTS
 from .options import resolve_options
@@ -222,7 +222,7 @@ def load_matcher(method: str) -> Any:
         return _load_plugin(found.usable[method])
     if method in found.refused:
         raise IcyMoonError(found.refused[method])
-    raise IcyMoonError(f"Unknown matcher {method!r}, {nearest(method, found.usable)}")
+    raise IcyMoonError(f"Unknown matcher {method!r}, {suggest_nearest(method, found.usable)}")
 
 
 @lru_cache(maxsize=64)

@@ -22,8 +22,8 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.scratch import scratch_folder
-from ...support.suggestions import nearest
+from ...support.scratch import open_scratch_folder
+from ...support.suggestions import suggest_nearest
 from ...support.system import kill_all, start
 from ..adapters.icymoon_serve import to_disparity_map
 from ..images.image_files import read_pfm, read_png, write_png
@@ -65,7 +65,7 @@ def check(options: dict[str, Any]) -> None:
     fields = {field for argument in arguments for field in _FIELD.findall(argument)}
     for field in sorted(fields - {*_IMAGES, "calibration", *_CAMERA}):
         raise IcyMoonError(
-            f"external.command has the field {{{field}}}, {nearest(field, (*_IMAGES, 'calibration', *_CAMERA))}"
+            f"external.command has the field {{{field}}}, {suggest_nearest(field, (*_IMAGES, 'calibration', *_CAMERA))}"
         )
     missing = [f"{{{field}}}" for field in _IMAGES if field not in fields]
     if missing:
@@ -78,7 +78,7 @@ def check(options: dict[str, Any]) -> None:
 
 def compute(left: Array, right: Array, options: dict[str, Any], camera: StereoCamera | None) -> Result:
     """Disparity of uint8 RGB (H, W, 3) images as the program writes it."""
-    with scratch_folder() as folder:
+    with open_scratch_folder() as folder:
         values = {eye: str(folder / f"{eye}.png") for eye in ("left", "right")}
         values["out"] = str(folder / f"disparity.{options['format']}")
         for eye, image in (("left", left), ("right", right)):

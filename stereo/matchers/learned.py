@@ -20,7 +20,7 @@ import numpy as np
 
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.files import parse_path, sha256
+from ...support.files import hash_file, parse_path
 from . import matcher_title
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def _load_network(
     """The network with the parameters in a file, and the file's SHA-256; ``changed`` identifies its version."""
     model = network.build(max_disparity)
     _fill_parameters(model, _read_parameters(path), path, network.method)
-    return model.eval().to(device), sha256(path)
+    return model.eval().to(device), hash_file(path)
 
 
 def _read_parameters(path: Path) -> dict[str, Any]:

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ...settings.topics.trust_boundary import OWN, OWN_NAME, listed, split_option
+from ...settings.topics.trust_boundary import OWN, OWN_NAME, split_methods, split_option
 from ...support.errors import IcyMoonError
-from ...support.suggestions import nearest
+from ...support.suggestions import suggest_nearest
 from . import check_options, matcher_names, matcher_title, option_keys
 
 #: Separator of the options in a label.
@@ -136,7 +136,7 @@ def parse_methods(
     shared = _parse_shared_options(options)
     owned = parse_own_matchers(own)
     methods: list[Method] = []
-    for name, given in listed(text):
+    for name, given in split_methods(text):
         label = ":".join((name, *given))
         if name == OWN:
             base = _find_own_matcher(given.pop(0) if given else "", owned)
@@ -168,7 +168,9 @@ def _parse_shared_options(options: Sequence[str]) -> dict[str, dict[str, str]]:
         if not dot:
             raise IcyMoonError(f"--option {option}: name the matcher too, as in bm.{key or name}={value}.")
         if method not in matcher_names():
-            raise IcyMoonError(f"--option {option}: unknown matcher {method!r}, {nearest(method, matcher_names())}")
+            raise IcyMoonError(
+                f"--option {option}: unknown matcher {method!r}, {suggest_nearest(method, matcher_names())}"
+            )
         shared.setdefault(method, {})[key] = value
     return shared
 

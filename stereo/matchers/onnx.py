@@ -24,7 +24,7 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
-from ...support.files import parse_path, sha256
+from ...support.files import hash_file, parse_path
 from .options import Option
 from .result import Result
 
@@ -210,7 +210,7 @@ def _open_network(options: dict[str, Any]) -> _Network:
         session,
         inputs,
         {
-            "checkpoint_sha256": sha256(path),
+            "checkpoint_sha256": hash_file(path),
             "onnxruntime": onnxruntime.__version__,
             "device": session.get_providers()[0].removesuffix("ExecutionProvider").lower(),
         },

@@ -9,7 +9,7 @@ from typing import Any
 from ...settings.topics.trust_boundary import LOADS
 from ...support.errors import IcyMoonError
 from ...support.files import quote
-from ...support.suggestions import nearest
+from ...support.suggestions import suggest_nearest
 
 
 @dataclass(frozen=True)
@@ -62,11 +62,11 @@ def resolve_options(
     for key in given:
         if key not in known:
             own = [option.key for option in declared]
-            raise IcyMoonError(f"Unknown option {method}.{key}, {nearest(key, own)}")
+            raise IcyMoonError(f"Unknown option {method}.{key}, {suggest_nearest(key, own)}")
     if "preset" in given:
         if given["preset"] not in presets:
             raise IcyMoonError(
-                f"Unknown preset {method}.preset={given['preset']}, {nearest(str(given['preset']), presets)}"
+                f"Unknown preset {method}.preset={given['preset']}, {suggest_nearest(str(given['preset']), presets)}"
             )
         complete |= presets[given["preset"]]
     for key, value in given.items():
@@ -79,7 +79,7 @@ def _parse_value(method: str, option: Option, value: Any) -> int | float | str:
     name = f"{method}.{option.key}"
     if option.choices:
         if value not in option.choices:
-            raise IcyMoonError(f"{name} is {quote(value)}, {nearest(str(value), option.choices)}")
+            raise IcyMoonError(f"{name} is {quote(value)}, {suggest_nearest(str(value), option.choices)}")
         return str(value)
     if value in option.words:
         return str(value)

@@ -71,7 +71,7 @@ class _Resident:
     def __init__(self, program: Program) -> None:
         """Start it and wait until it is ready. Raises _ProgramError; IcyMoonError if there is no temporary folder."""
         self._program, self._folder = program, make_scratch_folder()
-        self._lines: queue.Queue[bytes] = queue.Queue(_MOST_LINES)
+        self._find_crest_lines: queue.Queue[bytes] = queue.Queue(_MOST_LINES)
         self._stray, self._id = "", 0
         paths = [os.environ.get("PYTHONPATH", ""), str(ADAPTERS)]
         begun = time.monotonic()
@@ -120,7 +120,7 @@ class _Resident:
             if isinstance(facts, dict)
             else {}
         )
-        costs = {"wall_seconds": waited, "memory_mb": system.peak_memory_mib_of(self._process.pid)}
+        costs = {"wall_seconds": waited, "memory_mb": system.measure_peak_memory_mib_of(self._process.pid)}
         costs |= {key: answer.get(given) for key, given in _COSTS.items() if _is_cost(answer.get(given))}
         costs.setdefault("seconds", costs["wall_seconds"])
         return Result(
@@ -173,7 +173,7 @@ class _Resident:
         end = time.monotonic() + limit_s
         while (left_s := end - time.monotonic()) > 0:
             try:  # in short steps, as Windows interrupts nobody who waits
-                line = self._lines.get(timeout=min(_LOOK_S, left_s))
+                line = self._find_crest_lines.get(timeout=min(_LOOK_S, left_s))
             except queue.Empty:
                 if self._process.poll() is None:
                     continue
@@ -221,10 +221,10 @@ class _Resident:
     def _queue_lines(self, stream: IO[bytes]) -> None:
         with suppress(OSError, ValueError), stream:  # it was closed
             while line := stream.readline(_LONGEST_LINE):
-                self._lines.put(line)  # waits, and so makes a program wait that prints without end
+                self._find_crest_lines.put(line)  # waits, and so makes a program wait that prints without end
                 while len(line) == _LONGEST_LINE and not line.endswith(b"\n"):
                     line = stream.readline(_LONGEST_LINE)  # the rest of a line that is no message
-        self._lines.put(b"")
+        self._find_crest_lines.put(b"")
 
     def stop(self, grace_s: float) -> None:
         """End it, with all that it has started, after some time to end by itself."""
@@ -237,7 +237,7 @@ class _Resident:
         end = time.monotonic() + _GRACE_S
         while self._reader.is_alive() and time.monotonic() < end:  # it may wait for room
             with suppress(queue.Empty):
-                self._lines.get(timeout=0.01)
+                self._find_crest_lines.get(timeout=0.01)
         system.remove_folder(self._folder)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.camera.nearest_ground import greatest_disparity_px
+from ...physics.camera.nearest_ground import find_greatest_disparity_px
 from ...physics.camera.search_range import disparity_range_px
 from ...physics.rig.focal_length import focal_px
 from ...settings.topics.scene import Settings
@@ -61,7 +61,7 @@ def find_rig_range(settings: Settings, described: bool = True) -> SearchRange | 
     """
     rig = settings.rig
     bounds = disparity_range_px(rig)
-    greatest = greatest_disparity_px(settings, focal_px(rig)) if described else None
+    greatest = find_greatest_disparity_px(settings, focal_px(rig)) if described else None
     if greatest is not None:
         return _enclose_disparities(bounds[0] if bounds else 0.0, greatest, int(rig.width_px), SETTINGS)
     return None if bounds is None else _enclose_disparities(*bounds, int(rig.width_px), RIG)

@@ -16,7 +16,7 @@ from functools import cache
 import cv2
 import numpy as np
 
-from ...physics.camera.occlusion import matching_column, warped
+from ...physics.camera.occlusion import find_matching_column, sample_at_columns
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from .jackknife import jackknife, sum_over_tiles
@@ -99,7 +99,7 @@ def measure_truth_offsets(left_depth: Array, right_depth: Array, camera: StereoC
     """Compare the planar depths (H, W) of both eyes, in m, NaN for sky."""
     rows = slice(None, None, max(1, len(left_depth) // _ENOUGH_ROWS))
     disparity, other = camera.disparity(left_depth[rows]), camera.disparity(right_depth)
-    column = matching_column(disparity)
+    column = find_matching_column(disparity)
     with np.errstate(invalid="ignore"):
         inside = (column >= 1) & (column <= column.shape[1] - 2)
     if inside.sum() < FEWEST:
@@ -359,7 +359,7 @@ def measure_foreign_share(left: Array, right: Array, disparity: Array, visible: 
             visible,
         )
     )
-    where, column = seen > 0.999, matching_column(true)
+    where, column = seen > 0.999, find_matching_column(true)
     if where.sum() < FEWEST:
         return Estimate()
     left, right = _blur(left), _blur(right)
@@ -368,7 +368,7 @@ def measure_foreign_share(left: Array, right: Array, disparity: Array, visible: 
         [
             _local_correlation(
                 contrasts.own,
-                contrasts.of(warped(right, column + shift)),
+                contrasts.of(sample_at_columns(right, column + shift)),
                 where & (column + shift >= 0) & (column + shift <= left.shape[1] - 1),
             )
             for shift in _SEARCH_PX

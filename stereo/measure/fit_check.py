@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...physics.camera.occlusion import matching_column
+from ...physics.camera.occlusion import find_matching_column
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 
@@ -267,7 +267,7 @@ def _list_other_readings(
 def warp_to_other_eye(disparity: Array, eye: str) -> Array:
     """The disparities (H, W), px, that the map of ``eye`` gives the other eye. Where two points meet, the nearer one
     counts; NaN where no point falls."""
-    column = matching_column(np.nan_to_num(disparity), eye)
+    column = find_matching_column(np.nan_to_num(disparity), eye)
     place = np.rint(column).astype(np.int64)
     known = np.isfinite(disparity) & (place >= 0) & (place < disparity.shape[1])
     found = np.full(disparity.shape, -np.inf)
@@ -380,7 +380,7 @@ def _match_both_ways(left: Array, right: Array) -> Array:
     width = left.shape[1]
     count = 16 * math.ceil((_SEARCHED * width + _BEYOND_PX) / 16)
     there, back = _match_one_way(left, right, count), _match_one_way(right[:, ::-1], left[:, ::-1], count)[:, ::-1]
-    column = np.rint(matching_column(np.nan_to_num(there))).astype(np.int64)
+    column = np.rint(find_matching_column(np.nan_to_num(there))).astype(np.int64)
     inside = (column >= 0) & (column < width)
     other = np.take_along_axis(back, np.clip(column, 0, width - 1), axis=1)
     smooth = cv2.blur(left.astype(np.float32), (_BLOCK_PX, _BLOCK_PX))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...physics.random_numbers.seeds import generator
+from ...physics.random_numbers.seeds import make_generator
 from ...support.arrays import Array
 from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
@@ -61,7 +61,7 @@ def measure_files(
     both = is_usable(depth) & is_usable(true)
     result |= {
         "dod_antisymmetric": depth_order_disagreement(depth[both], true[both], antisymmetric=True),
-        "dod_sampled": sample_disagreement(depth[both], true[both], SAMPLED_PAIRS, generator(0, "statistics")),
+        "dod_sampled": sample_disagreement(depth[both], true[both], SAMPLED_PAIRS, make_generator(0, "statistics")),
     }
     if focal_baseline is not None:
         pixels = given if disparity is not None else _convert_depth_disparity(given, focal_baseline)

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...formats.geotiff import map_facts
+from ...formats.geotiff import describe_map_place
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair, read_unchanged_pair
@@ -278,5 +278,5 @@ def _describe_pair(
         "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))] if some else None,
         "settings": settings,
         "rendered": {key: pair.data[key] for key in _REPEATED if key in pair.data},
-        **({"map": place} if (place := map_facts(pair.data.get("ground"))) else {}),
+        **({"map": place} if (place := describe_map_place(pair.data.get("ground"))) else {}),
     }

@@ -19,7 +19,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...physics.camera.occlusion import matching_column
+from ...physics.camera.occlusion import find_matching_column
 from ...support.arrays import Array, Numbers
 
 CLEAN, NOISY, DECIDES = "clean", "noisy", "noise decides"
@@ -152,7 +152,7 @@ def _measure_noise(left: Array, right: Array, disparity: Array, visible: Array) 
     filled = np.where(visible, disparity, 0.0)
     down, along = np.gradient(filled) if min(filled.shape) > 1 else np.zeros((2, *filled.shape))
     width = left.shape[1]
-    column = matching_column(filled)
+    column = find_matching_column(filled)
     whole = np.floor(column).astype(np.intp)
     known = visible & (down * down + along * along < _EDGE_PX**2) & (whole >= 1) & (whole + 2 < width)
     known = cv2.erode(

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.camera.occlusion import matching_column, warped
+from ...physics.camera.occlusion import find_matching_column, sample_at_columns
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.arrays import Array
 from ..images.disparity_and_occlusion import find_visible_in_left, find_visible_in_right
@@ -91,13 +91,13 @@ def find_visibility(left: Eye, right: Eye, camera: StereoCamera) -> dict[str, Ar
     }
     for name, own, other in (("left", first, right), ("right", second, left)):
         if not other.seen.all():
-            found[name] &= warped(other.seen, matching_column(camera.disparity(own), name)) == 1
+            found[name] &= sample_at_columns(other.seen, find_matching_column(camera.disparity(own), name)) == 1
     return found
 
 
 def run_self_check(left: Eye, right: Eye, visible: dict[str, Array], camera: StereoCamera) -> SelfCheck:
     """Check a pair; ``visible``: see ``find_visibility``."""
-    column = matching_column(camera.disparity(left.depth))
+    column = find_matching_column(camera.disparity(left.depth))
     truth = measure_truth_offsets(left.depth, right.depth, camera)
     light = measure_light_offsets(left.grey, right.grey, column, visible["left"])
     contradictions = _measure_contradictions(left, right, camera)
@@ -143,7 +143,7 @@ def _light_problems(
         return
     here = measure_light_correlation(left.grey, right.grey, column, visible["left"])
     mirrored = measure_light_correlation(
-        left.grey, right.grey, matching_column(camera.disparity(right.depth), "right"), visible["right"]
+        left.grey, right.grey, find_matching_column(camera.disparity(right.depth), "right"), visible["right"]
     )
     if mirrored.value > LEAST_CORRELATION and mirrored.value - here.value > ERRORS * np.hypot(
         mirrored.error, here.error
@@ -174,7 +174,7 @@ def _measure_disagreement(left: Eye, right: Eye, column: Array, visible: Array) 
         return None
     own = left.grey[visible].astype(np.float64)
     with np.errstate(invalid="ignore"):  # a pixel of a render may not be a number
-        other = warped(right.grey.astype(np.float64), column)[visible]
+        other = sample_at_columns(right.grey.astype(np.float64), column)[visible]
     brightness = (own + other) / 2
     lit = np.isfinite(brightness) & (brightness > 0)
     return float(np.median(np.abs(own - other)[lit] / brightness[lit])) if lit.any() else 0.0
@@ -184,8 +184,8 @@ def _measure_contradictions(left: Eye, right: Eye, camera: StereoCamera) -> floa
     """The share of pixels that the other eye sees through, of the eye with the larger share."""
     disparity, other = camera.disparity(left.depth), camera.disparity(right.depth)
     shares = [
-        _measure_seen_through(disparity, other, matching_column(disparity)),
-        _measure_seen_through(other, disparity, matching_column(other, "right")),
+        _measure_seen_through(disparity, other, find_matching_column(disparity)),
+        _measure_seen_through(other, disparity, find_matching_column(other, "right")),
     ]
     return max((share for share in shares if share is not None), default=None)
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ...support.errors import IcyMoonError
-from ...support.suggestions import nearest
+from ...support.suggestions import suggest_nearest
 from ..matchers.bm import PRESETS
 from ..matchers.methods import Method, parse_methods
 from .printed import METHODS
@@ -26,7 +26,7 @@ def find_methods(scale: float, options: Sequence[str]) -> tuple[list[Method], di
     names = [printed.matcher for printed in METHODS]
     for text in options:
         if (name := text.partition(".")[0]) not in names:
-            raise IcyMoonError(f"--option {text}: the paper has no matcher {name!r}, {nearest(name, names)}")
+            raise IcyMoonError(f"--option {text}: the paper has no matcher {name!r}, {suggest_nearest(name, names)}")
     found: list[Method] = []
     missing: dict[str, str] = {}
     for name in names:

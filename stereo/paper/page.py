@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ...support.files import write_text
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..report.charts import list_method_keys
 from ..report.pages import read_template
 from . import PAGE
@@ -95,7 +95,7 @@ def write_paper(
 def describe_size(data: PaperResults, scale: float, planned: int) -> str:
     """A sentence on how many pairs of which size the numbers are from."""
     scenes = data.table.scene_count()
-    own = f"{count_of(len(data.facts), 'pair')} of {planned} from {count_of(scenes, 'scene')}"
+    own = f"{format_count(len(data.facts), 'pair')} of {planned} from {format_count(scenes, 'scene')}"
     sides = " x ".join(f"{round(side * scale)}" for side in (640, 480))
     note = "" if scale == 1 else ", so depth errors are not comparable with those of the paper's 640 x 480 px"
     return f"{own[0].upper()}{own[1:]}, {sides} px{note}."

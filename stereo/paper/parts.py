@@ -14,7 +14,7 @@ from ...render.plans.plan_file import Plan, find_plan, parse_plan, read_plan
 from ...render.plans.planned_pair import PlannedPair
 from ...render.plans.stratified import choose_stratified
 from ...settings.description import changed, defaults, merged
-from ...settings.toml_text import to_toml, toml_value
+from ...settings.toml_text import to_toml, to_toml_value
 from ...settings.topics.declaration import Parts
 from ..trade.measure_variants import scaled_view
 
@@ -83,7 +83,7 @@ def _make_part(folder: str, plan: str, sets: Sequence[str], scale: float, overri
             "[plan]",
             f'title = "The paper again: {folder}"',
             f'extends = "{shipped}"',
-            *([f"files = {toml_value(str(files.absolute()))}"] if files else []),
+            *([f"files = {to_toml_value(str(files.absolute()))}"] if files else []),
             "",
             to_toml(merged(_scale_settings(read_plan(find_plan(shipped)), scale), overrides)),
         ]

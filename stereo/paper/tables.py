@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..report.table_columns import GUISS, TOTALS, Column, format_interval, format_number
 from .printed import GROUPS, METHODS, METRICS, RENDERING_S
 from .results import PaperResults
@@ -99,7 +99,7 @@ def make_runtime_rows(measured: PaperResults, rendering: Mapping[str, tuple[floa
                 f"{method.seconds:g}",
                 method.machine,
                 *(NONE if each is None else f"{each:.3g}" for each in took),
-                count_of(summary["pairs"], "pair") if summary else NONE,
+                format_count(summary["pairs"], "pair") if summary else NONE,
             )
         )
     for group, printed in RENDERING_S.items():
@@ -111,7 +111,7 @@ def make_runtime_rows(measured: PaperResults, rendering: Mapping[str, tuple[floa
                 "i7 laptop",
                 f"{found[0]:.3g}" if found else NONE,
                 NONE,
-                count_of(found[1], "pair") if found else NONE,
+                format_count(found[1], "pair") if found else NONE,
             )
         )
     return rows

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...support.arrays import Array
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from .by_setting import POSES, SCENE, Sweep
 from .summary import ResultTable
 
@@ -36,9 +36,9 @@ def describe_averaging(point: Array, used: Sequence[Sweep], sweeps: Sequence[Swe
             poses[POSES[sweep.name]] = max(number[1], poses.get(POSES[sweep.name], 0))
         else:
             named.append(sweep.title)
-    found += [count_of(number, what) for what, number in poses.items()]
+    found += [format_count(number, what) for what, number in poses.items()]
     if len(named) > _MOST_NAMED:
-        named = [*named[:_MOST_NAMED], count_of(len(named) - _MOST_NAMED, "more setting")]
+        named = [*named[:_MOST_NAMED], format_count(len(named) - _MOST_NAMED, "more setting")]
     found = [*filter(None, found), *named]
     if not found:
         return f"Each point is the mean over {_count_text(_range_of_sizes(groups), 'pair')}."
@@ -60,4 +60,4 @@ def _count_text(numbers: tuple[int, int], what: str) -> str:
     least, most = numbers
     if most < 2:
         return ""
-    return count_of(most, what) if least == most else f"{least} to {count_of(most, what)}"
+    return format_count(most, what) if least == most else f"{least} to {format_count(most, what)}"

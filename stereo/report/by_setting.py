@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from ...settings.table import TOPICS, all_settings
+from ...settings.table import TOPICS, list_all_settings
 from ...settings.topics.declaration import Parts
 from ...support.arrays import Array
 from ..inference.scene_means import find_mean_intervals
 from .summary import ResultTable, is_share
 
 #: Settings, as topic.key, that determine the ground; pairs that share them share a scene, in any light and camera.
-_GROUND = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "geometry"}
+_GROUND = {f"{topic}.{setting.key}" for topic, setting in list_all_settings() if setting.effect == "geometry"}
 #: Settings that are never shown as varied: where and how fast to run, and the seed, whose value has no meaning.
-_NEVER_SWEPT = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "run"} | {
+_NEVER_SWEPT = {f"{topic}.{setting.key}" for topic, setting in list_all_settings() if setting.effect == "run"} | {
     "dataset.seed"
 }
 #: The name of the sweep over the scenes that pairs are from, if these are presets.

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ...settings.preset_files import KINDS, is_whole, load_preset, preset_header, preset_names
-from ...settings.table import TOPICS, all_settings
+from ...settings.preset_files import KINDS, is_whole_scene, load_preset, preset_names, read_preset_header
+from ...settings.table import TOPICS, list_all_settings
 from ...settings.topics.declaration import Parts
 from ...support.arrays import Array
 from .by_setting import SCENE, TERRAIN, Sweep
@@ -25,7 +25,7 @@ _OF_SCENE = ("geometry", "material")
 _IN_TITLE = 3
 #: Labels that several topics have, so that they name a setting only together with its topic.
 _SHARED_LABELS = {
-    label for label, count in Counter(setting.label for _, setting in all_settings()).items() if count > 1
+    label for label, count in Counter(setting.label for _, setting in list_all_settings()).items() if count > 1
 }
 
 
@@ -173,7 +173,7 @@ def _name_presets(levels: Sequence[Sequence[frozenset[str]]]) -> list[str]:
             ]
             found.append(max(named)[1] if named else "")
         if all(found):
-            return [preset_header(name)[0] for name in found]
+            return [read_preset_header(name)[0] for name in found]
     return []
 
 
@@ -182,9 +182,9 @@ def find_preset_title(settings: Parts) -> str:
     matching = [
         (len(stated), name)
         for name, stated in _read_image_presets()
-        if is_whole(name) and _has_settings(settings, stated)
+        if is_whole_scene(name) and _has_settings(settings, stated)
     ]
-    return preset_header(max(matching)[1])[0] if matching else ""
+    return read_preset_header(max(matching)[1])[0] if matching else ""
 
 
 def _find_scene_title(settings: Parts) -> tuple[str, set[str]] | None:
@@ -193,11 +193,11 @@ def _find_scene_title(settings: Parts) -> tuple[str, set[str]] | None:
     found = []
     for name, stated in _read_image_presets():
         ground = {place: value for place, value in stated.items() if TOPICS[place[0]][place[1]].effect in _OF_SCENE}
-        if is_whole(name) and _has_settings(settings, ground):
+        if is_whole_scene(name) and _has_settings(settings, ground):
             same = sum(settings.get(topic, {}).get(key) == value for (topic, key), value in stated.items())
             found.append((same - len(stated), len(stated), name))  # of two, the one that describes light and camera too
     every = {f"{topic}.{key}" for topic, values in settings.items() for key in values}
-    return (preset_header(max(found)[2])[0], every) if found else None
+    return (read_preset_header(max(found)[2])[0], every) if found else None
 
 
 def _find_terrain_title(settings: Parts) -> tuple[str, set[str]] | None:
@@ -213,7 +213,7 @@ def _find_terrain_title(settings: Parts) -> tuple[str, set[str]] | None:
     if not found:
         return None
     _, name, stated = max(found, key=lambda each: each[:2])
-    return preset_header(name)[0], {f"{topic}.{key}" for topic, key in stated}
+    return read_preset_header(name)[0], {f"{topic}.{key}" for topic, key in stated}
 
 
 @cache

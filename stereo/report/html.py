@@ -19,7 +19,7 @@ import numpy as np
 
 from ...settings.toml_text import to_toml
 from ...support.files import write_text
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..images import colours
 from ..inference.scene_means import FEWEST_FOR_MEAN
 from ..matchers.methods import Method, describe_method
@@ -158,7 +158,7 @@ def _list_scenes(sweeps: Sequence[Sweep], table: ResultTable) -> str:
     grounds = len(np.unique(table.scenes[table.scenes >= 0]))
     more = [f"{len(names) - _MOST_SCENES} more"] if len(names) > _MOST_SCENES else []
     presets = f" from {len(names)} presets" if grounds > len(names) else ""
-    count = count_of(max(grounds, len(names)), "scene")
+    count = format_count(max(grounds, len(names)), "scene")
     return f"{count}{presets}: {', '.join([*names[:_MOST_SCENES], *more])}"
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...support.file_shapes import COUNT, NUMBER, TEXT, Maybe, Shape
-from ...support.number_text import count_of, show_rounded
+from ...support.number_text import format_count, show_rounded
 from ..images.disparity_and_occlusion import ESTIMATED
 from ..matchers.methods import Method, describe_method
 from ..matchers.search_range import FIXED, MISSED, STATED, TRUTH
@@ -117,14 +117,16 @@ class Notes:
             yield Note("A metric is left out", fault, True)
         for name, sentences in self._failures.items():
             yield Note(
-                f"The metric {name} failed {count_of(len(sentences), 'time')}", f"the first time, {sentences[0]}", True
+                f"The metric {name} failed {format_count(len(sentences), 'time')}",
+                f"the first time, {sentences[0]}",
+                True,
             )
 
     def _note_occlusion(self) -> Iterator[Note]:
         if self._estimated:
             better = " Pairs rendered since version 0.2 with quality.truth FULL contain what rays found."
             yield Note(
-                f"Hidden pixels are estimated in {self._estimated} of {count_of(self._pairs, 'pair')}",
+                f"Hidden pixels are estimated in {self._estimated} of {format_count(self._pairs, 'pair')}",
                 f"from the depths of both eyes.{better if self._estimated_renders else ''}",
             )
 
@@ -135,7 +137,7 @@ class Notes:
         over = sum(0.0 < bound < noise for noise, _, bound in self._baked)  # 0: any noise is accepted
         more = f" In {over} of them it is above quality.bake_noise; raise quality.bake_samples." if over else ""
         yield Note(
-            f"Indirect light is baked in {len(self._baked)} of {count_of(self._pairs, 'pair')}",
+            f"Indirect light is baked in {len(self._baked)} of {format_count(self._pairs, 'pair')}",
             "its noise is fixed to the ground, alike in both eyes, so matchers take it for texture. It is at "
             f"most {show_rounded(100 * noise)} % of the light, in a pair of which "
             f"{show_rounded(100 * share)} % is indirect.{more}",
@@ -180,7 +182,7 @@ class Notes:
         fix = _FIXES.get(worst["source"], "State a larger range.")
         return Note(
             f"{describe_method(label)} cannot measure everything",
-            f"in {len(beyond)} of {count_of(len(found), 'pair')} its search range leaves out more than "
+            f"in {len(beyond)} of {format_count(len(found), 'pair')} its search range leaves out more than "
             f"{100 * MISSED:g} % of the true disparities, at most {100 * most:.0f} % (pair {pair}, "
             f"searched {worst['least_px']} to {worst['most_px']} px). {fix}",
             True,
@@ -192,7 +194,7 @@ def _bake_text(by_bake: Sequence[bool]) -> str:
     count = sum(by_bake)
     if not count:
         return ""
-    which = "Most of it is" if count == len(by_bake) else f"In {count_of(count, 'pair')} of these most of it is"
+    which = "Most of it is" if count == len(by_bake) else f"In {format_count(count, 'pair')} of these most of it is"
     return (
         f" {which} noise of baked light, which is fixed to the ground: matchers take it for texture and look "
         "better than they are."

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import jinja2
 
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ...support.printer import show_lines
 from ..matchers.methods import describe_method
 
@@ -27,7 +27,7 @@ def read_template(name: str, folder: Path = _HERE) -> jinja2.Template:
         lstrip_blocks=True,
         finalize=_escape_controls,
     )
-    environment.globals |= {"count_of": count_of, "name_of": describe_method}
+    environment.globals |= {"count_of": format_count, "name_of": describe_method}
     return environment.get_template(name)
 
 

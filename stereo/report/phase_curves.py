@@ -32,7 +32,7 @@ def compute_phase_curves(pairs: Iterable[Mapping[str, Any]]) -> dict[str, Array]
             if len(found) == MOST:
                 return found
             if name and name not in found:
-                law = albedos.law_of(surface, hapke)
+                law = albedos.make_law(surface, hapke)
                 assert law is not None
                 found[name] = photometry.phase_curve(law, np.radians(PHASE_DEG))
     return found

@@ -10,11 +10,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
 
-from ...settings.shared_settings import find_shared, without_shared
+from ...settings.shared_settings import find_shared, remove_shared
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import read_record
 from ...support.files import escape_cell, write_atomically, write_json
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from ..environment import packages
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN
 from ..matchers.methods import Method
@@ -187,7 +187,7 @@ def _write_report_json(part: Path, report: Report, facts: Sequence[Mapping[str, 
     shared = find_shared(pair["settings"] for pair in facts)
 
     def shorten(pair: Mapping[str, Any]) -> Row:
-        return {**pair, "settings": without_shared(pair["settings"], shared)}
+        return {**pair, "settings": remove_shared(pair["settings"], shared)}
 
     own = LazyRows(len(facts), lambda k: shorten(facts[k]))
     written = {**report, "pairs": own, "shared_settings": shared}
@@ -223,7 +223,7 @@ def _describe_provenance(
         "sparsification_shares": list(SHARES),
         "averages": "mean over pairs, each pair with equal weight; pooled_* over the pixels of all pairs",
         "intervals": f"95 %, over scenes: of shares from 2 scenes on, of other means from "
-        f"{count_of(FEWEST_FOR_MEAN, 'scene')} on, approximate below {FEWEST_EXACT}",
+        f"{format_count(FEWEST_FOR_MEAN, 'scene')} on, approximate below {FEWEST_EXACT}",
         "verdicts": "typical scene (pseudomedian), signed ranks, random signs of scenes, 5 % for all "
         f"comparisons by a metric, seed {seed}",
         "pixels": REGIONS

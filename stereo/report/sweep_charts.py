@@ -19,7 +19,7 @@ from matplotlib.colors import to_hex, to_rgb
 from ...settings.table import TOPICS
 from ...support.arrays import Array
 from ...support.files import write_atomically
-from ...support.number_text import count_of
+from ...support.number_text import format_count
 from .averaged import describe_averaging
 from .by_setting import SCENE, Sweep, find_noisy_levels, mean_by_level
 from .charts import (
@@ -161,7 +161,7 @@ def _caption_text(sweep: Sweep, lines: FactorLines | None, sweeps: Sequence[Swee
     parts = [f"{sweep.title}. {describe_averaging(point, used, sweeps, table)}"]
     if lines:
         groups = f", whose values form {len(lines.names)} groups" if lines.grouped else ""
-        others = count_of(len(lines.factor.together), "more setting")
+        others = format_count(len(lines.factor.together), "more setting")
         joined = f", with which {others} {'varies' if len(lines.factor.together) == 1 else 'vary'}"
         parts.append(
             f"A line for each {'group' if lines.grouped else 'value'} of {lines.factor.title}{groups}"
@@ -170,7 +170,7 @@ def _caption_text(sweep: Sweep, lines: FactorLines | None, sweeps: Sequence[Swee
     if sweep.together:
         named = list(sweep.together[:_MOST_NAMED])
         if more := len(sweep.together) - len(named):
-            named.append(count_of(more, "more setting"))
+            named.append(format_count(more, "more setting"))
         parts.append(
             f"It varies together with {' and '.join(filter(None, [', '.join(named[:-1]), named[-1]]))}, so "
             "their effects cannot be separated."

@@ -17,11 +17,11 @@ from typing import Any
 from ...render.plans.planned_pair import PlannedPair, expand_headings
 from ...settings.description import check, defaults, merged
 from ...settings.preset_files import load_preset
-from ...settings.toml_text import toml_and_text
+from ...settings.toml_text import read_toml_and_text
 from ...settings.topics.scene import Settings
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, check_record
-from ...support.suggestions import nearest
+from ...support.suggestions import suggest_nearest
 from ..trade.measure_variants import scaled_view
 
 #: The name of the mean of both halves in comparisons.
@@ -126,13 +126,13 @@ def find_study(name: str) -> Path:
     if name.endswith(".toml"):
         return Path(name)
     if name not in study_names():
-        raise IcyMoonError(f"There is no study {name!r}, {nearest(name, study_names())}")
+        raise IcyMoonError(f"There is no study {name!r}, {suggest_nearest(name, study_names())}")
     return Path(__file__).parent / f"{name}.toml"
 
 
 def read_study(path: Path) -> Study:
     """Read and check a study. Raises IcyMoonError that names the file and what is wrong."""
-    data, text = toml_and_text(path)
+    data, text = read_toml_and_text(path)
     check_record(data, _SHAPE, path, _FIX)
     head = data["study"]
     recipes = tuple(
@@ -195,7 +195,7 @@ def _set_view(settings: Settings, sun_deg: float, scale: float) -> Settings:
 
 def _check_name(name: str, known: Sequence[str], path: Path) -> None:
     if name not in known:
-        raise IcyMoonError(f"{path}: there is no recipe {name!r}, {nearest(name, known)}")
+        raise IcyMoonError(f"{path}: there is no recipe {name!r}, {suggest_nearest(name, known)}")
 
 
 def _read_hypothesis(table: Mapping[str, Any], path: Path) -> Hypothesis:

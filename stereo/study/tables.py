@@ -14,7 +14,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from ...support.errors import IcyMoonError
-from ...support.files import json_text, read_text, write_atomically, write_text
+from ...support.files import read_text, to_json_text, write_atomically, write_text
 from ..matchers.methods import describe_method
 from ..report.charts import COLOURS, MARKS, STYLE, set_logarithmic_beyond
 from .cells import LIGHTS
@@ -49,7 +49,7 @@ def write_study(study: Study, found: Mapping[str, Any], out: Path) -> str:
     )
     lines = [line if line[:1] in "|*" else fill(line, _WIDTH) for part in parts for line in part]
     text = "\n".join(lines) + "\n"
-    write_text(out / "study.json", json_text(dict(found)))
+    write_text(out / "study.json", to_json_text(dict(found)))
     write_text(out / "cells.csv", _make_csv(found))
     write_text(out / "study.md", text)
     with matplotlib.rc_context(STYLE | _ON_WHITE):

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ...physics.scene_requirements import images_per_bake
+from ...physics.scene_requirements import count_images_per_bake
 from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.description import merged
 from ...settings.topics.scene import Settings
@@ -170,7 +170,7 @@ def measure_variant(
 def _measure_cost(renders: Sequence[LoadedPair], images: int = 1) -> dict[str, Any]:
     facts = [render.pair.data for render in renders]
     cpu = [
-        sum(pair.data["cpu_seconds"].values()) + read_bake_seconds(pair) / images_per_bake(pair.settings, images)
+        sum(pair.data["cpu_seconds"].values()) + read_bake_seconds(pair) / count_images_per_bake(pair.settings, images)
         for pair in (render.pair for render in renders)
         if "cpu_seconds" in pair.data
     ]

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     import gpu
 
 
-def path_options() -> set[str]:
+def list_path_options() -> set[str]:
     """Options of a path property: from 4.5 on, paths with ``//`` need a flag."""
     return {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
 
-def principled_table() -> str:
+def choose_principled_table() -> str:
     """The key of ``principled.TABLES`` for this version of Blender."""
     if bpy.app.version < (4, 3, 0):
         return "4.2"
@@ -34,12 +34,12 @@ def moves_along_first_corner() -> bool:
     return bpy.app.version >= (5, 2, 0)
 
 
-def blender_series() -> str:
+def find_series() -> str:
     """The series of this Blender, such as 5.0. All versions of a series have the same properties."""
     return f"{bpy.app.version[0]}.{bpy.app.version[1]}"
 
 
-def custom_properties(struct: bpy.types.bpy_struct) -> list[str]:
+def list_custom_properties(struct: bpy.types.bpy_struct) -> list[str]:
     """Names of the custom properties of a structure. From 5.2 on, modifiers have none."""
     try:
         return list(struct.keys())
@@ -47,7 +47,7 @@ def custom_properties(struct: bpy.types.bpy_struct) -> list[str]:
         return []
 
 
-def stored_groups(group: bpy.types.PropertyGroup) -> dict[str, dict[str, Any]]:
+def read_stored_groups(group: bpy.types.PropertyGroup) -> dict[str, dict[str, Any]]:
     """The values in the sub-groups of a property group, also in sub-groups that are no longer registered.
 
     From 5.0 on, sub-groups are stored apart from custom properties.
@@ -62,7 +62,7 @@ def is_module() -> bool:
     return bool(getattr(bpy.app, "module", not bpy.app.binary_path))
 
 
-def library_folders() -> tuple[Path, ...]:
+def list_library_folders() -> tuple[Path, ...]:
     """Folders in which this Blender may have the libraries that it comes with."""
     installed = Path(bpy.utils.resource_path("LOCAL")).parent
     return tuple(installed / name for name in ("lib", "blender.shared"))

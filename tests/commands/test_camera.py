@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from icymoon.commands.camera import read_rig
 from icymoon.commands.cli import main
-from icymoon.formats.cahvor import cahvor_text, from_pinhole, pds_text
+from icymoon.formats.cahvor import make_cahvor_text, make_pds_text, model_from_pinhole
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.settings.description import defaults, merged
 from icymoon.support.errors import IcyMoonError
@@ -31,7 +31,7 @@ K = (-0.125, 0.03125, 0.0, 0.0, 0.0)
 TURN = np.array([[0.6, 0.8, 0], [0, 0, -1], [-0.8, 0.6, 0]])
 
 
-def written(tmp_path, at=(0.3, 0, 0), turn=0.0, text=cahvor_text):
+def written(tmp_path, at=(0.3, 0, 0), turn=0.0, text=make_cahvor_text):
     camera = StereoCamera.from_settings(RIG)
     matrix = np.array(camera.matrix)
     matrix[:2, 2] -= 0.5
@@ -39,13 +39,13 @@ def written(tmp_path, at=(0.3, 0, 0), turn=0.0, text=cahvor_text):
     for name, place, angle in (("left", (0, 0, 0), 0.0), ("right", at, turn)):
         c, s = np.cos(angle), np.sin(angle)
         rotation = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) @ TURN
-        model = from_pinhole(matrix, rotation, np.array(place) @ TURN + np.array([5, 6, 7]), (640, 480), K)
+        model = model_from_pinhole(matrix, rotation, np.array(place) @ TURN + np.array([5, 6, 7]), (640, 480), K)
         paths.append(tmp_path / f"{name}.txt")
         paths[-1].write_text(text(model), encoding="utf-8")
     return paths
 
 
-@pytest.mark.parametrize("text", [cahvor_text, lambda model: pds_text(model, "SITE")])
+@pytest.mark.parametrize("text", [make_cahvor_text, lambda model: make_pds_text(model, "SITE")])
 def test_the_rig_is_that_of_its_models(tmp_path, text, capsys):
     left, right = written(tmp_path, text=text)
     found, notes = read_rig(left, right)
@@ -357,9 +357,9 @@ def test_eyes_that_differ_are_averaged_and_reported(tmp_path):
     paths = []
     for name, along, more in (("left", 0.0, 0.0), ("right", 0.3, 4.0)):
         matrix = np.array(camera.matrix) + np.array([[more, 0, 3 * more], [0, more, -more], [0, 0, 0]])
-        model = from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
+        model = model_from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
         paths.append(tmp_path / f"{name}.cahvor")
-        paths[-1].write_text(cahvor_text(model), encoding="utf-8")
+        paths[-1].write_text(make_cahvor_text(model), encoding="utf-8")
     found, (note,) = read_rig(*paths)
     focal = found.rig.focal_length_mm / found.rig.sensor_width_mm * 640
     assert focal == pytest.approx(camera.focal_px + 2, rel=1e-6)
@@ -415,9 +415,9 @@ def test_eyes_of_two_kinds_of_camera_are_refused(tmp_path):
     paths = []
     for name, along, more in (("left", 0.0, 0.0), ("right", 0.3, 100.0)):
         matrix = np.array(StereoCamera.from_settings(RIG).matrix) + np.diag([more, more, 0])
-        model = from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
+        model = model_from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
         paths.append(tmp_path / f"{name}.cahvor")
-        paths[-1].write_text(cahvor_text(model), encoding="utf-8")
+        paths[-1].write_text(make_cahvor_text(model), encoding="utf-8")
     with pytest.raises(IcyMoonError, match=r"differ by 100 px in focal length, .* rectify their images first"):
         read_rig(*paths)
 

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import pytest
 from icymoon.commands.cli import main
 from icymoon.physics.light import ephemeris, spice
-from icymoon.physics.light.sky import sky, sky_facts
+from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset
 
@@ -36,7 +36,7 @@ def test_it_is_the_sky_of_the_settings(capsys):
             }
         },
     ).light
-    expected = sky_facts(sky(light))
+    expected = describe_sky(compute_sky(light))
     for name in ("sun", "planet"):
         for key, value in expected[name].items():
             assert found[name][key] == pytest.approx(value), (name, key)
@@ -47,8 +47,8 @@ def test_a_body_brings_its_planet(capsys, monkeypatch):
     asked = []
     monkeypatch.setattr(
         spice,
-        "positions",
-        lambda _, body, parent, *site: asked.append((body, parent)) or ephemeris.positions(body, *site),
+        "find_positions",
+        lambda _, body, parent, *site: asked.append((body, parent)) or ephemeris.find_positions(body, *site),
     )
     (wanted,) = facts(capsys, "--preset", "bodies/europa", *PLACE)
     for words in ([], ["--kernels", "any.tm"], ["--preset", "enceladus_fresh_snow"]):

@@ -23,7 +23,7 @@ def test_every_number_that_a_scene_preset_states_is_traced_to_it_or_to_what_it_i
     files, family = [scene], {}
     while files:
         name = files.pop()
-        raw = toml_text.read_toml(preset_files.preset_path(name))
+        raw = toml_text.read_toml(preset_files.find_preset(name))
         files += raw["preset"].get("include", [])
         family[name] = raw
     settings = described(scene)

@@ -21,7 +21,7 @@ def install(tmp_path: Path, folder: Path, *names: str, content: str = "asset") -
     for name in names:
         (made / name).parent.mkdir(parents=True, exist_ok=True)
         (made / name).write_text(content)
-    asset_library.install(made, folder)
+    asset_library.install_library(made, folder)
 
 
 def files_in(folder: Path) -> set[str]:
@@ -34,7 +34,7 @@ def list_in_record(folder: Path, *names: str) -> None:
 
 
 def test_blender_reads_the_catalogs():
-    lines = [line for line in asset_library.catalogs_text().splitlines() if line and not line.startswith("#")]
+    lines = [line for line in asset_library.make_catalogs_text().splitlines() if line and not line.startswith("#")]
     assert lines[0] == "VERSION 1"
     entries = [line.split(":") for line in lines[1:]]
     assert [path for _, path, _ in entries] == [
@@ -55,7 +55,7 @@ def test_a_second_library_replaces_the_first_and_what_is_gone_from_it(tmp_path, 
     install(tmp_path, folder, "scenes/one.blend", "rigs/new.blend", content="newer")
     assert files_in(folder) == {"scenes/one.blend", "rigs/new.blend", asset_library.RECORD, "blender_assets.cats.txt"}
     assert (folder / "scenes" / "one.blend").read_text() == "newer"
-    assert asset_library.is_there(folder)
+    assert asset_library.has_library(folder)
 
 
 def test_files_of_the_user_are_left_alone(tmp_path, folder):
@@ -64,11 +64,11 @@ def test_files_of_the_user_are_left_alone(tmp_path, folder):
     own.write_text("mine")
     install(tmp_path, folder, "scenes/two.blend", content="newer")
     assert own.read_text() == "mine"
-    assert asset_library.uninstall(folder) == [own]
+    assert asset_library.uninstall_library(folder) == [own]
     assert files_in(folder) == {"scenes/mine.blend"}
-    assert not asset_library.is_there(folder)
+    assert not asset_library.has_library(folder)
     own.unlink()
-    assert asset_library.uninstall(folder) == []
+    assert asset_library.uninstall_library(folder) == []
     assert not folder.exists()
 
 
@@ -88,7 +88,7 @@ def test_a_record_that_names_other_files_removes_nothing(tmp_path, folder, name)
     precious = tmp_path / "precious.blend"
     precious.write_text("precious")
     list_in_record(folder, "scenes/one.blend", name)
-    for act in (lambda: asset_library.uninstall(folder), lambda: install(tmp_path, folder, "scenes/two.blend")):
+    for act in (lambda: asset_library.uninstall_library(folder), lambda: install(tmp_path, folder, "scenes/two.blend")):
         with pytest.raises(IcyMoonError, match="is no asset; delete the folder by hand"):
             act()
     assert precious.is_file()
@@ -105,7 +105,7 @@ def test_links_are_not_followed(tmp_path, folder, link):
         folder.mkdir()
     (folder / link).symlink_to(elsewhere)
     list_in_record(folder, "scenes/one.blend")
-    for act in (lambda: asset_library.uninstall(folder), lambda: install(tmp_path, folder, "scenes/one.blend")):
+    for act in (lambda: asset_library.uninstall_library(folder), lambda: install(tmp_path, folder, "scenes/one.blend")):
         with pytest.raises(IcyMoonError, match="is a link"):
             act()
     assert (elsewhere / "one.blend").read_text() == (elsewhere / "scenes" / "one.blend").read_text() == "precious"
@@ -116,7 +116,7 @@ def test_a_broken_record_is_reported(folder, text):
     folder.mkdir()
     (folder / asset_library.RECORD).write_text(text)
     with pytest.raises(IcyMoonError, match="delete the folder by hand"):
-        asset_library.uninstall(folder)
+        asset_library.uninstall_library(folder)
 
 
 def test_a_full_disk_leaves_the_library_that_was_there(tmp_path, folder, monkeypatch):

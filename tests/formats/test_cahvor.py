@@ -14,8 +14,15 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from icymoon.formats.cahvor import Cahvor, cahvor_text, from_pinhole, nearest_lens, pds_text, read_model
-from icymoon.physics.camera.lens_distortion import distort
+from icymoon.formats.cahvor import (
+    Cahvor,
+    find_nearest_lens,
+    make_cahvor_text,
+    make_pds_text,
+    model_from_pinhole,
+    read_model,
+)
+from icymoon.physics.camera.lens_distortion import distort_points
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.version import ROOT
@@ -34,7 +41,7 @@ def model_of(name: str) -> Cahvor:
     """The model of a case, from mrcal's numbers."""
     fx, fy, cx, cy, *more = GOLDEN["cases"][name]["data"]
     a = TO_WORLD.T[2]
-    plain = from_pinhole(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]), TO_WORLD.T, CENTRE, SIZE)
+    plain = model_from_pinhole(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]), TO_WORLD.T, CENTRE, SIZE)
     if not more:
         return plain
     alpha, beta = more[:2]
@@ -68,7 +75,9 @@ def test_files_of_mrcal_are_read(tmp_path, name):
 @pytest.mark.parametrize("form", ["cahvor", "pds"])
 def test_both_texts_give_the_same_model_again(tmp_path, name, form):
     model, path = model_of(name), tmp_path / f"a.{form}"
-    path.write_text(cahvor_text(model) if form == "cahvor" else pds_text(model, "SITE_FRAME"), encoding="utf-8")
+    path.write_text(
+        make_cahvor_text(model) if form == "cahvor" else make_pds_text(model, "SITE_FRAME"), encoding="utf-8"
+    )
     again = read_model(path)
     assert (again.kind, again.linearity) == (model.kind, model.linearity)
     assert np.array_equal(again.project(WORLD), model.project(WORLD))
@@ -79,31 +88,31 @@ def test_both_texts_give_the_same_model_again(tmp_path, name, form):
 
 def test_radial_distortion_is_exact_both_ways():
     k = tuple(GOLDEN["cases"]["BROWN"]["data"][4:])
-    model = from_pinhole(matrix_of("BROWN"), TO_WORLD.T, CENTRE, SIZE, k)
+    model = model_from_pinhole(matrix_of("BROWN"), TO_WORLD.T, CENTRE, SIZE, k)
     assert np.abs(model.project(WORLD) - GOLDEN["cases"]["BROWN"]["pixels"]).max() < 1e-9
     assert (model.kind, model.residual_px) == ("CAHVOR", 0.0)
-    lens = nearest_lens(model)
+    lens = find_nearest_lens(model)
     assert (lens.k, lens.residual_px) == (k, 0.0)
     assert (lens.focal_px, lens.cx_px, lens.cy_px) == pytest.approx((820, 317.5, 241.5), abs=1e-9)
 
 
 def test_the_lens_of_opencv_is_that_of_mrcal():
     data = GOLDEN["cases"]["BROWN_ALL"]["data"]
-    seen = distort(POINTS[:, :2] / POINTS[:, 2:], tuple(data[4:])) * data[0] + data[2:4]
+    seen = distort_points(POINTS[:, :2] / POINTS[:, 2:], tuple(data[4:])) * data[0] + data[2:4]
     assert np.abs(seen - GOLDEN["cases"]["BROWN_ALL"]["pixels"]).max() < 1e-9
 
 
 def test_what_has_no_equal_is_fitted_and_its_error_is_stated():
     k = tuple(GOLDEN["cases"]["BROWN_ALL"]["data"][4:])
-    model = from_pinhole(matrix_of("BROWN_ALL"), TO_WORLD.T, CENTRE, SIZE, k)
+    model = model_from_pinhole(matrix_of("BROWN_ALL"), TO_WORLD.T, CENTRE, SIZE, k)
     assert 0 < model.residual_px < 0.02  # the best that there is, by mrcal's own optimiser: 0.017 px
     inside = np.array(GOLDEN["cases"]["BROWN_ALL"]["pixels"])
     seen = (inside > 0).all(axis=1) & (inside < SIZE).all(axis=1)
     assert seen.sum() > 5
     assert np.abs(model.project(WORLD) - inside)[seen].max() < 0.02
-    assert f"off by up to {model.residual_px:.2g} px" in cahvor_text(model)
+    assert f"off by up to {model.residual_px:.2g} px" in make_cahvor_text(model)
     with pytest.raises(IcyMoonError, match="no equal in CAHVOR"):
-        from_pinhole(matrix_of("BROWN_ALL"), TO_WORLD.T, CENTRE, SIZE, k, most_px=1e-3)
+        model_from_pinhole(matrix_of("BROWN_ALL"), TO_WORLD.T, CENTRE, SIZE, k, most_px=1e-3)
 
 
 @pytest.mark.parametrize("name", ["CAHVOR", "CAHVORE_1"])
@@ -111,16 +120,16 @@ def test_a_model_is_read_as_the_nearest_lens_or_refused(name):
     """Its own pinhole and coefficients, used together, see what the model sees."""
     matrix, tilted = matrix_of("BROWN"), model_of(name)
     _, rotation = tilted.pinhole()
-    square = from_pinhole(matrix, rotation, CENTRE, SIZE)
+    square = model_from_pinhole(matrix, rotation, CENTRE, SIZE)
     model = Cahvor(CENTRE, tilted.a, square.h, square.v, *SIZE, tilted.o, tilted.r, tilted.e, tilted.linearity)
-    lens = nearest_lens(model, most_px=1.0)
+    lens = find_nearest_lens(model, most_px=1.0)
     assert 0 < lens.residual_px < 0.2  # of CAHVOR whose O is 1.3 degrees off A: 0.055 px by mrcal's optimiser
-    seen = distort(POINTS[:, :2] / POINTS[:, 2:], lens.k) * lens.focal_px + [lens.cx_px, lens.cy_px]
+    seen = distort_points(POINTS[:, :2] / POINTS[:, 2:], lens.k) * lens.focal_px + [lens.cx_px, lens.cy_px]
     theirs = model.project(WORLD)
     inside = ((theirs > 0) & (theirs < SIZE)).all(axis=1)
     assert np.abs(seen - theirs)[inside].max() <= 1.1 * lens.residual_px
     with pytest.raises(IcyMoonError, match="nearest is off"):
-        nearest_lens(model, most_px=1e-4)
+        find_nearest_lens(model, most_px=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -150,7 +159,7 @@ def test_mrcal_reads_our_files_to_the_same_pixels(tmp_path, name):
     if python is None or subprocess.run([python, "-c", "import mrcal"], capture_output=True, check=False).returncode:
         pytest.skip("there is no mrcal; apt-get install python3-mrcal")
     path = tmp_path / "a.cahvor"
-    path.write_text(cahvor_text(model_of(name)), encoding="utf-8")
+    path.write_text(make_cahvor_text(model_of(name)), encoding="utf-8")
     program = (
         "import json, sys, mrcal, numpy as np; m = mrcal.cameramodel(sys.argv[1])\n"
         "v = mrcal.transform_point_Rt(m.extrinsics_Rt_fromref(), np.array(json.loads(sys.argv[2])))\n"
@@ -282,7 +291,7 @@ def test_a_hostile_model_is_a_sentence(tmp_path, text):
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_a_model_that_sees_nothing_is_a_sentence(tmp_path, text):
     with pytest.raises(IcyMoonError, match=r"axis A|skewed|equal|no place"):
-        nearest_lens(read_text_as(tmp_path, text))
+        find_nearest_lens(read_text_as(tmp_path, text))
 
 
 def test_files_that_are_none_are_refused(tmp_path):

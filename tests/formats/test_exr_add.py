@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import OpenEXR
 import pytest
-from icymoon.formats.exr_add import add_baked, add_planet, is_sum_of_lights, noise_of_baked
+from icymoon.formats.exr_add import add_baked, add_planet, is_sum_of_lights, measure_baked_noise
 from icymoon.formats.exr_layout import is_whole
 from icymoon.formats.exr_parts import Piece, assemble, join_layers, read_pieces, strip_passing
 from icymoon.formats.exr_pixels import Pixels, compress, drop_passes, encode_part
@@ -255,13 +255,13 @@ def test_the_noise_of_baked_light_is_that_of_the_pixels_that_have_it(tmp_path, s
     pieces += [encode_part(f"Beauty.{name}", {"X": values[..., 0]}) for name, values in errors]
     light = (direct + baked + planet)[5:].astype(np.float64)
     both = (error.astype(np.float64) + other)[5:]
-    assert noise_of_baked(pieces) == pytest.approx(np.sqrt(np.mean(both**2)) / light.mean(), rel=1e-6)
+    assert measure_baked_noise(pieces) == pytest.approx(np.sqrt(np.mean(both**2)) / light.mean(), rel=1e-6)
 
 
 def test_an_image_without_baked_light_has_no_noise_of_it(tmp_path):
     direct = np.ones((4, 5, 3), np.float32)
     write(tmp_path / "view.exr", {"Beauty.Combined": direct, "Beauty.Baked": 0 * direct}, True, OpenEXR.ZIP_COMPRESSION)
-    assert noise_of_baked(pieces_of(tmp_path / "view.exr")) is None
+    assert measure_baked_noise(pieces_of(tmp_path / "view.exr")) is None
 
 
 @pytest.mark.parametrize("several", [True, False])

@@ -322,7 +322,7 @@ def test_a_torn_file_is_not_sent_to_a_program_that_cannot_mend_it(tmp_path, keep
     ],
 )
 def test_names_are_one_word_of_a_shell(name, word):
-    assert gdal_lines.quoted(name) == word
+    assert gdal_lines.quote_name(name) == word
     said = subprocess.run(["bash", "-c", f"printf %s {word}"], capture_output=True, text=True, check=True).stdout
     assert said.removeprefix("./") == name
 

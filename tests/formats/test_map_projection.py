@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from icymoon.formats.map_projection import KNOWN, MapSystem, local_scale, read_system
+from icymoon.formats.map_projection import KNOWN, MapSystem, find_local_scale, read_system
 
 EUROPA_M = 1560800.0
 #: Systems on a sphere, as PROJ states them, and a place in metres.
@@ -64,7 +64,7 @@ def by_proj(text: str, points: list[tuple[float, float]]) -> list[tuple[float, f
 def test_places_and_scales_are_those_of_proj(text):
     system, (x, y) = ON_A_SPHERE[text]
     (lon, lat), west, east, south, north = by_proj(text, [(x, y), (x - 50, y), (x + 50, y), (x, y - 50), (x, y + 50)])
-    found = local_scale(system, x, y)
+    found = find_local_scale(system, x, y)
     assert (found.longitude_deg, found.latitude_deg) == (pytest.approx(lon, abs=1e-9), pytest.approx(lat, abs=1e-9))
 
     def on_ground(a, b):
@@ -98,7 +98,7 @@ def test_systems_of_earth_by_number_are_right_to_its_flattening(code):
 
 
 def test_a_web_map_at_60_degrees_is_twice_too_wide():
-    found = local_scale(KNOWN[3857], 1e6, 8399737.8898)
+    found = find_local_scale(KNOWN[3857], 1e6, 8399737.8898)
     assert (found.east, found.north, found.latitude_deg) == (
         pytest.approx(0.5, rel=1e-6),
         pytest.approx(0.5, rel=1e-6),
@@ -109,7 +109,7 @@ def test_a_web_map_at_60_degrees_is_twice_too_wide():
 def test_a_cylindrical_map_at_70_degrees_is_wider_than_high():
     system = read_system({1024: 1, 3072: 32767, 3075: 17, 2057: EUROPA_M, 2058: EUROPA_M, 3078: 0.0, 3088: 0.0}, 1.0)
     assert system is not None
-    found = local_scale(system, 0.0, math.radians(-70) * EUROPA_M)
+    found = find_local_scale(system, 0.0, math.radians(-70) * EUROPA_M)
     assert found.east == pytest.approx(math.cos(math.radians(70)), rel=1e-6)
     assert found.north == pytest.approx(1, rel=1e-6)
 
@@ -118,9 +118,9 @@ def test_a_polar_map_is_true_at_its_parallel_only():
     system = read_system({1024: 1, 3072: 32767, 3075: 15, 2057: EUROPA_M, 3081: -70.0, 3095: 0.0}, 1.0)
     assert system is not None
     radius = 2 * EUROPA_M * (1 + math.sin(math.radians(70))) / 2 * math.tan(math.radians(10))
-    assert local_scale(system, 0.0, radius).latitude_deg == pytest.approx(-70)
-    assert local_scale(system, 0.0, radius).east == pytest.approx(1, rel=1e-7)
-    assert local_scale(system, 0.0, 0.0).east == pytest.approx(2 / (1 + math.sin(math.radians(70))), rel=1e-6)
+    assert find_local_scale(system, 0.0, radius).latitude_deg == pytest.approx(-70)
+    assert find_local_scale(system, 0.0, radius).east == pytest.approx(1, rel=1e-7)
+    assert find_local_scale(system, 0.0, 0.0).east == pytest.approx(2 / (1 + math.sin(math.radians(70))), rel=1e-6)
 
 
 @pytest.mark.parametrize("keys", [{}, {3072: 32767}, {3072: 2056}, {3075: 99}, {3072: 32600}])
@@ -140,7 +140,7 @@ def test_what_is_not_known_is_none(keys):
 )
 def test_a_place_beyond_the_edge_of_a_map_is_an_error(kind, place):
     with pytest.raises((ValueError, OverflowError)):
-        local_scale(MapSystem(kind, "", EUROPA_M, 0.0, 0.0, 30.0, 60.0), *place)
+        find_local_scale(MapSystem(kind, "", EUROPA_M, 0.0, 0.0, 30.0, 60.0), *place)
 
 
 @pytest.mark.parametrize("pole", [90.0, -90.0])
@@ -160,9 +160,9 @@ def test_at_a_pole_the_central_meridian_says_where_north_is(kind, pole):
     origin = 0.0 if kind == "Transverse Mercator" else pole
     system = MapSystem(kind, "", EUROPA_M, -140.0, origin, origin)
     y = math.radians(pole) * EUROPA_M if kind == "Transverse Mercator" else 0.0
-    before = local_scale(system, 0.0, y - math.copysign(20.0, pole))
+    before = find_local_scale(system, 0.0, y - math.copysign(20.0, pole))
     for dx, dy in ((0.0, 0.0), (-0.0, -0.0), (1e-10, 0.0), (-1e-10, 1e-10), (0.0, -1e-9)):
-        found = local_scale(system, dx, y + dy)
+        found = find_local_scale(system, dx, y + dy)
         assert (found.longitude_deg, found.latitude_deg) == (pytest.approx(-140.0), pole)
         assert found.north_deg == pytest.approx(before.north_deg, abs=1e-3) == pytest.approx(0.0, abs=1e-3)
         assert (found.east, found.north) == pytest.approx((before.east, before.north), rel=1e-6)

@@ -6,7 +6,7 @@ import re
 from html.parser import HTMLParser
 
 import pytest
-from icymoon.formats.markdown import formulas, page_html
+from icymoon.formats.markdown import find_formulas, render_page
 from icymoon.support.version import ROOT
 
 PAGES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*.md"))
@@ -46,14 +46,14 @@ def test_a_page_has_the_parts_that_python_markdown_finds(page):
     text = re.sub(r"\A---\n.*?\n---\n", "", text, flags=re.DOTALL)
     without = re.sub(r"\[?!\[([^\]]*)\]\([^)]*\)(\]\([^)]*\))?", r"*Picture: \1*", text)
     expected = Parts(markdown.markdown(without, extensions=["tables", "fenced_code"]))
-    ours = Parts(page_html(text, lambda link: link, lambda tex: None))
+    ours = Parts(render_page(text, lambda link: link, lambda tex: None))
     assert ours.links == expected.links
     for kind in _KINDS:
         assert ours.found[kind] == expected.found[kind], kind
 
 
 def test_what_is_no_markdown_stays_text_and_runs_nothing():
-    page = page_html(
+    page = render_page(
         "<script>alert(1)</script> a < b & *c* `<i>`\n\n[x](javascript:alert(1))", lambda link: None, lambda tex: None
     )
     assert "<script" not in page
@@ -62,7 +62,7 @@ def test_what_is_no_markdown_stays_text_and_runs_nothing():
 
 
 def test_of_html_only_breaks_places_and_two_signs_are_kept():
-    page = page_html(
+    page = render_page(
         '<!-- x -->\n\n<span id="a.b"></span>c<br>1&nbsp;m &lt;d> <span id="x" onclick="y"> <br x> &copy;',
         lambda link: None,
         lambda tex: None,
@@ -74,8 +74,8 @@ def test_of_html_only_breaks_places_and_two_signs_are_kept():
 
 def test_formulas_are_found_outside_of_code_and_replaced():
     text = "The $a_1 *b* c$ of `$x$`, 5 $ and 6 $, or\n\n```\necho $HOME $USER\n```\n\n$$y\n= 2$$\n"
-    assert formulas(text) == [("a_1 *b* c", False), ("y = 2", True)]
-    page = page_html(text, lambda link: None, {"a_1 *b* c": "<math>1</math>", "y = 2": "<math>2</math>"}.get)
+    assert find_formulas(text) == [("a_1 *b* c", False), ("y = 2", True)]
+    page = render_page(text, lambda link: None, {"a_1 *b* c": "<math>1</math>", "y = 2": "<math>2</math>"}.get)
     assert page == (
         "<p>The <math>1</math> of <code>$x$</code>, 5 $ and 6 $, or</p>\n"
         "<pre><code>echo $HOME $USER</code></pre>\n<p><math>2</math></p>"
@@ -83,4 +83,4 @@ def test_formulas_are_found_outside_of_code_and_replaced():
 
 
 def test_a_formula_without_mathml_stays_as_it_is_written():
-    assert page_html("$a < b$", lambda link: None, lambda tex: None) == "<p>$a &lt; b$</p>"
+    assert render_page("$a < b$", lambda link: None, lambda tex: None) == "<p>$a &lt; b$</p>"

@@ -18,7 +18,7 @@ from icymoon.formats import mesh_file, mesh_images, ply
 from icymoon.formats.mesh_checks import check_mesh
 from icymoon.formats.mesh_file import FORMATS
 from icymoon.physics.mesh import obj, stl
-from icymoon.physics.mesh.line_forms import Forms, UnusualError
+from icymoon.physics.mesh.line_forms import LineForms, UnusualTextError
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import ForeignBytes
 
@@ -671,13 +671,13 @@ def test_many_lines_together_are_judged_as_each_by_itself(tmp_path, monkeypatch,
 
 
 def test_long_and_many_forms_are_not_kept():
-    forms = Forms(len)
+    forms = LineForms(len)
     for k in range(300):
-        forms.look_at(b"\n".join(b"%s%s" % (bytes([97 + k % 26]) * (k // 26), bytes([97 + j])) for j in range(26)))
-    forms.look_at(b"\n".join(b"#%x" % j for j in range(20_000)) + b"\n" + b"x" * 60_000)
+        forms.check_lines(b"\n".join(b"%s%s" % (bytes([97 + k % 26]) * (k // 26), bytes([97 + j])) for j in range(26)))
+    forms.check_lines(b"\n".join(b"#%x" % j for j in range(20_000)) + b"\n" + b"x" * 60_000)
     assert len(forms._known) == 10_000
     assert max(map(len, forms._known)) <= 200
 
 
 def refuse(_: bytes) -> bytes:
-    raise UnusualError
+    raise UnusualTextError

@@ -22,10 +22,10 @@ from icymoon.library.inputs import albedo_input, heights_input
 from icymoon.library.renderers import Hear
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.mesh.height_map import place_map
-from icymoon.physics.rocks.table import read_table
+from icymoon.physics.rocks.table import read_rock_table
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.topics.scene import Settings
-from icymoon.settings.user_files import content
+from icymoon.settings.user_files import hash_content
 from icymoon.support.arrays import Array
 from icymoon.support.version import ROOT
 
@@ -142,7 +142,7 @@ def test_albedos_keep_their_mean_and_range():
 def test_rocks_are_a_table(tmp_path):
     scene = Scene().with_rocks([[1.0, 2.0, 0.5], [0.1, 0.2, 1 / 3]])
     stored = scene.stored(tmp_path)
-    assert read_table(Path(stored.rocks.file)).tolist() == [[1.0, 2.0, 0.5], [0.1, 0.2, 1 / 3]]
+    assert read_rock_table(Path(stored.rocks.file)).tolist() == [[1.0, 2.0, 0.5], [0.1, 0.2, 1 / 3]]
     assert stored.rocks.coverage > 0
     assert "2 own rocks" in repr(scene)
     for rocks, words in (([1, 2, 3], "shape"), ([[1, 2, 0]], "above 0"), ("rocks", "no array")):
@@ -243,7 +243,7 @@ class Counting:
     def render(self, settings: Settings, dataset: Path, again: bool, hear: Hear) -> list[Path]:
         self.rendered.append(settings)
         hear({"type": "warning", "message": "a warning"})
-        (planned,) = expand_headings(settings, content(settings))
+        (planned,) = expand_headings(settings, hash_content(settings))
         camera = StereoCamera.from_settings(settings.rig)
         return [pairs.write_pair(planned.folder(dataset), pairs.Scene(), camera, settings=settings)]
 

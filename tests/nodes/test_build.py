@@ -12,7 +12,7 @@ from icymoon.nodes import scene as scenes
 from icymoon.nodes import scene_objects
 from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint
 from icymoon.nodes.tree.builder import Tree
-from icymoon.physics.light.directions import toward
+from icymoon.physics.light.directions import direction_toward
 from icymoon.settings import description, preset_files
 from icymoon.settings.blender import scene_properties
 from icymoon.support.blender import compat
@@ -131,12 +131,12 @@ def test_sun_and_camera_stand_as_described():
     )
     built = scenes.build(empty_scene(), settings)
     bpy.context.view_layer.update()
-    assert np.allclose(built.sun.matrix_world.to_3x3().col[2], toward(200.0, 15.0), atol=1e-6)
+    assert np.allclose(built.sun.matrix_world.to_3x3().col[2], direction_toward(200.0, 15.0), atol=1e-6)
     assert built.sun.data.energy == pytest.approx(50.26)
     assert built.sun.data.angle == pytest.approx(math.radians(0.1024), rel=1e-6)
     ground = scenes.site_ground_m(settings, scenes.ground_of(settings))
     assert built.camera.matrix_world.translation.z == pytest.approx(ground + 2.0, abs=1e-6)
-    assert np.allclose(-built.camera.matrix_world.to_3x3().col[2], toward(90.0, -30.0), atol=1e-6)
+    assert np.allclose(-built.camera.matrix_world.to_3x3().col[2], direction_toward(90.0, -30.0), atol=1e-6)
     stereo = built.camera.data.stereo
     assert (stereo.convergence_mode, stereo.pivot) == ("PARALLEL", "LEFT")
     assert stereo.interocular_distance == pytest.approx(0.25)

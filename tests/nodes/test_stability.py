@@ -36,7 +36,7 @@ def test_vertices_are_the_same(scene):
 def test_truth_is_the_same_and_the_light_as_stated(scene, tmp_path):
     name, built = scene
     found, wanted = stability.of_pair(built, tmp_path), TABLE[name]
-    moved, regions_moved = MOVED.get(compat.principled_table(), {}).get(name, (0.0, 0.0))
+    moved, regions_moved = MOVED.get(compat.choose_principled_table(), {}).get(name, (0.0, 0.0))
     for eye in EYES:
         depth, true = (np.array(each[eye]["depth"]) for each in (found, wanted))
         # Ten roundings to 24 bits; a ray through an edge may fall on either side.

@@ -8,7 +8,7 @@ from icymoon.nodes import scene as scenes
 from icymoon.paper_stand_ins import cached_files
 from icymoon.paper_stand_ins.reconstructions import Reconstruction
 from icymoon.paper_stand_ins.texture_maps import make_maps
-from icymoon.settings.topics.stand_ins import texture_item
+from icymoon.settings.topics.stand_ins import find_texture_item
 from icymoon.support import cache
 from rendering import complete, empty_scene
 
@@ -36,7 +36,7 @@ def built(**settings):
 def test_a_texture_shows_the_maps_of_the_papers_item(key, tmp_path):
     found = built(textures={"set": "STAND_IN", "stand_in": key})
     used = {node.image.name for node in found.materials[0].node_tree.nodes if node.bl_idname == "ShaderNodeTexImage"}
-    assert used == {f"{key.lower()}_{kind}.png" for kind in texture_item(key).kinds}
+    assert used == {f"{key.lower()}_{kind}.png" for kind in find_texture_item(key).kinds}
     warning = next(sentence for sentence in found.warnings if key in sentence)
     assert "made by code, in place of" in warning
 

@@ -16,11 +16,11 @@ WORKER = """
 import json, sys
 from collections.abc import Iterator
 from pathlib import Path
-from icymoon.formats.asset_library import install
+from icymoon.formats.asset_library import install_library
 made = Path(sys.argv[1]).parent / "made"
 (made / "rigs").mkdir(parents=True, exist_ok=True)
 (made / "rigs" / "guiss.blend").touch()
-print(json.dumps({"type": "done", "assets": len(install(made, Path(sys.argv[1])))}))
+print(json.dumps({"type": "done", "assets": len(install_library(made, Path(sys.argv[1])))}))
 """
 
 

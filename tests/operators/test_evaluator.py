@@ -8,7 +8,7 @@ import bpy
 import pytest
 from icymoon.operators import install_evaluator, jobs, preferences
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.system import venv_python
+from icymoon.support.system import find_venv_python
 from stand_ins import stand_in
 
 
@@ -21,7 +21,7 @@ def extension(monkeypatch, tmp_path):
 
 
 def install(folder):
-    python = venv_python(folder)
+    python = find_venv_python(folder)
     python.parent.mkdir(parents=True)
     python.touch()
     (folder / "pyvenv.cfg").touch()

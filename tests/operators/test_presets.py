@@ -150,7 +150,7 @@ def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
         setattr(bpy.context.window_manager, previews.CHOICE, name)
         assert scene.icymoon.preset == name
         assert choice() == name
-        assert preset_files.preview_path(name).stat().st_size < 20_000, "it goes into the zip"
+        assert preset_files.find_preview(name).stat().st_size < 20_000, "it goes into the zip"
     scene.icymoon.preset = ""
     assert choice() == "NONE"
 
@@ -204,7 +204,7 @@ def described(group) -> Settings:
 def test_a_whole_scene_is_the_same_whatever_was_loaded_before(scene):
     """After every other preset; but the quality that a person chose by a preset of qualities stays."""
     names = preset_files.preset_names()
-    whole = [name for name in names if preset_files.is_whole(name)]
+    whole = [name for name in names if preset_files.is_whole_scene(name)]
     assert {name.split("/")[0] for name in whole} == {"scenes", "gallery"}
     alone = {}
     for name in whole:
@@ -272,7 +272,7 @@ def test_that_a_scene_was_changed_is_not_cut(scene, monkeypatch, name, width):
 
 def test_every_preset_of_a_scene_is_unchanged_once_it_is_loaded(scene):
     for name, *_ in presets.preset_items():
-        if preset_files.is_whole(name):
+        if preset_files.is_whole_scene(name):
             bpy.ops.icymoon.load_preset(preset=name)
             assert not presets.is_changed(scene), name
 

@@ -15,7 +15,7 @@ from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.workers.job import Job, blender_command, read_job
 from icymoon.settings.blender import scene_properties
 from icymoon.settings.topics.scene import Settings
-from icymoon.support.files import sha256
+from icymoon.support.files import hash_file
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_the_worker_opens_what_is_built_and_makes_the_pair_that_the_settings_giv
     one, two = find_pairs(Path(facts["dataset"]))[0], find_pairs(tmp_path / "other")[0]
     assert one.id == two.id
     for eye in ("left", "right"):
-        assert sha256(one.image(eye)) == sha256(two.image(eye))
+        assert hash_file(one.image(eye)) == hash_file(two.image(eye))
 
 
 def test_headings_have_meshes_of_their_own_so_each_is_built(small, started):

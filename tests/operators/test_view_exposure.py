@@ -49,7 +49,7 @@ def pair(built, tmp_path):
 def brightness(scene, folder) -> tuple[float, float]:
     """The mean of a pair's light as the view shows it in ``Raw``, and that of its image; both from 0 to 1."""
     left = read_view(read_pair(folder).image("left"), "left").radiance.mean(axis=2)
-    image = read_pair_views(folder, changes.response(scene_properties.read_settings(scene.icymoon))).left / 255
+    image = read_pair_views(folder, changes.select_response(scene_properties.read_settings(scene.icymoon))).left / 255
     kept = (image > 0.05) & (image < 0.95)
     assert kept.mean() > 0.2
     return float((left * 2.0**scene.view_settings.exposure)[kept].mean()), float(image[kept].mean())

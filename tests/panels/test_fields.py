@@ -13,7 +13,7 @@ from icymoon.operators.job_operators import JobOperator
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import fields
-from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.table import TOPICS, list_all_settings
 from panel_drawing import Layout, drawn
 from stand_ins import stand_in
 
@@ -78,17 +78,17 @@ NONE_OF_IT = re.compile(r"\b0 (for|if|gives) (no\b|none|parallel|a single|an eve
 
 def test_what_0_stands_for_is_in_the_label_where_it_is_not_none_of_it():
     """The number 0 of threads, for example, is all of them."""
-    told = {f"{topic}.{s.key}" for topic, s in all_settings() if s.zero}
+    told = {f"{topic}.{s.key}" for topic, s in list_all_settings() if s.zero}
     special = {
         f"{topic}.{s.key}"
-        for topic, s in all_settings()
+        for topic, s in list_all_settings()
         if s.kind in ("int", "float")
         and s.subtype != "FACTOR"
         and not NONE_OF_IT.search(s.description)
         and re.search(r"\b0 (for|if|gives|uses) ", s.description)
     }
     assert special <= told | ALWAYS_ON
-    for _, setting in all_settings():
+    for _, setting in list_all_settings():
         if setting.zero:
             number = {"DISTANCE": "0 m", "PIXEL": "0.000 px"}.get(setting.subtype, f"{0:.{setting.precision}f}")
             number = "0" if setting.kind == "int" else number

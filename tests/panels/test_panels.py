@@ -17,7 +17,7 @@ from icymoon.operators.presets import preset_items
 from icymoon.operators.session import session
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import CLASSES, menu, sidebar
-from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.table import TOPICS, list_all_settings
 from icymoon.settings.topics.declaration import ELSEWHERE
 from icymoon.stereo.matchers import matcher_titles
 from icymoon.stereo.report.table_columns import RANKING
@@ -141,12 +141,12 @@ def test_no_panel_that_is_shown_is_empty(scene, chosen):
 def test_every_setting_is_drawn_where_it_has_a_meaning(scene):
     paths = []
     for chosen in CHOICES:
-        for topic, setting in all_settings():
+        for topic, setting in list_all_settings():
             if setting.kind == "choice":
                 getattr(scene.icymoon, topic).property_unset(setting.key)
         set_choices(scene.icymoon, chosen)
         paths += paths_drawn()
-    assert {f"icymoon.{topic}.{s.key}" for topic, s in all_settings()} - set(paths) == set()
+    assert {f"icymoon.{topic}.{s.key}" for topic, s in list_all_settings()} - set(paths) == set()
 
 
 @pytest.mark.parametrize(
@@ -315,7 +315,7 @@ def test_only_the_first_panel_is_open_when_the_tab_is(scene):
 
 
 def test_no_name_is_cut_in_the_sidebar_as_blender_opens_it():
-    every = [s for _, setting in all_settings() for s in (setting, *setting.entries)]
+    every = [s for _, setting in list_all_settings() for s in (setting, *setting.entries)]
     # Half a line for a choice's name and half for what is chosen, as screenshots show them; ten for a number's value.
     assert [s.key for s in every if s.choices and max(map(len, (s.label, *(c[1] for c in s.choices)))) > LINE / 2] == []
     assert [s.key for s in every if len(s.label) > LINE - 10] == []
@@ -324,7 +324,7 @@ def test_no_name_is_cut_in_the_sidebar_as_blender_opens_it():
 
 
 def test_every_setting_of_an_entry_in_a_list_is_drawn(scene):
-    for topic, setting in all_settings():
+    for topic, setting in list_all_settings():
         if setting.kind == "list":
             getattr(getattr(scene.icymoon, topic), setting.key).add()
             paths = [entry[1] for entry in everything() if entry[0] == "prop"]
@@ -339,13 +339,13 @@ def test_a_built_scene_draws_its_preset(small):
 
 
 def test_every_preset_is_in_the_menu(scene):
-    from icymoon.settings.preset_files import preset_header, preset_names
+    from icymoon.settings.preset_files import preset_names, read_preset_header
 
     menus = [entry[1] for entry in drawn(menu.ICYMOON_MT_presets) if entry[0] == "menu"]
     assert len(menus) <= 12  # each fits a small screen
     shown = [entry[1:] for name in menus for entry in drawn(getattr(bpy.types, name))]
     assert max(len(drawn(getattr(bpy.types, name))) for name in menus) <= 26
-    assert sorted(shown) == sorted(("icymoon.load_preset", preset_header(name)[0]) for name in preset_names())
+    assert sorted(shown) == sorted(("icymoon.load_preset", read_preset_header(name)[0]) for name in preset_names())
 
 
 def test_a_running_job_shows_how_far_it_is_and_can_be_cancelled(scene, running):

@@ -6,13 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from icymoon.physics.camera.blur import MOTION, blur_of
-from icymoon.physics.camera.brackets import exposure_times
-from icymoon.physics.camera.colour import channel_rates
+from icymoon.physics.camera.blur import MOTION, find_blur
+from icymoon.physics.camera.brackets import list_exposure_times
+from icymoon.physics.camera.colour import compute_channel_rates
 from icymoon.physics.camera.particle_hits import draw_hits
-from icymoon.physics.camera.sensor import exposure_s
-from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
-from icymoon.physics.terrain.fine_detail import displace
+from icymoon.physics.camera.sensor import choose_exposure_s
+from icymoon.physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings
+from icymoon.physics.terrain.fine_detail import displace_by_relief
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.table import TOPICS
 from icymoon.settings.topics.declaration import LANDFORMS
@@ -60,7 +60,7 @@ def relevant(topic: str, state: dict[str, dict] | None = None) -> set[str]:
 @pytest.mark.parametrize("key", OTHERS)
 def test_a_number_of_hapke_s_law_is_grey_where_another_changes_no_brightness(state, key):
     def brightness(**changes):
-        law = from_settings(defaults().hapke | {"h_s": 0.01, "h_c": 0.01, **state, **changes})
+        law = hapke_from_settings(defaults().hapke | {"h_s": 0.01, "h_c": 0.01, **state, **changes})
         incidence, emission, azimuth = np.radians([[0.0, 20.0, 60.0], [1.0, 40.0, 50.0], [1.0, 30.0, 100.0]])
         return bidirectional_reflectance(incidence, emission, azimuth, law)
 
@@ -85,7 +85,7 @@ def test_a_number_of_hapke_s_law_is_grey_where_another_changes_no_brightness(sta
 def test_a_setting_of_exposure_or_radiation_is_hidden_or_grey_where_it_changes_no_exposure(state, key, other):
     def exposures(**changes):
         response = defaults().sensor | state | changes
-        times = exposure_times(exposure_s(np.linspace(0.0, 1.0, 99), 1e4, response), response)
+        times = list_exposure_times(choose_exposure_s(np.linspace(0.0, 1.0, 99), 1e4, response), response)
         return [*times, draw_hits(response, (30, 40), 1e-5, 10.0, np.random.default_rng(0)).sum()]
 
     assert (key in relevant("sensor", {"sensor": state})) == (exposures(**{key: other}) != exposures())
@@ -123,7 +123,7 @@ def test_only_the_exposure_that_is_used_is_shown(automatic):
 )
 def test_a_setting_of_glass_or_filters_is_hidden_where_it_changes_no_light(colour, key, other):
     def rates(**changes):
-        return channel_rates(defaults().light, defaults().sensor | {"colour": colour} | changes, 1e-5).tolist()
+        return compute_channel_rates(defaults().light, defaults().sensor | {"colour": colour} | changes, 1e-5).tolist()
 
     assert TOPICS["sensor"].is_shown(key, root(sensor={"colour": colour})) == (rates(**{key: other}) != rates())
 
@@ -138,7 +138,7 @@ def test_the_exposure_of_a_motion_is_grey_unless_something_moves():
     for moving in MOTION:
         for speed in (-0.5, 0.5):
             assert TOPICS["rig"].has_effect("motion_exposure_s", root(rig={moving: speed}))
-            assert blur_of(merged(defaults(), {"rig": {moving: speed, "motion_exposure_s": 0.1}})) is not None
+            assert find_blur(merged(defaults(), {"rig": {moving: speed, "motion_exposure_s": 0.1}})) is not None
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_roughness_on_a_mesh_has_no_landforms():
     points = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
     plain, ridged = (merged(defaults(), {"ridges": {"height_m": height_m}}) for height_m in (0.0, 1.0))
     up = np.tile([0.0, 0.0, 1.0], (20, 1))
-    assert np.array_equal(displace(points, up, plain, 1), displace(points, up, ridged, 1))
+    assert np.array_equal(displace_by_relief(points, up, plain, 1), displace_by_relief(points, up, ridged, 1))
 
 
 @pytest.mark.parametrize("topic", [name for name, topic in TOPICS.items() if topic.parent == LANDFORMS])

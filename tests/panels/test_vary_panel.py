@@ -63,7 +63,7 @@ def test_ends_are_drawn_with_the_decimals_of_the_setting(scene, name, first):
     topic, key = name.split(".")
     bpy.ops.icymoon.vary(setting=name, first=first, last=2 * first)
     item = scene.icymoon.variations.varied[0]
-    drawn_as = scene_properties.shown_as("first", TOPICS[topic][key].precision)
+    drawn_as = scene_properties.shown_property_name("first", TOPICS[topic][key].precision)
     record = drawn(vary.ICYMOON_PT_vary)
     assert any(drawn_as in str(entry) for entry in record)
     prop = item.bl_rna.properties[drawn_as]

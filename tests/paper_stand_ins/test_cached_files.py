@@ -21,7 +21,7 @@ from icymoon.paper_stand_ins import cached_files
 from icymoon.paper_stand_ins.items import RECIPE
 from icymoon.paper_stand_ins.reconstructions import Reconstruction
 from icymoon.paper_stand_ins.texture_maps import make_maps
-from icymoon.settings.topics.stand_ins import mesh_item, texture_item
+from icymoon.settings.topics.stand_ins import find_mesh_item, find_texture_item
 from icymoon.support import cache, files
 from icymoon.support.errors import IcyMoonError
 
@@ -48,7 +48,7 @@ def test_a_texture_is_made_once_and_made_again_if_a_file_was_changed(folder):
 
 
 def test_the_height_image_has_the_stated_relief():
-    folder = cached_files.make_files(texture_item("SUNCUPS"))
+    folder = cached_files.make_files(find_texture_item("SUNCUPS"))
     height_m = make_maps("SUNCUPS", size=64).height_m
     assert cached_files.relief_m(folder) == pytest.approx(np.ptp(height_m))
 
@@ -86,9 +86,9 @@ def test_what_a_killed_process_leaves_is_not_taken(tmp_path):
         "make = texture_maps.make_maps; cached_files.make_maps = lambda key: make(key, size=64);"
         "print('go', flush=True); cached_files.make_files(items.texture_item('FIRN'))"
     )
-    whole = cached_files.make_files(texture_item("FIRN"), tmp_path / "whole")
+    whole = cached_files.make_files(find_texture_item("FIRN"), tmp_path / "whole")
     known = {path.name: path.read_bytes() for path in whole.iterdir()}
-    folder = cached_files.folder_of(texture_item("FIRN"))
+    folder = cached_files.folder_of(find_texture_item("FIRN"))
     for delay in (0.0, 0.02, 0.05, 0.1):
         process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
         process.stdout.readline()
@@ -191,6 +191,6 @@ def test_a_full_disk_is_one_sentence(folder, monkeypatch):
 
 
 def test_only_known_names_are_paths():
-    for make in (texture_item, mesh_item):
+    for make in (find_texture_item, find_mesh_item):
         with pytest.raises(KeyError):
             make("../../x")

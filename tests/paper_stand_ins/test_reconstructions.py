@@ -10,9 +10,9 @@ from icymoon.paper_stand_ins.fields import Draw
 from icymoon.paper_stand_ins.items import MESH_PIXELS
 from icymoon.paper_stand_ins.reconstructions import reconstruct
 from icymoon.paper_stand_ins.triangulation import triangulate
-from icymoon.physics.mesh.check import examine
-from icymoon.physics.random_numbers.seeds import generator
-from icymoon.settings.topics.stand_ins import MESHES, mesh_item
+from icymoon.physics.mesh.check import examine_mesh
+from icymoon.physics.random_numbers.seeds import make_generator
+from icymoon.settings.topics.stand_ins import MESHES, find_mesh_item
 from marks import heavy_but
 
 
@@ -24,8 +24,8 @@ def test_there_are_the_papers_eleven():
 
 @pytest.mark.parametrize("key", heavy_but(["ATHABASCA"], [item.key for item in MESHES]))
 def test_a_mesh_is_as_stated(key):
-    item, mesh = mesh_item(key), reconstruct(key)
-    found = examine(mesh.positions.astype(float), mesh.faces)
+    item, mesh = find_mesh_item(key), reconstruct(key)
+    found = examine_mesh(mesh.positions.astype(float), mesh.faces)
     assert (found.parts, found.non_manifold_edges, found.inconsistent_edges) == (1, 0, 0)
     assert (found.degenerate_faces, found.duplicate_faces, found.non_finite_vertices) == (0, 0, 0)
     assert found.boundary_loops == item.holes + 1  # the rims of the holes, and the outer one
@@ -61,7 +61,7 @@ def _check_sites(item, mesh):
 
 
 def test_triangles_are_irregular_and_dense_where_the_ground_is_rough():
-    random = generator(0, "stand_ins", 8)
+    random = make_generator(0, "stand_ins", 8)
     rough = Draw(random, 256).waves(3.2, 1 / 60, 1 / 4) * 6.0
     rough[:, :128] = 0.0  # half is flat
     heights = np.pad(rough, ((0, 1), (0, 1)), mode="wrap")
@@ -83,7 +83,7 @@ def test_triangles_are_irregular_and_dense_where_the_ground_is_rough():
 
 def test_flips_leave_no_better_edge():
     """Delaunay: no vertex lies within the circle of a triangle beside it (checked for all, by the angles opposite)."""
-    random = generator(0, "stand_ins", 7)
+    random = make_generator(0, "stand_ins", 7)
     heights = np.pad(Draw(random, 64).waves(3.0, 1 / 20, 1 / 2) * 4, ((0, 1), (0, 1)), mode="wrap")
     places, faces = triangulate(random, heights, 1200, 0.05)
     angle = {}

@@ -11,7 +11,7 @@ import pytest
 from icymoon.paper_stand_ins import fields, ice_colours
 from icymoon.paper_stand_ins.fields import Draw
 from icymoon.paper_stand_ins.texture_maps import make_maps
-from icymoon.physics.random_numbers.seeds import generator
+from icymoon.physics.random_numbers.seeds import make_generator
 from icymoon.settings.topics.stand_ins import TEXTURES
 from marks import heavy_but
 
@@ -99,7 +99,7 @@ def test_a_seed_is_one_texture_and_another_seed_another():
 @pytest.mark.parametrize("slope", [2.0, 3.0, 4.0])
 def test_waves_have_the_stated_spectrum(slope):
     n = 512
-    field = Draw(generator(0, "stand_ins", 9), n).waves(slope, 4 / n, 1 / 2)
+    field = Draw(make_generator(0, "stand_ins", 9), n).waves(slope, 4 / n, 1 / 2)
     k_x, k_y = fields.wave_numbers(n)
     k, power = np.hypot(k_x, k_y), np.abs(np.fft.rfft2(field)) ** 2
     inside = (k >= 4) & (k <= n / 8)

@@ -12,14 +12,14 @@ from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from icymoon.physics.camera import brackets, depth_accuracy
-from icymoon.physics.camera.blur import blur_of, pose_after
-from icymoon.physics.camera.point_spread import apply_lens
-from icymoon.physics.camera.sensor import digital_numbers, electrons, exposure_s, top_dn
+from icymoon.physics.camera.blur import find_blur, find_pose_after
+from icymoon.physics.camera.point_spread import apply_point_spread
+from icymoon.physics.camera.sensor import choose_exposure_s, collect_electrons, convert_to_digital, top_dn
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.light.photons import electron_rate
-from icymoon.physics.light.sky import sky, sky_facts
-from icymoon.physics.mesh.grading import View
-from icymoon.physics.rocks.size_laws import draw_diameters, size_law
+from icymoon.physics.light.sky import compute_sky, describe_sky
+from icymoon.physics.mesh.grading import GradingView
+from icymoon.physics.rocks.size_laws import draw_diameters, make_size_law
 from icymoon.physics.surfaces import hapke, photometry, principled
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import description
@@ -146,17 +146,17 @@ def test_what_an_eye_sees_of_the_other_is_ground(depth, baseline_m, focal_px):
 def test_a_sensor_gives_numbers_of_its_range(settings, light):
     sensor = settings["sensor"]
     rate = electron_rate(settings["light"], sensor, 94e-6)
-    seen = apply_lens(light, sensor)
-    seconds = exposure_s(seen, rate, sensor)
+    seen = apply_point_spread(light, sensor)
+    seconds = choose_exposure_s(seen, rate, sensor)
     assert math.isfinite(seconds)
     assert seconds > 0
     numbers = []
-    for time in brackets.exposure_times(seconds, sensor):
-        charge = electrons(seen, time, rate, sensor, np.random.default_rng(1))
+    for time in brackets.list_exposure_times(seconds, sensor):
+        charge = collect_electrons(seen, time, rate, sensor, np.random.default_rng(1))
         assert np.isfinite(charge).all()
-        numbers.append(digital_numbers(charge, sensor))
+        numbers.append(convert_to_digital(charge, sensor))
         assert numbers[-1].max() <= top_dn(sensor)
-    times = brackets.exposure_times(seconds, sensor)
+    times = brackets.list_exposure_times(seconds, sensor)
     assert len(times) == sensor["brackets"]
     merged = brackets.merge_exposures(numbers, times, sensor)
     assert np.isfinite(merged).all()
@@ -168,15 +168,15 @@ def test_more_light_never_makes_a_darker_pixel(settings):
     sensor = settings["sensor"] | {"shot_noise": False, "read_noise_e": 0.0, "blooming": 0.0}
     light = np.concatenate([[0.0], np.geomspace(1e-9, 1e9, 40)])
     rate = electron_rate(settings["light"], sensor, 94e-6)
-    charge = electrons(light, sensor["exposure_s"], rate, sensor, np.random.default_rng(1))
-    assert np.all(np.diff(digital_numbers(charge, sensor).astype(int)) >= 0)
+    charge = collect_electrons(light, sensor["exposure_s"], rate, sensor, np.random.default_rng(1))
+    assert np.all(np.diff(convert_to_digital(charge, sensor).astype(int)) >= 0)
 
 
 @hypothesis(max_examples=80)
 @given(topic("hapke", "backend", "accuracy"), st.floats(0.0, 90.0), st.floats(0.0, 90.0), st.floats(0.0, 180.0))
 def test_hapkes_law_is_a_reflectance(settings, incidence, emission, azimuth):
     """Never negative, black without scattering, and the same both ways (Helmholtz)."""
-    q = hapke.from_settings(settings["hapke"])
+    q = hapke.hapke_from_settings(settings["hapke"])
     i, e, psi = np.radians([[incidence], [emission], [azimuth]])
     there, back = hapke.brdf(i, e, psi, q), hapke.brdf(e, i, psi, q)
     for value in (there, back):
@@ -201,7 +201,7 @@ def test_snow_is_as_white_as_can_be(settings):
     base = principled.base_colour(surface, surface["albedo"])
     assert 0 <= base <= 1
     assert 0 <= principled.real_albedo(surface) <= 1
-    told = principled.albedo_advice(surface)
+    told = principled.advise_on_albedo(surface)
     assert bool(told) == (
         abs(principled.real_albedo(surface) - surface["albedo"]) > principled.REPORTED_FROM * surface["albedo"]
     )
@@ -210,8 +210,8 @@ def test_snow_is_as_white_as_can_be(settings):
 @hypothesis(max_examples=60)
 @given(topic("light", "directions_from"))
 def test_a_sky_is_of_numbers(settings):
-    shown = sky(settings["light"])
-    said = json.loads(json.dumps(sky_facts(shown), allow_nan=False))
+    shown = compute_sky(settings["light"])
+    said = json.loads(json.dumps(describe_sky(shown), allow_nan=False))
     assert 0 <= said["sun"]["eclipse"] <= 1 + 1e-9
     assert said["sun"]["ground_irradiance_wm2"] >= 0
     if said["planet"] is not None:
@@ -222,24 +222,24 @@ def test_a_sky_is_of_numbers(settings):
 @given(topic("rig"), st.floats(-1e4, 1e4))
 def test_what_a_camera_can_measure_is_positive_or_nothing(settings, row):
     rig = settings["rig"]
-    found = depth_accuracy.ground_row(rig, row)
+    found = depth_accuracy.measure_ground_row(rig, row)
     assert found.depth_m > 0
     assert found.width_m > 0
     assert found.across_m > 0
     assert found.along_m > 0
     assert depth_accuracy.depth_error_m(1.0, rig, 0.1) > 0
     assert depth_accuracy.shared_width_px(rig, 1.0) <= rig["width_px"] + 1e-9
-    assert depth_accuracy.rounding_px(rig, 0.0) > 0
-    assert all(text.endswith(".") for text in depth_accuracy.rounding_advice(rig, 0.0))
+    assert depth_accuracy.ground_rounding_px(rig, 0.0) > 0
+    assert all(text.endswith(".") for text in depth_accuracy.advise_on_rounding(rig, 0.0))
 
 
 @pytest.mark.parametrize(("x_m", "step_m"), [(0.0, 1.2e-7), (1000.0, 6.1e-5), (5e4, 3.9e-3)])
 def test_rounding_is_that_of_single_precision(x_m, step_m):
     """24 bits: 2^-23 of the power of two under the number."""
     rig = description.defaults().rig | {"x_m": x_m}
-    assert depth_accuracy.rounding_m(x_m, 0.0, 1.6) == pytest.approx(step_m, rel=0.03)
-    assert depth_accuracy.rounding_px(rig, 0.0) == pytest.approx(341.33 * step_m / 2 / 1.6, rel=0.03)
-    assert bool(depth_accuracy.rounding_advice(rig, 0.0)) == (x_m == 5e4)
+    assert depth_accuracy.coordinate_rounding_m(x_m, 0.0, 1.6) == pytest.approx(step_m, rel=0.03)
+    assert depth_accuracy.ground_rounding_px(rig, 0.0) == pytest.approx(341.33 * step_m / 2 / 1.6, rel=0.03)
+    assert bool(depth_accuracy.advise_on_rounding(rig, 0.0)) == (x_m == 5e4)
 
 
 @given(topic("rig"))
@@ -262,9 +262,9 @@ def test_a_lens_is_refused_or_of_numbers(settings):
 
 @given(topic("rig"))
 def test_a_motion_is_refused_or_a_pose(settings):
-    blur = made(blur_of, settings)
+    blur = made(find_blur, settings)
     if blur is not None and blur.exposure_s is not None:
-        pose = pose_after(blur, blur.exposure_s / 2)
+        pose = find_pose_after(blur, blur.exposure_s / 2)
         np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-9)
         assert np.isfinite(pose).all()
 
@@ -275,7 +275,7 @@ def test_rocks_keep_to_their_sizes_and_their_number(settings, area_m2, most):
     rocks = settings["rocks"]
     if rocks["coverage"] == 0.0:
         return
-    law = made(size_law, rocks)
+    law = made(make_size_law, rocks)
     if law is None:
         assert rocks["largest_m"] < rocks["smallest_m"]
         return
@@ -303,5 +303,5 @@ def test_ground_has_a_height_everywhere(settings, places):
 
 @given(st.floats(1e-3, 1e4), st.floats(1e-4, 100.0), st.floats(0.0, 1e6))
 def test_the_nearer_eye_is_never_nearer_than_its_height(height_m, baseline_m, radius_m):
-    at = View(0.0, 0.0, height_m, baseline_m, 300.0)
+    at = GradingView(0.0, 0.0, height_m, baseline_m, 300.0)
     assert height_m <= at.nearest_m(radius_m) <= math.hypot(radius_m, height_m) * (1 + 1e-12)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from icymoon.commands import render_scenes
 from icymoon.physics import scene_checks
-from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
+from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance, hapke_from_settings
 from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.render.plans.plan_file import read_plan
@@ -80,15 +80,15 @@ def test_ice_that_makes_light_is_refused_up_to_the_w_that_is_advised(hapke):
     settings = complete({"surface": {"model": "HAPKE"}, "hapke": hapke})
     (said,) = scene_checks.find_reasons(settings)
     assert is_sentence(said)
-    parameters = from_settings(settings["hapke"])
-    share, incidence_deg = scene_checks.returned_share(parameters)
+    parameters = hapke_from_settings(settings["hapke"])
+    share, incidence_deg = scene_checks.find_returned_share(parameters)
     assert f"{share:.3g} times" in said
     # 100 000 directions, of which few hold the peak: 2 %.
     assert returned(parameters, incidence_deg) == pytest.approx(share, rel=0.02)
     advised = float(said.split("lower hapke.w to ")[1].split()[0].rstrip("."))
     most = 1.045 if parameters.h_function == "1981" else 1.01
     for w, admitted in ((advised, True), (advised + 0.01, False)):
-        assert (scene_checks.returned_share(replace(parameters, w=min(w, 1.0)))[0] <= most) == admitted
+        assert (scene_checks.find_returned_share(replace(parameters, w=min(w, 1.0)))[0] <= most) == admitted
     assert not scene_checks.find_reasons(complete(settings, {"hapke": {"w": advised}}))
     assert not scene_checks.find_reasons(
         complete(settings, {"surface": {"model": "LAMBERT"}})
@@ -106,7 +106,7 @@ def test_ice_that_makes_light_is_refused_up_to_the_w_that_is_advised(hapke):
     ],
 )
 def test_parameters_that_were_published_are_admitted(parameters):
-    assert scene_checks.returned_share(parameters)[0] <= (1.045 if parameters.h_function == "1981" else 1.01)
+    assert scene_checks.find_returned_share(parameters)[0] <= (1.045 if parameters.h_function == "1981" else 1.01)
 
 
 def test_an_image_that_smooths_the_ice_counts():
@@ -140,7 +140,7 @@ def test_a_date_of_years_that_are_not_known_is_refused(date, admitted):
 
 def test_all_reasons_are_said_at_once():
     with pytest.raises(IcyMoonError) as caught:
-        scene_checks.refuse(
+        scene_checks.refuse_scene(
             complete(
                 UNDERGROUND,
                 {
@@ -158,11 +158,11 @@ def test_all_reasons_are_said_at_once():
 def test_what_may_be_meant_is_told_and_not_refused():
     up = complete({"rig": {"pitch_deg": -60.0}})
     assert not scene_checks.find_reasons(up)
-    assert "above the horizon" in scene_checks.scene_advice(up)[0]
+    assert "above the horizon" in scene_checks.advise_on_scene(up)[0]
     wide = complete({"mesh": {"kind": "GRID"}, "terrain": {"resolution": 2, "size_m": 2000.0, "rms_slope_deg": 0.0}})
-    assert "2e+03 m wide" in scene_checks.scene_advice(wide)[0]
+    assert "2e+03 m wide" in scene_checks.advise_on_scene(wide)[0]
     assert not scene_checks.find_reasons(wide)
-    assert not scene_checks.scene_advice(complete())
+    assert not scene_checks.advise_on_scene(complete())
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_what_may_be_meant_is_told_and_not_refused():
 def test_a_principal_point_that_did_not_follow_the_size_of_the_image_is_told(rig, words):
     settings = complete({"rig": rig})
     assert not scene_checks.find_reasons(settings)
-    said = [each for each in scene_checks.scene_advice(settings) if "principal point" in each]
+    said = [each for each in scene_checks.advise_on_scene(settings) if "principal point" in each]
     assert len(said) == bool(words)
     assert all(words in each and each.endswith("by the same factor.") for each in said)
 
@@ -204,7 +204,7 @@ def test_a_principal_point_that_did_not_follow_the_size_of_the_image_is_told(rig
 def test_light_that_is_baked_with_few_samples_is_told(indirect, samples, model, told):
     """Noise that both eyes share passes for texture; where light is traced there is none."""
     few = complete({"quality": {"indirect": indirect, "bake_samples": samples}, "surface": {"model": model}})
-    said = scene_checks.scene_advice(few)
+    said = scene_checks.advise_on_scene(few)
     assert [("only 63 samples" in each, "raise quality.bake_samples to 64" in each) for each in said] == (
         [(True, True)] if told else []
     )
@@ -213,7 +213,7 @@ def test_light_that_is_baked_with_few_samples_is_told(indirect, samples, model, 
 @pytest.mark.parametrize("name", render_scenes.DEMO)
 def test_the_scenes_of_the_demo_need_no_advice(name):
     changes = (dict(render_scenes.DEMO_ALIKE), dict(render_scenes.DEMO[name]))
-    assert not scene_checks.scene_advice(complete(preset_files.load_preset(name), *changes))
+    assert not scene_checks.advise_on_scene(complete(preset_files.load_preset(name), *changes))
 
 
 @pytest.mark.parametrize("name", preset_files.preset_names())
@@ -222,7 +222,7 @@ def test_every_shipped_preset_is_admitted(name):
     assert not scene_checks.find_reasons(settings)
     # What any trench states of its walls and rocks asks for no change.
     stated = ("Walls up to ", "Rocks in the trench are not taken away")
-    assert [said for said in scene_checks.scene_advice(settings) if not said.startswith(stated)] == []
+    assert [said for said in scene_checks.advise_on_scene(settings) if not said.startswith(stated)] == []
 
 
 PLAN = """[plan]
@@ -293,8 +293,8 @@ def test_a_plan_sets_aside_what_is_refused_and_keeps_the_others(tmp_path):
 def test_a_joint_beyond_its_limits_and_an_eye_in_the_arm_are_refused_only_with_a_lander():
     there = {"lander": {"kind": "PARAMETRIC"}}
     fault = {"arm": {"elbow_deg": 160.0, "elbow_offset_deg": 10.0}}
-    assert not list(scene_checks.lander_reasons(complete(fault)))
-    (reason,) = scene_checks.lander_reasons(complete(there, fault))
+    assert not list(scene_checks.find_lander_reasons(complete(fault)))
+    (reason,) = scene_checks.find_lander_reasons(complete(there, fault))
     assert is_sentence(reason)
     assert "the joint elbow at 170°" in reason
     assert "arm.elbow_offset_deg" in reason.names
@@ -302,9 +302,9 @@ def test_a_joint_beyond_its_limits_and_an_eye_in_the_arm_are_refused_only_with_a
         "arm": {"shoulder_deg": 90.0, "elbow_deg": 0.0, "wrist_deg": 0.0, "yaw_deg": 0.0, "shoulder_y_m": 0.1},
         "rig": {"height_m": 1.3, "baseline_m": 0.2},
     }
-    assert not list(scene_checks.lander_reasons(complete(there, upright)))
+    assert not list(scene_checks.find_lander_reasons(complete(there, upright)))
     # The shoulder's axis is 0.1 m ahead of the yaw axis: it is now under the left eye.
     found = list(
-        scene_checks.lander_reasons(complete(there, upright, {"arm": {**upright["arm"], "shoulder_x_m": -0.1}}))
+        scene_checks.find_lander_reasons(complete(there, upright, {"arm": {**upright["arm"], "shoulder_x_m": -0.1}}))
     )
     assert [text.split(" is ")[0] for text in found] == ["The left eye"]

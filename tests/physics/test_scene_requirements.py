@@ -9,7 +9,7 @@ import sys
 
 import pytest
 from icymoon.physics import scene_requirements
-from icymoon.physics.light.sky import sky, sky_facts
+from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.settings import changes, description
 from icymoon.settings.topics.scene import Settings
 from icymoon.support.version import ROOT
@@ -35,31 +35,31 @@ def test_the_nearest_ground_is_at_the_foot_of_the_image():
             }
         }
     )["rig"]
-    assert scene_requirements.nearest_m(rig) == pytest.approx(2.0 / math.sin(math.radians(30.0 + 45.0)))
-    assert scene_requirements.nearest_m(rig | {"pitch_deg": 80.0}) == 2.0  # straight down is in the image
-    assert scene_requirements.nearest_m(rig | {"pitch_deg": -60.0}) == 2.0  # no level ground is: be careful
-    assert scene_requirements.nearest_m(rig | {"overscan": 1.0}) < scene_requirements.nearest_m(rig)
+    assert scene_requirements.nearest_ground_m(rig) == pytest.approx(2.0 / math.sin(math.radians(30.0 + 45.0)))
+    assert scene_requirements.nearest_ground_m(rig | {"pitch_deg": 80.0}) == 2.0  # straight down is in the image
+    assert scene_requirements.nearest_ground_m(rig | {"pitch_deg": -60.0}) == 2.0  # no level ground is: be careful
+    assert scene_requirements.nearest_ground_m(rig | {"overscan": 1.0}) < scene_requirements.nearest_ground_m(rig)
 
 
 def test_a_walk_is_worth_it_where_a_pixel_is_as_small():
     """5 mm at 1.6 m: 341 px of focal length make it 1.07 px, a tenth at ten times the height."""
     settings = described(SNOW)
-    assert scene_requirements.walk_px(settings, "surface") == pytest.approx(0.005 * 341.33 / 1.6, rel=0.02)
-    assert scene_requirements.follows_walk(settings, "surface")
+    assert scene_requirements.random_walk_px(settings, "surface") == pytest.approx(0.005 * 341.33 / 1.6, rel=0.02)
+    assert scene_requirements.traces_random_walk(settings, "surface")
     high = described(SNOW, {"rig": {"height_m": 20.0}})
-    assert not scene_requirements.follows_walk(high, "surface")
-    assert scene_requirements.rendered_surface(high, "surface") == high["surface"] | {"subsurface_weight": 0.0}
+    assert not scene_requirements.traces_random_walk(high, "surface")
+    assert scene_requirements.simplify_surface(high, "surface") == high["surface"] | {"subsurface_weight": 0.0}
     exact = described(SNOW, {"rig": {"height_m": 20.0}, "quality": {"walk_px": 0.0}})
-    assert scene_requirements.follows_walk(exact, "surface")
-    assert not scene_requirements.follows_walk(described({"quality": {"walk_px": 0.0}}), "surface")
-    assert not scene_requirements.follows_walk(described(SNOW, {"surface": {"model": "LAMBERT"}}), "surface")
-    assert changes.look(high) != changes.look(settings)
-    assert changes.look(described(SNOW, {"rig": {"pitch_deg": 50.0}})) == changes.look(settings)
+    assert scene_requirements.traces_random_walk(exact, "surface")
+    assert not scene_requirements.traces_random_walk(described({"quality": {"walk_px": 0.0}}), "surface")
+    assert not scene_requirements.traces_random_walk(described(SNOW, {"surface": {"model": "LAMBERT"}}), "surface")
+    assert changes.select_look(high) != changes.select_look(settings)
+    assert changes.select_look(described(SNOW, {"rig": {"pitch_deg": 50.0}})) == changes.select_look(settings)
 
 
 def test_what_is_left_out_is_told_with_its_reason():
     plain = described()
-    assert scene_requirements.find_left_out(plain, sky_facts(sky(plain["light"]))) == []
+    assert scene_requirements.find_left_out(plain, describe_sky(compute_sky(plain["light"]))) == []
     own = described(
         {
             "rocks": {"own_surface": True, "coverage": 0.1},
@@ -69,20 +69,20 @@ def test_what_is_left_out_is_told_with_its_reason():
             "quality": {"truth": "DEPTH"},
         }
     )
-    said = scene_requirements.find_left_out(own, sky_facts(sky(own["light"])))
+    said = scene_requirements.find_left_out(own, describe_sky(compute_sky(own["light"])))
     assert [line.split(":")[0] for line in said] == ["rock_surface", "light", "truth"]
     assert "5 mm is 0.03" in said[0]
 
 
 def test_the_planet_counts_against_the_sun_of_the_ground_that_it_lights():
     def share(**light):
-        return sky(described({"light": {"planet": True, **light}})["light"]).planet_over_sun
+        return compute_sky(described({"light": {"planet": True, **light}})["light"]).planet_over_sun
 
     assert 1e-3 < share() < 1.0
     assert share(sun_elevation_deg=1.0) > share()  # level ground gets little of a low Sun
     assert share(sun_elevation_deg=-5.0, sun_azimuth_deg=180.0) == math.inf
     assert share(planet_elevation_deg=-50.0) == 0.0
-    assert sky(described()["light"]).planet_over_sun == 0.0
+    assert compute_sky(described()["light"]).planet_over_sun == 0.0
 
 
 def test_torch_is_loaded_for_networks_only():

@@ -220,7 +220,7 @@ def test_embree_of_blender_and_of_embreex_give_the_same_bits():
     pytest.importorskip("embreex")
     from icymoon.support.blender import compat
 
-    own = [file for folder in compat.library_folders() for file in folder.glob("*embree4*")]
+    own = [file for folder in compat.list_library_folders() for file in folder.glob("*embree4*")]
     assert own, bpy.app.version_string
     world, direction = some_world(), some_rays(2000)
     found = [

@@ -64,7 +64,7 @@ def append(library: Path, name: str):
         found = {kind: list(getattr(there, kind)) for kind in set(KINDS.values())}
         for kind, names in found.items():
             setattr(wanted, kind, list(names))
-    title = preset_files.preset_header(name)[0]
+    title = preset_files.read_preset_header(name)[0]
     assert found == {**{kind: [] for kind in KINDS.values()}, KINDS[name.split("/")[0]]: [title]}
     return getattr(bpy.data, KINDS[name.split("/")[0]])[title]
 
@@ -80,7 +80,7 @@ def test_blender_finds_each_asset_with_its_facts(library, name):
     assert facts.description.endswith(f"Preset {name}")
     assert len(facts.description.encode()) > 30
     assert {"Icy Moon"} < {tag.name for tag in facts.tags}
-    image = bpy.data.images.load(str(preset_files.preview_path(name)))
+    image = bpy.data.images.load(str(preset_files.find_preview(name)))
     assert tuple(block.preview.image_size) == tuple(image.size)
     shown, expected = np.empty(len(image.pixels), np.float32), np.empty(len(image.pixels), np.float32)
     block.preview.image_pixels_float.foreach_get(shown)
@@ -93,7 +93,7 @@ def test_blender_finds_each_asset_with_its_facts(library, name):
         for image in bpy.data.images
         if image.source == "FILE"
         and not image.packed_file
-        and image.filepath != bpy.path.abspath(str(preset_files.preview_path(name)))
+        and image.filepath != bpy.path.abspath(str(preset_files.find_preview(name)))
     ]
 
 

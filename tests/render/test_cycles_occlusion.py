@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from icymoon.nodes.scene import build
-from icymoon.physics.camera.occlusion import is_in_frame, matching_column
+from icymoon.physics.camera.occlusion import find_matching_column, is_in_frame
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
@@ -42,7 +42,7 @@ def test_hidden_pixels_are_those_of_another_ray_caster(tmp_path):
     for eye in EYES:
         view = read_view(pair.truth(eye), eye)
         disparity = pair.camera.disparity(view.depth)
-        met, inside = cast_from_other_eye(tree, pair, eye, disparity), is_in_frame(matching_column(disparity, eye))
+        met, inside = cast_from_other_eye(tree, pair, eye, disparity), is_in_frame(find_matching_column(disparity, eye))
         with np.errstate(invalid="ignore"):
             hidden, behind = inside & (met > disparity + 0.01), inside & (met > disparity + 1.0)
         far, found = far + behind.sum(), found + (view.hidden & behind).sum()
@@ -57,7 +57,7 @@ def test_masks_are_what_the_rays_found(tmp_path):
     loaded = load_pair(pair.folder, {})
     for eye in EYES:
         view = read_view(pair.truth(eye), eye)
-        column = matching_column(pair.camera.disparity(view.depth), eye)
+        column = find_matching_column(pair.camera.disparity(view.depth), eye)
         assert view.hidden.any()
         assert not view.hidden[~is_in_frame(column)].any()
         np.testing.assert_array_equal(loaded.visible[eye], is_in_frame(column) & ~view.hidden)

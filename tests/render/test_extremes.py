@@ -18,7 +18,7 @@ from icymoon.physics.surfaces.photometry import LOMMEL_SEELIGER_BOND
 from icymoon.render.pairs.pair_folder import EYES
 from icymoon.settings import description
 from icymoon.settings.blender import scene_properties
-from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.table import TOPICS, list_all_settings
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.matchers.methods import parse_methods
@@ -84,7 +84,7 @@ def test_blender_holds_every_limit_as_it_is_stated():
     group = empty_scene().icymoon
     for bound in ("minimum", "maximum"):
         limits = {}
-        for topic, setting in all_settings():
+        for topic, setting in list_all_settings():
             if setting.kind in ("int", "float"):
                 value = getattr(setting, bound)
                 limits.setdefault(topic, {})[setting.key] = int(value) if setting.kind == "int" else value
@@ -177,7 +177,7 @@ def test_no_limit_breaks_a_pair(tmp_path, topic, setting, bound):
 def test_no_limit_of_the_response_breaks_an_image(tmp_path):
     """One pair, developed again with each limit; a lens that folds the image over itself is refused."""
     pair, _ = shot(complete({"rig": {"width_px": 40, "height_px": 24}}), tmp_path)
-    response = [(topic, s) for topic, s in all_settings() if s.effect == "response" and s.kind in ("int", "float")]
+    response = [(topic, s) for topic, s in list_all_settings() if s.effect == "response" and s.kind in ("int", "float")]
     for topic, setting in response:
         for value in (setting.minimum, setting.maximum):
             value = int(value) if setting.kind == "int" else value

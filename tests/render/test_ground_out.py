@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from icymoon.formats import geotiff
 from icymoon.formats.tiff_write import encode_tiff
-from icymoon.physics.surfaces.albedos import albedos
+from icymoon.physics.surfaces.albedos import find_albedos
 from icymoon.render.geometry_worker import run_job
 from icymoon.support.errors import IcyMoonError
 from rendering import SMALL, complete
@@ -112,7 +112,7 @@ def test_the_albedo_of_a_plain_surface_is_that_of_its_law(changes, tmp_path):
     }
     folder, _ = written(tmp_path, "dem", plain, cell_m=1.0)
     settings = complete(plain)
-    law = albedos(settings.surface, settings.hapke)
+    law = find_albedos(settings.surface, settings.hapke)
     wanted = law.bond if changes["model"] == "HAPKE" else changes["albedo"]
     # The curve of a node is a table of single precision.
     assert np.unique(tiff_values(folder / "albedo.tif")) == pytest.approx(wanted, abs=1e-5)
@@ -133,11 +133,11 @@ def test_patches_of_hapkes_ground_are_between_the_albedos_of_their_w(tmp_path):
     folder, _ = written(tmp_path, "dem", varied, cell_m=0.5)
     settings = complete(varied)
     found = tiff_values(folder / "albedo.tif")
-    least = albedos(settings.surface, settings.hapke | {"w": 0.4 * settings.hapke.w}).bond
-    most = albedos(settings.surface, settings.hapke).bond
+    least = find_albedos(settings.surface, settings.hapke | {"w": 0.4 * settings.hapke.w}).bond
+    most = find_albedos(settings.surface, settings.hapke).bond
     assert least < found.min() < found.max() < most
     # Far from proportional to w: half of the light is scattered more than once.
-    middle = albedos(settings.surface, settings.hapke | {"w": 0.7 * settings.hapke.w}).bond
+    middle = find_albedos(settings.surface, settings.hapke | {"w": 0.7 * settings.hapke.w}).bond
     assert middle < 0.6 * most
 
 

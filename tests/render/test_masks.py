@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from icymoon.nodes.ground.terrain_mesh import build_mesh_from_arrays
 from icymoon.nodes.scene import Built, build
-from icymoon.physics.rocks.shapes import icosphere
+from icymoon.physics.rocks.shapes import make_icosphere
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
@@ -48,7 +48,7 @@ def rays(pair: Pair, eye: str) -> tuple[Array, Array]:
 def own_object(built: Built, name: str, shape: str, size_m: float, place: tuple, **properties) -> bpy.types.Object:
     """Put a sphere (diameter) or a cube (edge) of the user's own into the collection."""
     if shape == "sphere":
-        directions, faces = icosphere(6)
+        directions, faces = make_icosphere(6)
         corners = directions / 2
     else:
         corners = np.array(list(np.ndindex(2, 2, 2))) - 0.5

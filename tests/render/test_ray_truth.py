@@ -202,7 +202,7 @@ def test_blenders_trees_find_the_same_truth_where_there_is_no_embree(tmp_path, m
     settings = complete(WIDE, {"rocks": ROCKS, "surface": {**ROUGH, "relief": "DISPLACEMENT"}})
     (ours,) = shoot(tmp_path / "embree", settings)
     monkeypatch.setattr(engine, "load_library", lambda folders: None)
-    monkeypatch.setattr(compat, "library_folders", lambda: (tmp_path,))  # what is found in a folder is kept
+    monkeypatch.setattr(compat, "list_library_folders", lambda: (tmp_path,))  # what is found in a folder is kept
     (others,) = shoot(tmp_path / "trees", settings)
     assert [pair.data["truth"] for pair in (ours, others)] == [{"by": "Embree"}, {"by": "BVHTree"}]
     for eye in EYES:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from icymoon.nodes.scene import build
 from icymoon.operators import sidebar_text
-from icymoon.physics.camera.blur import blur_of, confusion_px, motion_px
-from icymoon.physics.camera.lens_distortion import overscan_needed
+from icymoon.physics.camera.blur import circle_of_confusion_px, find_blur, motion_blur_px
+from icymoon.physics.camera.lens_distortion import find_overscan
 from icymoon.render.pairs.pair_folder import EYES
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.progress import SampleCounter
@@ -79,7 +79,7 @@ def test_the_disc_of_confusion_is_that_of_the_thin_lens(tmp_path, sharp):
     # A disc of even light spreads an edge by a quarter of its diameter; what a pixel itself spreads comes on top.
     diameter = 4 * np.sqrt(sigma**2 - sharp[2] ** 2)
     expected = 96 * 32 / 60 * 0.032 / 1.6 * (1 / 0.1 - 1 / 2)
-    assert confusion_px(2.0, pair.settings.rig, blur_of(pair.settings)) == pytest.approx(expected)
+    assert circle_of_confusion_px(2.0, pair.settings.rig, find_blur(pair.settings)) == pytest.approx(expected)
     assert diameter == pytest.approx(expected, rel=0.05)
     assert middle == pytest.approx(sharp[1], abs=0.2)
     check_truth(pair, sharp)
@@ -97,7 +97,7 @@ def test_motion_blur_is_as_long_as_the_way_of_a_point_and_about_the_instant_of_t
     pair, _ = render(tmp_path, EDGE, MOTION, {"rig": {"speed_right_m_s": 0.0} | motion})
     middle, sigma = spread(pair)
     found = np.sqrt(12 * (sigma**2 - sharp[2] ** 2))  # of a line of even light
-    assert motion_px(0.0, 0.0, 2.0, pair.settings.rig, blur_of(pair.settings)) == pytest.approx(length, rel=1e-6)
+    assert motion_blur_px(0.0, 0.0, 2.0, pair.settings.rig, find_blur(pair.settings)) == pytest.approx(length, rel=1e-6)
     assert found == pytest.approx(length, abs=0.5)
     assert middle == pytest.approx(sharp[1], abs=0.2)
     check_truth(pair, sharp)
@@ -258,7 +258,7 @@ def test_opencv_rectifies_the_raw_export_with_its_calibration(toed, tmp_path):
 def test_with_overscan_no_pixel_of_the_sensor_is_dark_and_truth_stays_what_it_was(tmp_path):
     barrel = {"rig": {"distortion_k1": -0.1, "distortion_k2": 0.01, "width_px": 180, "height_px": 120}}
     plain, _ = render(tmp_path / "plain", TEXTURED, barrel)
-    needed = overscan_needed(plain.settings.rig)
+    needed = find_overscan(plain.settings.rig)
     assert 0.02 < needed < 0.2
     wide, _ = render(tmp_path / "wide", TEXTURED, barrel, {"rig": {"overscan": needed}})
     dark = {}

@@ -45,7 +45,7 @@ def test_in_a_plan(tmp_path, text):
 )
 def test_in_settings(topic):
     with pytest.raises(IcyMoonError, match=NOTE):
-        user_files.content(merged(defaults(), check(topic, "test")))
+        user_files.hash_content(merged(defaults(), check(topic, "test")))
 
 
 def test_in_the_name_of_a_settings_file(tmp_path):
@@ -71,8 +71,8 @@ def test_in_pairs_toml(tmp_path, left, right):
 def test_not_on_windows_nor_of_other_paths(monkeypatch):
     mesh = {"source": {"kind": "MESH", "file": "meshes/y.obj"}}
     with pytest.raises(IcyMoonError, match=r"\(No such file or directory\); check source\.file"):
-        user_files.content(merged(defaults(), check(mesh, "test")))
+        user_files.hash_content(merged(defaults(), check(mesh, "test")))
     monkeypatch.setattr(system, "PLATFORM", "win32")
     mesh["source"]["file"] = "meshes\\y.obj"
     with pytest.raises(IcyMoonError, match=r"\(No such file or directory\); check source\.file"):
-        user_files.content(merged(defaults(), check(mesh, "test")))
+        user_files.hash_content(merged(defaults(), check(mesh, "test")))

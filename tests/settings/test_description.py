@@ -10,7 +10,7 @@ from descriptions import DESCRIPTIONS
 from hypothesis import given
 from icymoon.settings import description as settings
 from icymoon.settings import preset_files
-from icymoon.settings.table import all_settings
+from icymoon.settings.table import list_all_settings
 from icymoon.settings.topics.declaration import EFFECTS
 from icymoon.support.errors import IcyMoonError
 
@@ -19,7 +19,7 @@ from icymoon.support.errors import IcyMoonError
 def test_canonical_form_is_single_precision_and_stable(description):
     once = settings.check(description, "test")
     assert settings.check(once, "test") == once
-    for topic, setting in all_settings():
+    for topic, setting in list_all_settings():
         if setting.kind == "float":
             assert once[topic][setting.key] == pytest.approx(description[topic][setting.key], rel=1.2e-7, abs=1e-44)
 
@@ -27,7 +27,7 @@ def test_canonical_form_is_single_precision_and_stable(description):
 @pytest.mark.parametrize("bound", ["minimum", "maximum"])
 def test_a_limit_may_be_stated_as_single_precision_has_it(bound):
     """What Blender says of a property that is at its end is not beyond it."""
-    for topic, setting in all_settings():
+    for topic, setting in list_all_settings():
         if setting.kind == "float":
             value = getattr(setting, bound)
             in_blender = settings.check({topic: {setting.key: float(np.float32(value))}}, "test")
@@ -70,7 +70,7 @@ def test_a_date_without_quotes_is_shown_as_it_stands_in_the_file(tmp_path, date)
 
 
 def test_every_setting_says_what_it_is():
-    for topic, setting in all_settings():
+    for topic, setting in list_all_settings():
         assert len(setting.description) > 15, f"{topic}.{setting.key}"
         assert setting.effect in EFFECTS
         if setting.kind in ("int", "float"):

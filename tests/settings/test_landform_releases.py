@@ -6,7 +6,7 @@ import sys
 import tomllib
 
 import pytest
-from icymoon.settings.description import check, defaults, digest, merged, restored
+from icymoon.settings.description import check, defaults, digest, merged, restore_settings
 from icymoon.settings.table import TOPICS
 from icymoon.support.errors import IcyMoonError
 from icymoon.support.version import ROOT
@@ -56,10 +56,10 @@ stored = json.loads(json.dumps(on))
 other = json.loads(json.dumps(on)); other["landform_waves"]["made_by"] = "icymoon-wave-landform 0.9"
 print(json.dumps({
     "default": digest(defaults()), "on": digest(on), "off": digest(off), "table": on["landform_waves"],
-    "off_table": off["landform_waves"], "restored": digest(restored(stored, "pair.json")),
-    "restored_other": restored(other, "pair.json")["landform_waves"]["made_by"],
-    "id_other": digest(restored(other, "pair.json")),
-    "old": restored({"terrain": {"size_m": 20.0}}, "pair.json")["landform_waves"]["height_m"],
+    "off_table": off["landform_waves"], "restored": digest(restore_settings(stored, "pair.json")),
+    "restored_other": restore_settings(other, "pair.json")["landform_waves"]["made_by"],
+    "id_other": digest(restore_settings(other, "pair.json")),
+    "old": restore_settings({"terrain": {"size_m": 20.0}}, "pair.json")["landform_waves"]["height_m"],
     "spacing_alone": digest(merged(defaults(), override("landform_waves.spacing_m=3"))),
     "spacing": digest(merged(on, override("landform_waves.spacing_m=3"))),
     "stated": said(lambda: check({"landform_waves": {"height_m": 1.0, "made_by": other["landform_waves"]["made_by"]}},
@@ -120,14 +120,14 @@ def test_its_settings_are_checked_and_shown_as_ours_are(there):
 
 def test_without_the_package_a_pair_can_be_read_and_has_its_id(there):
     table = json.loads(json.dumps(there["table"]))
-    found = restored({**defaults(), "landform_waves": table}, "pair.json")
+    found = restore_settings({**defaults(), "landform_waves": table}, "pair.json")
     assert found["landform_waves"] == table
     assert digest(found) == there["on"]
     assert digest(merged(found, {"sensor": {"bits": 8}})) == there["on"]
 
 
 def test_without_the_package_one_that_was_off_is_none():
-    found = restored({**defaults(), "landform_waves": STORED | {"height_m": 0.0, "made_by": ""}}, "pair.json")
+    found = restore_settings({**defaults(), "landform_waves": STORED | {"height_m": 0.0, "made_by": ""}}, "pair.json")
     assert "landform_waves" not in found
     assert digest(found) == digest(defaults())
 
@@ -155,7 +155,7 @@ def test_without_the_package_a_description_of_a_user_is_refused(values):
 )
 def test_a_damaged_table_is_refused(values):
     with pytest.raises(IcyMoonError, match=r"^pair\.json: \[landform_waves\] is damaged"):
-        restored({"landform_waves": values}, "pair.json")
+        restore_settings({"landform_waves": values}, "pair.json")
 
 
 def test_a_name_from_a_file_imports_nothing(tmp_path, monkeypatch):
@@ -163,6 +163,6 @@ def test_a_name_from_a_file_imports_nothing(tmp_path, monkeypatch):
     (tmp_path / "landform_evil.py").write_text("raise SystemExit('it was run')")
     (tmp_path / "evil.py").write_text("raise SystemExit('it was run')")
     monkeypatch.syspath_prepend(str(tmp_path))
-    restored({"landform_evil": {"height_m": 1.0, "made_by": "evil 1.0"}}, "pair.json")
+    restore_settings({"landform_evil": {"height_m": 1.0, "made_by": "evil 1.0"}}, "pair.json")
     with pytest.raises(IcyMoonError, match="not installed"):
         check({"landform_evil": {"height_m": 1.0, "made_by": "evil 1.0"}}, "a.toml")

@@ -11,7 +11,7 @@ from descriptions import DESCRIPTIONS
 from hypothesis import given
 from icymoon.settings import description as settings
 from icymoon.settings import pair_ids
-from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.table import TOPICS, list_all_settings
 from icymoon.settings.topics.declaration import Value
 from olddata import upgrade_all
 
@@ -19,7 +19,7 @@ from olddata import upgrade_all
 def test_the_digest_counts_what_changes_pixels_and_nothing_else():
     base = settings.defaults()
     other: Value
-    for topic, setting in all_settings():
+    for topic, setting in list_all_settings():
         if setting.kind == "bool":
             other = not setting.default
         elif setting.kind == "choice":
@@ -43,24 +43,24 @@ FIRST = "70cd178c3f77f6c77093317a1089032e8c3a876736ebd893c4ed2f8ff4c3b24f"
 
 def test_the_settings_of_the_first_release_are_a_closed_list():
     """A newer setting states ``since``. None of these may move, leave, or count otherwise."""
-    others = [f"{topic}.{s.key}" for topic, s in all_settings() if not s.since and not pair_ids.counts(s)]
+    others = [f"{topic}.{s.key}" for topic, s in list_all_settings() if not s.since and not pair_ids.affects_pixels(s)]
     layer = [s.key for s in TOPICS["terrain"]["layers"].entries if not s.since]
-    frozen = json.dumps([pair_ids.first_settings(), others, layer])
+    frozen = json.dumps([pair_ids.list_first_settings(), others, layer])
     assert hashlib.sha256(frozen.encode()).hexdigest() == FIRST
 
 
 def test_the_value_of_older_versions_is_valid():
     assert [
         s.key
-        for topic, s in all_settings()
+        for topic, s in list_all_settings()
         for s in (s, *s.entries)
-        if settings._checked(s, s.old_value, f"{topic}.{s.key}", "test", False) != s.old_value
+        if settings._check_value(s, s.old_value, f"{topic}.{s.key}", "test", False) != s.old_value
     ] == []
 
 
 def _of_the_first_version(described, extra: str) -> str:
     """The id as version 0.1.0 made it."""
-    counted = [[name, described[name.split(".")[0]][name.split(".")[1]]] for name in pair_ids.first_settings()]
+    counted = [[name, described[name.split(".")[0]][name.split(".")[1]]] for name in pair_ids.list_first_settings()]
     return hashlib.sha256(json.dumps([counted, extra]).encode()).hexdigest()[:12]
 
 
@@ -68,14 +68,14 @@ def _of_the_first_version(described, extra: str) -> str:
 def test_an_id_is_that_of_the_first_version_as_long_as_nothing_later_is_used(description):
     described = settings.merged(
         settings.check(description, "test"),
-        *({topic: {s.key: s.old_value}} for topic, s in all_settings() if s.since),
+        *({topic: {s.key: s.old_value}} for topic, s in list_all_settings() if s.since),
         *({topic: {"relief": "BUMP"}} for topic in ("surface", "rock_surface")),
     )  # the first version had no REAL
     with pytest.MonkeyPatch.context() as patch:
         expected = _of_the_first_version(described, "f/2.0 None s")
         assert settings.digest(described, "f/2.0 None s") == expected
         upgrade_all(patch)
-        later = settings.restored(described, "pair.json")
+        later = settings.restore_settings(described, "pair.json")
         assert settings.digest(later, "f/2.0 None s") == expected
         used = settings.merged(later, {"quality": {"extra_pass": True}})
         also = settings.merged(used, {"rig": {"wobble_deg": 0.1}})
@@ -88,14 +88,14 @@ def test_newer_settings_may_stand_in_any_order(monkeypatch):
     """They may be declared between others later; only those of the first release have a place."""
     changes = {"surface": {"frost_share": 0.1, "bubble_share": 0.2}, "hills": {"rms_slope_deg": 1.0, "hurst": 0.9}}
     described = settings.merged(settings.defaults(), changes)
-    first, newer = pair_ids.counted(described)
+    first, newer = pair_ids.list_counted_values(described)
     assert dict(newer) == {f"{topic}.{key}": value for topic, those in changes.items() for key, value in those.items()}
     for name, topic in TOPICS.items():
         newer_ones = [s for s in topic.settings if s.since]
         monkeypatch.setitem(
             TOPICS, name, replace(topic, settings=(*newer_ones[::-1], *(s for s in topic.settings if not s.since)))
         )
-    assert pair_ids.counted(described) == [first, newer]
+    assert pair_ids.list_counted_values(described) == [first, newer]
 
 
 def test_what_is_added_to_the_tables_of_a_list_counts_where_it_is_used(monkeypatch):
@@ -103,8 +103,8 @@ def test_what_is_added_to_the_tables_of_a_list_counts_where_it_is_used(monkeypat
     old = settings.merged(settings.defaults(), settings.check(layers, "test"))
     upgrade_all(monkeypatch)
     stored, fresh = (
-        settings.restored(old, "pair.json"),
-        settings.merged(settings.restored(old, "pair.json"), settings.check(layers, "test")),
+        settings.restore_settings(old, "pair.json"),
+        settings.merged(settings.restore_settings(old, "pair.json"), settings.check(layers, "test")),
     )
     assert [layer["skew"] for layer in stored.terrain.layers] == [0.0, 0.0]
     assert [layer["skew"] for layer in fresh.terrain.layers] == [0.5, 0.5]
@@ -138,7 +138,7 @@ def test_a_setting_may_be_renamed_and_no_id_changes(monkeypatch):
         ),
     )
     monkeypatch.setitem(pair_ids.RENAMED, "surface.albedo", "surface.whiteness")
-    now = settings.restored(old, "pair.json")
+    now = settings.restore_settings(old, "pair.json")
     assert now.surface["whiteness"] == 0.5
     assert "albedo" not in now.surface
     assert settings.digest(now) == was

@@ -17,8 +17,8 @@ def test_a_file_is_read_whatever_wrote_it(tmp_path, encoding, newline):
     text = '# 5 µm of snow\n[preset]\ntitle = "Größe Ω 月"\n[terrain]\nsize_m = 12.0\n'
     file.write_bytes(text.replace("\n", newline).encode(encoding))
     assert preset_files.load(file) == {"terrain": {"size_m": 12.0}}
-    assert preset_files.header_of(file, "scene")[0] == "Größe Ω 月"
-    assert toml_text.toml_and_text(file)[1] == text
+    assert preset_files.read_header(file, "scene")[0] == "Größe Ω 月"
+    assert toml_text.read_toml_and_text(file)[1] == text
 
 
 def test_big_endian_text_is_read_too(tmp_path):
@@ -57,7 +57,7 @@ def test_presets_load_and_every_number_has_a_source():
     assert {"scenes/enceladus_fresh_snow", "scenes/europa_rough_ice"} <= set(preset_files.preset_names())
     for name in preset_files.preset_names():
         preset_files.load_preset(name)
-        raw = toml_text.read_toml(preset_files.preset_path(name))
+        raw = toml_text.read_toml(preset_files.find_preset(name))
         stated = {
             f"{topic}.{key}"
             for topic, values in raw.items()
@@ -65,11 +65,11 @@ def test_presets_load_and_every_number_has_a_source():
             for key in values
         }
         assert stated == set(raw["sources"]), name
-        assert all(preset_files.preset_header(name)), name
+        assert all(preset_files.read_preset_header(name)), name
 
 
 def test_an_unknown_preset_names_the_nearest():
     with pytest.raises(IcyMoonError, match="europa_rough_ice"):
-        preset_files.preset_path("scenes/europa_ruff_ice")
+        preset_files.find_preset("scenes/europa_ruff_ice")
     with pytest.raises(IcyMoonError):
-        preset_files.preset_path("../pyproject")
+        preset_files.find_preset("../pyproject")

@@ -6,7 +6,7 @@ import json
 
 import pytest
 from icymoon.settings import description
-from icymoon.settings.description import Restorer, check, defaults, merged, overlaid, restored
+from icymoon.settings.description import Restorer, check, defaults, merged, overlaid, restore_settings
 from icymoon.support.errors import IcyMoonError
 
 
@@ -34,7 +34,7 @@ def test_a_table_that_many_have_is_checked_once(checked):
     assert checked.count("dataset") == 9
     assert len(checked) == len(pairs[0]) - 2 + 3 + 9
     assert found == pairs
-    assert found == [restored(pair, "pair.json") for pair in pairs]
+    assert found == [restore_settings(pair, "pair.json") for pair in pairs]
     assert all(type(pair[topic]) is type(defaults()[topic]) for pair in found for topic in pair)
 
 
@@ -50,7 +50,7 @@ def test_values_that_are_equal_or_similar_are_no_others(other):
 
     restore = Restorer()
     restore({"rig": {"heading_deg": 0.0 if other == 0 else 1.0}}, "pair.json")
-    assert heading(restore) == heading(restored)
+    assert heading(restore) == heading(restore_settings)
 
 
 def test_each_file_with_a_wrong_table_is_named():

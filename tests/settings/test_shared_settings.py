@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.settings.shared_settings import find_shared, with_shared, without_shared
+from icymoon.settings.shared_settings import add_shared, find_shared, remove_shared
 
 A = {"rig": {"x_m": 0.0, "y_m": 1.0}, "light": {"layers": [{"a": 1}]}}
 
@@ -29,7 +29,7 @@ def test_what_is_shared_and_what_is_not(others, shared):
         assert repr(
             {
                 topic: dict(sorted(table.items()))
-                for topic, table in sorted(with_shared(without_shared(each, found), found).items())
+                for topic, table in sorted(add_shared(remove_shared(each, found), found).items())
             }
         ) == repr({topic: dict(sorted(table.items())) for topic, table in sorted(each.items())})
 

@@ -8,11 +8,11 @@ import re
 
 import pytest
 from icymoon.settings import preset_files, toml_text
-from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.table import TOPICS, list_all_settings
 from icymoon.settings.topics.declaration import Setting
 from icymoon.support.version import ROOT
 
-ALL = [(topic, s) for topic, setting in all_settings() for s in (setting, *setting.entries)]
+ALL = [(topic, s) for topic, setting in list_all_settings() for s in (setting, *setting.entries)]
 NUMBERS = [(topic, s) for topic, s in ALL if s.kind in ("int", "float")]
 #: Unit that the end of a name states; the longest end that fits decides.
 ENDS = {
@@ -94,13 +94,13 @@ def test_a_panel_says_what_it_is_and_names_nothing_twice(topic):
 
 @pytest.mark.parametrize("name", preset_files.preset_names())
 def test_a_preset_says_what_it_is(name):
-    header = toml_text.read_toml(preset_files.preset_path(name))["preset"]
+    header = toml_text.read_toml(preset_files.find_preset(name))["preset"]
     assert header["title"].strip()
     assert len(header["description"]) > 15
     same = [
         other
         for other in preset_files.preset_names(name.split("/")[0])
-        if preset_files.preset_header(other)[0] == header["title"]
+        if preset_files.read_preset_header(other)[0] == header["title"]
     ]
     assert same == [name], "two presets of one menu have one title"
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from icymoon.render.plans import frozen_plan
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, preset_files, toml_text
-from icymoon.settings.table import all_settings
+from icymoon.settings.table import list_all_settings
 from icymoon.settings.topics import trust_boundary
 from icymoon.settings.topics.declaration import Setting
 from icymoon.stereo.matchers import complete_options, load_matcher, matcher_names
@@ -26,7 +26,7 @@ REFUSED = f"dataset.methods names a ({'|'.join(trust_boundary.LOADS)}), which on
 
 
 def test_every_text_says_what_it_may_name():
-    texts = {f"{topic}.{s.key}": s.trust for topic, s in all_settings() if s.kind == "text"}
+    texts = {f"{topic}.{s.key}": s.trust for topic, s in list_all_settings() if s.kind == "text"}
     assert len(texts) > 5
     assert set(texts.values()) == set(trust_boundary.CLASSES)
     with pytest.raises(ValueError, match="must have a class of trust"):
@@ -37,21 +37,21 @@ def test_every_text_says_what_it_may_name():
 
 @pytest.mark.parametrize("text", ["", "none", "-9999", "1e20", " 5 ", "-0.0"])
 def test_a_mark_is_a_number_or_nothing(text):
-    assert trust_boundary.fault("mark", text) == ""
+    assert trust_boundary.find_text_fault("mark", text) == ""
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "-inf", "x", "None", "1,5", " ", "sh -c evil"])
 def test_what_is_no_finite_number_is_no_mark(text):
-    assert trust_boundary.fault("mark", text).startswith(f"is {text!r}, which is no number")
+    assert trust_boundary.find_text_fault("mark", text).startswith(f"is {text!r}, which is no number")
 
 
 def test_of_a_long_mark_the_first_forty_letters_are_shown():
-    assert trust_boundary.fault("mark", 99 * "x").startswith(f"is {40 * 'x'!r}, ")
+    assert trust_boundary.find_text_fault("mark", 99 * "x").startswith(f"is {40 * 'x'!r}, ")
 
 
 @pytest.mark.parametrize("kind", ["name", "read", "written"])
 def test_a_text_that_is_only_read_may_be_any(kind):
-    assert trust_boundary.fault(kind, EVIL) == trust_boundary.fault(kind, "x") == ""
+    assert trust_boundary.find_text_fault(kind, EVIL) == trust_boundary.find_text_fault(kind, "x") == ""
 
 
 def test_a_matcher_has_no_text_but_those_that_descriptions_may_not_set():
@@ -108,7 +108,7 @@ def test_it_is_left_out_of_what_an_earlier_version_has_stored(tmp_path):
     line = {"id": "0" * 12, "changes": {"dataset": {"methods": EVIL}}}
     (tmp_path / frozen_plan.PLAN).write_text(json.dumps(header) + "\n" + json.dumps(line) + "\n", encoding="utf-8")
     assert frozen_plan.read_frozen_plan(tmp_path).pairs[0].settings == description.defaults()
-    assert description.restored(stored, "pair.json") == description.defaults()
+    assert description.restore_settings(stored, "pair.json") == description.defaults()
 
 
 #: What may stand around the name of an option without changing it, for str.strip: spaces of all kinds.
@@ -127,7 +127,7 @@ def test_a_space_hides_no_program(key, space):
         f"external:timeout_s=5:{space}{key}",
         f"{space}external:{key}{space}",
     ):
-        assert f"names a {key}," in trust_boundary.fault("matchers", text), ascii(text)
+        assert f"names a {key}," in trust_boundary.find_text_fault("matchers", text), ascii(text)
         with pytest.raises(IcyMoonError, match=f"names a {key},"):
             description.check({"dataset": {"methods": text}}, "scene.toml")
 
@@ -266,7 +266,7 @@ def test_one_s_own_matcher_is_named_and_takes_harmless_options_from_a_descriptio
     assert (mine.label, mine.name) == ("own:mine:timeout_s=5", "external")
     stated = {"command": r"sh C:\run,me.sh {left} {right} {out}", "format": "pfm", "timeout_s": 5}
     assert mine.options == complete_options("external", stated)
-    assert trust_boundary.own_names("bm, own:a:x=1,own:b,own,own:a") == ["a", "b"]
+    assert trust_boundary.list_own_names("bm, own:a:x=1,own:b,own,own:a") == ["a", "b"]
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.workspace import disturb_pose
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.files import sha256
+from icymoon.support.files import hash_file
 from workspaces import CELL_M, DOWN
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -38,7 +38,7 @@ def write_state(folder, state, lowered_m, seed=None):
     data = json.loads((folder / "pair.json").read_text())
     heights = np.full((2, 30, 30), -lowered_m, np.float32)
     np.save(folder / "workspace.npy", heights)
-    data["files"]["workspace.npy"]["sha256"] = sha256(folder / "workspace.npy")
+    data["files"]["workspace.npy"]["sha256"] = hash_file(folder / "workspace.npy")
     # What was dug is more than what the region lost, as spoil slid in.
     data["excavation"] = {
         "state": state,
@@ -305,7 +305,7 @@ def with_materials(folder, albedo):
     albedos[3] = 0.0
     for name, maps in (("workspace.npy", np.zeros((2, 30, 30), np.float32)), ("workspace_materials.npy", albedos)):
         np.save(folder / name, maps)
-        data["files"][name] = {"bytes": (folder / name).stat().st_size, "sha256": sha256(folder / name)}
+        data["files"][name] = {"bytes": (folder / name).stat().st_size, "sha256": hash_file(folder / name)}
     data["workspace"]["materials"] = "workspace_materials.npy"
     data["settings"]["workspace"]["materials"] = True
     # Ground of the radiance 3 W/(m² sr), which faces the Sun: L = albedo E / π.

@@ -15,7 +15,7 @@ import pairs
 import pytest
 from icymoon.physics.camera import nearest_ground
 from icymoon.settings.description import defaults, merged
-from icymoon.settings.shared_settings import with_shared
+from icymoon.settings.shared_settings import add_shared
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.colours import INVALID_GREY, SKY_GREY, add_colour_bar, draw_error, make_depth_scale
 from icymoon.stereo.matchers import check_options
@@ -70,7 +70,7 @@ def test_everything_is_evaluated_and_written(result):
         for key in table
     )
     for pair in written["pairs"]:
-        pair["settings"] = with_shared(pair["settings"], shared)
+        pair["settings"] = add_shared(pair["settings"], shared)
     assert written == json.loads(json.dumps(report | lists))
     lines = [json.loads(line) for line in (out / "results.jsonl").read_text().splitlines()]
     assert [row.items() <= line.items() for row, line in zip(report["rows"], lines, strict=True)] == [True] * 9

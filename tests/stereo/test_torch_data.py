@@ -8,7 +8,7 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.formats.exr_parts import read_pieces
-from icymoon.physics.random_numbers.seeds import generator
+from icymoon.physics.random_numbers.seeds import make_generator
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.pairs.scene_splits import check_splits, scene_of, split_of
 from icymoon.settings.description import defaults, merged
@@ -181,7 +181,7 @@ def test_a_crop_decodes_only_its_own_rows(tmp_path):
 
 def generator_row(crops, rig):
     """The principal row that the sample of this epoch will state."""
-    random = generator(0, "training", crops._epoch, int(crops.pairs[0].id, 16))
+    random = make_generator(0, "training", crops._epoch, int(crops.pairs[0].id, 16))
     random.integers(2**31 - 1)
     return rig.cy_px - crops._draw_window(crops.pairs[0], random)[3]
 

@@ -125,7 +125,7 @@ def _parsed(program: str, words: list[str]) -> str:
     except SystemExit:
         return said.getvalue().strip().splitlines()[-1]
     for name in options.get("preset") or ():
-        preset_files.preset_path(name)
+        preset_files.find_preset(name)
     changed = options.get("overrides", options.get("set")) or ()
     for text in changed:
         if text.partition(".")[0] not in LANDFORMS_OF_EXAMPLES:

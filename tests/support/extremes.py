@@ -12,12 +12,12 @@ import numpy as np
 from icymoon.nodes.light.sun_lamp import angular_diameter, irradiance_wm2
 from icymoon.nodes.scene import Built, build
 from icymoon.nodes.surface.patches_and_grain import ELEVATION
-from icymoon.physics.camera.depth_accuracy import rounding_m
+from icymoon.physics.camera.depth_accuracy import coordinate_rounding_m
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, toml_text
-from icymoon.settings.changes import relief_in_mesh
+from icymoon.settings.changes import describe_mesh_relief
 from icymoon.settings.table import TOPICS
 from icymoon.settings.topics.declaration import Parts, Setting
 from icymoon.settings.topics.scene import Settings
@@ -167,7 +167,7 @@ def faults(pair: Pair, built: Built, out: Path) -> list[str]:
     for eye in EYES:
         light, view = read_eye(pair, eye)
         found += [f"{eye}: {fault}" for fault in _of_light(light)]
-        if np.nanmin(view.depth, initial=math.inf) < 16 * rounding_m(*built.camera.matrix_world.translation):
+        if np.nanmin(view.depth, initial=math.inf) < 16 * coordinate_rounding_m(*built.camera.matrix_world.translation):
             continue  # a wall so near that coordinates are rounded past it, far from the origin
         found += [f"{eye}: {fault}" for fault in (*_of_truth(view), *_against_rays(pair, view, eye))]
         if not light.radiance.any() and not why_black(built, pair, view, eye):
@@ -256,7 +256,7 @@ def rays(pair: Pair, eye: str) -> tuple[Array, Array]:
 
 def _against_rays(pair: Pair, view: View, eye: str) -> Iterator[str]:
     """True depth against that of Blender's own rays through the same meshes."""
-    if "DISPLACEMENT" in (pair.settings.surface.relief, pair.settings.rock_surface.relief) or relief_in_mesh(
+    if "DISPLACEMENT" in (pair.settings.surface.relief, pair.settings.rock_surface.relief) or describe_mesh_relief(
         pair.settings
     ):
         return  # which Cycles alone does

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.nodes import scene as scenes
-from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
+from icymoon.physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings
 from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
@@ -96,6 +96,6 @@ def expected(pair: Pair, law: Law | None = None) -> Array:
     assert view.normal is not None
     normal = view.normal.astype(float)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    law = law or partial(bidirectional_reflectance, parameters=from_settings(pair.settings.hapke))
+    law = law or partial(bidirectional_reflectance, parameters=hapke_from_settings(pair.settings.hapke))
     r = law(*angles(normal / np.where(length > 0, length, 1), np.array(light["direction_to_world"]), rays(pair)))
     return np.where(np.isnan(view.depth), 0.0, light["irradiance_wm2"] * r)

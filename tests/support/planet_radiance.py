@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from icymoon.physics.light.planet_face import FACES, face_scale, over_zenith
+from icymoon.physics.light.planet_face import FACES, face_scale, radiance_over_zenith
 from icymoon.physics.light.planetshine import Planet, VisibleCap
 from icymoon.support.arrays import Array
 
@@ -27,5 +27,5 @@ def face_radiance(planet: Planet, position: Array) -> Array:
     normal = seen.normal(sphere)
     toward = -position / np.linalg.norm(position, axis=-1, keepdims=True)
     passed = seen.passed(sphere)[..., None]
-    face = over_zenith(FACES[planet.face], planet, normal, toward)
+    face = radiance_over_zenith(FACES[planet.face], planet, normal, toward)
     return np.asarray(seen.shape.full_radiance * face * passed * face_scale(planet))

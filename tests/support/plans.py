@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from icymoon.physics.camera.blur import blur_identity
+from icymoon.physics.camera.blur import describe_blur_identity
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings import description
 
@@ -21,7 +21,7 @@ TINY: dict[str, Any] = {
 def planned(*parts: dict[str, Any]) -> PlannedPair:
     """One tiny pair with changes."""
     settings = description.merged(description.defaults(), *(description.check(p, "test") for p in (TINY, *parts)))
-    return PlannedPair(description.digest(settings, blur_identity(settings)), settings, 0.0)
+    return PlannedPair(description.digest(settings, describe_blur_identity(settings)), settings, 0.0)
 
 
 def grid(

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from icymoon.physics.light.directions import camera_axes
-from icymoon.physics.light.sky import sky, sky_facts
+from icymoon.physics.light.sky import compute_sky, describe_sky
 from pairs import Scene, camera, write_pair
 from plans import grid
 
@@ -38,7 +38,7 @@ def whole(folder: Path, **more: Any) -> Path:
         "left_out": ["stars"],
         "blur": None,
         "peak_memory_mib": 300.0,
-        "light": sky_facts(sky(planned.settings.light)),
+        "light": describe_sky(compute_sky(planned.settings.light)),
         "seconds": {"render": 1.5, "write": 0.1, "build": 0.5},
         "cpu_seconds": {"before": 1.0, "pair": 2.0},
         "poses_camera_to_world": poses,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pairs
 from icymoon.settings.description import defaults, merged
-from icymoon.support.files import sha256
+from icymoon.support.files import hash_file
 
 #: A left eye that looks straight down from 2 m: OpenCV's y points south, its z down.
 DOWN = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2], [0, 0, 0, 1]])
@@ -40,7 +40,7 @@ def write(folder: Path, scene: pairs.Scene | None = None, exact: bool = True, no
         data["workspace"] = {"file": "workspace.npy", "cell_m": CELL_M, "origin_m": [-0.6, 0.6], "shape": [30, 30]}
         data["files"]["workspace.npy"] = {
             "bytes": (folder / "workspace.npy").stat().st_size,
-            "sha256": sha256(folder / "workspace.npy"),
+            "sha256": hash_file(folder / "workspace.npy"),
         }
     (folder / "pair.json").write_text(json.dumps(data))
     return folder

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from icymoon.physics.surfaces import photometry
-from icymoon.physics.surfaces.albedos import law_of
+from icymoon.physics.surfaces.albedos import make_law
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load_preset
 from icymoon.support.version import ROOT
@@ -71,7 +71,7 @@ def test_a_sharper_phase_function_takes_the_difference_to_the_moons_curve_away()
     settings = merged(
         defaults(), load_preset("surfaces/hapke_lunar_like"), check({"hapke": moon_albedos.SHARPER}, "sharper")
     )
-    law = law_of(settings.surface, settings.hapke)
+    law = make_law(settings.surface, settings.hapke)
     assert photometry.geometric_albedo(law) == pytest.approx(0.12, abs=0.0005)
     phases = np.array([30.0, 60.0, 90.0, 120.0])
     ours = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))

@@ -57,7 +57,7 @@ def test_it_is_refused_where_the_package_is_not_installed_and_not_left_out(saved
     bpy.ops.wm.open_mainfile(filepath=str(saved))
     group = bpy.context.scene.icymoon
     assert not hasattr(group, "landform_waves")
-    assert compat.stored_groups(group)["landform_waves"]["height_m"] == 0.5
+    assert compat.read_stored_groups(group)["landform_waves"]["height_m"] == 0.5
     with pytest.raises(
         IcyMoonError,
         match="This scene has settings of landform_waves, a landform of a package that is "

@@ -22,7 +22,7 @@ import pytest
 from icymoon.commands import cli, doctor
 from icymoon.nodes import scene as scenes
 from icymoon.operators import preferences, presets
-from icymoon.physics.camera.blur import blur_of
+from icymoon.physics.camera.blur import find_blur
 from icymoon.render import cycles_settings, render_pair
 from icymoon.render.cycles_settings import check_possible
 from icymoon.render.workers.job import python_command
@@ -241,7 +241,7 @@ def not_rendered(place: Place) -> str:
 
 
 def moving(place: Place) -> str:
-    return raised(lambda: blur_of(complete({"rig": {"speed_right_m_s": 1.0}})))
+    return raised(lambda: find_blur(complete({"rig": {"speed_right_m_s": 1.0}})))
 
 
 def centimetres(place: Place) -> str:

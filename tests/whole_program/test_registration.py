@@ -9,7 +9,7 @@ import textwrap
 import bpy
 import pytest
 from icymoon.operators import preferences
-from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.table import TOPICS, list_all_settings
 from icymoon.settings.topics.declaration import Setting
 
 
@@ -113,7 +113,7 @@ def topic_group(topic: str):
     return bpy.types.Scene.bl_rna.properties["icymoon"].fixed_type.properties[topic].fixed_type.properties
 
 
-@pytest.mark.parametrize(("topic", "setting"), all_settings(), ids=lambda v: v if isinstance(v, str) else v.key)
+@pytest.mark.parametrize(("topic", "setting"), list_all_settings(), ids=lambda v: v if isinstance(v, str) else v.key)
 def test_blender_has_each_setting_as_the_table_says(registered, topic: str, setting: Setting):
     prop = topic_group(topic)[setting.key]
     assert prop.name == setting.label

@@ -17,8 +17,18 @@ import numpy as np
 
 from ....settings.topics.landforms import ChaosSettings
 from ....support.arrays import Array, Numbers
-from ..noise.voronoi import voronoi
-from .common import Landform, Walls, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
+from ..noise.voronoi import find_voronoi_cells
+from .common import (
+    Landform,
+    Walls,
+    broken_step,
+    draw_key,
+    evaluate_where,
+    facet_heights,
+    rotate_coordinates,
+    smooth_step,
+    wander,
+)
 
 #: Slope of the plates' scarps by kind of edge: debris at the foot leaves rounded ones no steeper.
 _SCARP = {"ROUNDED": math.tan(math.radians(60.0)), "BROKEN": math.tan(math.radians(80.0))}
@@ -45,13 +55,13 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
     tilt = math.tan(math.radians(settings.tilt_deg))
 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
-        v, u = turn(x_m / plate, y_m / plate, 0.0)
+        v, u = rotate_coordinates(x_m / plate, y_m / plate, 0.0)
         if edges == "BROKEN":
-            cells = voronoi(u, v, keys[2])
+            cells = find_voronoi_cells(u, v, keys[2])
             inside = broken_step(cells.edge_distance(), u, v, gap / 2 / plate, scarp / plate, _CHIPS, keys[13:])
         else:
             bend_u, bend_v = (0.08 * wander(1.7 * u, 1.7 * v, k) for k in keys[:2])
-            cells = voronoi(u + bend_u, v + bend_v, keys[2])
+            cells = find_voronoi_cells(u + bend_u, v + bend_v, keys[2])
             inside = smooth_step((plate * cells.edge_distance() - gap / 2) / scarp)
         # Random direction of the tilt from a point in the square: no sines needed.
         east, north = (tilt * (2.0 * cells.random(k) - 1.0) for k in keys[3:5])
@@ -59,27 +69,28 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
             east * cells.x1 + north * cells.y1
         )
         inside *= cells.random(keys[6]) < share
-        low = rough * only_where(inside < 1.0, matrix, u, v) if rough else 0.0
+        low = rough * evaluate_where(inside < 1.0, matrix, u, v) if rough else 0.0
         return low + inside * (top - low)
 
     def matrix(u: Array, v: Array) -> Array:
-        return _fragments(u, v, keys[10:13]) if edges == "BROKEN" else _lumps(u, v, keys[7:10])
+        return _fragment_heights(u, v, keys[10:13]) if edges == "BROKEN" else _lump_heights(u, v, keys[7:10])
 
     return Landform(scarp, heights, walls=Walls(relief, keys[13]) if edges == "BROKEN" and relief else None)
 
 
-def _lumps(u: Array, v: Array, keys: Sequence[int]) -> Array:
+def _lump_heights(u: Array, v: Array, keys: Sequence[int]) -> Array:
     """Three octaves of gradient noise."""
     return sum(
-        (0.5**k * wander(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, key) for k, key in enumerate(keys)), start=np.zeros(())
+        (0.5**k * wander(u * 4.0 * 2.0**k, v * 4.0 * 2.0**k, key) for k, key in enumerate(keys)),
+        start=np.zeros(()),
     )
 
 
-def _fragments(u: Array, v: Array, keys: Sequence[int]) -> Array:
+def _fragment_heights(u: Array, v: Array, keys: Sequence[int]) -> Array:
     """Tilted fragments of three sizes, the smaller ones between and on the larger."""
     return sum(
         (
-            width / _FRAGMENTS[0] * facets(u / width, v / width, _FRAGMENT_SIDE, key)
+            width / _FRAGMENTS[0] * facet_heights(u / width, v / width, _FRAGMENT_SIDE, key)
             for width, key in zip(_FRAGMENTS, keys, strict=True)
         ),
         start=np.zeros(()),

@@ -49,7 +49,7 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
     yield from _check_places(plugin, run, x, y, heights)
     yield check_call("another seed is no error", run, seed=_SEED + 1)
     yield check_call("points far away are no error", run, x * 1000.0, y * 1000.0)
-    yield check_of("it states its smallest length", lambda: _finest(landform, settings))
+    yield check_of("it states its smallest length", lambda: _describe_finest(landform, settings))
     for number in landform.settings:
         for value in (number.minimum, number.maximum):
             whole = not isinstance(number.default, float)
@@ -61,7 +61,7 @@ def _check_places(plugin: Plugin, run: Callable[..., Array], x: Array, y: Array,
     """Whether a place always has the height that it has among all others."""
     yield check_of(
         "the same points have the same heights again",
-        lambda: _differs(
+        lambda: _describe_difference(
             plugin,
             run(),
             heights,
@@ -77,18 +77,18 @@ def _check_places(plugin: Plugin, run: Callable[..., Array], x: Array, y: Array,
     )
     yield check_of(
         "a height depends on its own place alone, not on the other points",
-        lambda: _differs(plugin, run(flat_x, flat_y), heights.ravel()[order], wrong)
-        or _differs(plugin, run(x[:, :7], y[5:9]), heights[5:9, :7], wrong)
-        or _differs(plugin, run(x[:, :1], y[:1]), heights[:1, :1], wrong),
+        lambda: _describe_difference(plugin, run(flat_x, flat_y), heights.ravel()[order], wrong)
+        or _describe_difference(plugin, run(x[:, :7], y[5:9]), heights[5:9, :7], wrong)
+        or _describe_difference(plugin, run(x[:, :1], y[:1]), heights[:1, :1], wrong),
     )
 
 
-def _differs(plugin: Plugin, heights: Array, expected: Array, what: str) -> str:
+def _describe_difference(plugin: Plugin, heights: Array, expected: Array, what: str) -> str:
     allowed = _SAME_M * max(1.0, float(np.abs(expected).max()))
     return "" if np.allclose(heights, expected, rtol=0.0, atol=allowed) else f"{plugin.title} {what}."
 
 
-def _finest(landform: PluginLandform, settings: Mapping[str, Any]) -> str:
+def _describe_finest(landform: PluginLandform, settings: Mapping[str, Any]) -> str:
     if landform.finest is None:
         return (
             f"{landform.plugin.title} has no finest_m(settings); write one that returns its smallest length in "

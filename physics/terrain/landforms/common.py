@@ -10,7 +10,7 @@ import numpy as np
 
 from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import gradient_noise
-from ..noise.voronoi import voronoi
+from ..noise.voronoi import find_voronoi_cells
 from ..roughness.roughness import carried_share
 
 #: Largest slope of a facet toward either axis, heights and lengths in facets.
@@ -68,7 +68,7 @@ def draw_key(random: np.random.Generator) -> int:
     return int(random.integers(0, 2**32))
 
 
-def turn(x_m: Array, y_m: Array, azimuth_deg: float) -> tuple[Array, Array]:
+def rotate_coordinates(x_m: Array, y_m: Array, azimuth_deg: float) -> tuple[Array, Array]:
     """Coordinates along an azimuth (clockwise from north) and to the right of it, as full arrays."""
     sin, cos = math.sin(math.radians(azimuth_deg)), math.cos(math.radians(azimuth_deg))
     return sin * x_m + cos * y_m, cos * x_m - sin * y_m
@@ -85,12 +85,12 @@ def wander(u: Array, v: Array, key: int) -> Array:
     return gradient_noise(u + 0.37, v + 0.61, key)
 
 
-def facets(u: Array, v: Array, side: float, key: int) -> Array:
+def facet_heights(u: Array, v: Array, side: float, key: int) -> Array:
     """Flat, tilted tops at random heights between 0 and about 1, one a Voronoi cell of width 1, as of broken ice.
 
     They fall to 0 at the edges of the cells, with the slope ``side`` or less. ``u`` and ``v`` in facets.
     """
-    cells = voronoi(u, v, key)
+    cells = find_voronoi_cells(u, v, key)
     high = cells.random(key ^ 1)
     # The tilt turns with the height's later digits, so that no further random number is needed.
     tilt_u, tilt_v = (_FACET_TILT * (2.0 * (digits * high % 1.0) - 1.0) for digits in (64.0, 4096.0))
@@ -98,7 +98,7 @@ def facets(u: Array, v: Array, side: float, key: int) -> Array:
     return np.minimum(high - tilt_u * cells.x1 - tilt_v * cells.y1, 0.5 * side * (cells.f2 - cells.f1))
 
 
-def only_where(mask: Array, of: Callable[..., Array], *coordinates: Array) -> Array:
+def evaluate_where(mask: Array, of: Callable[..., Array], *coordinates: Array) -> Array:
     """Values of a function of coordinates where a mask of their shape is set, 0 elsewhere."""
     result = np.zeros(mask.shape)
     if mask.any():
@@ -124,9 +124,9 @@ def broken_step(
     def ledges(behind: Array, u: Array, v: Array) -> Array:
         total = np.zeros(behind.shape)
         for k, (size, key) in enumerate(zip(chips, keys, strict=True)):
-            lost = _CHIP_DEPTH * size * np.maximum(facets(u / size, v / size, 2.0, key), 0.0)
+            lost = _CHIP_DEPTH * size * np.maximum(facet_heights(u / size, v / size, 2.0, key), 0.0)
             total += np.clip((behind - lost) * (len(chips) / width) - k, 0.0, 1.0)
         return total / len(chips)
 
     whole = distance >= foot + width + _CHIP_DEPTH * _HIGHEST_FACET * max(chips)
-    return whole + only_where((distance > foot) & ~whole, ledges, distance - foot, u, v)
+    return whole + evaluate_where((distance > foot) & ~whole, ledges, distance - foot, u, v)

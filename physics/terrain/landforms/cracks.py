@@ -16,8 +16,18 @@ import numpy as np
 
 from ....settings.topics.landforms import CracksSettings
 from ....support.arrays import Array, Numbers
-from ..noise.voronoi import voronoi
-from .common import Landform, Walls, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
+from ..noise.voronoi import find_voronoi_cells
+from .common import (
+    Landform,
+    Walls,
+    broken_step,
+    draw_key,
+    evaluate_where,
+    facet_heights,
+    rotate_coordinates,
+    smooth_step,
+    wander,
+)
 
 #: Bending of the cracks, in plates, and its wavelength in plates.
 _BEND, _BEND_LENGTH = 0.06, 0.6
@@ -39,10 +49,10 @@ def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -
     long = broad * settings.elongation
 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
-        along, across = turn(x_m, y_m, settings.azimuth_deg)
+        along, across = rotate_coordinates(x_m, y_m, settings.azimuth_deg)
         u, v = along / long, across / broad
         bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[1:3])
-        distance = voronoi(u + bend_u, v + bend_v, keys[0]).edge_distance(long, broad) / half
+        distance = find_voronoi_cells(u + bend_u, v + bend_v, keys[0]).edge_distance(long, broad) / half
         # The rim falls off over a crack's width, to nothing with no step.
         outer = np.clip((3.0 - distance) / 2.0, 0.0, 1.0)
         outside = rim * outer * outer
@@ -50,7 +60,7 @@ def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -
             return np.where(distance < 1.0, (depth + rim) * smooth_step(distance) - depth, outside)
         x, y = along / half, across / half
         step = broken_step(distance, x, y, _FOOT, 1.0 - _FOOT, _CHIPS, keys[6:])
-        fallen = only_where(step < 1.0, lambda x, y: _fallen(x, y, keys[3:6]), x, y)
+        fallen = evaluate_where(step < 1.0, lambda x, y: _fallen_fragment_heights(x, y, keys[3:6]), x, y)
         return step * outside - depth * (1.0 - step) * (1.0 - fallen)
 
     return Landform(
@@ -58,11 +68,11 @@ def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -
     )
 
 
-def _fallen(x: Array, y: Array, keys: Sequence[int]) -> Array:
+def _fallen_fragment_heights(x: Array, y: Array, keys: Sequence[int]) -> Array:
     """Height of the fragments on the floor as a share of the depth; coordinates in half widths."""
     return sum(
         (
-            high * np.maximum(facets(x / size, y / size, _FRAGMENT_SIDE, key) - buried, 0.0)
+            high * np.maximum(facet_heights(x / size, y / size, _FRAGMENT_SIDE, key) - buried, 0.0)
             for size, high, buried, key in zip(*_FALLEN, keys, strict=True)
         ),
         start=np.zeros(()),

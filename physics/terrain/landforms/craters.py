@@ -53,7 +53,7 @@ def draw_craters(settings: CratersSettings, random: np.random.Generator, size_m:
     return np.stack([x, y, size, random.uniform(settings.freshness, 1.0, n)])
 
 
-def profile(r: Array, depth: float, rim: float) -> Array:
+def crater_profile(r: Array, depth: float, rim: float) -> Array:
     """Height against the distance from the centre in radii; ``depth`` is from rim to floor."""
     beyond = 1.0 / np.maximum(r, 1.0) ** 3
     end = 1.0 / _REACH**3
@@ -78,7 +78,7 @@ def make(settings: CratersSettings, random: np.random.Generator, size_m: float) 
         total = np.zeros(x_m.shape)
         near = _reached(x, reach, x_m) & _reached(y, reach, y_m) & (_CARRIED * size > shortest_m.min())
         for k in np.flatnonzero(near):
-            window = _window(x_m, y_m, x[k], y[k], reach[k])
+            window = _find_window(x_m, y_m, x[k], y[k], reach[k])
             dx, dy = x_m[window] - x[k], y_m[window] - y[k]
             total[window] += _change(bowls[k], dx, dy, total[window], shortest_m[window])
         return total
@@ -106,7 +106,7 @@ def _change(bowl: Array, dx: Array, dy: Array, before: Array, shortest_m: Array)
     """How a crater changes the heights ``before``, by its diameter, its depth and the height of its rim."""
     size, depth, rim = bowl
     r = np.sqrt(dx * dx + dy * dy) * (2.0 / size)
-    made = profile(r, depth, rim) - before * (1.0 - smooth_step((r - _WIPED) / (1.5 - _WIPED)))
+    made = crater_profile(r, depth, rim) - before * (1.0 - smooth_step((r - _WIPED) / (1.5 - _WIPED)))
     return made * carried_share(_CARRIED * size, shortest_m)
 
 
@@ -115,14 +115,14 @@ def _reached(centre: Array, reach: Array, points: Array) -> Array:
     return (centre + reach > points.min()) & (centre - reach < points.max())
 
 
-def _window(x_m: Array, y_m: Array, x: float, y: float, reach: float) -> tuple[slice, slice] | Array:
+def _find_window(x_m: Array, y_m: Array, x: float, y: float, reach: float) -> tuple[slice, slice] | Array:
     """Index of the points within a square about a centre: of slices, where a grid is seen from its strides."""
     if x_m.ndim == 2 and x_m.strides[0] == 0 and y_m.strides[1] == 0:
-        return _span(y_m[:, 0], y - reach, y + reach), _span(x_m[0], x - reach, x + reach)
+        return _find_span(y_m[:, 0], y - reach, y + reach), _find_span(x_m[0], x - reach, x + reach)
     return (np.abs(x_m - x) < reach) & (np.abs(y_m - y) < reach)
 
 
-def _span(axis: Array, low: float, high: float) -> slice:
+def _find_span(axis: Array, low: float, high: float) -> slice:
     """The slice that holds all values of ``axis``, in any order, between two bounds."""
     inside = np.flatnonzero((axis > low) & (axis < high))
     return slice(inside[0], inside[-1] + 1) if inside.size else slice(0)

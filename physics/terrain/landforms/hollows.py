@@ -11,8 +11,8 @@ import numpy as np
 
 from ....settings.topics.landforms import HollowsSettings
 from ....support.arrays import Array, Numbers
-from ..noise.voronoi import voronoi
-from .common import Landform, draw_key, turn, wander
+from ..noise.voronoi import find_voronoi_cells
+from .common import Landform, draw_key, rotate_coordinates, wander
 
 #: Bending of the rims, in hollows, and its wavelength in hollows.
 _BEND, _BEND_LENGTH = 0.15, 0.8
@@ -31,10 +31,10 @@ def make(settings: HollowsSettings, random: np.random.Generator, size_m: float) 
         return None
 
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
-        along, across = turn(x_m, y_m, settings.azimuth_deg)
+        along, across = rotate_coordinates(x_m, y_m, settings.azimuth_deg)
         u, v = along / (diameter * settings.elongation), across / diameter
         bend_u, bend_v = (_BEND * wander(u / _BEND_LENGTH, v / _BEND_LENGTH, k) for k in keys[2:])
-        cells = voronoi(u + bend_u, v + bend_v, keys[0])
+        cells = find_voronoi_cells(u + bend_u, v + bend_v, keys[0])
         deep = depth * (_SHALLOWEST + (1.0 - _SHALLOWEST) * cells.random(keys[1]))
         # The square of F1 / F2 is 0 at a cell's point and 1 on all its edges.
         below = deep * (1.0 - cells.f1**2 / np.maximum(cells.f2, 1e-12) ** 2)

@@ -17,7 +17,7 @@ import numpy as np
 from ....settings.topics.landforms import PenitentesSettings
 from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .common import Crests, Landform, draw_key, smooth_step, turn, wander
+from .common import Crests, Landform, draw_key, rotate_coordinates, smooth_step, wander
 
 #: Sideways wandering of the rows, in spacings, and its wavelength in blade lengths.
 _WANDER, _WANDER_LENGTH = 0.5, 1.2
@@ -91,7 +91,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
 
     def offset(x_m: Array, y_m: Array) -> tuple[Array, Array, Array, Array]:
         """How far a place is beside its row's crest, in spacings; the crest's own place, the row, and the way along."""
-        across, along = turn(x_m, y_m, settings.noon_azimuth_deg)
+        across, along = rotate_coordinates(x_m, y_m, settings.noon_azimuth_deg)
         u, v = along / (_WANDER_LENGTH * length), across / (_WANDER_LENGTH * length)
         place = across / spacing + _WANDER * wander(u, v, keys[4]) + 0.5 * _WANDER * wander(2.3 * u, 2.3 * v, keys[5])
         if disorder:

@@ -22,7 +22,7 @@ import numpy as np
 from ....settings.topics.landforms import PitsSettings
 from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .common import Crests, Landform, Walls, draw_key, facets, only_where, wander
+from .common import Crests, Landform, Walls, draw_key, evaluate_where, facet_heights, wander
 
 #: Smallest and largest radius over the mean one; their mean square over the square of the mean.
 _SMALLEST, _LARGEST = 0.5, 1.5
@@ -73,7 +73,7 @@ def _talus_height(
     fades *= np.clip(-2.0 * bare / depth - 0.4, 0.0, 1.0)
     debris = np.zeros(x.shape)
     for k, size in enumerate(width * depth for width in _DEBRIS):
-        tops = facets(x / size, y / size, _DEBRIS_SIDE, keys[6] ^ k)
+        tops = facet_heights(x / size, y / size, _DEBRIS_SIDE, keys[6] ^ k)
         debris += _DEBRIS_HEIGHT * size * np.maximum(tops - buried, 0.0)
     return apron + fades * debris - bare
 
@@ -104,11 +104,11 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
         down = np.clip(inside / wall, 0.0, 1.0)
         x, y = np.broadcast_arrays(x_m, y_m)
         size = _LAG * radius
-        lag = np.maximum(facets(x / size, y / size, _LAG_SIDE, keys[4]) - _LAG_BURIED, 0.0)
+        lag = np.maximum(facet_heights(x / size, y / size, _LAG_SIDE, keys[4]) - _LAG_BURIED, 0.0)
         bare = -depth * down * (1.0 - _LAG_HEIGHT * lag * down)
         if settings.talus == 0.0:
             return bare
         reach = wall + (1.0 + _BEYOND) * (1.0 + 2.0 * _UNEVEN) * settings.talus * depth / _REPOSE
-        return bare + only_where((inside > 0.0) & (inside < reach), add_talus, x, y, inside - wall, bare)
+        return bare + evaluate_where((inside > 0.0) & (inside < reach), add_talus, x, y, inside - wall, bare)
 
     return Landform(wall, heights, Crests([inside_m], heights, settings.diameter_m), Walls(depth, keys[4]))

@@ -37,11 +37,11 @@ def make_plugin_landforms(settings: Settings, generator: Callable[..., np.random
                 f"{topic}.{RELEASE} to an empty text for other ground."
             )
         seed = int(generator(name_key(landform.plugin.name)).integers(0, 2**32))
-        made[topic] = _make(landform, landform.told(values, seed))
+        made[topic] = _make_landform(landform, landform.told(values, seed))
     return made
 
 
-def _make(landform: PluginLandform, told: Any) -> Landform:
+def _make_landform(landform: PluginLandform, told: Any) -> Landform:
     def heights(x_m: Array, y_m: Array, shortest_m: Numbers) -> Array:
         x, y, _ = np.broadcast_arrays(x_m, y_m, shortest_m)
         return landform.heights(x, y, told)

@@ -14,7 +14,7 @@ import numpy as np
 from ....settings.topics.landforms import RidgesSettings
 from ....support.arrays import Array, Numbers
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .common import Crests, Landform, draw_key, smooth_step, turn, wander
+from .common import Crests, Landform, draw_key, rotate_coordinates, smooth_step, wander
 
 #: Where the crests are, as a share of half the width.
 _CREST = 0.4
@@ -22,7 +22,7 @@ _CREST = 0.4
 _WANDER, _WANDER_LENGTH = 0.12, 2.5
 
 
-def profile(place: Array, trough: float) -> Array:
+def ridge_profile(place: Array, trough: float) -> Array:
     """Height across a ridge, 1 at the crests, against the distance from its middle in half widths."""
     place = np.abs(place)
     inner = 1.0 - trough * (1.0 - place / _CREST)
@@ -30,7 +30,7 @@ def profile(place: Array, trough: float) -> Array:
     return np.where(place < _CREST, inner, 0.5 * (down + smooth_step(down)))
 
 
-def edges(place: Array) -> Array:
+def distance_to_edges(place: Array) -> Array:
     """Distance to the nearest edge across a ridge, in half widths, negative on one side: both crests and the trough."""
     far = np.abs(place)
     return np.where(far < _CREST / 2, place, np.sign(place) * (_CREST - far))
@@ -51,7 +51,7 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
 
     def one_set(k: int, x_m: Array, y_m: Array) -> Array:
         """Distance to the ridge of the set's strip, in half widths."""
-        along, across = turn(x_m, y_m, settings.azimuth_deg + turns[k] * settings.spread_deg)
+        along, across = rotate_coordinates(x_m, y_m, settings.azimuth_deg + turns[k] * settings.spread_deg)
         place = across / spacing + _WANDER * wander(
             along / (_WANDER_LENGTH * spacing), across / (4 * spacing), keys[2 * k]
         )
@@ -66,11 +66,11 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
             place = one_set(k, x_m, y_m)
             # A younger ridge buries the older relief, from its foot inward.
             total *= 1.0 - smooth_step(2.0 * (1.0 - np.abs(place)))
-            total += height * profile(place, settings.trough)
+            total += height * ridge_profile(place, settings.trough)
         return total
 
     def line(k: int, x_m: Array, y_m: Array) -> Array:
-        return width / 2 * edges(one_set(k, x_m, y_m))
+        return width / 2 * distance_to_edges(one_set(k, x_m, y_m))
 
     crests = Crests([partial(line, k) for k in range(sets)], heights, _CREST * width / 2)
     return Landform(width * min(_CREST, 1 - _CREST) / 2, heights, crests)

@@ -15,14 +15,14 @@ import numpy as np
 
 from ....support.arrays import Array, Numbers
 from .lattice_noise import cell_noise, gradient_noise, value_noise
-from .voronoi import distances
+from .voronoi import nearest_distances
 
 Noise = Callable[[Array, Array, int], Array]
 Octaves = Callable[[int], Numbers]
 
 
-def _from_distances(function: Callable[[Array, Array], Array]) -> Noise:
-    return lambda x, y, key: 2.0 * function(*distances(x, y, key)) - 1.0
+def _noise_from_distances(function: Callable[[Array, Array], Array]) -> Noise:
+    return lambda x, y, key: 2.0 * function(*nearest_distances(x, y, key)) - 1.0
 
 
 #: Noises of unit wavelength, ``noise(x, y, key)`` in lattice units.
@@ -30,10 +30,10 @@ BASES: dict[str, Noise] = {
     "GRADIENT": gradient_noise,
     "MIDPOINT": value_noise,
     "CELLS": cell_noise,
-    "VORONOI_F1": _from_distances(lambda f1, f2: f1),
-    "VORONOI_F2": _from_distances(lambda f1, f2: f2),
-    "VORONOI_F2_F1": _from_distances(lambda f1, f2: f2 - f1),
-    "CRACKLE": _from_distances(lambda f1, f2: np.minimum(10.0 * (f2 - f1), 1.0)),
+    "VORONOI_F1": _noise_from_distances(lambda f1, f2: f1),
+    "VORONOI_F2": _noise_from_distances(lambda f1, f2: f2),
+    "VORONOI_F2_F1": _noise_from_distances(lambda f1, f2: f2 - f1),
+    "CRACKLE": _noise_from_distances(lambda f1, f2: np.minimum(10.0 * (f2 - f1), 1.0)),
 }
 
 
@@ -45,15 +45,15 @@ class Fractal:
     of: Callable[[Octaves, int, float], Numbers]
 
 
-def _plain(noise: Array) -> Array:
+def _keep_noise(noise: Array) -> Array:
     return noise
 
 
-def _raised(noise: Array) -> Array:
+def _raise_noise(noise: Array) -> Array:
     return 1.0 + noise
 
 
-def _crested(noise: Array) -> Array:
+def _crest_noise(noise: Array) -> Array:
     return (1.0 - np.abs(noise)) ** 2
 
 
@@ -65,7 +65,7 @@ def add_octaves(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     return total
 
 
-def multifractal(signal: Octaves, octaves: int, roughness: float) -> Numbers:
+def sum_multifractal(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     """The product of (1 + octave): smooth plains between rough heights."""
     total = 1.0 + signal(0)
     for k in range(1, octaves):
@@ -73,7 +73,7 @@ def multifractal(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     return total
 
 
-def hetero(signal: Octaves, octaves: int, roughness: float) -> Numbers:
+def sum_hetero_terrain(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     """Hetero terrain: each octave scaled by the height so far, so that low ground is smooth."""
     total = signal(0)
     for k in range(1, octaves):
@@ -81,7 +81,7 @@ def hetero(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     return total
 
 
-def hybrid(signal: Octaves, octaves: int, roughness: float) -> Numbers:
+def sum_hybrid_multifractal(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     """Hybrid multifractal: each octave scaled by the one before, so that valleys are smooth at all heights."""
     total = weight = signal(0)
     for k in range(1, octaves):
@@ -92,7 +92,7 @@ def hybrid(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     return total
 
 
-def ridged(signal: Octaves, octaves: int, roughness: float) -> Numbers:
+def sum_ridged_multifractal(signal: Octaves, octaves: int, roughness: float) -> Numbers:
     """Ridged multifractal: sharp crests where the noise passes zero, rough near crests only."""
     total = part = signal(0)
     for k in range(1, octaves):
@@ -102,11 +102,11 @@ def ridged(signal: Octaves, octaves: int, roughness: float) -> Numbers:
 
 
 FRACTALS: dict[str, Fractal] = {
-    "FBM": Fractal(_plain, add_octaves),
-    "MULTIFRACTAL": Fractal(_plain, multifractal),
-    "HYBRID": Fractal(_raised, hybrid),
-    "RIDGED": Fractal(_crested, ridged),
-    "HETERO": Fractal(_raised, hetero),
+    "FBM": Fractal(_keep_noise, add_octaves),
+    "MULTIFRACTAL": Fractal(_keep_noise, sum_multifractal),
+    "HYBRID": Fractal(_raise_noise, sum_hybrid_multifractal),
+    "RIDGED": Fractal(_crest_noise, sum_ridged_multifractal),
+    "HETERO": Fractal(_raise_noise, sum_hetero_terrain),
     "TURBULENCE": Fractal(np.abs, add_octaves),
-    "CRESTS": Fractal(_crested, add_octaves),
+    "CRESTS": Fractal(_crest_noise, add_octaves),
 }

@@ -34,7 +34,7 @@ _GRADIENT_3 = np.array(
 _TABLE_PER_POINT = 2
 
 
-def _mix(h: Array) -> Array:
+def _mix_bits(h: Array) -> Array:
     """Spread every bit of uint32 ``h`` over all others, in place."""
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
         h ^= h >> np.uint32(shift)
@@ -47,7 +47,7 @@ def hash_lattice(ix: Array, iy: Array, key: int) -> Array:
     """Well mixed uint32 of integer lattice coordinates (int64 arrays that broadcast) and a 32-bit key."""
     h = (ix.astype(np.uint32) * np.uint32(0x9E3779B1)) ^ (iy.astype(np.uint32) * np.uint32(0x85EBCA77))
     h += np.uint32(key & 0xFFFFFFFF)
-    return _mix(h)
+    return _mix_bits(h)
 
 
 def to_uniform(h: Array) -> Array:
@@ -55,7 +55,7 @@ def to_uniform(h: Array) -> Array:
     return h * (1.0 / 2**32)
 
 
-def fade(t: Array) -> Array:
+def quintic_fade(t: Array) -> Array:
     """Perlin's quintic step 6 t⁵ - 15 t⁴ + 10 t³, from 0 at 0 to 1 at 1."""
     result = 6.0 * t
     result -= 15.0
@@ -68,7 +68,7 @@ def fade(t: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Cells:
+class LatticeCells:
     """Which lattice cell each point is in, and values at lattice corners near it.
 
     ``dx``, ``dy`` are the places of the points in their cells, in [0, 1).
@@ -85,7 +85,7 @@ class Cells:
     _hashes: Array | None
 
     @classmethod
-    def of(cls, x: Array, y: Array, key: int, reach: int = 0) -> Cells:
+    def of(cls, x: Array, y: Array, key: int, reach: int = 0) -> LatticeCells:
         """The cells of points in lattice units; corners from -reach to reach + 1 are wanted."""
         left, below = np.floor(x), np.floor(y)
         dx, dy = x - left, y - below
@@ -128,7 +128,7 @@ class Cells:
         return look_up
 
 
-def _direction(components: Array) -> Callable[[Array], Array]:
+def _look_up_direction(components: Array) -> Callable[[Array], Array]:
     return lambda h: components.take((h & np.uint32(_DIRECTIONS - 1)).astype(np.intp))
 
 
@@ -138,9 +138,9 @@ def gradient_noise(x: Array, y: Array, key: int) -> Array:
     ``x`` and ``y`` are float64 arrays of one shape in lattice units; the result has that shape.
     Continuous with continuous second derivatives, zero at lattice points.
     """
-    cells = Cells.of(np.asarray(x), np.asarray(y), key)
-    gradients = cells.lookup(_direction(_GRADIENT_X), _direction(_GRADIENT_Y))
-    u, v = fade(cells.dx), fade(cells.dy)
+    cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
+    gradients = cells.lookup(_look_up_direction(_GRADIENT_X), _look_up_direction(_GRADIENT_Y))
+    u, v = quintic_fade(cells.dx), quintic_fade(cells.dy)
     right, above = cells.dx - 1.0, cells.dy - 1.0
 
     def corner(i: int, j: int) -> Array:
@@ -161,7 +161,7 @@ def gradient_noise(x: Array, y: Array, key: int) -> Array:
 
 def cell_noise(x: Array, y: Array, key: int) -> Array:
     """A value in [-1, 1) for each unit square, constant in it."""
-    cells = Cells.of(np.asarray(x), np.asarray(y), key)
+    cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
     (value,) = cells.lookup(to_uniform)(0, 0)
     value *= 2.0
     value -= 1.0
@@ -174,7 +174,7 @@ def value_noise(x: Array, y: Array, key: int) -> Array:
     Summed over octaves of ratio 2 this is mid-point displacement: each octave puts a random
     displacement at points that the coarser ones had only interpolated.
     """
-    cells = Cells.of(np.asarray(x), np.asarray(y), key)
+    cells = LatticeCells.of(np.asarray(x), np.asarray(y), key)
     values = cells.lookup(to_uniform)
     (a,), (b,), (c,), (d,) = values(0, 0), values(1, 0), values(0, 1), values(1, 1)
     low, high = a + cells.dx * (b - a), c + cells.dx * (d - c)
@@ -186,12 +186,12 @@ def gradient_noise_3d(points: Array, key: int) -> Array:
     base = np.floor(points)
     cell = base.astype(np.int64)
     near = points - base
-    u, v, w = (fade(near[:, k]) for k in range(3))
+    u, v, w = (quintic_fade(near[:, k]) for k in range(3))
 
     def corner(i: int, j: int, k: int) -> Array:
         layer = hash_lattice(cell[:, 2] + k, np.int64(0) * cell[:, 2], key)
         h = hash_lattice(cell[:, 0] + i, cell[:, 1] + j, key) ^ layer
-        direction = (_mix(h).astype(np.uint64) * np.uint64(len(_GRADIENT_3))) >> np.uint64(32)
+        direction = (_mix_bits(h).astype(np.uint64) * np.uint64(len(_GRADIENT_3))) >> np.uint64(32)
         g = _GRADIENT_3.take(direction.astype(np.intp), axis=0)
         return g[:, 0] * (near[:, 0] - i) + g[:, 1] * (near[:, 1] - j) + g[:, 2] * (near[:, 2] - k)
 

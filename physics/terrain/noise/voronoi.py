@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....support.arrays import Array
-from .lattice_noise import Cells, hash_lattice, to_uniform
+from .lattice_noise import LatticeCells, hash_lattice, to_uniform
 
 _SQUARES = [(i, j) for j in (-1, 0, 1) for i in (-1, 0, 1)]
 _RING = [(i, j) for j in range(-2, 3) for i in range(-2, 3) if max(abs(i), abs(j)) == 2]
@@ -39,7 +39,7 @@ class Voronoi:
     f2: Array
     _column: Array
     _row: Array
-    _cells: Cells
+    _cells: LatticeCells
     _points: Callable[[int, int], list[Array]]
 
     def random(self, key: int) -> Array:
@@ -75,7 +75,7 @@ class Voronoi:
         return np.maximum(nearest, 0.0).reshape(self.f1.shape)
 
 
-def _find_unsure(cells: Cells, nearest: Array) -> tuple[Array, Array, Array]:
+def _find_unsure(cells: LatticeCells, nearest: Array) -> tuple[Array, Array, Array]:
     """Where the 3 x 3 squares may not hold the two nearest points, as ``nearest`` (2, n), the squared
     distances found in them, tells; and the square (column, row) that each such position is in."""
     margin = np.minimum(np.minimum(cells.dx, 1.0 - cells.dx), np.minimum(cells.dy, 1.0 - cells.dy))
@@ -85,10 +85,11 @@ def _find_unsure(cells: Cells, nearest: Array) -> tuple[Array, Array, Array]:
     return unsure, column, row
 
 
-def distances(x: Array, y: Array, key: int) -> tuple[Array, Array]:
-    """Distances F1 and F2 to the two nearest of the random points, as ``voronoi`` has them, at half its cost."""
+def nearest_distances(x: Array, y: Array, key: int) -> tuple[Array, Array]:
+    """Distances F1 and F2 to the two nearest of the random points, as ``find_voronoi_cells`` has them, at half its
+    cost."""
     shape = np.shape(x)
-    cells = Cells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=1)
+    cells = LatticeCells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=1)
     points = cells.lookup(_point_x, _point_y)
     nearest = np.full((2, cells.dx.size), np.inf)
     first, second = nearest
@@ -118,10 +119,10 @@ def distances(x: Array, y: Array, key: int) -> tuple[Array, Array]:
     return f1.reshape(shape), f2.reshape(shape)
 
 
-def voronoi(x: Array, y: Array, key: int) -> Voronoi:
+def find_voronoi_cells(x: Array, y: Array, key: int) -> Voronoi:
     """The nearest of the random points, one in each unit square, to positions in lattice units."""
     shape = np.shape(x)
-    cells = Cells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=2)
+    cells = LatticeCells.of(np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel(), key, reach=2)
     points = cells.lookup(_point_x, _point_y)
     n = cells.dx.size
     nearest = np.full((2, n), np.inf)  # squared distances

@@ -23,8 +23,8 @@ from ....settings.topics.ground import TerrainSettings
 from ....support.arrays import Array, Numbers
 from ....support.errors import IcyMoonError
 from ..noise.lattice_noise import gradient_noise
-from .statistics import detrend
-from .structure_function import NOISE_DEVIATION, structure
+from .statistics import remove_plane
+from .structure_function import NOISE_DEVIATION, structure_function
 
 #: The power law holds from this share of the shortest wavelength to this share of the longest.
 LAW_FROM, LAW_TO = 0.5, 0.3
@@ -47,7 +47,7 @@ RELIEF_SPAN = 4.0
 _RELIEF_SHARE = 0.01
 
 
-def wavelengths_m(terrain: TerrainSettings) -> Array:
+def octave_wavelengths_m(terrain: TerrainSettings) -> Array:
     """Wavelengths of the octaves, longest first, from one cut-off to the other: evenly spaced in the logarithm
     and no further apart than the lacunarity. Raises IcyMoonError where the cut-offs make no sense."""
     outer, inner, lacunarity = (float(terrain[k]) for k in ("outer_scale_m", "inner_scale_m", "lacunarity"))
@@ -65,7 +65,7 @@ def wavelengths_m(terrain: TerrainSettings) -> Array:
     return _round_digits(outer * (inner / outer) ** (np.arange(steps + 1) / max(steps, 1)))
 
 
-def _fit_squares(
+def _fit_squared_amplitudes(
     squares: Array,
     target: Array,
     model: Array,
@@ -87,44 +87,44 @@ def _fit_squares(
     return squares
 
 
-def _level(hurst: float, lacunarity: float, dimensions: int) -> float:
+def _law_factor_squared(hurst: float, lacunarity: float, dimensions: int) -> float:
     """Square of the factor c for which octaves of amplitude c wavelength^H, none missing, sum to nu(dx) = dx^H."""
     octaves = lacunarity ** np.arange(-1, 2 * math.ceil(_ALL / math.log(lacunarity)), dtype=np.float64)
     octaves /= math.exp(_ALL)
     lag = lacunarity ** ((np.arange(8) + 0.5) / 8)
-    made = structure(lag[:, None] / octaves, dimensions) @ octaves ** (2 * hurst)
+    made = structure_function(lag[:, None] / octaves, dimensions) @ octaves ** (2 * hurst)
     return float(np.mean(lag ** (2 * hurst) / made))
 
 
-def amplitudes(wavelength_m: Array, hurst: float, dimensions: int = 2) -> Array:
+def fit_amplitudes(wavelength_m: Array, hurst: float, dimensions: int = 2) -> Array:
     """Amplitudes of octaves whose sum has nu(dx) = dx^H, for independent octaves of unit noise.
 
     They are a power of the wavelength, which is what gives the power spectrum its slope of -(2H + 2); but the first two
     and the last also stand for the waves that are missing beyond them, and are fitted to the law.
     """
-    return np.array(_amplitudes(tuple(np.asarray(wavelength_m, np.float64)), hurst, dimensions))
+    return np.array(_fit_cached_amplitudes(tuple(np.asarray(wavelength_m, np.float64)), hurst, dimensions))
 
 
 @functools.lru_cache(maxsize=64)
-def _amplitudes(wavelengths: tuple[float, ...], hurst: float, dimensions: int) -> tuple[float, ...]:
-    """See ``amplitudes``; kept, because the many grounds of a plan differ in their seeds only."""
+def _fit_cached_amplitudes(wavelengths: tuple[float, ...], hurst: float, dimensions: int) -> tuple[float, ...]:
+    """See ``fit_amplitudes``; kept, because the many grounds of a plan differ in their seeds only."""
     wavelength_m = np.array(wavelengths)
     first, last = LAW_FROM * wavelength_m[-1], max(LAW_TO * wavelength_m[0], LAW_FROM * wavelength_m[-1] * 1.01)
     lag = np.geomspace(first, last, max(2, math.ceil(_LAGS_PER_OCTAVE * math.log2(last / first))))
     lacunarity = float(wavelength_m[0] / wavelength_m[1]) if len(wavelength_m) > 1 else 2.0
-    squares = _level(hurst, lacunarity, dimensions) * wavelength_m ** (2 * hurst)
+    squares = _law_factor_squared(hurst, lacunarity, dimensions) * wavelength_m ** (2 * hurst)
     most = squares.copy()
     most[[0, min(1, len(most) - 1), -1]] = np.inf
-    target, model = lag ** (2 * hurst), structure(lag[:, None] / wavelength_m, dimensions)
-    return tuple(np.sqrt(_fit_squares(squares, target, model, squares, most)))
+    target, model = lag ** (2 * hurst), structure_function(lag[:, None] / wavelength_m, dimensions)
+    return tuple(np.sqrt(_fit_squared_amplitudes(squares, target, model, squares, most)))
 
 
-def asked_numbers(terrain: TerrainSettings) -> dict[str, float | None]:
+def list_asked_statistics(terrain: TerrainSettings) -> dict[str, float | None]:
     """The statistics that ``terrain`` settings ask of the random surface, with the keys of ``Roughness.numbers``.
 
     The RMS height is for endless ground with these octaves. Raises IcyMoonError where the cut-offs make no sense.
     """
-    wavelength = wavelengths_m(terrain)
+    wavelength = octave_wavelengths_m(terrain)
     squares = _asked_amplitudes(terrain, wavelength) ** 2
     return {
         "rms_slope_deg": float(terrain.rms_slope_deg),
@@ -137,8 +137,8 @@ def _asked_amplitudes(terrain: TerrainSettings, wavelength_m: Array) -> Array:
     """Amplitudes of octaves whose deviation at the baseline is the one stated, also outside the cut-offs."""
     baseline = float(terrain.slope_baseline_m)
     at_baseline = math.tan(math.radians(terrain.rms_slope_deg)) * baseline
-    unit = amplitudes(wavelength_m, float(terrain.hurst))
-    return unit * (at_baseline / math.sqrt(float(structure(baseline / wavelength_m) @ unit**2)))
+    unit = fit_amplitudes(wavelength_m, float(terrain.hurst))
+    return unit * (at_baseline / math.sqrt(float(structure_function(baseline / wavelength_m) @ unit**2)))
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ def make_rough_surface(terrain: TerrainSettings, size_m: float, random: np.rando
 
     Raises IcyMoonError where the cut-offs make no sense.
     """
-    wavelength = wavelengths_m(terrain)
+    wavelength = octave_wavelengths_m(terrain)
     n = len(wavelength)
     keys = tuple(int(k) for k in random.integers(0, 2**32, MOST_OCTAVES)[:n])
     offsets = random.uniform(0.0, 1024.0, (MOST_OCTAVES, 2))[:n]
@@ -281,7 +281,7 @@ def _fit_to_patch(
     wavelength, long = surface.wavelength_m, len(fields)
     means = fields.mean(axis=(1, 2))
     # Roughness is about the mean plane, as it is measured.
-    fields = np.array([detrend(field) for field in fields]).reshape(fields.shape)
+    fields = np.array([remove_plane(field) for field in fields]).reshape(fields.shape)
     spacing = size_m / (_SAMPLES - 1)
     first, last = LAW_FROM * wavelength[-1], min(LAW_TO * wavelength[0], size_m / 4)
     squares: Array = surface.amplitude_m**2
@@ -289,11 +289,11 @@ def _fit_to_patch(
         whole = np.unique(np.geomspace(max(1, math.ceil(first / spacing)), last / spacing, 16).astype(int))
         finer = np.geomspace(first, spacing, 24, endpoint=False) if first < spacing else np.zeros(0)
         lag = np.concatenate([finer, whole * spacing])
-        measured = np.array([_products(fields, int(k)) for k in whole])
+        measured = np.array([_mean_products(fields, int(k)) for k in whole])
         # Below the coarse grid's spacing the long octaves are planes: their squares go as distance².
         planes = np.minimum(lag / lag[-len(whole)], 1.0)[:, None, None] ** 2
         cross = planes * measured[np.maximum(np.arange(len(lag)) - (len(lag) - len(whole)), 0)]
-        model = structure(lag[:, None] / wavelength)
+        model = structure_function(lag[:, None] / wavelength)
         own = np.einsum("kii->ki", cross).copy()
         model[:, :long] = own
         np.einsum("kii->ki", cross)[...] = 0.0
@@ -302,7 +302,7 @@ def _fit_to_patch(
         free = np.minimum(1.0 + _WAVES * wavelength / size_m, _MOST_CORRECTION) ** 2
         free[long:] = 1.0
         low, high = squares / free, squares * free
-        squares = _fit_squares(squares, target, model, low, high, cross)
+        squares = _fit_squared_amplitudes(squares, target, model, low, high, cross)
         if lag[0] <= baseline <= lag[-1]:
             amplitude = np.sqrt(squares[:long])
             made = model @ squares + np.einsum("kij,i,j->k", cross, amplitude, amplitude)
@@ -312,7 +312,7 @@ def _fit_to_patch(
     return replace(surface, amplitude_m=amplitude, level=_round_digits(level), mean_m=mean)
 
 
-def _products(fields: Array, lag: int) -> Array:
+def _mean_products(fields: Array, lag: int) -> Array:
     """Mean products (long, long) of the octaves' differences at a whole lag, over both axes."""
     along_x = (fields[:, :, lag:] - fields[:, :, :-lag]).reshape(len(fields), -1)
     along_y = (fields[:, lag:, :] - fields[:, :-lag, :]).reshape(len(fields), -1)

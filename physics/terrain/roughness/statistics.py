@@ -12,11 +12,11 @@ import numpy as np
 
 from ....support.arrays import Array
 
-#: Lines of a grid on which ``measure`` looks, along each axis: enough for 1 % and fast on any mesh.
+#: Lines of a grid on which ``measure_roughness`` looks, along each axis: enough for 1 % and fast on any mesh.
 _LINES = 256
 
 
-def detrend(heights_m: Array) -> Array:
+def remove_plane(heights_m: Array) -> Array:
     """The heights (rows, columns) less their least-squares plane."""
     rows, columns = heights_m.shape
     y, x = (np.arange(n) - (n - 1) / 2 for n in (rows, columns))
@@ -38,7 +38,7 @@ def rms_deviation(heights_m: Array, lag: int, every: int = 1) -> float:
     return math.sqrt((np.vdot(along_x, along_x) / along_x.size + np.vdot(along_y, along_y) / along_y.size) / 2)
 
 
-def lags(longest: int, per_octave: int = 3) -> list[int]:
+def list_lags(longest: int, per_octave: int = 3) -> list[int]:
     """Whole lags from 1 to ``longest``, about evenly spaced in the logarithm."""
     count = max(1, math.ceil(per_octave * math.log2(max(longest, 1)))) + 1
     return sorted({round(longest ** (k / (count - 1))) for k in range(count)}) if longest > 1 else [1]
@@ -54,7 +54,7 @@ def power_spectrum(heights_m: Array, spacing_m: float, bins_per_octave: int = 3)
     n = min(heights_m.shape)
     window = np.hanning(n + 2)[1:-1]
     window = window[:, None] * window[None, :]
-    spectrum = np.abs(np.fft.rfft2(detrend(heights_m[:n, :n]) * window)) ** 2
+    spectrum = np.abs(np.fft.rfft2(remove_plane(heights_m[:n, :n]) * window)) ** 2
     density = spectrum * spacing_m**2 / np.sum(window**2)
     k_x, k_y = np.fft.rfftfreq(n, spacing_m), np.fft.fftfreq(n, spacing_m)
     radius = np.hypot(k_x[None, :], k_y[:, None])
@@ -92,15 +92,15 @@ class Roughness:
         return {key: None if math.isnan(value) else float(f"{value:.4g}") for key, value in found.items()}
 
 
-def measure(
+def measure_roughness(
     heights_m: Array, spacing_m: float, baseline_m: float, law_m: tuple[float, float] = (0.0, math.inf)
 ) -> Roughness:
     """Measure the roughness of a square height grid, less its mean plane, at lags up to a quarter of its side.
 
     ``law_m`` are the shortest and longest lag over which the Hurst exponent is fitted.
     """
-    level = detrend(heights_m)
-    whole = np.array(lags(max(1, (min(heights_m.shape) - 1) // 4)))
+    level = remove_plane(heights_m)
+    whole = np.array(list_lags(max(1, (min(heights_m.shape) - 1) // 4)))
     lag_m = whole * spacing_m
     every = max(1, min(level.shape) // _LINES)
     deviation = np.array([rms_deviation(level, int(k), every) for k in whole])

@@ -8,14 +8,14 @@ import math
 import numpy as np
 
 from ....support.arrays import Array
-from ..noise.lattice_noise import fade
+from ..noise.lattice_noise import quintic_fade
 
 #: Standard deviation of the unit noise; its structure function saturates at twice the square.
 NOISE_DEVIATION = 0.30506
 
 
 @functools.cache
-def _kernels() -> tuple[Array, Array, Array]:
+def _kernel_autocorrelations() -> tuple[Array, Array, Array]:
     """Lags (n,) and the autocorrelations there of the noise's two one-dimensional kernels.
 
     Noise is a sum over lattice points of g_x psi(x) phi(y) + g_y phi(x) psi(y), with phi = 1 - fade(|t|) and
@@ -23,7 +23,7 @@ def _kernels() -> tuple[Array, Array, Array]:
     """
     n = 512  # samples per lattice unit
     t = (np.arange(2 * n) + 0.5) / n - 1.0
-    phi = 1.0 - fade(np.abs(t))
+    phi = 1.0 - quintic_fade(np.abs(t))
     of_phi, of_psi = (np.correlate(f, f, "full")[2 * n - 1 :] / n for f in (phi, t * phi))
     return np.arange(2 * n) / n, of_phi, of_psi
 
@@ -31,7 +31,7 @@ def _kernels() -> tuple[Array, Array, Array]:
 @functools.cache
 def _structure_table(dimensions: int) -> tuple[Array, Array]:
     """Distances in wavelengths and the structure function of unit noise, averaged over directions."""
-    lag, phi, psi = _kernels()
+    lag, phi, psi = _kernel_autocorrelations()
     r = np.concatenate([np.linspace(0.02, 1.0, 99), np.linspace(1.02, 3.5, 125)])
     if dimensions == 2:
         angle = (np.arange(24) + 0.5) / 24 * math.pi / 2
@@ -55,7 +55,7 @@ def _structure_table(dimensions: int) -> tuple[Array, Array]:
     return r, 2.0 * (at_zero - covariance(near_phi, near_psi).mean(axis=1))
 
 
-def structure(distance: Array, dimensions: int = 2) -> Array:
+def structure_function(distance: Array, dimensions: int = 2) -> Array:
     """Mean square difference of unit noise at points ``distance`` wavelengths apart."""
     r, table = _structure_table(dimensions)
     near = table[0] * (distance / r[0]) ** 2  # the noise is smooth: a parabola at the origin

@@ -11,7 +11,7 @@ from icymoon.nodes.ground import dug_ground
 from icymoon.nodes.ground.dug_ground import DEPTH, mesh_whole_ground
 from icymoon.nodes.next_scene import open_empty_scene
 from icymoon.nodes.scene import ground_of
-from icymoon.physics.excavation.jitter import jittered_rig
+from icymoon.physics.excavation.jitter import jitter_rig
 from icymoon.settings import description
 from icymoon.support.errors import IcyMoonError
 from rendering import complete
@@ -147,15 +147,15 @@ def test_a_built_scene_records_what_was_dug():
 
 def test_the_camera_of_a_series_moves_by_the_seed_and_the_state():
     still = complete({"excavation": DUG})
-    assert jittered_rig(still) == still.rig
+    assert jitter_rig(still) == still.rig
     shaken = [
         complete({"excavation": DUG | {"jitter_m": 0.01, "jitter_deg": 0.1, "state": state}}) for state in (0, 1, 1)
     ]
-    first, second, again = map(jittered_rig, shaken)
+    first, second, again = map(jitter_rig, shaken)
     assert first != second == again
     assert abs(first.x_m) < 0.05
     off = description.merged(shaken[0], {"excavation": {"path": "NONE"}})
-    assert jittered_rig(off) == off.rig
+    assert jitter_rig(off) == off.rig
 
 
 def test_a_rock_over_the_trench_falls_to_its_floor():

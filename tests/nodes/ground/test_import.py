@@ -21,7 +21,7 @@ from icymoon.nodes.ground import import_heights
 from icymoon.nodes.ground import user_ground as grounds
 from icymoon.nodes.ground.import_heights import read_heights
 from icymoon.nodes.ground.import_mesh import read_mesh
-from icymoon.physics.mesh.check import examine
+from icymoon.physics.mesh.check import examine_mesh
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
@@ -105,7 +105,7 @@ def test_every_format_gives_the_same_ground_and_leaves_nothing(tmp_path, name):
     # Blender's own exporters write z-up scenes as their formats want them: all come back as they were.
     assert nearest_gaps(positions_of(built.terrain), positions) < 1e-5
     assert len(built.terrain.data.vertices) == 81
-    assert (examine(positions_of(built.terrain), read_triangles(built.terrain)).facing_down) == 0
+    assert (examine_mesh(positions_of(built.terrain), read_triangles(built.terrain)).facing_down) == 0
     scenes.clear(scene)
     assert {b for b in everything() if b[0] != "images"} == {b for b in before if b[0] != "images"}
 
@@ -231,7 +231,7 @@ def test_damage_is_reported_and_mended(tmp_path):
         "Repaired: 80",
     ):
         assert words in text, text
-    assert examine(positions_of(built.terrain), read_triangles(built.terrain)).facing_down == 0
+    assert examine_mesh(positions_of(built.terrain), read_triangles(built.terrain)).facing_down == 0
     assert len(built.terrain.data.polygons) == 2 * 63
 
 

@@ -16,7 +16,7 @@ from icymoon.nodes.ground.terrain_mesh import (
     vertex_spacing_m,
 )
 from icymoon.panels import CLASSES
-from icymoon.physics.terrain.roughness.statistics import measure
+from icymoon.physics.terrain.roughness.statistics import measure_roughness
 from icymoon.settings import description
 from icymoon.settings.blender import scene_properties
 from panel_drawing import drawn, texts
@@ -73,7 +73,9 @@ def test_what_the_panel_says_is_what_is_measured():
     # Measured again, from the vertices, with nothing of the builders.
     positions = np.empty(3 * 257**2, np.float32)
     built.terrain.data.vertices.foreach_get("co", positions)
-    found = measure(positions[2::3].reshape(257, 257).astype(float), 20 / 256, 1.0, (6 * 20 / 256, 0.3 * 12.0))
+    found = measure_roughness(
+        positions[2::3].reshape(257, 257).astype(float), 20 / 256, 1.0, (6 * 20 / 256, 0.3 * 12.0)
+    )
     heading, asked, made = scenes.ground_statistics(bpy.context.scene)
     assert heading == "RMS slope over 1 m, RMS height"
     assert made == f"Built: {found.slope_deg:.1f}°, {found.height_m:.2g} m"

@@ -9,8 +9,8 @@ import pytest
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.operators import sidebar_text
-from icymoon.physics.light.saturn_rings import RINGS, brightness
-from icymoon.physics.light.sky import sky
+from icymoon.physics.light.saturn_rings import RINGS, ring_brightness
+from icymoon.physics.light.sky import compute_sky
 from icymoon.physics.light.stars import stars_above_horizon
 from icymoon.stereo.images.disparity_and_occlusion import find_scene_depth
 from icymoon.stereo.images.exr import read_view
@@ -62,7 +62,7 @@ def test_each_star_has_its_light_and_place_and_no_depth(tmp_path):
             "quality": {"samples": 100},
         },
     )
-    shown = stars_above_horizon(2.5, 1, sky(pair.settings.light).from_j2000)
+    shown = stars_above_horizon(2.5, 1, compute_sky(pair.settings.light).from_j2000)
     for eye in ("left", "right"):  # at infinity: both eyes see them in the same pixels
         view, camera = read_view(pair.image(eye)), pair.camera
         light = view.radiance * solid_angles(camera)[..., None]
@@ -140,7 +140,7 @@ def test_rings_are_seen_as_bright_as_they_are_before_and_behind_the_planet(tmp_p
     assert set(np.unique(view.semantic)) == {0, PLANET}
     assert np.isnan(find_scene_depth(view)).all()
     np.testing.assert_allclose(sum(view.groups.values()), view.radiance, atol=1e-5 * view.radiance.max())
-    shown = sky(complete().light | light).planet
+    shown = compute_sky(complete().light | light).planet
     x = (np.arange(camera.width_px) + 0.5 - camera.cx_px) / camera.focal_px
     y = (np.arange(camera.height_px) + 0.5 - camera.cy_px) / camera.focal_px
     ray = np.stack(np.broadcast_arrays(x[None, :], y[:, None], np.ones(1)), axis=-1)
@@ -159,7 +159,7 @@ def test_rings_are_seen_as_bright_as_they_are_before_and_behind_the_planet(tmp_p
         expected = (
             14.82
             / math.pi
-            * brightness(ring, abs(sun), np.abs(ray[lit] @ shown.pole), np.arccos(-ray[lit] @ shown.sun), lit_side)
+            * ring_brightness(ring, abs(sun), np.abs(ray[lit] @ shown.pole), np.arccos(-ray[lit] @ shown.sun), lit_side)
         )
         ratio = view.radiance[lit][:, 0] / expected
         # Triangles between circles a sixth of a ring apart; at its edges a pixel holds a part of the ring.
@@ -188,7 +188,7 @@ def test_saturn_shines_less_through_the_shadow_of_its_rings(tmp_path):
                 "rig": {"pitch_deg": 90.0, "width_px": 48, "height_px": 36},
             },
         )
-        expected = sky(pair.settings.light).ground_irradiance_wm2[1] * 0.8 / math.pi
+        expected = compute_sky(pair.settings.light).ground_irradiance_wm2[1] * 0.8 / math.pi
         found[has] = read_view(pair.image("left")).radiance.mean()
         assert found[has] == pytest.approx(expected, rel=2e-3)
     assert found[True] < 0.97 * found[False]
@@ -248,7 +248,7 @@ def test_the_panel_shows_the_light_of_the_sun_that_the_scene_renders(elevation_d
         }
     )
     built = scenes.build(empty_scene(), settings)
-    assert (sky(settings.light).eclipse > 0) == (elevation_deg > 0)
+    assert (compute_sky(settings.light).eclipse > 0) == (elevation_deg > 0)
     lamp = float(built.sun.data.energy)
     shown = next(line for line in sidebar_text.sky_lines(settings.light) if "W/m²" in line)
     assert shown.split()[0] == f"{lamp:.3g}"

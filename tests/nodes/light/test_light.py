@@ -7,8 +7,8 @@ import pytest
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.physics.light.planetshine import irradiance_wm2
-from icymoon.physics.light.sky import sky, sky_facts
-from icymoon.physics.scene_checks import reasons_of_settings
+from icymoon.physics.light.sky import compute_sky, describe_sky
+from icymoon.physics.scene_checks import find_reasons_in_settings
 from icymoon.physics.surfaces import photometry
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import expand_headings
@@ -37,7 +37,7 @@ def lit(folder, light, *parts):
 @pytest.mark.parametrize("planet", [SATURN, JUPITER], ids=["Saturn", "Jupiter"])
 def test_a_plane_in_planetshine_has_the_radiance_of_the_integral(tmp_path, planet):
     pair, view = lit(tmp_path, planet | NIGHT, {"quality": {"samples": 256}})
-    expected = sky(pair.settings["light"]).ground_irradiance_wm2
+    expected = compute_sky(pair.settings["light"]).ground_irradiance_wm2
     assert expected[0] == 0
     # 1728 pixels of 256 paths, each of which picks a direction in the disc: sampling leaves less than 1e-3.
     assert view.radiance.mean() == pytest.approx(expected[1] * 0.8 / math.pi, rel=1e-3)
@@ -115,8 +115,8 @@ def test_a_lamp_near_the_ground_lights_each_point_from_its_own_side(tmp_path, su
 )
 def test_what_a_lamp_near_the_ground_cannot_light_is_refused(part, word):
     near = {"light": {"sun_distance_m": 2.0, **part.get("light", {})}}
-    assert any(word in reason for reason in reasons_of_settings(complete(part, near)))
-    assert not reasons_of_settings(complete(part, {"hapke": {"backend": "NODES"}}))
+    assert any(word in reason for reason in find_reasons_in_settings(complete(part, near)))
+    assert not find_reasons_in_settings(complete(part, {"hapke": {"backend": "NODES"}}))
 
 
 def test_the_planet_is_seen_where_it_stands_as_big_and_bright_as_it_is(tmp_path):
@@ -141,7 +141,7 @@ def test_the_planet_is_seen_where_it_stands_as_big_and_bright_as_it_is(tmp_path)
     cosine = 1 / np.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)
     # The disc as the camera sees it sheds on a facing surface what the integral says: pixels times their solid angle.
     seen = (view.radiance.mean(axis=-1) * cosine**4 / camera.focal_px**2).sum()
-    assert seen == pytest.approx(irradiance_wm2(sky(pair.settings.light).planet), rel=3e-3)
+    assert seen == pytest.approx(irradiance_wm2(compute_sky(pair.settings.light).planet), rel=3e-3)
     # The terminator: the Sun is 30° below the southern horizon, so the planet's upper side is the bright one.
     rows = np.nonzero(on.any(axis=1))[0]
     upper, lower = (view.radiance[row][on[row]].mean() for row in (rows[8], rows[-8]))
@@ -201,14 +201,14 @@ def test_full_and_new(tmp_path, elevation, azimuth, phase):
         assert view.radiance.max() == 0  # the planet hides the Sun and shows its night
     else:
         assert view.radiance.mean() == pytest.approx(
-            sky(pair.settings["light"]).ground_irradiance_wm2[1] * 0.8 / math.pi, rel=2e-3
+            compute_sky(pair.settings["light"]).ground_irradiance_wm2[1] * 0.8 / math.pi, rel=2e-3
         )
 
 
 def test_of_a_planet_on_the_horizon_the_upper_half_shines_and_is_seen(tmp_path):
     light = SATURN | NIGHT | {"planet_elevation_deg": 0.0, "latitude_deg": 90.0}
     pair, view = lit(tmp_path, light, {"quality": {"samples": 256}})
-    expected = sky(pair.settings["light"]).ground_irradiance_wm2[1]
+    expected = compute_sky(pair.settings["light"]).ground_irradiance_wm2[1]
     # Of the lamp half is below the ground, and what is above falls at a slant: twice the noise of a planet that is up.
     assert view.radiance.mean() == pytest.approx(expected * 0.8 / math.pi, rel=2e-3)
     pair, _ = render(tmp_path, LAMBERT, {"light": light, "rig": {"pitch_deg": 0.0, "heading_deg": 20.0}})
@@ -227,7 +227,7 @@ def test_a_dark_sky_is_said_with_its_mend():
     assert "hides the Sun" in said(SATURN | {"sun_elevation_deg": 50.0, "sun_azimuth_deg": 20.0})
     dated = {"directions_from": "DATE", "body": "ENCELADUS", "latitude_deg": 0.0, "longitude_deg": 0.0}
     eclipsed = "2038-06-02T08:00:00"
-    assert sky(complete({"light": dated | {"date_utc": eclipsed}}).light).eclipse == 1
+    assert compute_sky(complete({"light": dated | {"date_utc": eclipsed}}).light).eclipse == 1
     assert "light.date_utc" in said(dated | {"date_utc": eclipsed})
     assert not said(SATURN | {"sun_elevation_deg": 10.0})
     assert not said({"sun_elevation_deg": 0.01})
@@ -304,7 +304,7 @@ def test_the_record_states_the_sun_that_the_images_have(tmp_path, light, source)
         assert (sun["elevation_deg"], sun["azimuth_deg"]) == pytest.approx((50.0, 90.0), abs=1e-4)
         assert sun["irradiance_wm2"] == pytest.approx(10.0)
     else:
-        assert sun["elevation_deg"] == pytest.approx(sky(settings.light).sun_elevation_deg, abs=1e-4)
+        assert sun["elevation_deg"] == pytest.approx(compute_sky(settings.light).sun_elevation_deg, abs=1e-4)
 
 
 @pytest.mark.parametrize("diameter", [0.5, 2.0])
@@ -428,7 +428,7 @@ def test_the_preview_moves_the_planet_and_takes_it_away():
         fresh = scenes.Built(built.collection, built.terrain, built.sun, built.camera, settings, scene)
         assert preview.notes(scene) == []
         assert not built.edited
-        assert fresh.sky == sky_facts(sky(settings.light))
+        assert fresh.sky == describe_sky(compute_sky(settings.light))
         assert [o.name for o in bpy.data.objects if "Planet" in o.name] == (
             [] if "planet" in change else ["Icy Moon Planet", "Icy Moon Planetshine"]
         )

@@ -8,7 +8,7 @@ from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.physics.light.planet_face import face_tint
 from icymoon.physics.light.planetshine import irradiance_wm2
-from icymoon.physics.light.sky import sky
+from icymoon.physics.light.sky import compute_sky
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.labels import PLANET
 from planet_radiance import face_radiance
@@ -58,7 +58,7 @@ def test_the_image_of_the_planet_is_what_rays_find(tmp_path, face, rings):
         FLAT,
         {"rig": RIG, "light": LIGHT | {"planet_face": face, "planet_rings": rings, "planet_spot_longitude_deg": 10.0}},
     )
-    view, shown = read_view(pair.image("left")), sky(pair.settings.light).planet
+    view, shown = read_view(pair.image("left")), compute_sky(pair.settings.light).planet
     ray, solid_angle = rays(pair)
     distance = nearest(shown, ray)
     hit = np.isfinite(distance)

@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 import pytest
 from hapke_rendering import BARE, FLAT, angles, long, picture, rays
-from icymoon.physics.light.planetshine import light_rays
-from icymoon.physics.light.sky import sky
-from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
+from icymoon.physics.light.planetshine import make_light_rays
+from icymoon.physics.light.sky import compute_sky
+from icymoon.physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.stereo.images.exr import View, read_view
 from icymoon.support.arrays import Array
@@ -33,8 +33,8 @@ CRESCENT = SATURN | {
 
 def by_integral(pair: Pair, steps: int = 24) -> Array:
     """Radiance (H, W) of level ground in the planet's light alone, which is all in front of its rays."""
-    ray, brought = light_rays(sky(pair.settings.light).planet, steps)
-    law = partial(bidirectional_reflectance, parameters=from_settings(pair.settings.hapke))
+    ray, brought = make_light_rays(compute_sky(pair.settings.light).planet, steps)
+    law = partial(bidirectional_reflectance, parameters=hapke_from_settings(pair.settings.hapke))
     up, eye = np.array([0.0, 0.0, 1.0]), rays(pair)
     total = np.zeros(eye.shape[:2])
     for direction, irradiance in zip(ray[brought > 0], brought[brought > 0], strict=True):

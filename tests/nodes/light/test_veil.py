@@ -13,8 +13,8 @@ from icymoon.benchmarks.light import furnace
 from icymoon.formats.exr_pixels import decode_parts
 from icymoon.nodes.light.veil import veil_in
 from icymoon.nodes.surface.ice_material import build_material
-from icymoon.physics.light.sky import sky, sky_facts
-from icymoon.physics.scene_checks import reasons_of_settings
+from icymoon.physics.light.sky import compute_sky, describe_sky
+from icymoon.physics.scene_checks import find_reasons_in_settings
 from icymoon.physics.scene_requirements import find_left_out, why_not_baked
 from icymoon.settings.description import defaults, digest, merged
 from icymoon.settings.topics.light import VeilSettings
@@ -164,23 +164,23 @@ def admitted(*parts) -> Settings:
 
 
 def test_what_cannot_have_a_veil_is_refused_or_said():
-    assert not reasons_of_settings(admitted())
+    assert not find_reasons_in_settings(admitted())
     for part, name in (
         ({"quality": {"truth": "DEPTH"}}, "quality.truth"),
         ({"surface": {"model": "HAPKE"}}, "hapke.backend"),
     ):
-        assert [name in str(each) for each in reasons_of_settings(admitted(part))] == [True]
-    assert not reasons_of_settings(admitted({"surface": {"model": "HAPKE"}, "hapke": {"backend": "NODES"}}))
+        assert [name in str(each) for each in find_reasons_in_settings(admitted(part))] == [True]
+    assert not find_reasons_in_settings(admitted({"surface": {"model": "HAPKE"}, "hapke": {"backend": "NODES"}}))
     lambert = {"surface": {"model": "LAMBERT"}, "quality": {"indirect": "BAKED"}}
     assert "veil.optical_depth" in why_not_baked(admitted(lambert))
-    said = find_left_out(admitted(lambert), sky_facts(sky(admitted().light)))
+    said = find_left_out(admitted(lambert), describe_sky(compute_sky(admitted().light)))
     assert any("traced although" in each and "veil.optical_depth" in each for each in said)
 
 
 @pytest.mark.parametrize(("depth", "bounces", "is_said"), [(4.0, 3, False), (4.001, 3, True), (4.001, 4, False)])
 def test_scattering_that_is_not_followed_is_said(depth, bounces, is_said):
     thick = admitted({"veil": {"optical_depth": depth}, "quality": {"diffuse_bounces": bounces}})
-    said = find_left_out(thick, sky_facts(sky(thick.light)))
+    said = find_left_out(thick, describe_sky(compute_sky(thick.light)))
     assert any("more than" in each and "quality.diffuse_bounces" in each for each in said) == is_said
 
 

@@ -11,7 +11,7 @@ from hapke_rendering import BARE, FACETS, FLAT, POINT, SMOOTH, angles, expected,
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.surface import reflectance_laws, sun_inputs
 from icymoon.physics.surfaces import photometry, snow
-from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
+from icymoon.physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings
 from icymoon.render import cycles_settings
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.stereo.images.exr import read_view
@@ -244,7 +244,7 @@ def test_dirt_drives_w_and_salt_tints(tmp_path, made_of):
             "hapke": {"backend": made_of},
         },
     )
-    darker = from_settings(pair.settings.hapke | {"w": pair.settings.hapke.w * 0.5})
+    darker = hapke_from_settings(pair.settings.hapke | {"w": pair.settings.hapke.w * 0.5})
     truth = expected(pair, partial(bidirectional_reflectance, parameters=darker))
     image = read_view(pair.image("left")).radiance
     ground = truth > 0
@@ -476,7 +476,7 @@ def test_the_reference_level_has_the_law_at_every_end_of_three_interreflections(
         change=valley,
     )
     view, light = read_view(pair.image("left")), pair.data["light"]["sun"]
-    law = partial(bidirectional_reflectance, parameters=from_settings(pair.settings.hapke))
+    law = partial(bidirectional_reflectance, parameters=hapke_from_settings(pair.settings.hapke))
     pose, sun = np.array(pair.data["poses_camera_to_world"]["left"]), np.array(light["direction_to_world"])
     eye = rays(pair)
     forward = -eye @ pose[:3, 2]

@@ -10,7 +10,7 @@ import pytest
 from hapke_rendering import BARE, FLAT, SMOOTH, expected, picture, rays
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.surface import reflectance_laws
-from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
+from icymoon.physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings
 from icymoon.physics.surfaces.photometry import hemispherical_albedo
 from icymoon.stereo.images.exr import read_view
 from icymoon.support.arrays import Array
@@ -67,7 +67,7 @@ def test_each_half_has_its_own_roughness(tmp_path, made_of, accuracy, theta_bar_
     assert np.isfinite(image).all()
     for side, value in ((-1, 0.0), (1, 1.0)):
         there = pair.settings.hapke | {"theta_bar_deg": theta_bar_deg + (value - 0.5) * range_deg}
-        truth = expected(pair, partial(bidirectional_reflectance, parameters=from_settings(there)))
+        truth = expected(pair, partial(bidirectional_reflectance, parameters=hapke_from_settings(there)))
         seen = (truth > 0) & (side * east > SIDE_M / PIXELS)  # beside the step, where texels are blended
         assert seen.mean() > 0.2
         assert np.quantile(np.abs(image[seen] / truth[seen] - 1), 0.999) < SMOOTH
@@ -115,14 +115,14 @@ def test_what_is_off_costs_no_node(made_of):
 )
 def test_the_albedo_for_the_sky_follows_the_roughness(w, span_deg, within):
     """The polynomial against the integral, at slopes and angles between those that it was fitted to."""
-    q = from_settings(complete({"hapke": {"w": w}}).hapke)
+    q = hapke_from_settings(complete({"hapke": {"w": w}}).hapke)
     low, high = np.radians(span_deg)
     coefficients = reflectance_laws._fit(q, 0.5, (float(low), float(high)))
     mu = np.linspace(0.05, 1.0, 9)
     for share in (0.0, 0.13, 0.5, 0.8, 1.0):
         for grey in (1.0, 0.7):
             gamma = np.sqrt(1 - w * grey)
-            at = from_settings(
+            at = hapke_from_settings(
                 complete(
                     {"hapke": {"w": w * grey, "theta_bar_deg": span_deg[0] + share * (span_deg[1] - span_deg[0])}}
                 ).hapke
@@ -169,7 +169,7 @@ def test_shaded_ground_has_the_albedo_of_its_roughness(tmp_path, made_of, accura
     )
     east, view, eye = east_m(pair), read_view(pair.image("left")), rays(pair)
     for side, value in ((-1, 0.0), (1, 1.0)):
-        there = from_settings(pair.settings.hapke | {"theta_bar_deg": 20.0 + (value - 0.5) * 30.0})
+        there = hapke_from_settings(pair.settings.hapke | {"theta_bar_deg": 20.0 + (value - 0.5) * 30.0})
         seen = (view.instance == 1) & (side * east > 0.7) & (eye[..., 2] > 0.2)
         assert seen.mean() > 0.1
         law = partial(bidirectional_reflectance, parameters=there)

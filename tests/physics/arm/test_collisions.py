@@ -10,12 +10,12 @@ from icymoon.physics.arm.collisions import (
     ground_clearances_m,
     segment_distance,
 )
-from icymoon.physics.arm.kinematics import Capsule, forward
-from icymoon.physics.arm.parametric import arm_of
+from icymoon.physics.arm.kinematics import Capsule, forward_kinematics
+from icymoon.physics.arm.parametric import make_parametric_arm
 from icymoon.settings.description import defaults
 from icymoon.support.arrays import Array
 
-ARM = arm_of(defaults())
+ARM = make_parametric_arm(defaults())
 STRETCHED = np.zeros(5)
 
 
@@ -68,6 +68,6 @@ def test_beside_the_ground_there_is_no_clearance():
 
 
 def test_an_eye_in_a_link_is_found():
-    middle = forward(ARM, STRETCHED)[1] @ [0.5, 0.0, 0.0, 1.0]
+    middle = forward_kinematics(ARM, STRETCHED)[1] @ [0.5, 0.0, 0.0, 1.0]
     assert find_link_around(ARM, STRETCHED, middle[:3]) == "upper_arm"
     assert find_link_around(ARM, STRETCHED, middle[:3] + np.array([0.0, 0.0, 0.06])) == ""

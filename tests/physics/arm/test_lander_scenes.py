@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.arm.parametric import arm_of, find_joint_margin
+from icymoon.physics.arm.parametric import find_joint_margin, make_parametric_arm
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.light.directions import camera_axes
 from icymoon.physics.terrain.sites import make_rocky_ground
@@ -45,7 +45,7 @@ def test_the_workspaces_centre_is_seen_by_both_eyes_and_reached(name):
         # Not at the rim: in the middle half of the image, so that the ground around it is seen as well.
         assert camera.width_px / 4 < column < 3 * camera.width_px / 4
         assert camera.height_px / 4 < row < 3 * camera.height_px / 4
-    margin = find_joint_margin(arm_of(settings, site_m), workspace.east_m, workspace.north_m, height_m)
+    margin = find_joint_margin(make_parametric_arm(settings, site_m), workspace.east_m, workspace.north_m, height_m)
     assert math.degrees(float(margin)) > MARGIN_DEG
 
 

@@ -12,12 +12,12 @@ import pytest
 from icymoon.physics.arm import link_mesh
 from icymoon.physics.arm import own_arm as own_arms
 from icymoon.physics.arm.collisions import find_self_collisions, segment_distance
-from icymoon.physics.arm.kinematics import forward
-from icymoon.physics.arm.lander_arm import arm_of, joint_facts, joint_values, keypoints_of, solids_of
+from icymoon.physics.arm.kinematics import forward_kinematics
+from icymoon.physics.arm.lander_arm import describe_joints, joint_values, list_keypoints, make_arm, make_solids
 from icymoon.physics.arm.link_mesh import read_link_mesh
-from icymoon.physics.arm.own_arm import arm_of_file, own_arm
+from icymoon.physics.arm.own_arm import load_users_arm, make_arm_at
 from icymoon.physics.arm.urdf import MOST_LINKS, read_urdf
-from icymoon.physics.scene_checks import lander_reasons
+from icymoon.physics.scene_checks import find_lander_reasons
 from icymoon.settings import user_files
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.scene import Settings
@@ -33,13 +33,13 @@ def test_every_link_is_where_yourdfpy_puts_it(tmp_path):
     yourdfpy = pytest.importorskip("yourdfpy")  # of the extra "develop"
     path = write_robot(tmp_path)
     truth = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=True)
-    own = own_arm(described(path))
-    arm = arm_of_file(own, np.eye(4))
+    own = load_users_arm(described(path))
+    arm = make_arm_at(own, np.eye(4))
     assert own.names == tuple(truth.actuated_joint_names) == ("yaw", "pitch", "reach")
     random, worst = np.random.default_rng(3), 0.0
     for angles in random.uniform((-math.pi, -1.0, 0.0), (math.pi, 2.0, 0.5), (500, 3)):
         truth.update_cfg(angles)
-        for link, pose in zip(arm.links, forward(arm, own.values(angles)), strict=True):
+        for link, pose in zip(arm.links, forward_kinematics(arm, own.values(angles)), strict=True):
             worst = max(worst, float(np.abs(pose - truth.get_transform(link, "base")).max()))
     # Metres and sines: some roundings of double precision, and single precision of nothing.
     assert 0.0 < worst < 1e-12
@@ -53,13 +53,13 @@ def test_an_arm_adds_up_as_its_joints_do(tmp_path):
         '<axis xyz="1 0 0"/><limit lower="0" upper="1"/></joint>'
     )
     settings = described(write_robot(tmp_path, joints, ("p", "q", "r")), "a=30 b=0.25")
-    arm = arm_of(settings)
-    place = np.linalg.inv(arm.base) @ forward(arm, joint_values(settings))[-1]
+    arm = make_arm(settings)
+    place = np.linalg.inv(arm.base) @ forward_kinematics(arm, joint_values(settings))[-1]
     assert place[:3, 3] == pytest.approx([1.25 * math.cos(math.radians(30)), 0.0, 0.5 + 1.25 * 0.5], abs=1e-12)
-    assert joint_facts(settings)["joints_deg"] == pytest.approx([30.0, 0.25])
-    assert joint_facts(settings)["units"] == ["deg", "m"]
-    assert not list(lander_reasons(settings))
-    (reason,) = lander_reasons(described(tmp_path / "arm.urdf", "a=30 b=1.25"))
+    assert describe_joints(settings)["joints_deg"] == pytest.approx([30.0, 0.25])
+    assert describe_joints(settings)["units"] == ["deg", "m"]
+    assert not list(find_lander_reasons(settings))
+    (reason,) = find_lander_reasons(described(tmp_path / "arm.urdf", "a=30 b=1.25"))
     assert "joint b at 1.25 m" in reason
     assert "0 m to 1 m" in reason
 
@@ -83,7 +83,7 @@ def test_a_mesh_is_scaled_turned_and_put_on_its_link(tmp_path):
         },
     )
     settings = described(path)
-    solids = solids_of(settings)
+    solids = make_solids(settings)
     turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     tool = solids["tool"]
     assert np.allclose(tool.vertices[tool.triangles], CORNERS[np.array(FACES)] @ turned.T + [1, 2, 3], atol=1e-6)
@@ -92,8 +92,8 @@ def test_a_mesh_is_scaled_turned_and_put_on_its_link(tmp_path):
         centred = corners - solid.vertices.mean(axis=0)
         volume = np.einsum("ij,ij->i", centred[:, 0], np.cross(centred[:, 1], centred[:, 2])).sum() / 6
         assert volume == pytest.approx(0.1**3 / 6, rel=1e-5), link
-    assert {name for name, *_ in keypoints_of(settings)} >= {"geared", "pitch"}
-    files = user_files._parts(settings, "lander.file", path)
+    assert {name for name, *_ in list_keypoints(settings)} >= {"geared", "pitch"}
+    files = user_files._list_parts(settings, "lander.file", path)
     assert [file.name for file in files] == ["arm.urdf", "t.STL"]
 
 
@@ -105,7 +105,7 @@ def test_capsules_contain_their_links(tmp_path):
         "three": '<visual><geometry><sphere radius="0.2"/></geometry></visual>',
         "tool": visual("t.stl"),
     }
-    own = own_arm(described(write_robot(tmp_path, shapes=shapes)))
+    own = load_users_arm(described(write_robot(tmp_path, shapes=shapes)))
     assert [own.joints[capsule.link].link for capsule in own.capsules] == ["one", "two", "three", "tool"]
     for capsule in own.capsules:
         start, end = np.array(capsule.start), np.array(capsule.end)
@@ -116,7 +116,7 @@ def test_capsules_contain_their_links(tmp_path):
 def test_an_arm_that_reaches_into_itself_is_found(tmp_path):
     shapes = dict.fromkeys(("one", "three"), '<visual><geometry><box size="0.1 0.02 0.02"/></geometry></visual>')
     joints = JOINTS.replace('xyz="0.4 0 0.1"', 'xyz="-0.3 0 0"').replace('rpy="1.5707963 0.2 -0.4"', "")
-    arm = arm_of(described(write_robot(tmp_path, joints, shapes=shapes)))
+    arm = make_arm(described(write_robot(tmp_path, joints, shapes=shapes)))
     assert find_self_collisions(arm, np.zeros(len(arm.joints))) == [("one", "three")]
 
 
@@ -155,7 +155,7 @@ def test_a_robot_that_cannot_be_is_a_sentence(tmp_path, joints, links, words):
     assert words in str(told.value)
     assert str(told.value).startswith(f"{path}: ")
     assert str(told.value).count("\n") == 0
-    assert words in next(iter(lander_reasons(described(path))))  # refused, not a traceback
+    assert words in next(iter(find_lander_reasons(described(path))))  # refused, not a traceback
 
 
 def test_entities_that_grow_are_refused_before_they_do(tmp_path):
@@ -327,14 +327,14 @@ def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
 def test_a_broken_mesh_is_a_sentence(tmp_path, name, content, words):
     (tmp_path / name).write_bytes(content)
     path = write_robot(tmp_path, shapes={"one": visual(name)})
-    (reason,) = lander_reasons(described(path))
+    (reason,) = find_lander_reasons(described(path))
     assert words in reason
     assert name in reason
 
 
 def test_a_mesh_in_millimetres_is_told(tmp_path):
     write_stl(tmp_path / "m.stl", 1000.0 * CORNERS)
-    (reason,) = lander_reasons(described(write_robot(tmp_path, shapes={"one": visual("m.stl")})))
+    (reason,) = find_lander_reasons(described(write_robot(tmp_path, shapes={"one": visual("m.stl")})))
     assert "millimetres" in reason
 
 
@@ -362,7 +362,7 @@ def test_names_of_joints_may_have_spaces(tmp_path, joints):
     text = JOINTS
     for name, new in (("yaw", "base pan"), ("pitch", "pan"), ("reach", "a,b")):
         text = text.replace(f'"{name}"', f'"{new}"')
-    facts = joint_facts(described(write_robot(tmp_path, text), joints))
+    facts = describe_joints(described(write_robot(tmp_path, text), joints))
     assert facts["joints"] == ["base pan", "pan", "a,b"]
     assert facts["joints_deg"] == pytest.approx([10.0, 20.0, 0.3])
 
@@ -381,12 +381,12 @@ def test_names_of_joints_may_have_spaces(tmp_path, joints):
     ],
 )
 def test_angles_of_joints_that_are_not_there_are_a_sentence(tmp_path, joints, words):
-    (reason,) = lander_reasons(described(write_robot(tmp_path), joints))
+    (reason,) = find_lander_reasons(described(write_robot(tmp_path), joints))
     assert words in reason
 
 
 def test_values_without_names_are_in_the_order_of_the_file(tmp_path):
-    facts = joint_facts(described(write_robot(tmp_path), "10, 20; 0.3"))
+    facts = describe_joints(described(write_robot(tmp_path), "10, 20; 0.3"))
     assert facts["joints"] == ["yaw", "pitch", "reach"]
     assert facts["joints_deg"] == pytest.approx([10.0, 20.0, 0.3])
 
@@ -394,7 +394,7 @@ def test_values_without_names_are_in_the_order_of_the_file(tmp_path):
 def test_a_link_with_a_name_of_ours_gets_another(tmp_path):
     box = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual>'
     path = write_robot(tmp_path, JOINTS.replace('"tool"', '"body"'), (*LINKS[:-1], "body"), {"body": box})
-    assert {"body", "arm_body"} <= set(solids_of(described(path)))
+    assert {"body", "arm_body"} <= set(make_solids(described(path)))
 
 
 def test_names_of_links_stay_apart_whatever_they_are(tmp_path):
@@ -404,7 +404,7 @@ def test_names_of_links_stay_apart_whatever_they_are(tmp_path):
         f'<joint name="j{k}" type="fixed"><parent link="base"/><child link="{name}"/></joint>'
         for k, name in enumerate(names[1:])
     )
-    own = own_arm(described(write_robot(tmp_path, joints, names, dict.fromkeys(names, ball))))
+    own = load_users_arm(described(write_robot(tmp_path, joints, names, dict.fromkeys(names, ball))))
     assert len({joint.link for joint in own.joints}) == len(own.solids) == 4
     assert "body" not in own.solids
 
@@ -413,10 +413,12 @@ def test_one_mesh_many_times_is_refused_before_all_are_made(tmp_path, monkeypatc
     write_stl(tmp_path / "m.stl")
     made = []
     monkeypatch.setattr(own_arms, "MOST_TRIANGLES", 100)
-    of_shape = own_arms._of_shape
-    monkeypatch.setattr(own_arms, "_of_shape", lambda shape, *rest: made.append(shape) or of_shape(shape, *rest))
+    of_shape = own_arms._make_shape_solid
+    monkeypatch.setattr(
+        own_arms, "_make_shape_solid", lambda shape, *rest: made.append(shape) or of_shape(shape, *rest)
+    )
     shapes = {"one": visual("m.stl") * 20, "two": visual("m.stl") * 9000}
-    (reason,) = lander_reasons(described(write_robot(tmp_path, shapes=shapes)))
+    (reason,) = find_lander_reasons(described(write_robot(tmp_path, shapes=shapes)))
     assert "more than 100 triangles" in reason
     assert len(made) == 100 // len(FACES) + 1
 
@@ -425,14 +427,14 @@ def test_macros_that_are_not_expanded_are_told(tmp_path):
     (tmp_path / "arm.urdf").write_text(
         '<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:arm n="1"/><link name="a"/></robot>', encoding="utf-8"
     )
-    (reason,) = lander_reasons(described(tmp_path / "arm.urdf"))
+    (reason,) = find_lander_reasons(described(tmp_path / "arm.urdf"))
     assert "expand it first" in reason
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with a name are of Unix")
 def test_a_pipe_is_no_file_and_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "arm.urdf")
-    (reason,) = lander_reasons(described(tmp_path / "arm.urdf"))
+    (reason,) = find_lander_reasons(described(tmp_path / "arm.urdf"))
     assert "is no file" in reason
 
 
@@ -590,7 +592,7 @@ def test_a_mesh_that_is_named_many_times_is_read_once(tmp_path, monkeypatch):
     (tmp_path / "m.obj").write_text(OBJ + "f 1 2 3\n" + "# nothing\n" * 10**5, encoding="utf-8")
     read = []
     monkeypatch.setattr(own_arms, "read_link_mesh", lambda path: read.append(path) or read_link_mesh(path))
-    own = own_arm(described(write_robot(tmp_path, "", ("base",), {"base": visual("m.obj") * 300})))
+    own = load_users_arm(described(write_robot(tmp_path, "", ("base",), {"base": visual("m.obj") * 300})))
     assert len(own.solids["base"].triangles) == 300
     assert len(read) == 1
 
@@ -598,5 +600,5 @@ def test_a_mesh_that_is_named_many_times_is_read_once(tmp_path, monkeypatch):
 def test_vertices_without_triangles_count(tmp_path, monkeypatch):
     monkeypatch.setattr(own_arms, "MOST_TRIANGLES", 100)
     (tmp_path / "m.obj").write_text(OBJ * 50 + "f 1 2 3\n", encoding="utf-8")
-    (reason,) = lander_reasons(described(write_robot(tmp_path, shapes={"one": visual("m.obj") * 3})))
+    (reason,) = find_lander_reasons(described(write_robot(tmp_path, shapes={"one": visual("m.obj") * 3})))
     assert "more than 100 triangles" in reason

@@ -7,11 +7,20 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.arm.keypoints import describe_keypoints
-from icymoon.physics.arm.kinematics import forward, pose
-from icymoon.physics.arm.lander_arm import keypoints_of, solids_of
-from icymoon.physics.arm.lander_solids import BODY, LEGS, MAST, body_capsules, head_solid
-from icymoon.physics.arm.parametric import arm_of, real_rad
-from icymoon.physics.arm.solids import Solid, ball, box, join, lathe, moved, prism, rod
+from icymoon.physics.arm.kinematics import forward_kinematics, rigid_transform
+from icymoon.physics.arm.lander_arm import list_keypoints, make_solids
+from icymoon.physics.arm.lander_solids import BODY, LEGS, MAST, make_body_capsules, make_head
+from icymoon.physics.arm.parametric import find_real_angles_rad, make_parametric_arm
+from icymoon.physics.arm.solids import (
+    Solid,
+    join_solids,
+    make_ball,
+    make_box,
+    make_lathe,
+    make_prism,
+    make_rod,
+    transform_solid,
+)
 from icymoon.settings.description import defaults, merged
 from icymoon.support.arrays import Array
 
@@ -28,10 +37,10 @@ def area_vector(solid: Solid) -> Array:
 
 
 SOLIDS = {
-    "box": box("metal", (0.3, 0.2, 0.1), (1.0, 2.0, 3.0)),
-    "ball": ball("metal", (1.0, 0.0, 0.0), 0.2),
-    "rod": rod("metal", (0.0, 0.0, 0.0), (1.0, 2.0, 0.5), 0.1, 0.05),
-    "prism": prism("metal", [(0, 0), (1, 0), (1, 1), (0, 1)], 0.0, 0.5, 0.05, 0.8),
+    "box": make_box("metal", (0.3, 0.2, 0.1), (1.0, 2.0, 3.0)),
+    "ball": make_ball("metal", (1.0, 0.0, 0.0), 0.2),
+    "rod": make_rod("metal", (0.0, 0.0, 0.0), (1.0, 2.0, 0.5), 0.1, 0.05),
+    "prism": make_prism("metal", [(0, 0), (1, 0), (1, 1), (0, 1)], 0.0, 0.5, 0.05, 0.8),
 }
 
 
@@ -42,27 +51,29 @@ def test_solids_are_closed_and_turned_outward(name):
 
 
 def test_volumes_are_those_of_their_formulas():
-    assert volume_m3(box("metal", (0.3, 0.2, 0.1), bevel_m=1e-6)) == pytest.approx(0.006, rel=1e-4)
+    assert volume_m3(make_box("metal", (0.3, 0.2, 0.1), bevel_m=1e-6)) == pytest.approx(0.006, rel=1e-4)
     sides = 40
     polygon = sides / 2 * math.sin(2 * math.pi / sides)  # area of a ring of 40 corners on the unit circle
-    tube = lathe("metal", [(0.0, 0.0), (0.0, 0.1), (2.0, 0.1), (2.0, 0.0)], sides)
+    tube = make_lathe("metal", [(0.0, 0.0), (0.0, 0.1), (2.0, 0.1), (2.0, 0.0)], sides)
     assert volume_m3(tube) == pytest.approx(2.0 * polygon * 0.01, rel=1e-12)
-    cone = lathe("metal", [(0.0, 0.0), (0.0, 0.3), (1.0, 0.0)], sides)
+    cone = make_lathe("metal", [(0.0, 0.0), (0.0, 0.3), (1.0, 0.0)], sides)
     assert volume_m3(cone) == pytest.approx(polygon * 0.09 / 3, rel=1e-12)
-    assert volume_m3(prism("metal", [(0, 0), (2, 0), (2, 1), (0, 1)], 1.0, 1.5)) == pytest.approx(1.0, rel=1e-12)
+    assert volume_m3(make_prism("metal", [(0, 0), (2, 0), (2, 1), (0, 1)], 1.0, 1.5)) == pytest.approx(1.0, rel=1e-12)
 
 
 def test_moving_and_joining_keep_volumes():
-    solid = box("black", (0.3, 0.2, 0.1))
-    turned = moved(solid, pose(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (5.0, 6.0, 7.0)))
-    both = join([solid, turned])
+    solid = make_box("black", (0.3, 0.2, 0.1))
+    turned = transform_solid(
+        solid, rigid_transform(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (5.0, 6.0, 7.0))
+    )
+    both = join_solids([solid, turned])
     assert volume_m3(both) == pytest.approx(2 * volume_m3(solid), rel=1e-9)
     assert len(both.materials) == len(both.triangles) == len(both.smooth)
 
 
 def test_the_lander_has_a_solid_for_each_link_whose_vertices_are_near_its_capsules():
     settings = defaults()
-    found = solids_of(settings)
+    found = make_solids(settings)
     assert list(found) == [BODY, MAST, *LEGS, "turret", "upper_arm", "forearm", "hand", "scoop"]
     for solid in found.values():
         assert np.isfinite(solid.vertices).all()
@@ -73,34 +84,40 @@ def test_the_lander_has_a_solid_for_each_link_whose_vertices_are_near_its_capsul
 
 def test_the_pads_stand_in_the_ground_under_them():
     settings = merged(defaults(), {"lander": {"pad_sink_m": 0.05}})
-    level, raised = solids_of(settings), solids_of(settings, (0.3, 0.0))
+    level, raised = make_solids(settings), make_solids(settings, (0.3, 0.0))
     assert [level[leg].vertices[:, 2].min() for leg in LEGS] == pytest.approx([-0.05, -0.05], abs=1e-6)
     assert [raised[leg].vertices[:, 2].min() for leg in LEGS] == pytest.approx([0.25, -0.05], abs=1e-6)
     assert [np.sign(level[leg].vertices[:, 1].mean()) for leg in LEGS] == [1.0, -1.0]
 
 
 def test_the_housing_of_the_cameras_is_behind_both_eyes():
-    assert head_solid(defaults()).vertices[:, 2].max() < -0.01
+    assert make_head(defaults()).vertices[:, 2].max() < -0.01
 
 
 @pytest.mark.parametrize("height_m", [0.3, 1.0, 2.0])
 def test_no_part_of_the_lander_is_around_an_eye(height_m):
     settings = merged(defaults(), {"rig": {"height_m": height_m}})
-    found = solids_of(settings)
+    found = make_solids(settings)
     assert (MAST in found) == (height_m > settings.lander.deck_height_m + 0.27)
     still = np.concatenate([found[part].vertices for part in (BODY, MAST) if part in found])
     mast = still[(np.abs(still[:, 1]) < 0.1) & (np.abs(still[:, 0] + 0.09) < 0.06)]
     assert mast[:, 2].max(initial=0.0) <= max(height_m, settings.lander.deck_height_m + 0.3)
-    assert len(body_capsules(settings)) > 5
+    assert len(make_body_capsules(settings)) > 5
 
 
 def test_keypoints_are_where_a_pinhole_puts_them_and_hidden_where_something_is_nearer():
     settings = defaults()
     links = {
         **dict.fromkeys((BODY, *LEGS), np.eye(4)),
-        **dict(zip(arm_of(settings).links, forward(arm_of(settings), real_rad(settings.arm)), strict=True)),
+        **dict(
+            zip(
+                make_parametric_arm(settings).links,
+                forward_kinematics(make_parametric_arm(settings), find_real_angles_rad(settings.arm)),
+                strict=True,
+            )
+        ),
     }
-    down = pose(np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), (1.0, 0.2, 5.0))
+    down = rigid_transform(np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), (1.0, 0.2, 5.0))
     matrix = np.array([[100.0, 0.0, 160.0], [0.0, 100.0, 120.0], [0.0, 0.0, 1.0]])
     far, near = np.full((240, 320), 9.0), np.full((240, 320), 1.0)
     found = {
@@ -109,7 +126,7 @@ def test_keypoints_are_where_a_pinhole_puts_them_and_hidden_where_something_is_n
             settings, [0.0, 0.0], links, {"left": down, "right": down}, matrix, {"left": far, "right": near}
         )
     }
-    assert set(found) == {name for name, *_ in keypoints_of(settings)}
+    assert set(found) == {name for name, *_ in list_keypoints(settings)}
     tip = found["tip"]
     x, y, z = tip["position_m"]
     # Straight down from (1, 0.2, 5): to the right is -y, down the image is -x.
@@ -119,7 +136,7 @@ def test_keypoints_are_where_a_pinhole_puts_them_and_hidden_where_something_is_n
 
 def test_keypoints_behind_an_eye_have_no_pixel():
     settings = defaults()
-    links = {link: np.eye(4) for link in (BODY, *LEGS, *arm_of(settings).links)}
-    away = pose(place=(0.0, 0.0, 9.0))  # looks up, all is below
+    links = {link: np.eye(4) for link in (BODY, *LEGS, *make_parametric_arm(settings).links)}
+    away = rigid_transform(place=(0.0, 0.0, 9.0))  # looks up, all is below
     found = describe_keypoints(settings, [0.0, 0.0], links, {"left": away}, np.eye(3), {"left": np.zeros((2, 2))})
     assert all(entry["left_px"] is None and not entry["visible_left"] for entry in found)

@@ -8,7 +8,14 @@ import pairs
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.physics.camera.blur import MOTION, blur_advice, blur_of, confusion_px, motion_px, pose_after
+from icymoon.physics.camera.blur import (
+    MOTION,
+    advise_on_blur,
+    circle_of_confusion_px,
+    find_blur,
+    find_pose_after,
+    motion_blur_px,
+)
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.description import check, defaults, merged
@@ -27,8 +34,8 @@ def described(rig: dict, *more: dict) -> Settings:
 
 def test_without_blur_there_is_none_and_the_response_does_not_name_the_pair():
     base = defaults()
-    assert blur_of(base) is None
-    assert blur_advice(base) == []
+    assert find_blur(base) is None
+    assert advise_on_blur(base) == []
     same = merged(base, {"sensor": {"f_number": 2.0, "exposure_s": 3.0}})
     assert expand_headings(same)[0].id == expand_headings(base)[0].id
 
@@ -56,30 +63,30 @@ def test_what_of_the_response_is_in_the_light_names_the_pair(rig, one, other, sa
 )
 def test_blur_that_cannot_be_rendered_is_refused_in_a_sentence(rig, sensor, said):
     settings = described(rig, {"sensor": sensor})
-    for refuse in (blur_of, expand_headings):
+    for refuse in (find_blur, expand_headings):
         with pytest.raises(IcyMoonError, match=said):
             refuse(settings)
-    assert len(blur_advice(settings)) == 1
+    assert len(advise_on_blur(settings)) == 1
 
 
 def test_focus_at_depth_and_at_infinity():
     rig = defaults().rig
-    blur = blur_of(described({"focus_distance_m": 2.0}, {"sensor": {"f_number": 4.0}}))
-    assert confusion_px(2.0, rig, blur) == 0
+    blur = find_blur(described({"focus_distance_m": 2.0}, {"sensor": {"f_number": 4.0}}))
+    assert circle_of_confusion_px(2.0, rig, blur) == 0
     # f²/N over the pixel's width, of the inverse focus: the disc of what is infinitely far, a textbook's.
-    assert confusion_px(math.inf, rig, blur) == pytest.approx(0.032**2 / 4 / 2.0 / (0.06 / 640))
-    assert motion_px(0, 0, 2.0, rig, blur) == 0
+    assert circle_of_confusion_px(math.inf, rig, blur) == pytest.approx(0.032**2 / 4 / 2.0 / (0.06 / 640))
+    assert motion_blur_px(0, 0, 2.0, rig, blur) == 0
 
 
 @given(st.lists(st.floats(-1e4, 1e4), min_size=6, max_size=6), st.floats(1e-6, 1e3), st.floats(0.1, 1e3))
 def test_whatever_moves_the_way_is_a_number(values, seconds, depth):
     settings = described(dict(zip(MOTION, values, strict=True)) | {"motion_exposure_s": seconds})
     try:
-        blur = blur_of(settings)
+        blur = find_blur(settings)
     except IcyMoonError:
         return
     if blur is not None:
-        assert motion_px(10.0, -20.0, depth, settings["rig"], blur) >= 0
+        assert motion_blur_px(10.0, -20.0, depth, settings["rig"], blur) >= 0
 
 
 def test_the_signs_of_motion_are_those_that_its_settings_name():
@@ -89,13 +96,15 @@ def test_the_signs_of_motion_are_those_that_its_settings_name():
         ("turn_down_deg_s", forward, down),
         ("roll_deg_s", right, down),
     ):
-        pose = pose_after(blur_of(described({key: 30.0}, FIXED)), 1.0)
+        pose = find_pose_after(find_blur(described({key: 30.0}, FIXED)), 1.0)
         np.testing.assert_allclose(
             pose[:3, :3] @ of, np.cos(np.pi / 6) * np.array(of) + 0.5 * np.array(toward), atol=1e-12
         )
         assert not pose[:3, 3].any()
     for key, toward in (("speed_right_m_s", right), ("speed_down_m_s", down), ("speed_forward_m_s", forward)):
-        np.testing.assert_allclose(pose_after(blur_of(described({key: 2.0}, FIXED)), 3.0)[:3, 3], 6 * np.array(toward))
+        np.testing.assert_allclose(
+            find_pose_after(find_blur(described({key: 2.0}, FIXED)), 3.0)[:3, 3], 6 * np.array(toward)
+        )
 
 
 def test_the_report_and_developed_images_say_what_truth_is_of_and_what_does_not_fit(tmp_path):

@@ -5,10 +5,16 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.camera import brackets
-from icymoon.physics.camera.particle_hits import draw_hits, expected_hits
-from icymoon.physics.camera.point_spread import apply_lens, gaussian_kernel
-from icymoon.physics.camera.sensor import digital_numbers, electrons, exposure_s, exposure_warnings, noise_generator
-from icymoon.physics.light.photons import band_share, electron_rate, pixel_pitch_m, planck, total_radiance
+from icymoon.physics.camera.particle_hits import draw_hits, expected_hit_count
+from icymoon.physics.camera.point_spread import apply_point_spread, gaussian_kernel
+from icymoon.physics.camera.sensor import (
+    choose_exposure_s,
+    collect_electrons,
+    convert_to_digital,
+    make_noise_generator,
+    warn_on_exposure,
+)
+from icymoon.physics.light.photons import band_share, electron_rate, pixel_pitch_m, planck_radiance, total_radiance
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset
 from icymoon.support.errors import IcyMoonError
@@ -23,17 +29,17 @@ def settings(**sensor):
 
 
 def random():
-    return noise_generator(1, "pair", "left")
+    return make_noise_generator(1, "pair", "left")
 
 
 def test_a_black_body_radiates_what_stefan_and_wien_say():
     # 5772 K and the Sun's radius and distance give the solar constant (IAU 2015 nominal values, 1361 W/m²).
     assert total_radiance(5772.0) * math.pi * (6.957e8 / 1.495978707e11) ** 2 == pytest.approx(1361.0, rel=1e-3)
     wavelength = np.linspace(100e-9, 3e-6, 200001)
-    assert wavelength[planck(wavelength, 5772.0).argmax()] == pytest.approx(2.897771955e-3 / 5772, rel=1e-4)
+    assert wavelength[planck_radiance(wavelength, 5772.0).argmax()] == pytest.approx(2.897771955e-3 / 5772, rel=1e-4)
     whole = np.trapezoid if hasattr(np, "trapezoid") else np.trapz
     inside = (wavelength >= 500e-9) & (wavelength <= 700e-9)
-    expected = whole(planck(wavelength[inside], 5772.0), wavelength[inside]) / total_radiance(5772.0)
+    expected = whole(planck_radiance(wavelength[inside], 5772.0), wavelength[inside]) / total_radiance(5772.0)
     assert band_share(*settings(band_centre_nm=600.0, band_width_nm=200.0)) == pytest.approx(expected, rel=1e-3)
     assert 0.24 < expected < 0.26
 
@@ -53,35 +59,36 @@ def test_electrons_follow_aperture_band_and_pixel_area():
 
 def test_the_lens_keeps_an_even_image_and_the_total_of_a_point():
     _, sensor = settings(psf_sigma_px=1.3, veiling_glare=0.05)
-    np.testing.assert_allclose(apply_lens(np.full((20, 30), 3.0), sensor), 3.0, rtol=1e-12)
+    np.testing.assert_allclose(apply_point_spread(np.full((20, 30), 3.0), sensor), 3.0, rtol=1e-12)
     point = np.zeros((61, 61))
     point[30, 30] = 1.0
-    image = apply_lens(point, sensor)
+    image = apply_point_spread(point, sensor)
     assert image.sum() == pytest.approx(1.0, rel=1e-9)
     assert image[0, 0] == pytest.approx(0.05 / 61**2, rel=1e-6)
-    sharp = apply_lens(point, sensor | {"veiling_glare": 0.0})
+    sharp = apply_point_spread(point, sensor | {"veiling_glare": 0.0})
     offsets = np.arange(61) - 30.0
     # A pixel's own width adds its variance, 1/12, and the cut at four deviations takes 1e-3 of it.
     assert (sharp.sum(axis=0) * offsets**2).sum() == pytest.approx(1.3**2 + 1 / 12, rel=3e-3)
     assert gaussian_kernel(0.01).max() == pytest.approx(1.0)
-    assert np.isfinite(apply_lens(np.full((3, 3), np.inf), sensor)).all()
+    assert np.isfinite(apply_point_spread(np.full((3, 3), np.inf), sensor)).all()
 
 
 def test_veiling_glare_is_its_index():
     _, sensor = settings(veiling_glare=0.03)
     image = np.ones((100, 100))
     image[50, 50] = 0.0  # a small black target in a bright surround
-    assert apply_lens(image, sensor)[50, 50] == pytest.approx(0.03, rel=1e-3)
+    assert apply_point_spread(image, sensor)[50, 50] == pytest.approx(0.03, rel=1e-3)
 
 
 def test_particles_come_in_poisson_numbers_and_leave_their_ionisation():
     _, sensor = settings(radiation_flux_cm2_s=2000.0, radiation_depth_um=0.1, radiation_e_per_um=80.0)
     shape, pitch, seconds = (200, 300), 10e-6, 0.5
-    mean = expected_hits(sensor, shape, pitch, seconds)
+    mean = expected_hit_count(sensor, shape, pitch, seconds)
     assert mean == pytest.approx(2000 * 0.2 * 0.3 * 0.5)
     # So shallow that nearly every track lies in one pixel: pixels hit are hits.
     counts = [
-        np.count_nonzero(draw_hits(sensor, shape, pitch, seconds, noise_generator(k, "p", "left"))) for k in range(400)
+        np.count_nonzero(draw_hits(sensor, shape, pitch, seconds, make_noise_generator(k, "p", "left")))
+        for k in range(400)
     ]
     assert np.mean(counts) == pytest.approx(mean, abs=5 * math.sqrt(mean / 400) + 0.02 * mean)
     assert np.var(counts) == pytest.approx(mean, rel=0.4)
@@ -94,8 +101,8 @@ def test_tracks_are_as_long_as_isotropic_particles_make_them():
     image = draw_hits(sensor, (400, 400), 5e-6, 1.0, random())
     total = image.sum() / 80.0 / 50.0
     # Mean of 1 / cos θ with cos² θ even is 2; tracks over the border take some away.
-    assert total == pytest.approx(2 * expected_hits(sensor, (400, 400), 5e-6, 1.0), rel=0.3)
-    other = draw_hits(sensor, (400, 400), 5e-6, 1.0, noise_generator(1, "pair", "right"))
+    assert total == pytest.approx(2 * expected_hit_count(sensor, (400, 400), 5e-6, 1.0), rel=0.3)
+    other = draw_hits(sensor, (400, 400), 5e-6, 1.0, make_noise_generator(1, "pair", "right"))
     assert not np.array_equal(image, other)
 
 
@@ -135,12 +142,12 @@ def test_real_pixels_expose_sunlit_europa_as_long_as_real_cameras_do(name):
 
     def auto(sensor):
         rate = electron_rate(described.light, sensor, pixel_pitch_m(sensor, described.rig))
-        return exposure_s(radiance, rate, sensor)
+        return choose_exposure_s(radiance, rate, sensor)
 
     real, wide = auto(described.sensor), auto(described.sensor | {"pixel_pitch_um": 0.0})
     assert 0.01 < real < 0.5
     assert wide / real == pytest.approx((described.sensor.pixel_pitch_um / 93.75) ** 2, rel=1e-6)
-    assert not exposure_warnings(auto(described.sensor), 0.0, described.sensor)
+    assert not warn_on_exposure(auto(described.sensor), 0.0, described.sensor)
 
 
 def test_particles_of_jupiters_belts_are_seen_in_an_exposure_of_sunlit_ice():
@@ -149,11 +156,11 @@ def test_particles_of_jupiters_belts_are_seen_in_an_exposure_of_sunlit_ice():
     described = merged(defaults(), load_preset("rigs/guiss"), load_preset("sensors/europa_radiation"))
     sensor = described.sensor
     pitch_m = pixel_pitch_m(sensor, described.rig)
-    seconds = exposure_s(
+    seconds = choose_exposure_s(
         np.full((8, 8), 0.6 * 50.26 * 0.5 / math.pi), electron_rate(described.light, sensor, pitch_m), sensor
     )
     by_hand = 1e5 * (640 * 6.5e-4) * (480 * 6.5e-4) * seconds
-    assert expected_hits(sensor, (480, 640), pitch_m, seconds) == pytest.approx(by_hand, rel=1e-9)
+    assert expected_hit_count(sensor, (480, 640), pitch_m, seconds) == pytest.approx(by_hand, rel=1e-9)
     assert 10 < by_hand < 1000
     freed = draw_hits(sensor, (480, 640), pitch_m, seconds, random())
     assert freed.sum() > 0.9 * by_hand * 80 * 10  # each 80 e- per µm over 10 µm at least, less what leaves the image
@@ -175,7 +182,7 @@ def test_particles_of_jupiters_belts_are_seen_in_an_exposure_of_sunlit_ice():
     ids=str,
 )
 def test_an_exposure_at_its_end_or_too_long_is_said(seconds, saturated, changes, words):
-    said = exposure_warnings(seconds, saturated, settings(**changes)[1])
+    said = warn_on_exposure(seconds, saturated, settings(**changes)[1])
     assert len(said) == bool(words)
     assert all(word in " ".join(said) for word in words)
 
@@ -192,34 +199,35 @@ def test_brackets_widen_the_range_and_keep_the_light():
     _, sensor = settings(
         brackets=3, bracket_stops=3.0, bits=10, shot_noise=False, read_noise_e=0.0, dark_current_e_s=0.0
     )
-    times = brackets.exposure_times(0.1, sensor)
+    times = brackets.list_exposure_times(0.1, sensor)
     np.testing.assert_allclose(times, [0.8, 0.1, 0.0125])
     rate = np.geomspace(100.0, 1.5e6, 500)[None, :]  # electrons per second, from a full well's 1e-5 to 1
-    numbers = [digital_numbers(electrons(rate, t, 1.0, sensor, random()), sensor) for t in times]
+    numbers = [convert_to_digital(collect_electrons(rate, t, 1.0, sensor, random()), sensor) for t in times]
     merged = brackets.merge_exposures(numbers, times, sensor)
     # Half a number of each exposure that is not full, 20000 e- / 1023 / 2, over the time of all of them.
     usable = [rate * t < 19980 for t in times[:2]] + [np.ones_like(rate, bool)]
     step = 9.78 * sum(usable) / sum(u * t for u, t in zip(usable, times, strict=True))
     assert (np.abs(merged - rate) <= step).all()
-    one = digital_numbers(electrons(rate, times[2], 1.0, sensor, random()), sensor)
+    one = convert_to_digital(collect_electrons(rate, times[2], 1.0, sensor, random()), sensor)
     dim = rate < 1000
     error = np.abs(brackets.merge_exposures([one], times[2:], sensor) - rate)[dim].mean()
     assert np.abs(merged - rate)[dim].mean() < error / 20  # 64 times the exposure
-    full = brackets.full_rate(merged, times[-1], sensor)
+    full = brackets.find_full_rate(merged, times[-1], sensor)
     assert full == 20000 / times[-1]  # the brightest pixels all but fill the shortest exposure
-    final = brackets.quantise(merged, full)
+    final = brackets.quantise_merged(merged, full)
     assert final.dtype == np.uint16
     assert final[0, -1] == pytest.approx(65535 * 1.5e6 * 0.0125 / 20000, rel=1e-3)
-    assert brackets.full_rate(merged / 10, times[-1], sensor) == pytest.approx(1.5e6 / 10 / 0.9, rel=0.02)
-    assert not brackets.quantise(merged * 0, brackets.full_rate(merged * 0, times[-1], sensor)).any()
+    assert brackets.find_full_rate(merged / 10, times[-1], sensor) == pytest.approx(1.5e6 / 10 / 0.9, rel=0.02)
+    assert not brackets.quantise_merged(merged * 0, brackets.find_full_rate(merged * 0, times[-1], sensor)).any()
 
 
 def test_merging_noisy_exposures_beats_the_longest_usable_one():
     _, sensor = settings(brackets=2, bracket_stops=1.0, bits=16)
-    times = brackets.exposure_times(1.0, sensor)
+    times = brackets.list_exposure_times(1.0, sensor)
     generator = random()
     numbers = [
-        digital_numbers(electrons(np.full((300, 300), 5000.0), t, 1.0, sensor, generator), sensor) for t in times
+        convert_to_digital(collect_electrons(np.full((300, 300), 5000.0), t, 1.0, sensor, generator), sensor)
+        for t in times
     ]
     merged, longest = (
         brackets.merge_exposures(numbers, times, sensor),
@@ -228,7 +236,8 @@ def test_merging_noisy_exposures_beats_the_longest_usable_one():
     assert merged.mean() == pytest.approx(5000, rel=1e-3)
     # A full well that is read a little low must not pass for light.
     bright = [
-        digital_numbers(electrons(np.full((300, 300), 30000.0), t, 1.0, sensor, generator), sensor) for t in (1.0, 0.1)
+        convert_to_digital(collect_electrons(np.full((300, 300), 30000.0), t, 1.0, sensor, generator), sensor)
+        for t in (1.0, 0.1)
     ]
     assert brackets.merge_exposures(bright, (1.0, 0.1), sensor).min() > 27000
     # Shot noise of 1.5 times the light: a variance of 2/3, and read noise twice instead of once.

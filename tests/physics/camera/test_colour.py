@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from icymoon.physics.camera.colour import (
     LINEAR,
+    apply_mosaic,
     channel_at,
-    channel_rates,
+    compute_channel_rates,
+    compute_white_gains,
+    compute_white_rates,
     demosaic,
     filter_efficiency,
-    grey_of,
-    mosaic,
-    white_gains,
-    white_rates,
+    mix_to_grey,
 )
 from icymoon.physics.light.photons import electron_rate, photons_by_wavelength, photons_per_joule
 from icymoon.physics.light.sunlight import sun_colour
@@ -45,11 +45,11 @@ def test_photons_of_all_wavelengths_are_those_of_the_band():
 def test_filters_of_glass_see_white_ground_as_a_monochrome_sensor_does(kelvin):
     light = LIGHT | {"sun_temperature_k": kelvin}
     glass = sensor(**GLASS, quantum_efficiency=0.5, cut_on_nm=500.0, cut_off_nm=700.0)
-    rates = channel_rates(light, glass, PITCH_M)
+    rates = compute_channel_rates(light, glass, PITCH_M)
     one = electron_rate(light, glass | {"colour": "MONO"}, PITCH_M)
     # Grey of radiance L in sunlight has the bands L times the colour of the Sun, whose mean is 1.
-    assert white_rates(light, rates) == pytest.approx([one] * 3, rel=1e-9)
-    assert white_gains(white_rates(light, rates), glass) == pytest.approx([1.0] * 3)
+    assert compute_white_rates(light, rates) == pytest.approx([one] * 3, rel=1e-9)
+    assert compute_white_gains(compute_white_rates(light, rates), glass) == pytest.approx([1.0] * 3)
 
 
 def test_a_narrow_filter_sees_its_own_band_only():
@@ -60,26 +60,26 @@ def test_a_narrow_filter_sees_its_own_band_only():
         filter_leak=0.0,
         **{f"{name}_half_width_nm": 8.0 for name in ("red", "green", "blue")},
     )
-    rates = channel_rates(LIGHT, narrow, PITCH_M)
+    rates = compute_channel_rates(LIGHT, narrow, PITCH_M)
     assert (np.diag(rates) > 0.9 * rates.sum(axis=1)).all()
 
 
 def test_white_balance_makes_white_ground_grey_under_any_sun():
     for kelvin in (4000.0, 5772.0, 7500.0):
         light = LIGHT | {"sun_temperature_k": kelvin}
-        rates = channel_rates(light, sensor(), PITCH_M)
-        gains = white_gains(white_rates(light, rates), sensor())
+        rates = compute_channel_rates(light, sensor(), PITCH_M)
+        gains = compute_white_gains(compute_white_rates(light, rates), sensor())
         seen = rates @ sun_colour(kelvin) * gains
         assert seen == pytest.approx([seen.max()] * 3)
         assert gains.min() == pytest.approx(1.0)
-    assert white_gains(white_rates(LIGHT, rates), sensor(white_balance="NONE")).tolist() == [1, 1, 1]
+    assert compute_white_gains(compute_white_rates(LIGHT, rates), sensor(white_balance="NONE")).tolist() == [1, 1, 1]
 
 
 def test_mastcam_z_sees_white_ground_on_mars_as_calibrated():
     """Hayes et al. 2021, Table 2: a 10 ms exposure of white ground facing the Sun at 1.38 au, left eye, above bias."""
     preset = defaults().sensor | load_preset("sensors/mastcam_z").sensor
     radiance = 1361.0 / 1.38**2 / np.pi
-    white = white_rates(LIGHT, channel_rates(LIGHT, preset, PITCH_M))
+    white = compute_white_rates(LIGHT, compute_channel_rates(LIGHT, preset, PITCH_M))
     # 15.6 e- per number. A black body instead of the solar spectrum is some per cent off in such bands.
     assert white * radiance * 0.01 / 15.6 == pytest.approx([6185, 7212, 6834], rel=0.03)
     wavelength, photons = photons_by_wavelength(LIGHT, preset)
@@ -91,7 +91,7 @@ def test_mastcam_z_sees_white_ground_on_mars_as_calibrated():
 def test_mosaics_have_two_greens_among_four_pixels(pattern):
     assert sorted(channel_at(pattern, *at) for at in np.ndindex(2, 2)) == [0, 1, 1, 2]
     planes = np.stack([np.full((5, 7), value) for value in (1.0, 2.0, 3.0)])
-    seen = mosaic(planes, pattern)
+    seen = apply_mosaic(planes, pattern)
     assert "".join("RGB"[int(seen[at]) - 1] for at in np.ndindex(2, 2)) == pattern
     assert (seen[2:4, 2:4] == seen[:2, :2]).all()
 
@@ -99,7 +99,7 @@ def test_mosaics_have_two_greens_among_four_pixels(pattern):
 @pytest.mark.parametrize("pattern", PATTERNS)
 @pytest.mark.parametrize("method", LINEAR)
 def test_demosaicing_returns_flat_colours_everywhere(pattern, method):
-    flat = mosaic(np.stack([np.full((9, 8), value) for value in (10.0, 20.0, 30.0)]), pattern)
+    flat = apply_mosaic(np.stack([np.full((9, 8), value) for value in (10.0, 20.0, 30.0)]), pattern)
     # A mirror at the outermost pixels keeps the pattern, so even the border is exact.
     np.testing.assert_allclose(demosaic(flat, pattern, method), np.broadcast_to([10.0, 20.0, 30.0], (9, 8, 3)))
 
@@ -109,7 +109,7 @@ def test_demosaicing_returns_flat_colours_everywhere(pattern, method):
 def test_demosaicing_returns_ramps_inside(pattern, method):
     y, x = np.mgrid[:11, :13].astype(float)
     planes = np.stack([3 + 2 * x - y, 40 - x + 0.5 * y, 7 + 0.25 * x + 3 * y])
-    found = demosaic(mosaic(planes, pattern), pattern, method)
+    found = demosaic(apply_mosaic(planes, pattern), pattern, method)
     np.testing.assert_allclose(found[2:-2, 2:-2], planes.transpose(1, 2, 0)[2:-2, 2:-2], atol=1e-9)
 
 
@@ -122,9 +122,9 @@ def test_malvar_finds_grey_detail_that_means_blur():
 
 def test_filters_without_wavelengths_are_refused():
     with pytest.raises(IcyMoonError, match="cut_on_nm"):
-        channel_rates(LIGHT, sensor(cut_on_nm=700.0, cut_off_nm=400.0), PITCH_M)
+        compute_channel_rates(LIGHT, sensor(cut_on_nm=700.0, cut_off_nm=400.0), PITCH_M)
 
 
 def test_the_grey_of_grey_is_itself():
     for grey in ("LUMINANCE", "MEAN"):
-        assert grey_of(np.full((2, 3, 3), 7.0), sensor(grey=grey)) == pytest.approx(np.full((2, 3), 7.0))
+        assert mix_to_grey(np.full((2, 3, 3), 7.0), sensor(grey=grey)) == pytest.approx(np.full((2, 3), 7.0))

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.camera.deposits import apply_deposits, blocked_share
+from icymoon.physics.camera.deposits import apply_deposits, compute_blocked_share
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.scene import Settings
@@ -21,14 +21,14 @@ def described(**sensor: float | bool) -> Settings:
 
 
 def blocked(settings: Settings, seed: int = 1, eye: str = "left") -> Array:
-    found = blocked_share(settings.sensor, settings.rig, SHAPE, seed, eye)
+    found = compute_blocked_share(settings.sensor, settings.rig, SHAPE, seed, eye)
     assert found is not None
     return found
 
 
 def test_without_deposits_nothing_changes():
     settings = described()
-    assert blocked_share(settings.sensor, settings.rig, SHAPE, 1, "left") is None
+    assert compute_blocked_share(settings.sensor, settings.rig, SHAPE, 1, "left") is None
     light = np.random.default_rng(1).uniform(0, 9, SHAPE)
     assert apply_deposits(light, None, settings.sensor) is light
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.camera.depth_accuracy import depth_error_m, ground_row, shared_width_px
+from icymoon.physics.camera.depth_accuracy import depth_error_m, measure_ground_row, shared_width_px
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.settings.description import defaults
@@ -22,7 +22,7 @@ def hit(rig, row, column=320.0):
 
 @pytest.mark.parametrize("row", [0.0, 100.0, 240.0, 480.0])
 def test_a_row_of_the_image_on_the_ground(row):
-    found = ground_row(RIG, row)
+    found = measure_ground_row(RIG, row)
     along, _, depth = hit(RIG, row)
     assert found.depth_m == pytest.approx(depth)
     assert found.distance_m == pytest.approx(along)
@@ -43,7 +43,7 @@ def test_depth_error_is_what_a_disparity_error_makes():
 
 
 def test_above_the_horizon_and_out_of_the_other_eye():
-    assert np.isinf(ground_row(RIG | {"pitch_deg": 0.0}, 100.0).depth_m)
+    assert np.isinf(measure_ground_row(RIG | {"pitch_deg": 0.0}, 100.0).depth_m)
     assert shared_width_px(RIG, 1.0) == pytest.approx(640 - 85.333, abs=1e-3)
     assert shared_width_px(RIG, 0.05) == 0
 

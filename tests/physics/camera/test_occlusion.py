@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from icymoon.physics.camera.occlusion import find_hidden, matching_column, warped
+from icymoon.physics.camera.occlusion import find_hidden, find_matching_column, sample_at_columns
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -80,5 +80,7 @@ def test_a_point_beyond_the_frame_is_not_called_hidden():
 
 def test_columns_between_pixels_are_interpolated():
     image = np.array([[0.0, 10.0, 30.0]])
-    np.testing.assert_array_equal(warped(image, np.array([[-1.0, 0.25, 1.5, 2.0, 5.0]])), [[0, 2.5, 20, 30, 30]])
-    np.testing.assert_array_equal(matching_column(np.array([[1.0, 1.0]]), "right"), [[1.0, 2.0]])
+    np.testing.assert_array_equal(
+        sample_at_columns(image, np.array([[-1.0, 0.25, 1.5, 2.0, 5.0]])), [[0, 2.5, 20, 30, 30]]
+    )
+    np.testing.assert_array_equal(find_matching_column(np.array([[1.0, 1.0]]), "right"), [[1.0, 2.0]])

@@ -7,8 +7,8 @@ import ground_rays
 import numpy as np
 import pytest
 from icymoon.physics.camera import nearest_ground
-from icymoon.physics.camera.nearest_ground import greatest_disparity_px, name_ground
-from icymoon.physics.camera.search_range import disparity_range_px, flat_disparities_px
+from icymoon.physics.camera.nearest_ground import find_greatest_disparity_px, name_ground
+from icymoon.physics.camera.search_range import disparity_range_px, level_ground_disparities_px
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged
@@ -26,7 +26,7 @@ def rig_of(name, **changes):
 @pytest.mark.parametrize("name", RIGS)
 def test_level_ground_has_exactly_the_disparities_of_its_rows(name):
     rig = rig_of(name, heading_deg=30.0)
-    top, bottom = flat_disparities_px(rig)
+    top, bottom = level_ground_disparities_px(rig)
     rows = 16
     seen = ground_rays.disparities(LEVEL, rig, 2, rows)[:, 1]
     step = (bottom - seen[-1]) * 2  # of a row; rays are in the middle of rows
@@ -55,7 +55,7 @@ def test_the_rocks_beyond_the_patch_are_those_of_the_pairs_own_rig():
     found = {}
     for order in ((low, high), (high, low)):
         nearest_ground._last.clear()
-        found[order[0].rig.height_m] = [len(nearest_ground._ground(settings).rocks.reach_m) for settings in order]
+        found[order[0].rig.height_m] = [len(nearest_ground._get_ground(settings).rocks.reach_m) for settings in order]
     assert found[1.0] == found[3.0][::-1]
     assert len(set(found[1.0])) == 2
 
@@ -92,7 +92,7 @@ def test_no_more_than_one_per_cent_of_described_ground_is_nearer(name, scene):
         settings = merged(scene, {"rig": {"heading_deg": heading}})
         seen = ground_rays.disparities(ground, settings.rig)
         seen = seen[np.isfinite(seen)]
-        assert np.mean(seen > greatest_disparity_px(settings, focal_px(settings.rig))) <= 0.01
+        assert np.mean(seen > find_greatest_disparity_px(settings, focal_px(settings.rig))) <= 0.01
 
 
 @pytest.mark.heavy

@@ -8,15 +8,15 @@ from icymoon.physics.camera.sensor import (
     LONGEST_S,
     SHORTEST_S,
     capacity_e,
+    choose_exposure_s,
+    collect_electrons,
+    convert_to_digital,
     dark_current_e_s,
-    digital_numbers,
     draw_pattern,
-    electrons,
-    exposure_s,
-    exposure_warnings,
     gain_dn_per_e,
-    noise_generator,
+    make_noise_generator,
     spread_overflow,
+    warn_on_exposure,
 )
 from icymoon.physics.light.photons import electron_rate
 from icymoon.settings.description import defaults
@@ -33,12 +33,12 @@ def sensor(**changes: Any) -> SensorSettings:
 
 
 def random():
-    return noise_generator(1, "pair", "left")
+    return make_noise_generator(1, "pair", "left")
 
 
 def exposed(charge, settings, seconds=1.0, **more):
     """Electrons where light at 1 e-/s per unit frees a mean of ``charge``."""
-    return electrons(np.asarray(charge, float) / seconds, seconds, 1.0, settings, random(), **more)
+    return collect_electrons(np.asarray(charge, float) / seconds, seconds, 1.0, settings, random(), **more)
 
 
 @pytest.mark.parametrize("mean", [40.0, 1000.0, 8000.0])
@@ -54,7 +54,7 @@ def test_row_noise_is_shared_by_a_row_and_new_in_each_exposure():
     """Means of rows contain all of it, and of the other noise a part in 400 of the variance."""
     settings = sensor(**QUIET | {"read_noise_e": 3.0, "row_noise_e": 5.0})
     generator = random()
-    one, two = (electrons(np.zeros((3000, 400)), 1.0, 1.0, settings, generator) for _ in range(2))
+    one, two = (collect_electrons(np.zeros((3000, 400)), 1.0, 1.0, settings, generator) for _ in range(2))
     rows = one.mean(axis=1)
     expected = 25.0 + 9.0 / 400
     assert abs(rows.var(ddof=1) - expected) < 5 * expected * np.sqrt(2 / 3000)
@@ -79,7 +79,9 @@ def test_photon_transfer_curve_gives_gain_read_noise_and_full_well_back():
     for level in levels:
         # EMVA 1288 measures temporal noise as half the variance of the difference of two images.
         one, two = (
-            digital_numbers(electrons(np.full(N, level), 1.0, 1.0, settings, generator), settings).astype(float)
+            convert_to_digital(collect_electrons(np.full(N, level), 1.0, 1.0, settings, generator), settings).astype(
+                float
+            )
             for _ in "12"
         )
         means.append((one.mean() + two.mean()) / 2)
@@ -101,7 +103,7 @@ def test_photon_transfer_curve_gives_gain_read_noise_and_full_well_back():
 
 def test_without_noise_the_response_is_linear_and_exact():
     light = np.array([0.0, 0.1, 0.5, 1.0])
-    np.testing.assert_allclose(electrons(light, 0.5, 4e4, sensor(**QUIET), random()), light * 20000)
+    np.testing.assert_allclose(collect_electrons(light, 0.5, 4e4, sensor(**QUIET), random()), light * 20000)
 
 
 def test_a_full_well_stays_full_however_much_light_there_is():
@@ -172,7 +174,7 @@ def test_half_of_an_overflow_runs_up_and_half_down_and_out_of_the_image(row, fil
 @pytest.mark.parametrize("auto", [True, False])
 def test_what_is_wrong_with_an_exposure_is_told_with_what_to_change(auto):
     def told(seconds, saturated):
-        return exposure_warnings(seconds, saturated, sensor(auto_exposure=auto))
+        return warn_on_exposure(seconds, saturated, sensor(auto_exposure=auto))
 
     assert told(0.1, 0.0) == told(0.1, 0.02) == []
     (much,) = told(0.1, 0.021)
@@ -187,7 +189,7 @@ def test_what_is_wrong_with_an_exposure_is_told_with_what_to_change(auto):
 def test_the_noise_of_a_pair_is_that_of_the_first_release():
     """Or images would differ that are developed anew."""
     drawn = [
-        noise_generator(1, "0123456789ab", eye, *index).integers(1 << 30)
+        make_noise_generator(1, "0123456789ab", eye, *index).integers(1 << 30)
         for eye in ("left", "right")
         for index in ((), (1,))
     ]
@@ -197,52 +199,52 @@ def test_the_noise_of_a_pair_is_that_of_the_first_release():
 @pytest.mark.parametrize("bits", [8, 10, 12, 16])
 def test_the_converter_is_linear_and_ends_at_both_ends(bits):
     top = 2**bits - 1
-    numbers = digital_numbers(np.array([-40.0, 0.0, 10100.0, 20000.0, 20040.0]), sensor(bits=bits))
+    numbers = convert_to_digital(np.array([-40.0, 0.0, 10100.0, 20000.0, 20040.0]), sensor(bits=bits))
     assert numbers.dtype == np.uint16
     assert numbers.tolist() == [0, 0, round(top * 0.505), top, top]
-    raised = digital_numbers(np.array([-1e9, 0.0, 20000.0]), sensor(bits=bits, black_level=0.1))
+    raised = convert_to_digital(np.array([-1e9, 0.0, 20000.0]), sensor(bits=bits, black_level=0.1))
     assert raised.tolist() == [0, round(top / 10), top]
 
 
 def test_gain_above_one_fills_the_converter_before_the_well():
     settings = sensor(gain=4.0, **{"shot_noise": False, "read_noise_e": 0.0})
     assert capacity_e(settings) == 5000
-    assert digital_numbers(np.array([5000.0, 2520.0]), settings).tolist() == [255, 129]
-    assert exposure_s(np.full(9, 2.0), 10.0, sensor(gain=4.0, auto_target=0.5)) == pytest.approx(5000 / 2 / 20)
-    assert digital_numbers(np.array([19900.0]), sensor(gain=0.5)).tolist() == [127]
+    assert convert_to_digital(np.array([5000.0, 2520.0]), settings).tolist() == [255, 129]
+    assert choose_exposure_s(np.full(9, 2.0), 10.0, sensor(gain=4.0, auto_target=0.5)) == pytest.approx(5000 / 2 / 20)
+    assert convert_to_digital(np.array([19900.0]), sensor(gain=0.5)).tolist() == [127]
     assert capacity_e(sensor(gain=0.5)) == capacity_e(sensor(gain=1.0)) == 20000
 
 
 def test_auto_exposure_puts_the_percentile_at_the_target():
     light = np.linspace(0.0, 4.0, 1001)
     settings = sensor(auto_percentile=0.5, auto_target=0.25, **{"shot_noise": False, "read_noise_e": 0.0})
-    seconds = exposure_s(light, 1e6, settings)
-    assert np.median(electrons(light, seconds, 1e6, settings, random())) == pytest.approx(0.25 * 20000)
+    seconds = choose_exposure_s(light, 1e6, settings)
+    assert np.median(collect_electrons(light, seconds, 1e6, settings, random())) == pytest.approx(0.25 * 20000)
 
 
 def test_a_fixed_exposure_ignores_the_image_and_auto_exposure_has_ends():
-    assert exposure_s(np.full(9, 123.0), 1e6, sensor(auto_exposure=False, exposure_s=0.5)) == 0.5
-    assert exposure_s(np.full(9, 1e-30), 1.0, sensor()) == LONGEST_S
-    assert exposure_s(np.full(9, 1e30), 1.0, sensor()) == SHORTEST_S
+    assert choose_exposure_s(np.full(9, 123.0), 1e6, sensor(auto_exposure=False, exposure_s=0.5)) == 0.5
+    assert choose_exposure_s(np.full(9, 1e-30), 1.0, sensor()) == LONGEST_S
+    assert choose_exposure_s(np.full(9, 1e30), 1.0, sensor()) == SHORTEST_S
 
 
 @pytest.mark.parametrize("image", [np.zeros(100), np.zeros(0), np.full(100, np.nan), np.full(100, -1.0)])
 def test_an_image_without_light_can_be_exposed(image):
     settings = sensor()
-    seconds = exposure_s(image, 1e6, settings)
+    seconds = choose_exposure_s(image, 1e6, settings)
     assert seconds == settings["exposure_s"]
-    assert (digital_numbers(electrons(image, seconds, 1e6, settings, random()), settings) <= 1).all()
+    assert (convert_to_digital(collect_electrons(image, seconds, 1e6, settings, random()), settings) <= 1).all()
 
 
 def test_a_mostly_black_image_is_exposed_for_its_brightest_pixel():
     image = np.zeros(1000)
     image[0] = 3.0
-    assert exposure_s(image, 1e4, sensor(auto_target=0.5)) == pytest.approx(10000 / 3e4)
+    assert choose_exposure_s(image, 1e4, sensor(auto_target=0.5)) == pytest.approx(10000 / 3e4)
 
 
 def test_noise_repeats_for_the_same_eye_and_is_independent_between_eyes_pairs_and_seeds():
     def draw(*key):
-        return electrons(np.full(N, 6000.0), 1.0, 1.0, sensor(), noise_generator(*key))
+        return collect_electrons(np.full(N, 6000.0), 1.0, 1.0, sensor(), make_noise_generator(*key))
 
     first = draw(1, "abc", "left")
     np.testing.assert_array_equal(first, draw(1, "abc", "left"))
@@ -268,17 +270,17 @@ def test_no_extreme_of_the_sensor_makes_anything_but_numbers(key, value, light):
     assert np.isfinite(rate)
     image = np.full((12, 9), light)
     image[3, 3] = np.nan
-    seconds = exposure_s(image, rate, settings.sensor)
-    charge = electrons(
+    seconds = choose_exposure_s(image, rate, settings.sensor)
+    charge = collect_electrons(
         image, seconds, rate, settings.sensor, random(), draw_pattern(1, "left", (12, 9), settings.sensor)
     )
     assert np.isfinite(charge).all()
-    numbers = digital_numbers(charge, settings.sensor)
+    numbers = convert_to_digital(charge, settings.sensor)
     assert numbers.max() <= 2**settings.sensor.bits - 1
 
 
 def test_a_well_of_one_electron_counts_photons():
-    numbers = digital_numbers(
+    numbers = convert_to_digital(
         exposed(np.full(N, 0.1), sensor(full_well_e=1.0, read_noise_e=0.0)), sensor(full_well_e=1.0)
     )
     assert set(np.unique(numbers)) == {0, 255}

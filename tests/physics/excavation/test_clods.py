@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.excavation import clods
-from icymoon.physics.excavation.grid import Grid
+from icymoon.physics.excavation.grid import ExcavationGrid
 
-GRID = Grid(-0.4, -0.4, 161, 161, 0.005)
+GRID = ExcavationGrid(-0.4, -0.4, 161, 161, 0.005)
 REPOSE_DEG, HIGH_M = 38.0, 0.12
 TANGENT = math.tan(math.radians(REPOSE_DEG))
 
@@ -23,7 +23,7 @@ def cone():
 def thrown(seed=0, largest_m=0.04, spoil=None, ground=None):
     spoil = cone() if spoil is None else spoil
     ground = np.zeros_like(spoil) if ground is None else ground
-    return clods.with_clods(GRID, ground, spoil, largest_m, REPOSE_DEG, np.random.default_rng(seed))
+    return clods.add_clods(GRID, ground, spoil, largest_m, REPOSE_DEG, np.random.default_rng(seed))
 
 
 def test_the_sum_is_kept_for_any_heap():
@@ -48,7 +48,7 @@ def test_a_clod_slides_as_far_as_its_friction_lets_it():
     middle = 80
     start = np.full((4, 2), float(middle))
     start[:, 1] += 3.0
-    rest = clods._slide(cone() / GRID.cell_m, start, friction)
+    rest = clods._slide_clods(cone() / GRID.cell_m, start, friction)
     came = np.hypot(*(rest - middle).T) * GRID.cell_m
     from_m = 3.0 * GRID.cell_m
     high = HIGH_M - TANGENT * from_m
@@ -61,7 +61,7 @@ def test_large_clods_come_farther_than_small_ones():
     width = np.linspace(0.008, 0.04, 400)
     random = np.random.default_rng(3)
     start = np.full((400, 2), 80.0) + random.uniform(-3.0, 3.0, (400, 2))
-    rest = clods._slide(cone() / GRID.cell_m, start, TANGENT * clods._friction(width, random))
+    rest = clods._slide_clods(cone() / GRID.cell_m, start, TANGENT * clods._draw_friction(width, random))
     came = np.hypot(*(rest - 80.0).T) * GRID.cell_m
     foot = HIGH_M / TANGENT
     assert np.mean(came[-100:] > foot) > 0.5

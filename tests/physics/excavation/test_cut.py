@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.excavation.cut import Pull, cut_heights, fit_plane
-from icymoon.physics.excavation.grid import Grid, covering
+from icymoon.physics.excavation.grid import ExcavationGrid, make_covering_grid
 from icymoon.physics.excavation.paths import make_pulls
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
@@ -18,7 +18,7 @@ def complete(part: dict) -> Settings:
 
 
 def flat(half=0.3):
-    grid = covering(-half, -half, half, half, CELL)
+    grid = make_covering_grid(-half, -half, half, half, CELL)
     return grid, np.zeros((grid.rows, grid.columns))
 
 
@@ -90,7 +90,7 @@ def test_a_blade_above_the_ground_takes_nothing():
 
 
 def test_a_value_between_vertices_is_bilinear():
-    grid = Grid(0.0, 0.0, 3, 3, 0.5)
+    grid = ExcavationGrid(0.0, 0.0, 3, 3, 0.5)
     values = np.add.outer(2.0 * grid.north_m, 3.0 * grid.east_m)
     x, y = np.array([0.1, 0.7, 2.0]), np.array([0.3, 0.9, 0.0])
     np.testing.assert_allclose(grid.interpolate(values, x, y, np.full(3, -1.0)), [0.9, 3.9, -1.0])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.excavation import site as sites
-from icymoon.physics.excavation.dig import Series
+from icymoon.physics.excavation.dig import ExcavationSeries
 from icymoon.physics.excavation.paths import read_path
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
@@ -22,7 +22,7 @@ def series(slope=0.0, **changes):
     settings = complete({"excavation": DUG | changes, "light": {"body": "EUROPA"}})
     site = sites.make_site(settings)
     ground = np.add.outer(slope * site.grid.north_m, 0.5 * slope * site.grid.east_m)
-    return Series(site, settings.excavation, 1, ground)
+    return ExcavationSeries(site, settings.excavation, 1, ground)
 
 
 def test_the_first_state_is_untouched():
@@ -108,7 +108,7 @@ def test_no_bite_digs_nothing():
     assert facts["taken_m3"] == 0.0
     assert facts["mass_error"] == 0.0
     settings = complete({"excavation": DUG | {"bite_m": 0.0}})
-    assert any("Nothing is dug" in each for each in sites.advice(settings))
+    assert any("Nothing is dug" in each for each in sites.advise_on_excavation(settings))
 
 
 def test_a_recorded_path_digs_what_a_line_digs(tmp_path):
@@ -144,7 +144,7 @@ def test_a_bad_path_is_refused(tmp_path, text, message):
 
 
 def reasons(**topics):
-    return " ".join(sites.find_reasons(complete({"excavation": DUG} | topics)))
+    return " ".join(sites.find_refusals(complete({"excavation": DUG} | topics)))
 
 
 def test_what_cannot_be_dug_is_refused_in_a_sentence():
@@ -158,14 +158,16 @@ def test_what_cannot_be_dug_is_refused_in_a_sentence():
 
 
 def test_walls_and_arcs_are_explained():
-    said = sites.advice(complete({"excavation": DUG | {"cell_m": 0.0025}}))
+    said = sites.advise_on_excavation(complete({"excavation": DUG | {"cell_m": 0.0025}}))
     angle = math.degrees(math.atan(0.12 / 0.0025))
     assert any(f"{angle:.1f} degrees" in each for each in said)
-    said = sites.advice(complete({"excavation": DUG | {"path": "ARC", "radius_m": 0.05}}))
+    said = sites.advise_on_excavation(complete({"excavation": DUG | {"path": "ARC", "radius_m": 0.05}}))
     assert any("radius" in each for each in said)
-    assert any("crude" in each for each in sites.advice(complete({"excavation": DUG | {"width_m": 0.02}})))
+    assert any(
+        "crude" in each for each in sites.advise_on_excavation(complete({"excavation": DUG | {"width_m": 0.02}}))
+    )
     assert any("under the camera" in each for each in said)
-    assert not sites.advice(complete({}))
+    assert not sites.advise_on_excavation(complete({}))
 
 
 def test_a_path_that_crosses_itself_takes_each_place_once(tmp_path):
@@ -206,7 +208,7 @@ def test_a_path_over_the_ground_digs_nothing_and_its_fix_is_in_the_file(tmp_path
     file = tmp_path / "path.csv"
     file.write_text("state,x_m,y_m,depth_m\n1,0,0,-0.03\n1,0.2,0,-0.03\n", encoding="utf-8")
     settings = complete({"excavation": DUG | {"path": "RECORDED", "file": str(file)}})
-    assert any("give depth_m above 0" in each for each in sites.advice(settings))
+    assert any("give depth_m above 0" in each for each in sites.advise_on_excavation(settings))
     assert series(path="RECORDED", file=str(file)).facts(1)["mass_taken_kg"] == 0.0
 
 

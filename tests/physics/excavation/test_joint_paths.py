@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.arm.parametric import arm_of, inverse
+from icymoon.physics.arm.parametric import choose_inverse_solution, make_parametric_arm
 from icymoon.physics.excavation import site as sites
-from icymoon.physics.excavation.dig import Series
+from icymoon.physics.excavation.dig import ExcavationSeries
 from icymoon.physics.excavation.joint_paths import make_joint_pulls
 from icymoon.settings import changes, description
 from icymoon.settings.topics.scene import Settings
@@ -37,9 +37,10 @@ def described(file, **topics) -> Settings:
 
 def write_lines(file, settings, places) -> None:
     """A file with the joints that put the tip on each place (state, east, north, height)."""
-    arm = arm_of(settings)
+    arm = make_parametric_arm(settings)
     lines = [
-        ",".join(repr(float(each)) for each in (state, *np.degrees(inverse(arm, x, y, z)))) for state, x, y, z in places
+        ",".join(repr(float(each)) for each in (state, *np.degrees(choose_inverse_solution(arm, x, y, z))))
+        for state, x, y, z in places
     ]
     file.write_text(HEAD + "\n".join(lines), encoding="utf-8")
 
@@ -56,11 +57,11 @@ def test_the_blade_goes_where_the_tip_goes_and_digs_as_a_line_does(tmp_path):
     assert np.abs(ends[:, 0] - 0.125).max() < 1e-3  # joints turn evenly between lines, not the tip straight
     assert ends[:, 1].min() == pytest.approx(1.5, abs=1e-6)
     site = sites.make_site(settings)
-    made = Series(site, settings.excavation, 1, np.zeros((site.grid.rows, site.grid.columns)), 0.0)
+    made = ExcavationSeries(site, settings.excavation, 1, np.zeros((site.grid.rows, site.grid.columns)), 0.0)
     # A prism of 0.3 x 0.08 x 0.05 m; the tip sags by less than a tenth of a millimetre between lines of 1 cm.
     assert made.facts(1)["taken_m3"] == pytest.approx(0.3 * 0.08 * 0.05, rel=0.01)
     assert made.mass_error(1) < 1e-12
-    assert not sites.find_reasons(settings)
+    assert not sites.find_refusals(settings)
 
 
 def test_depths_count_from_the_arms_level_and_not_from_the_plane_of_the_ground(tmp_path):
@@ -70,7 +71,8 @@ def test_depths_count_from_the_arms_level_and_not_from_the_plane_of_the_ground(t
     site = sites.make_site(settings)
     shape = (site.grid.rows, site.grid.columns)
     taken = [
-        Series(site, settings.excavation, 1, np.full(shape, rise), 0.0).at(1).taken_m3 for rise in (0.0, 0.02, -0.05)
+        ExcavationSeries(site, settings.excavation, 1, np.full(shape, rise), 0.0).at(1).taken_m3
+        for rise in (0.0, 0.02, -0.05)
     ]
     assert taken[1] / taken[0] == pytest.approx(0.07 / 0.05, rel=0.01)
     assert taken[2] == pytest.approx(0.0, abs=1e-5)
@@ -79,7 +81,7 @@ def test_depths_count_from_the_arms_level_and_not_from_the_plane_of_the_ground(t
 def test_a_line_beyond_a_limit_is_named_by_its_number(tmp_path):
     file = tmp_path / "joints.csv"
     file.write_text(HEAD + "1,0,20,-70,-40,0\n1,0,20,-70,-40,0\n1,0,20,-170,-40,0\n", encoding="utf-8")
-    (reason,) = sites.find_reasons(described(file))
+    (reason,) = sites.find_refusals(described(file))
     assert "line 4" in reason
     assert "elbow at -170°, but its limits are -165° to 165°" in reason
 
@@ -102,7 +104,7 @@ def test_a_line_beyond_a_limit_is_named_by_its_number(tmp_path):
 def test_a_bad_file_is_a_sentence(tmp_path, text, words):
     file = tmp_path / "joints.csv"
     file.write_text(text, encoding="utf-8")
-    (reason,) = sites.find_reasons(described(file))
+    (reason,) = sites.find_refusals(described(file))
     assert words in reason
 
 
@@ -110,7 +112,7 @@ def test_an_arm_that_stays_above_the_ground_digs_nothing_and_there_is_advice(tmp
     file = tmp_path / "joints.csv"
     settings = described(file)
     write_lines(file, settings, [(1, 0.1, y, 0.2) for y in (1.6, 1.5)])
-    assert any("Nothing is dug" in text for text in sites.advice(settings))
+    assert any("Nothing is dug" in text for text in sites.advise_on_excavation(settings))
 
 
 def test_an_arm_of_the_users_own_has_columns_of_its_own(tmp_path):
@@ -129,7 +131,7 @@ def test_the_ground_depends_on_the_arms_sizes_but_not_on_where_it_is_now(tmp_pat
     settings = described(tmp_path / "joints.csv")
     turned = description.merged(settings, {"arm": {"yaw_deg": 5.0}})
     longer = description.merged(settings, {"arm": {"upper_m": 1.1}})
-    assert changes.scene(turned) == changes.scene(settings) != changes.scene(longer)
+    assert changes.select_scene(turned) == changes.select_scene(settings) != changes.select_scene(longer)
 
 
 def test_a_path_is_read_again_only_if_something_it_depends_on_has_changed(tmp_path, monkeypatch):

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.excavation.grid import covering
-from icymoon.physics.excavation.heap import Heap, cone_m
-from icymoon.physics.excavation.relax import Layers, _pairs, relax
+from icymoon.physics.excavation.grid import make_covering_grid
+from icymoon.physics.excavation.heap import SpoilHeap, cone_size_m
+from icymoon.physics.excavation.relax import GroundLayers, _list_disjoint_pairs, relax_slopes
 
 REPOSE = 38.0
 TANGENT = math.tan(math.radians(REPOSE))
@@ -21,7 +21,7 @@ def slopes_deg(top, cell):
 def test_pairs_are_disjoint_and_complete(down, right):
     cells = np.arange(9 * 7).reshape(9, 7)
     found = []
-    for a, b in _pairs(cells.shape, down, right):
+    for a, b in _list_disjoint_pairs(cells.shape, down, right):
         both = np.concatenate([cells[a].ravel(), cells[b].ravel()])
         assert len(np.unique(both)) == len(both)
         found += list(zip(cells[a].ravel().tolist(), cells[b].ravel().tolist(), strict=True))
@@ -34,8 +34,8 @@ def test_a_wall_becomes_a_straight_slope_through_its_middle():
     # What is missing above the middle lies below it, so a straight slope meets the wall's place at half its height.
     cell, height = 0.005, 0.1
     ground = np.repeat(np.where(np.arange(120) < 60, height, 0.0)[None, :], 8, axis=0)
-    layers = Layers(ground.copy(), np.zeros_like(ground))
-    relax(layers, cell, REPOSE, stood_m=np.full_like(ground, height))
+    layers = GroundLayers(ground.copy(), np.zeros_like(ground))
+    relax_slopes(layers, cell, REPOSE, stood_m=np.full_like(ground, height))
     profile = layers.top[4]
     slope = -np.diff(profile) / cell
     on_it = (profile[1:] < 0.8 * height) & (profile[1:] > 0.2 * height)
@@ -46,13 +46,13 @@ def test_a_wall_becomes_a_straight_slope_through_its_middle():
 
 
 def test_a_block_becomes_a_cone():
-    cell, grid = 0.005, covering(-0.3, -0.3, 0.3, 0.3, 0.005)
+    cell, grid = 0.005, make_covering_grid(-0.3, -0.3, 0.3, 0.3, 0.005)
     spoil = np.zeros((grid.rows, grid.columns))
     spoil[50:71, 50:71] = 0.25
     volume = spoil.sum() * cell**2
-    layers = Layers(np.zeros_like(spoil), spoil)
-    relax(layers, cell, REPOSE)
-    height, radius = cone_m(volume, REPOSE)
+    layers = GroundLayers(np.zeros_like(spoil), spoil)
+    relax_slopes(layers, cell, REPOSE)
+    height, radius = cone_size_m(volume, REPOSE)
     # 16 directions make a cone of 16 sides, a few per cent off, and sweeps end at 3 % of a cell's rise.
     assert layers.spoil.max() == pytest.approx(height, rel=0.05)
     area = (layers.spoil > 0.02 * height).sum() * cell**2
@@ -64,8 +64,8 @@ def test_no_slope_stays_steeper_than_the_angle_of_repose():
     random = np.random.default_rng(3)
     spoil = np.zeros((80, 80))
     spoil[30:50, 30:50] = random.uniform(0.05, 0.15, (20, 20))
-    layers = Layers(np.zeros_like(spoil), spoil)
-    relax(layers, 0.005, REPOSE)
+    layers = GroundLayers(np.zeros_like(spoil), spoil)
+    relax_slopes(layers, 0.005, REPOSE)
     # 16 directions: a slope between two of them may be 1 / cos 13.3° steeper by its tangent, so 38.8°, and the end of
     # the sweeps adds up to 1°.
     assert slopes_deg(layers.top, 0.005).max() < 40.5
@@ -74,8 +74,8 @@ def test_no_slope_stays_steeper_than_the_angle_of_repose():
 def test_spoil_on_standing_ground_leaves_the_ground_as_it_is():
     ground = np.where(np.arange(40)[None, :] < 20, 0.2, 0.0) * np.ones((30, 1))
     spoil = np.where((np.arange(40)[None, :] > 14) & (np.arange(40)[None, :] < 20), 0.05, 0.0) * np.ones((30, 1))
-    layers = Layers(ground.copy(), spoil.copy())
-    relax(layers, 0.005, REPOSE)
+    layers = GroundLayers(ground.copy(), spoil.copy())
+    relax_slopes(layers, 0.005, REPOSE)
     np.testing.assert_array_equal(layers.ground, ground)
     assert layers.spoil.min() >= 0
     assert layers.spoil[:, 20:].sum() > 0.01  # it fell over the edge
@@ -84,23 +84,23 @@ def test_spoil_on_standing_ground_leaves_the_ground_as_it_is():
 
 def test_ground_that_slides_grows_and_keeps_its_mass():
     ground = np.where(np.arange(80)[None, :] < 40, 0.1, 0.0) * np.ones((20, 1))
-    layers = Layers(ground.copy(), np.zeros_like(ground))
-    relax(layers, 0.005, REPOSE, 1.5, np.full_like(ground, 0.1))
+    layers = GroundLayers(ground.copy(), np.zeros_like(ground))
+    relax_slopes(layers, 0.005, REPOSE, 1.5, np.full_like(ground, 0.1))
     lost = (ground - layers.ground).sum()
     assert lost > 1.0
     assert layers.spoil.sum() / 1.5 == pytest.approx(lost, rel=1e-12)
 
 
 def test_gentle_ground_stays_as_it_is():
-    layers = Layers(np.zeros((20, 20)) + 0.5 * 0.005 * np.arange(20), np.full((20, 20), 0.01))
+    layers = GroundLayers(np.zeros((20, 20)) + 0.5 * 0.005 * np.arange(20), np.full((20, 20), 0.01))
     before = layers.copy()
-    assert relax(layers, 0.005, REPOSE, 1.4, np.full((20, 20), 0.3)) == (0, True)
+    assert relax_slopes(layers, 0.005, REPOSE, 1.4, np.full((20, 20), 0.3)) == (0, True)
     np.testing.assert_array_equal(layers.top, before.top)
 
 
 def test_a_heap_has_its_volume_and_grows():
-    grid = covering(-0.4, -0.4, 0.4, 0.4, 0.005)
-    heap = Heap((-0.1, 0.0), (0.1, 0.05), REPOSE)
+    grid = make_covering_grid(-0.4, -0.4, 0.4, 0.4, 0.005)
+    heap = SpoilHeap((-0.1, 0.0), (0.1, 0.05), REPOSE)
     small, large = (heap.thickness(grid, v) for v in (0.002, 0.003))
     assert small.sum() * 0.005**2 == pytest.approx(0.002, rel=1e-12)
     assert (large - small).min() > -1e-6
@@ -115,8 +115,8 @@ def test_only_ground_that_may_slide_does_so_however_steep_the_rest_is():
     dug[:, 20:30] -= 0.05
     slides = np.zeros(ground.shape, bool)
     slides[:, 12:38] = True
-    layers = Layers(dug.copy(), np.zeros_like(ground))
-    relax(layers, 0.005, REPOSE, 1.0, ground, slides)
+    layers = GroundLayers(dug.copy(), np.zeros_like(ground))
+    relax_slopes(layers, 0.005, REPOSE, 1.0, ground, slides)
     np.testing.assert_array_equal(layers.ground[~slides], dug[~slides])
     assert (layers.ground[slides] < dug[slides] - 1e-3).any()
     assert layers.top.sum() == pytest.approx(dug.sum(), rel=1e-12)
@@ -128,8 +128,8 @@ def test_spoil_on_steep_rough_ground_comes_to_rest():
     north = np.arange(70)[:, None] * np.ones((1, 60))
     ground = 0.8 * 0.005 * north + random.normal(0.0, 0.03, (70, 60))
     spoil = np.where((north > 40) & (north < 60), 0.1, 0.0)
-    layers = Layers(ground.copy(), spoil.copy())
-    _, rests = relax(layers, 0.005, REPOSE)
+    layers = GroundLayers(ground.copy(), spoil.copy())
+    _, rests = relax_slopes(layers, 0.005, REPOSE)
     assert rests
     np.testing.assert_array_equal(layers.ground, ground)
     assert layers.spoil.sum() == pytest.approx(spoil.sum(), rel=1e-12)
@@ -149,8 +149,8 @@ def test_strides_end_where_neighbours_end(monkeypatch):
     ends = []
     for sweeps in (10, 20_000):
         monkeypatch.setattr(module, "_MOST_SWEEPS", sweeps)
-        layers = Layers(ground.copy(), spoil.copy())
-        assert relax(layers, 0.005, REPOSE)[1]
+        layers = GroundLayers(ground.copy(), spoil.copy())
+        assert relax_slopes(layers, 0.005, REPOSE)[1]
         ends.append(layers.top)
     assert np.abs(ends[0] - ends[1]).max() < max(module._STRIDES) * 0.005
     assert ends[0].sum() == pytest.approx(ends[1].sum(), rel=1e-12)
@@ -161,6 +161,6 @@ def test_sweeps_that_end_early_are_known(monkeypatch):
 
     monkeypatch.setattr(module, "_MOST_SWEEPS", 10)
     monkeypatch.setattr(module, "_MOST_CYCLES", 0)
-    layers = Layers(np.zeros((60, 60)), np.zeros((60, 60)))
+    layers = GroundLayers(np.zeros((60, 60)), np.zeros((60, 60)))
     layers.spoil[25:35, 25:35] = 0.5
-    assert not relax(layers, 0.005, REPOSE)[1]
+    assert not relax_slopes(layers, 0.005, REPOSE)[1]

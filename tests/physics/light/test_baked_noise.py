@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.light.baked_noise import largest_share, noise_of, samples_needed
+from icymoon.physics.light.baked_noise import count_samples_needed, find_largest_share, measure_bake_noise
 from icymoon.support.arrays import Array
 
 #: Relative noise of one sample, and vertices: their noise is then known within 1/sqrt(2 * 60000) = 0.3 %, five of them.
@@ -25,21 +25,23 @@ def test_the_difference_of_two_halves_is_the_noise_of_their_mean_within_triangle
     random = np.random.default_rng(2)
     weights = random.dirichlet((1.0, 1.0, 1.0), 100_000)  # even over a triangle
     seen = (weights * random.standard_normal((100_000, 3))).sum(axis=1).std()
-    assert noise_of(halves(count), TRIANGLES) == pytest.approx(seen * SIGMA / math.sqrt(2 * count), rel=WITHIN)
+    assert measure_bake_noise(halves(count), TRIANGLES) == pytest.approx(
+        seen * SIGMA / math.sqrt(2 * count), rel=WITHIN
+    )
 
 
 def test_noise_that_neighbours_have_in_common_is_not_interpolated_away():
     same = [each[np.repeat(np.arange(VERTICES), 3)[:VERTICES]] for each in halves(16)]
-    assert noise_of(same, TRIANGLES) == pytest.approx(SIGMA / math.sqrt(32), rel=2 * WITHIN)
+    assert measure_bake_noise(same, TRIANGLES) == pytest.approx(SIGMA / math.sqrt(32), rel=2 * WITHIN)
 
 
 def test_as_many_samples_are_asked_for_as_reach_the_limit():
-    noise, share, limit = noise_of(halves(8), TRIANGLES), 0.3, 0.01
-    count = samples_needed(noise, share, 8, limit, 10**6)
-    assert noise_of(halves(count, 3), TRIANGLES) * share == pytest.approx(limit, rel=2 * WITHIN)
-    assert samples_needed(noise, share, 8, limit, 20) == 20
-    assert samples_needed(noise, share, 8, 0.5, 10**6) == 8  # they are there already
-    assert samples_needed(noise, share, 8, 0.0, 99) == 99
+    noise, share, limit = measure_bake_noise(halves(8), TRIANGLES), 0.3, 0.01
+    count = count_samples_needed(noise, share, 8, limit, 10**6)
+    assert measure_bake_noise(halves(count, 3), TRIANGLES) * share == pytest.approx(limit, rel=2 * WITHIN)
+    assert count_samples_needed(noise, share, 8, limit, 20) == 20
+    assert count_samples_needed(noise, share, 8, 0.5, 10**6) == 8  # they are there already
+    assert count_samples_needed(noise, share, 8, 0.0, 99) == 99
 
 
 def ground(height):
@@ -57,7 +59,7 @@ EYE = np.array([0.0, 0.0, 1.5])
 def test_the_share_of_even_light_is_the_same_in_all_directions():
     positions, triangles = ground(lambda x, y: 0.2 * np.sin(x + y))
     direct, indirect = np.full((len(positions), 3), 2.0), np.full((len(positions), 3), 0.5)
-    assert largest_share(direct, indirect, positions, triangles, EYE) == pytest.approx(0.2)
+    assert find_largest_share(direct, indirect, positions, triangles, EYE) == pytest.approx(0.2)
 
 
 def test_the_largest_share_is_that_of_where_shadow_fills_the_view():
@@ -65,10 +67,10 @@ def test_the_largest_share_is_that_of_where_shadow_fills_the_view():
     indirect = np.full((len(positions), 3), 1.0)
     azimuth = np.arctan2(positions[:, 1], positions[:, 0])
     dark = np.where(np.abs(azimuth - math.pi / 3) < math.radians(45.0), 0.0, 4.0)[:, None] * np.ones(3)
-    assert largest_share(dark, indirect, positions, triangles, EYE) == pytest.approx(1.0)
+    assert find_largest_share(dark, indirect, positions, triangles, EYE) == pytest.approx(1.0)
     # Half of a view of 60 degrees: 2 x 1 of 2 x 1 + 4, by area on the image.
     narrow = np.where(np.abs(azimuth - math.pi / 3) < math.radians(15.0), 0.0, 4.0)[:, None] * np.ones(3)
-    assert largest_share(narrow, indirect, positions, triangles, EYE) == pytest.approx(2 / 6, rel=0.05)
+    assert find_largest_share(narrow, indirect, positions, triangles, EYE) == pytest.approx(2 / 6, rel=0.05)
 
 
 def test_far_shadow_counts_by_how_large_it_looks_and_ground_that_faces_away_not():
@@ -81,14 +83,14 @@ def test_far_shadow_counts_by_how_large_it_looks_and_ground_that_faces_away_not(
         return 1 - 1.5 / math.hypot(r, 1.5)
 
     low, edge = down_to(1.5 / math.tan(math.radians(60.0))), down_to(5.0)
-    found = largest_share(direct, indirect, positions, triangles, EYE)
+    found = find_largest_share(direct, indirect, positions, triangles, EYE)
     ends = down_to(10.0), down_to(10.0 * math.sqrt(2))  # of a square
     assert (ends[0] - edge) / (ends[0] - low) * 0.95 < found < (ends[1] - edge) / (ends[1] - low) * 1.05
-    assert largest_share(direct, indirect, positions, triangles[:, ::-1], EYE) == 0.0
+    assert find_largest_share(direct, indirect, positions, triangles[:, ::-1], EYE) == 0.0
 
 
 def test_without_light_there_is_nothing_to_do():
     dark = [np.zeros((5, 3))] * 2
-    assert noise_of(dark, np.array([[0, 1, 2]])) == 0.0
-    assert largest_share(dark[0], dark[1], np.eye(5, 3), np.array([[0, 1, 2]]), EYE) == 0.0
-    assert samples_needed(0.0, 0.0, 8, 0.01, 99) == 8 == samples_needed(0.2, 0.0, 8, 0.0, 99)
+    assert measure_bake_noise(dark, np.array([[0, 1, 2]])) == 0.0
+    assert find_largest_share(dark[0], dark[1], np.eye(5, 3), np.array([[0, 1, 2]]), EYE) == 0.0
+    assert count_samples_needed(0.0, 0.0, 8, 0.01, 99) == 8 == count_samples_needed(0.2, 0.0, 8, 0.0, 99)

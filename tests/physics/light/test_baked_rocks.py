@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.light.baked_rocks import TERMS, Points, draw_points, fit, terms_of
-from icymoon.physics.rocks.shapes import icosphere
+from icymoon.physics.light.baked_rocks import TERMS, RockPoints, draw_points, evaluate_terms, fit_terms
+from icymoon.physics.rocks.shapes import make_icosphere
 from icymoon.support.arrays import Array
 
 DIAMETER_M, CENTRES = 0.5, np.array([[1.0, 2.0, 0.0], [-3.0, 1.0, 2.0]])
 
 
-def balls(count: int, seed: int = 1) -> Points:
+def balls(count: int, seed: int = 1) -> RockPoints:
     """Points of two balls with the numbers 4 and 2, of five rocks."""
-    vertices, triangles = icosphere(4)
+    vertices, triangles = make_icosphere(4)
     matrices = np.stack([np.eye(3) * DIAMETER_M] * 2)
     return draw_points(vertices / 2, triangles, np.array([4, 2]), matrices, CENTRES, count, np.random.default_rng(seed))
 
@@ -46,7 +46,7 @@ def test_points_are_all_over_the_rock_just_above_its_surface_and_face_outward():
 
 def light_of(numbers, points):
     """The light at points: the sum of the terms, each with its number of the point's rock."""
-    return np.maximum((terms_of(points.normal, points.place)[..., None] * numbers[points.rock]).sum(axis=1), 0.0)
+    return np.maximum((evaluate_terms(points.normal, points.place)[..., None] * numbers[points.rock]).sum(axis=1), 0.0)
 
 
 @pytest.mark.parametrize("count", [16, 64])
@@ -56,7 +56,7 @@ def test_light_of_a_hemisphere_is_held_exactly_and_that_of_a_lamp_to_a_few_perce
     points, others = balls(count), balls(500, seed=2)
     used = np.ones(len(points.rock), bool)
     for law, bound in ((of_a_hemisphere, 0.01), (of_a_lamp, 0.05 if count == 64 else 0.08)):
-        numbers = fit(points, law(points.normal), used, 5)
+        numbers = fit_terms(points, law(points.normal), used, 5)
         off = light_of(numbers, others) - law(others.normal)
         assert np.sqrt(np.mean(off**2)) < bound
 
@@ -65,7 +65,7 @@ def test_noise_of_points_is_less_in_the_numbers():
     """Of n points the 12 numbers keep the share sqrt(12 / n) of what they differ by."""
     points = balls(400)
     noise = np.random.default_rng(5).normal(0.0, 0.1, (len(points.rock), 3))
-    numbers = fit(points, of_a_hemisphere(points.normal) + noise, np.ones(len(noise), bool), 5)
+    numbers = fit_terms(points, of_a_hemisphere(points.normal) + noise, np.ones(len(noise), bool), 5)
     off = light_of(numbers, points) - of_a_hemisphere(points.normal)
     assert np.sqrt(np.mean(off**2)) == pytest.approx(0.1 * np.sqrt(TERMS / 400), rel=0.3)
 
@@ -75,7 +75,7 @@ def test_hidden_points_do_not_count_and_a_hidden_rock_has_no_light():
     light = of_a_hemisphere(points.normal)
     used = (points.normal[:, 2] > -0.5) & (points.rock == 4)
     light[~used] = 7.0
-    numbers = fit(points, light, used, 5)
+    numbers = fit_terms(points, light, used, 5)
     assert not numbers[[0, 1, 2, 3]].any()
-    seen = Points(points.rock[used], points.place[used], points.normal[used], points.corners[used])
+    seen = RockPoints(points.rock[used], points.place[used], points.normal[used], points.corners[used])
     assert light_of(numbers, seen) == pytest.approx(light[used], abs=0.01)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.light.baked_texels import Texels, gather, gather_open, lay_out
+from icymoon.physics.light.baked_texels import Texels, gather_to_vertices, gather_uncovered, lay_out_texels
 from icymoon.support.arrays import Array
 
 #: A square, a triangle at its side, and a square at that of the triangle: facets of 1, 2 and 3 m².
@@ -13,7 +13,7 @@ AREAS, VERTICES = np.array([1.0, 2.0, 3.0]), 7
 
 
 def mesh(*wanted: bool) -> Texels:
-    return lay_out(np.array([0, 4, 7]), COUNTS, CORNERS, AREAS, np.array(wanted or (True, True, True)))
+    return lay_out_texels(np.array([0, 4, 7]), COUNTS, CORNERS, AREAS, np.array(wanted or (True, True, True)))
 
 
 def image_of(found: Texels, light: Array) -> Array:
@@ -60,7 +60,7 @@ def test_light_over_the_facets_is_that_of_their_texels():
     """A facet's share of what is linear between its corners is a third, or a quarter, of each of them."""
     found = mesh()
     light = np.random.default_rng(3).uniform(0.0, 1.0, (len(CORNERS), 3))
-    at_vertices = gather(found, image_of(found, light), VERTICES)
+    at_vertices = gather_to_vertices(found, image_of(found, light), VERTICES)
     shown = sum(
         areas @ at_vertices[corners].mean(axis=1) for areas, corners in zip(found.areas, found.vertices, strict=True)
     )
@@ -74,13 +74,13 @@ def test_texels_that_were_not_baked_do_not_count():
     found = mesh()
     image = image_of(found, np.full((len(CORNERS), 3), 0.25))
     image[found.texels[1][0, 1]] = 0.0
-    assert gather(found, image, VERTICES) == pytest.approx(np.full((VERTICES, 3), 0.25))
-    assert np.all(gather(found, np.zeros_like(image), VERTICES) == 0.0)
+    assert gather_to_vertices(found, image, VERTICES) == pytest.approx(np.full((VERTICES, 3), 0.25))
+    assert np.all(gather_to_vertices(found, np.zeros_like(image), VERTICES) == 0.0)
 
 
 def test_facets_of_more_than_four_corners_are_refused():
     with pytest.raises(ValueError, match="four corners"):
-        lay_out(np.array([0]), np.array([5]), np.arange(5), np.array([1.0]), np.array([True]))
+        lay_out_texels(np.array([0]), np.array([5]), np.arange(5), np.array([1.0]), np.array([True]))
 
 
 def test_covered_texels_do_not_count_and_what_is_covered_has_the_light_beside_it():
@@ -89,5 +89,5 @@ def test_covered_texels_do_not_count_and_what_is_covered_has_the_light_beside_it
     covered = np.zeros(len(image), bool)
     covered[found.texels[1][1]] = True  # a whole facet, two of whose corners are in no other
     image[covered, :3] = 9.0
-    assert gather_open(found, image, covered, VERTICES) == pytest.approx(np.full((VERTICES, 3), 0.25))
-    assert np.all(gather_open(found, image, np.ones(len(image), bool), VERTICES) == 0.0)
+    assert gather_uncovered(found, image, covered, VERTICES) == pytest.approx(np.full((VERTICES, 3), 0.25))
+    assert np.all(gather_uncovered(found, image, np.ones(len(image), bool), VERTICES) == 0.0)

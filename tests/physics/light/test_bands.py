@@ -10,7 +10,7 @@ from icymoon.physics.light.bands import (
     material_bands,
     snow_bands,
 )
-from icymoon.physics.light.photons import planck
+from icymoon.physics.light.photons import planck_radiance
 from icymoon.physics.light.sunlight import BANDS_M, SUN_TEMPERATURE_K
 from icymoon.physics.surfaces.spectra import MATERIALS
 from icymoon.support.arrays import Array
@@ -19,7 +19,7 @@ from icymoon.support.arrays import Array
 def sunlit(response: Array, reflectance: Array) -> float:
     """Photons of sunlight that a surface sends into a response, by a sum over wavelengths."""
     wavelength = VISIBLE_NM * 1e-9
-    return float((planck(wavelength, SUN_TEMPERATURE_K) * wavelength * response * reflectance).sum())
+    return float((planck_radiance(wavelength, SUN_TEMPERATURE_K) * wavelength * response * reflectance).sum())
 
 
 def test_bands_share_each_wavelength_and_have_their_own():

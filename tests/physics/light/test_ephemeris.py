@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from icymoon.physics.light import ephemeris, spice
 from icymoon.physics.light.bodies import BODIES
-from icymoon.physics.light.sky import azimuth_deg, elevation_deg, sky
+from icymoon.physics.light.sky import azimuth_deg, compute_sky, elevation_deg
 from icymoon.physics.light.sunlight import AU_KM
 from icymoon.settings import description, preset_files
 from icymoon.support.errors import IcyMoonError
@@ -44,7 +44,7 @@ def angle_deg(a, b):
 @pytest.mark.parametrize("body", list(BODIES))
 def test_the_sun_is_where_a_full_theory_puts_it(body):
     for days, expected in PLAN94[body].items():
-        found = ephemeris.heliocentric_au(BODIES[body].orbit, days)
+        found = ephemeris.heliocentric_position_au(BODIES[body].orbit, days)
         assert angle_deg(found, np.array(expected)) < 0.25
         assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(expected), rel=2e-3)
 
@@ -53,7 +53,7 @@ def test_sub_solar_latitude_and_irradiance_stay_in_their_ranges():
     for body, tilt, low, high in (("ENCELADUS", 26.75, 13.3, 16.8), ("EUROPA", 3.7, 45.5, 55.8)):
         elevations, irradiances = [], []
         for year in range(2000, 2060):
-            at = ephemeris.positions(body, f"{year}-06-01", 90.0, 0.0)  # over the pole: the sub-solar latitude
+            at = ephemeris.find_positions(body, f"{year}-06-01", 90.0, 0.0)  # over the pole: the sub-solar latitude
             elevations.append(elevation_deg(at.sun))
             irradiances.append(1361 / at.sun_distance_au**2)
         assert max(np.abs(elevations)) == pytest.approx(tilt, abs=0.5)
@@ -105,16 +105,16 @@ def test_the_planet_swings_in_bounds(body, mean, reach, eccentricity):
 
 def test_the_planet_stands_in_the_zenith_under_it_and_the_sun_goes_round_once_a_day():
     under, _ = BODIES["ENCELADUS"].under_planet(ephemeris.days_since_j2000(DATE))
-    zenith = ephemeris.positions("ENCELADUS", DATE, 0.0, under)
+    zenith = ephemeris.find_positions("ENCELADUS", DATE, 0.0, under)
     assert elevation_deg(zenith.planet) == pytest.approx(90.0, abs=0.2)  # the normal leans toward longitude 0
-    pole = ephemeris.positions("ENCELADUS", DATE, -80.0, under + 30.0)
+    pole = ephemeris.find_positions("ENCELADUS", DATE, -80.0, under + 30.0)
     # 98.6° from the sub-planet point but for the parallax of a site that is a thousandth of the way nearer.
     assert azimuth_deg(pole.planet) == pytest.approx(328.63, abs=0.1)
     assert elevation_deg(pole.planet_axis) == pytest.approx(-80.0, abs=0.6)
     day = 360 / 262.7318996 * 86400
     hour = np.datetime64(DATE) + np.timedelta64(round(day * 1000 / 4), "ms")
-    later = ephemeris.positions("ENCELADUS", str(hour), 90.0, 0.0)
-    now = ephemeris.positions("ENCELADUS", DATE, 90.0, 0.0)
+    later = ephemeris.find_positions("ENCELADUS", str(hour), 90.0, 0.0)
+    now = ephemeris.find_positions("ENCELADUS", DATE, 90.0, 0.0)
     assert (azimuth_deg(later.sun) - azimuth_deg(now.sun)) % 360 == pytest.approx(90.0, abs=0.1)
 
 
@@ -189,7 +189,7 @@ def test_utc_may_be_stated(kernels, zone):
     """Also where SPICE reads the date."""
     assert ephemeris.parse_date(f"2035-03-01T12:00{zone}") == ephemeris.parse_date("2035-03-01T12:00")
     stated, plain = (
-        spice.positions(kernels, "ENCELADUS", "SATURN", date, 0.0, 0.0)
+        spice.find_positions(kernels, "ENCELADUS", "SATURN", date, 0.0, 0.0)
         for date in (f"2035-03-01T12:00{zone}", "2035-03-01T12:00")
     )
     assert np.array_equal(stated.sun, plain.sun)
@@ -200,7 +200,7 @@ def test_dates_and_bodies():
     assert ephemeris.parse_date("2035") == ephemeris.parse_date("2035-01") == ephemeris.parse_date("2035-01-01T00")
     assert ephemeris.days_since_j2000("2000-01-11") == pytest.approx(9.5 + 69.184 / 86400)
     with pytest.raises(IcyMoonError, match=r"light\.body is 'Titan'.*ENCELADUS and EUROPA"):
-        ephemeris.positions("Titan", DATE, 0.0, 0.0)
+        ephemeris.find_positions("Titan", DATE, 0.0, 0.0)
 
 
 LSK = """KPL/LSK
@@ -252,7 +252,7 @@ def written_kernels(folder, date):
     for body, centre, position in (
         (10, 0, lambda t: np.zeros(3)),
         (602, 699, around),
-        (699, 0, lambda t: AU_KM * ephemeris.heliocentric_au(moon.orbit, t / 86400)),
+        (699, 0, lambda t: AU_KM * ephemeris.heliocentric_position_au(moon.orbit, t / 86400)),
     ):
         spiceypy.spkw08(
             handle,
@@ -275,8 +275,8 @@ def written_kernels(folder, date):
 def test_spice_and_the_elements_agree(kernels):
     """Rotation, ellipsoid, site and local frame worked out by SPICE; light time and aberration are the difference."""
     for latitude, longitude in ((-80.0, 30.0), (0.0, 120.0), (45.0, 300.0)):
-        exact = spice.positions(kernels, "enceladus", "saturn", DATE, latitude, longitude)
-        found = ephemeris.positions("ENCELADUS", DATE, latitude, longitude)
+        exact = spice.find_positions(kernels, "enceladus", "saturn", DATE, latitude, longitude)
+        found = ephemeris.find_positions("ENCELADUS", DATE, latitude, longitude)
         assert angle_deg(exact.sun, found.sun) < 0.02
         assert angle_deg(exact.planet, found.planet) < 0.05
         assert exact.sun_distance_au == pytest.approx(found.sun_distance_au, rel=5e-4)  # the moon is off the planet
@@ -294,8 +294,8 @@ def test_a_pole_is_the_end_of_the_meridian_of_its_longitude(kernels, pole, longi
     at = []
     for latitude in (pole, math.copysign(89.999, pole)):
         for found in (
-            ephemeris.positions("ENCELADUS", DATE, latitude, longitude),
-            spice.positions(kernels, "ENCELADUS", "SATURN", DATE, latitude, longitude),
+            ephemeris.find_positions("ENCELADUS", DATE, latitude, longitude),
+            spice.find_positions(kernels, "ENCELADUS", "SATURN", DATE, latitude, longitude),
         ):
             at.append(found)
             assert abs(found.from_j2000 @ found.from_j2000.T - np.eye(3)).max() < 1e-9
@@ -314,7 +314,7 @@ def test_a_pole_is_the_end_of_the_meridian_of_its_longitude(kernels, pole, longi
 @pytest.mark.parametrize("pole", [90.0, -90.0])
 def test_a_sky_of_angles_has_stars_at_a_pole(pole):
     light = description.defaults().light | {"planet": True, "planet_elevation_deg": 90.0}
-    here, before = (sky(light | {"latitude_deg": latitude}) for latitude in (pole, math.copysign(89.999, pole)))
+    here, before = (compute_sky(light | {"latitude_deg": latitude}) for latitude in (pole, math.copysign(89.999, pole)))
     assert np.abs(here.from_j2000 - before.from_j2000).max() < 1e-4
     assert np.array_equal(here.sun, before.sun)
     assert here.ground_irradiance_wm2 == pytest.approx(before.ground_irradiance_wm2, rel=1e-4)
@@ -322,19 +322,19 @@ def test_a_sky_of_angles_has_stars_at_a_pole(pole):
 
 def test_the_folder_of_a_mac_and_a_meta_kernel_give_the_same_sky(kernels, tmp_path):
     """What is no kernel is skipped, and names are relative to the meta-kernel, wherever the program runs."""
-    wanted = spice.positions(kernels, "ENCELADUS", "SATURN", DATE, 10.0, 20.0)
+    wanted = spice.find_positions(kernels, "ENCELADUS", "SATURN", DATE, 10.0, 20.0)
     folder = shutil.copytree(kernels, tmp_path / "mac")
     (folder / ".DS_Store").write_bytes(b"\0\0\0\1Bud1" + bytes(100))
     (folder / "m.tm").write_text("KPL/MK\n\\begindata\nKERNELS_TO_LOAD = ( 'a.tls' 'b.tpc' 'c.bsp' )\n")
     for given in (folder, folder / "m.tm"):
-        found = spice.positions(given, "ENCELADUS", "SATURN", DATE, 10.0, 20.0)
+        found = spice.find_positions(given, "ENCELADUS", "SATURN", DATE, 10.0, 20.0)
         assert np.array_equal(found.sun, wanted.sun)
 
 
 def test_the_sky_of_a_date_and_of_kernels(kernels):
     light = description.merged(description.defaults(), preset_files.load_preset("bodies/enceladus")).light
-    dated = sky(light | {"directions_from": "DATE", "date_utc": DATE})
-    exact = sky(light | {"directions_from": "KERNELS", "date_utc": DATE, "kernels": str(kernels)})
+    dated = compute_sky(light | {"directions_from": "DATE", "date_utc": DATE})
+    exact = compute_sky(light | {"directions_from": "KERNELS", "date_utc": DATE, "kernels": str(kernels)})
     for shown in (dated, exact):
         assert shown.sun_irradiance_wm2 == pytest.approx(1361 / 9.0878**2, rel=1e-3)
         assert shown.planet.angular_diameter_deg == pytest.approx(29.33, rel=0.006)  # the eccentricity
@@ -351,14 +351,14 @@ def test_the_planet_eclipses_the_sun_once_an_orbit(tmp_path):
 
     def eclipses(start, source):
         times = np.datetime64(start) + np.arange(0, 1974, 3) * np.timedelta64(1, "m")  # an orbit, 32.9 hours
-        return np.array([sky(light | source | {"date_utc": str(time)}).eclipse for time in times])
+        return np.array([compute_sky(light | source | {"date_utc": str(time)}).eclipse for time in times])
 
     dated, exact = (
         eclipses(date, source)
         for source in ({"directions_from": "DATE"}, {"directions_from": "KERNELS", "kernels": str(kernels)})
     )
     assert dated.max() == exact.max() == 1.0
-    at = sky(light | {"directions_from": "DATE", "date_utc": date, "planet": True})
+    at = compute_sky(light | {"directions_from": "DATE", "date_utc": date, "planet": True})
     below = math.degrees(math.asin(at.planet.sun @ at.planet.pole))
     polar = math.degrees(math.atan(0.902 * math.tan(math.radians(14.665))))
     chord = 2 * 14.665 * math.sqrt(1 - (below / polar) ** 2)
@@ -376,9 +376,9 @@ def test_the_planet_eclipses_the_sun_once_an_orbit(tmp_path):
 )
 def test_what_kernels_lack_is_a_sentence(kernels, body, date, words):
     with pytest.raises(IcyMoonError, match=words) as caught:
-        spice.positions(kernels, body, "SATURN", date, 0.0, 0.0)
+        spice.find_positions(kernels, body, "SATURN", date, 0.0, 0.0)
     assert "\n" not in str(caught.value)
-    spice.positions(kernels, "ENCELADUS", "SATURN", DATE, 0.0, 0.0)  # nothing is left behind
+    spice.find_positions(kernels, "ENCELADUS", "SATURN", DATE, 0.0, 0.0)  # nothing is left behind
 
 
 @pytest.mark.parametrize(
@@ -388,22 +388,23 @@ def test_what_kernels_lack_is_a_sentence(kernels, body, date, words):
 def test_a_moon_of_another_planet_is_refused_before_data_of_that_are_asked_for(kernels, body, parent, planet):
     """Data of the wrong planet would give its sky without a word."""
     with pytest.raises(IcyMoonError, match=f"a moon of {planet}, but .* set light.parent to {planet}"):
-        spice.positions(kernels, body, parent, DATE, 0.0, 0.0)
+        spice.find_positions(kernels, body, parent, DATE, 0.0, 0.0)
 
 
 def test_missing_kernels_and_a_missing_package_are_sentences(tmp_path, monkeypatch):
     monkeypatch.setattr(spice, "has_spice", lambda: False)
     with pytest.raises(IcyMoonError, match=r"SpiceyPy.*ephemeris"):
-        spice.positions(tmp_path, "ENCELADUS", "SATURN", DATE, 0.0, 0.0)
+        spice.find_positions(tmp_path, "ENCELADUS", "SATURN", DATE, 0.0, 0.0)
     monkeypatch.setattr(spice, "has_spice", lambda: True)
     with pytest.raises(IcyMoonError, match="not there"):
-        spice.positions(tmp_path / "no.tm", "ENCELADUS", "SATURN", DATE, 0.0, 0.0)
+        spice.find_positions(tmp_path / "no.tm", "ENCELADUS", "SATURN", DATE, 0.0, 0.0)
 
 
 def test_spice_is_loaded_for_kernels_only():
     program = (
-        "import sys\nfrom icymoon.settings import description\nfrom icymoon.physics.light.sky import sky\n"
-        "light = description.defaults()['light']\nsky(light)\nsky(light | {'directions_from': 'DATE'})\n"
+        "import sys\nfrom icymoon.settings import description\nfrom icymoon.physics.light.sky import compute_sky\n"
+        "light = description.defaults()['light']\ncompute_sky(light)\ncompute_sky(light | {'directions_from': "
+        "'DATE'})\n"
         "assert 'spiceypy' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", program], check=True, timeout=240)

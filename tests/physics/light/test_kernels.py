@@ -9,7 +9,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from icymoon.physics.light import kernels as kernel_module
-from icymoon.physics.light.kernels import find_kernels, kernel_files
+from icymoon.physics.light.kernels import find_kernels, list_kernel_files
 from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.timeout(30)
@@ -56,7 +56,7 @@ def folder(tmp_path):
 
 def test_only_kernels_are_loaded_of_a_folder(folder):
     assert find_kernels(folder) == [folder / "a.tpc", folder / "spk" / "b.bsp"]
-    assert len(kernel_files(folder)) == 5
+    assert len(list_kernel_files(folder)) == 5
     assert find_kernels(folder / "a.tpc") == [folder / "a.tpc"]
     (folder / "spk" / "b.bsp").write_bytes(daf(order=">"))
     assert len(find_kernels(folder)) == 2
@@ -180,6 +180,6 @@ def test_a_damaged_kernel_is_one_or_a_sentence(folder, whole, seed):
         for at in random.integers(0, min(len(data), 1200), 3):
             data[at] = random.integers(0, 256)
         (folder / "m.tm").write_bytes(data)
-        kernel_module._read.cache_clear()
+        kernel_module._read_kernel.cache_clear()
         with suppress(IcyMoonError):
             find_kernels(folder / "m.tm")

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from icymoon.physics.light.planetshine import Planet, Ring, disc_mesh, irradiance_wm2, unshaded_share
-from icymoon.physics.light.saturn_rings import RINGS, brightness, phase_function, ring_mesh, shadow_half_angle
-from icymoon.physics.light.sky import sky
+from icymoon.physics.light.planetshine import Planet, Ring, irradiance_wm2, make_disc_mesh, unshaded_share
+from icymoon.physics.light.saturn_rings import RINGS, make_ring_mesh, phase_function, ring_brightness, shadow_half_angle
+from icymoon.physics.light.sky import compute_sky
 from icymoon.settings import description, preset_files
 from planet_radiance import face_radiance
 
@@ -17,7 +17,7 @@ ENCELADUS = description.merged(description.defaults(), preset_files.load_preset(
 
 
 def dated(date, latitude):
-    return sky(
+    return compute_sky(
         ENCELADUS | {"directions_from": "DATE", "date_utc": date, "latitude_deg": latitude, "planet_rings": True}
     )
 
@@ -56,9 +56,9 @@ def test_a_layer_is_the_integral_over_its_depth():
         lit = (weight * scale * 0.5 / 4 * phase_function(phase)[0] * np.exp(-near / sun)).sum()
         unlit = (weight * scale * 0.5 / 4 * phase_function(phase)[0] * np.exp(-(depth - near) / sun)).sum()
         ring = Ring(1.0, 2.0, depth, 0.5)
-        assert brightness(ring, sun, np.array([seen]), phase, True)[0] == pytest.approx(lit, rel=1e-4)
-        assert brightness(ring, sun, np.array([seen]), phase, False)[0] == pytest.approx(unlit, rel=1e-4)
-    assert brightness(RINGS["B"], 0.0, np.array([0.1]), phase, True)[0] == 0.0
+        assert ring_brightness(ring, sun, np.array([seen]), phase, True)[0] == pytest.approx(lit, rel=1e-4)
+        assert ring_brightness(ring, sun, np.array([seen]), phase, False)[0] == pytest.approx(unlit, rel=1e-4)
+    assert ring_brightness(RINGS["B"], 0.0, np.array([0.1]), phase, True)[0] == 0.0
 
 
 def test_particles_scatter_back_and_lose_nothing():
@@ -69,7 +69,7 @@ def test_particles_scatter_back_and_lose_nothing():
     # Ring B in opposition, as seen from Earth at 26°, has I/F 0.5 to 0.7 (Cuzzi et al. 2002, Icarus 158, 199); single
     # scattering alone gives two thirds.
     sine = math.sin(math.radians(26))
-    assert 0.25 < brightness(RINGS["B"], sine, np.array([sine]), np.array([0.02]), True)[0] < 0.5
+    assert 0.25 < ring_brightness(RINGS["B"], sine, np.array([sine]), np.array([0.02]), True)[0] < 0.5
 
 
 def test_the_shadow_is_where_rays_to_the_sun_meet_the_planet():
@@ -95,7 +95,7 @@ def test_from_enceladus_they_are_a_line_that_gives_no_light_to_speak_of():
         ("2038-06-01", 30.0),
     ):
         shown = dated(date, latitude)
-        mesh = ring_mesh(shown.planet)
+        mesh = make_ring_mesh(shown.planet)
         ray = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
         off = np.degrees(np.arcsin(np.abs(ray @ shown.planet.pole)))
         assert off.max() < 0.15
@@ -107,7 +107,7 @@ def test_from_enceladus_they_are_a_line_that_gives_no_light_to_speak_of():
         assert light < 2e-4 * shown.sun_irradiance_wm2
         full = replace(shown.planet, sun=-shown.planet.direction)
         assert light < 0.006 * irradiance_wm2(full)
-    assert ring_mesh(dated("2032-06-01", 0.0).planet) is None
+    assert make_ring_mesh(dated("2032-06-01", 0.0).planet) is None
 
 
 def test_the_rings_shade_saturn_as_rays_to_the_sun_find():
@@ -136,7 +136,7 @@ def test_the_rings_shade_saturn_as_rays_to_the_sun_find():
     assert 0.7 < share < 0.95
     assert share == pytest.approx(passed.sum() / lit.sum(), abs=3e-3)
     up = np.array([0.0, 0.0, 1.0])
-    mesh = disc_mesh(shown, 144)
+    mesh = make_disc_mesh(shown, 144)
     corners = mesh.vertices[mesh.faces]
     area = (
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -152,7 +152,7 @@ def test_the_rings_shade_saturn_as_rays_to_the_sun_find():
 
 
 def test_the_side_away_from_the_sun_is_dark_where_the_ring_is_dense():
-    lit, unlit = ring_mesh(opened(15.0, 20.0)), ring_mesh(opened(15.0, -20.0))
+    lit, unlit = make_ring_mesh(opened(15.0, 20.0)), make_ring_mesh(opened(15.0, -20.0))
     for mesh in (lit, unlit):
         assert np.isfinite(mesh.radiance).all()
         assert ((mesh.transmission >= 0) & (mesh.transmission <= 1)).all()
@@ -171,7 +171,7 @@ def test_the_side_away_from_the_sun_is_dark_where_the_ring_is_dense():
     [(0.001, 0.0), (90.0, 90.0), (-90.0, 90.0), (5.0, 90.0), (30.0, 1e-6), (20.0, 20.0), (-20.0, 20.0)],
 )
 def test_no_geometry_is_too_much(height, sun):
-    mesh = ring_mesh(opened(height, sun))
+    mesh = make_ring_mesh(opened(height, sun))
     assert np.isfinite(mesh.vertices).all()
     assert np.isfinite(mesh.radiance).all()
     assert (mesh.radiance >= 0).all()
@@ -179,9 +179,9 @@ def test_no_geometry_is_too_much(height, sun):
 
 def test_only_saturn_has_rings():
     assert dated("2032-06-01", -80.0).planet.rings
-    europa = sky(ENCELADUS | {"directions_from": "DATE", "body": "EUROPA", "planet_rings": True})
+    europa = compute_sky(ENCELADUS | {"directions_from": "DATE", "body": "EUROPA", "planet_rings": True})
     assert not europa.planet.rings
     assert europa.above_ring_plane_deg is None
-    raised = sky(ENCELADUS | {"planet_rings": True, "planet_elevation_deg": 20.0})
+    raised = compute_sky(ENCELADUS | {"planet_rings": True, "planet_elevation_deg": 20.0})
     assert raised.above_ring_plane_deg == pytest.approx(10.0)
-    assert sky(ENCELADUS | {"planet_rings": True, "planet": False}).above_ring_plane_deg is None
+    assert compute_sky(ENCELADUS | {"planet_rings": True, "planet": False}).above_ring_plane_deg is None

@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.light.directions import toward
-from icymoon.physics.light.scene_sun import BY_HAND, SceneSun, as_it_stands, described_by, from_json
-from icymoon.physics.light.sky import sky, sky_facts
+from icymoon.physics.light.directions import direction_toward
+from icymoon.physics.light.scene_sun import BY_HAND, SceneSun, sun_from_facts, sun_from_json, sun_from_lamp
+from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.settings.description import defaults, merged
 
 
 def described(**light) -> SceneSun:
     settings = merged(defaults(), {"light": {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 250.0, **light}})
-    return described_by(sky_facts(sky(settings.light))["sun"], "ANGLES")
+    return sun_from_facts(describe_sky(compute_sky(settings.light))["sun"], "ANGLES")
 
 
 def stands(sun: SceneSun, **changed) -> SceneSun:
@@ -25,12 +25,12 @@ def stands(sun: SceneSun, **changed) -> SceneSun:
         "distance_m": sun.distance_m,
         **changed,
     }
-    return as_it_stands(sun, **values)
+    return sun_from_lamp(sun, **values)
 
 
 @pytest.mark.parametrize(("azimuth", "elevation"), [(0.0, 90.0), (359.0, -5.0), (123.4, 0.0), (10.0, 1e-6)])
 def test_its_angles_and_its_light_on_level_ground_follow_from_its_direction(azimuth, elevation):
-    found = SceneSun(toward(azimuth, elevation), 50.0, 0.1).to_json()
+    found = SceneSun(direction_toward(azimuth, elevation), 50.0, 0.1).to_json()
     assert found["elevation_deg"] == pytest.approx(elevation, abs=1e-6)
     if elevation < 89:
         assert found["azimuth_deg"] == pytest.approx(azimuth)
@@ -41,11 +41,11 @@ def test_its_angles_and_its_light_on_level_ground_follow_from_its_direction(azim
     ("changed", "source"),
     [
         ({}, "ANGLES"),
-        ({"direction": toward(250.0, 20.001)}, BY_HAND),
+        ({"direction": direction_toward(250.0, 20.001)}, BY_HAND),
         ({"irradiance_wm2": 7.0}, BY_HAND),
         ({"angular_diameter_deg": 3.0}, BY_HAND),
         ({"distance_m": 5.0}, BY_HAND),
-        ({"direction": np.float32(toward(250.0, 20.0)).astype(float)}, "ANGLES"),
+        ({"direction": np.float32(direction_toward(250.0, 20.0)).astype(float)}, "ANGLES"),
     ],
 )
 def test_what_was_changed_by_hand_is_known(changed, source):
@@ -62,7 +62,7 @@ def test_what_the_planet_hides_is_left_out_once():
     assert 0.1 < sun.eclipse < 0.9
     assert sun.irradiance_wm2 == pytest.approx((1 - sun.eclipse) * defaults().light.sun_irradiance_wm2)
     assert stands(sun).eclipse == sun.eclipse
-    assert stands(sun, direction=toward(0.0, 20.0)).eclipse == 0
+    assert stands(sun, direction=direction_toward(0.0, 20.0)).eclipse == 0
 
 
 def test_a_sun_below_the_horizon_gives_no_light():
@@ -71,7 +71,7 @@ def test_a_sun_below_the_horizon_gives_no_light():
 
 def test_it_is_read_as_it_was_written():
     sun = stands(described(sun_distance_m=4.0))
-    found = from_json({"sun": sun.to_json()})
+    found = sun_from_json({"sun": sun.to_json()})
     assert found is not None
     written, again = sun.to_json(), found.to_json()
     assert again.pop("source") == written.pop("source") == "ANGLES"
@@ -81,7 +81,7 @@ def test_it_is_read_as_it_was_written():
 
 def test_an_old_record_is_of_its_direction():
     """Pairs of releases up to 0.2 may state the elevation of the settings beside the direction of the lamp."""
-    found = from_json(
+    found = sun_from_json(
         {
             "sun": {
                 "direction_to_world": [0.0, 0.0, 2.0],
@@ -114,4 +114,4 @@ def test_an_old_record_is_of_its_direction():
     ],
 )
 def test_what_is_no_sun_is_none(light):
-    assert from_json(light) is None
+    assert sun_from_json(light) is None

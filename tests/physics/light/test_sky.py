@@ -5,16 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from icymoon.physics.light.eclipse import hidden_share
+from icymoon.physics.light.eclipse import compute_hidden_share
 from icymoon.physics.light.planetshine import (
     Planet,
     Ring,
-    disc_mesh,
     irradiance_wm2,
     lambert_phase,
+    make_disc_mesh,
     phase_function,
 )
-from icymoon.physics.light.sky import azimuth_deg, check_body, elevation_deg, sky, sky_facts
+from icymoon.physics.light.sky import azimuth_deg, check_body, compute_sky, describe_sky, elevation_deg
 from icymoon.physics.light.sunlight import apparent_diameter_deg, sun_colour, sun_diameter_deg, sun_irradiance_wm2
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, preset_files
@@ -158,7 +158,7 @@ def test_below_the_horizon_there_is_nothing_and_half_of_it_at_the_horizon():
 
 def test_the_mesh_is_the_ellipsoid_in_size_light_and_side():
     shown = planet(60.0, flattening=0.1)
-    mesh = disc_mesh(shown)
+    mesh = make_disc_mesh(shown)
     corners = mesh.vertices[mesh.faces]
     area = (
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -177,21 +177,21 @@ def test_the_mesh_is_the_ellipsoid_in_size_light_and_side():
 
 def test_the_sky_of_the_settings():
     light = description.merged(description.defaults(), preset_files.load_preset("bodies/enceladus")).light
-    shown = sky(light | {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 300.0})
+    shown = compute_sky(light | {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 300.0})
     assert (elevation_deg(shown.sun), azimuth_deg(shown.sun)) == pytest.approx((20.0, 300.0))
     assert shown.ground_irradiance_wm2[0] == pytest.approx(14.82 * math.sin(math.radians(20)))
     assert elevation_deg(shown.planet.pole) == pytest.approx(-80.0)
-    said = sky_facts(shown)
+    said = describe_sky(shown)
     assert said["planet"]["phase_deg"] == pytest.approx(
         180 - math.degrees(math.acos(shown.sun @ [0, math.cos(math.radians(10)), math.sin(math.radians(10))]))
     )
     assert 0 < said["planet"]["ground_irradiance_wm2"] < 0.1
-    assert sky(light | {"planet": False}).planet is None
+    assert compute_sky(light | {"planet": False}).planet is None
 
 
 @pytest.mark.parametrize(("elevation", "up"), [(-5.0, False), (-0.02, True), (0.0, True), (0.01, True), (90.0, True)])
 def test_the_sun_is_up_while_any_of_it_is(elevation, up):
-    shown = sky(description.defaults().light | {"sun_elevation_deg": elevation})
+    shown = compute_sky(description.defaults().light | {"sun_elevation_deg": elevation})
     assert shown.sun_is_up is up
     assert shown.ground_irradiance_wm2[0] == pytest.approx(14.82 * max(0.0, math.sin(math.radians(elevation))))
 
@@ -219,17 +219,17 @@ def test_of_a_sphere_an_eclipse_is_the_share_of_two_circles(diameter, sun):
     for apart in diameter / 2 + sun / 2 * np.linspace(-1.2, 1.2, 13):
         shown = planet(180.0 - max(apart, 0.0), (1.0, diameter, 0.5))
         # The sky is no plane: the limb of a large planet is less curved than a circle of its angular radius.
-        assert hidden_share(shown, sun) == pytest.approx(
+        assert compute_hidden_share(shown, sun) == pytest.approx(
             circles_overlap(sun / 2, diameter / 2, max(apart, 0.0)), abs=3e-4
         )
 
 
 def test_a_planet_before_the_middle_of_the_sun_hides_its_own_size():
-    assert hidden_share(planet(180.0, (1.0, 0.02, 0.5)), 0.05) == pytest.approx(0.16, abs=5e-3)
-    assert hidden_share(planet(180.0, (1.0, 0.0, 0.5)), 0.05) == 0.0
-    assert hidden_share(planet(0.0), 0.0556) == 0.0  # behind the site
+    assert compute_hidden_share(planet(180.0, (1.0, 0.02, 0.5)), 0.05) == pytest.approx(0.16, abs=5e-3)
+    assert compute_hidden_share(planet(180.0, (1.0, 0.0, 0.5)), 0.05) == 0.0
+    assert compute_hidden_share(planet(0.0), 0.0556) == 0.0  # behind the site
     for diameter in (0.0, 0.0556):
-        assert hidden_share(planet(180.0), diameter) == 1.0
+        assert compute_hidden_share(planet(180.0), diameter) == 1.0
 
 
 def test_an_ellipsoid_hides_what_rays_meet():
@@ -246,23 +246,25 @@ def test_an_ellipsoid_hides_what_rays_meet():
         d = shown.direction
         hit = (rays @ shape @ d) ** 2 > np.einsum("ni,ij,nj->n", rays, shape, rays) * (d @ shape @ d - 1)
         assert 0.1 < hit.mean() < 0.9
-        assert hidden_share(shown, sun) == pytest.approx(hit.mean(), abs=4e-3)  # of the rays' raster
+        assert compute_hidden_share(shown, sun) == pytest.approx(hit.mean(), abs=4e-3)  # of the rays' raster
 
 
 def test_an_eclipse_takes_the_light_of_the_ground():
     light = description.defaults().light | {"planet": True, "planet_elevation_deg": 20.0, "planet_azimuth_deg": 60.0}
-    assert sky(light).eclipse == 1.0
-    assert sky(light).ground_irradiance_wm2 == (0.0, 0.0)
-    part = sky(light | {"planet_angular_diameter_deg": 0.05})
+    assert compute_sky(light).eclipse == 1.0
+    assert compute_sky(light).ground_irradiance_wm2 == (0.0, 0.0)
+    part = compute_sky(light | {"planet_angular_diameter_deg": 0.05})
     assert 0 < part.eclipse < 1
     assert part.ground_irradiance_wm2[0] == pytest.approx((1 - part.eclipse) * 14.82 * math.sin(math.radians(20)))
-    assert sky(light | {"planet_elevation_deg": 60.0}).eclipse == 0.0
-    assert sky(light | {"planet": False}).eclipse == 0.0  # among angles there is no planet but one that is shown
+    assert compute_sky(light | {"planet_elevation_deg": 60.0}).eclipse == 0.0
+    assert (
+        compute_sky(light | {"planet": False}).eclipse == 0.0
+    )  # among angles there is no planet but one that is shown
 
 
 def test_every_scene_preset_has_light():
     for name in preset_files.preset_names("scenes"):
-        shown = sky(description.merged(description.defaults(), preset_files.load_preset(name)).light)
+        shown = compute_sky(description.merged(description.defaults(), preset_files.load_preset(name)).light)
         assert shown.eclipse == 0.0, name
         assert sum(shown.ground_irradiance_wm2) > (0.05 if name.endswith("shine") else 1.0), name
 
@@ -277,10 +279,10 @@ def test_a_body_has_the_same_planet_in_its_sky_by_angles_and_by_date(name):
     of the ellipsoid's normal, which angles know not: 1.1° and 0.1° on Europa, 0.8° and 0.7° at 80° south on
     Enceladus. Of its apparent size the eccentricity, a hundredth and a two-hundredth, is left, and half of the moon."""
     light = described(preset_files.load_preset(f"bodies/{name}"))["light"]
-    by_angles = sky_facts(sky(light))["planet"]
+    by_angles = describe_sky(compute_sky(light))["planet"]
     for day in range(0, 400, 9):
         date = str(np.datetime64("2031-01-01T00:00") + np.timedelta64(day * 1440 + 61 * day, "m"))
-        by_date = sky_facts(sky(light | {"directions_from": "DATE", "date_utc": date}))["planet"]
+        by_date = describe_sky(compute_sky(light | {"directions_from": "DATE", "date_utc": date}))["planet"]
         off = math.degrees(math.acos(min(1.0, np.dot(by_date["direction_to_world"], by_angles["direction_to_world"]))))
         assert off < 1.5
         assert by_date["angular_diameter_deg"] == pytest.approx(by_angles["angular_diameter_deg"], rel=0.015)
@@ -308,7 +310,7 @@ def test_the_manuals_ganymede_has_no_europas_sky(tmp_path):
     found = described(preset_files.load(tmp_path / "ganymede.toml"), {"light": {"directions_from": "DATE"}})
     check_body(found)
     with pytest.raises(IcyMoonError, match="'GANYMEDE'; without kernels only ENCELADUS and EUROPA"):
-        sky(found["light"])
+        compute_sky(found["light"])
 
 
 def test_a_plan_refuses_such_ground_in_each_of_its_sweep(tmp_path):

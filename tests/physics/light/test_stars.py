@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.light import ephemeris, stars
-from icymoon.physics.light.photons import electron_rate, planck, total_radiance
-from icymoon.physics.light.sky import azimuth_deg, elevation_deg, sky
+from icymoon.physics.light.photons import electron_rate, planck_radiance, total_radiance
+from icymoon.physics.light.sky import azimuth_deg, compute_sky, elevation_deg
 from icymoon.settings import description
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -27,9 +27,9 @@ def test_a_star_of_magnitude_zero_has_the_light_of_vegas_zero_point():
     assert pytest.approx(2.69e-8, rel=2e-3) == stars.V0_WM2
     # Bessell, Castelli and Plez 1998, A&A 333, 231: 3.631e-9 erg/(cm² s Å) at 545 nm. The Sun as a black body is
     # within a few percent of its spectrum there.
-    per_nm = stars.V0_WM2 * planck(545e-9, 5772.0) / total_radiance(5772.0) * 1e-9
+    per_nm = stars.V0_WM2 * planck_radiance(545e-9, 5772.0) / total_radiance(5772.0) * 1e-9
     assert per_nm == pytest.approx(3.631e-11, rel=0.05)
-    assert stars.irradiance_wm2(np.array([5.0, -2.5])) == pytest.approx(stars.V0_WM2 * np.array([0.01, 10.0]))
+    assert stars.star_irradiance_wm2(np.array([5.0, -2.5])) == pytest.approx(stars.V0_WM2 * np.array([0.01, 10.0]))
 
 
 def test_a_camera_counts_the_photons_of_a_star():
@@ -70,9 +70,9 @@ def test_the_brightest_stars_are_where_they_are():
 
 
 def test_colours_are_those_of_their_temperatures():
-    assert stars.temperature_k(0.65) == pytest.approx(5772, rel=0.02)  # the Sun
-    assert stars.temperature_k(0.0) == pytest.approx(10000, rel=0.03)
-    assert stars.temperature_k(1.85) == pytest.approx(3400, rel=0.05)
+    assert stars.star_temperature_k(0.65) == pytest.approx(5772, rel=0.02)  # the Sun
+    assert stars.star_temperature_k(0.0) == pytest.approx(10000, rel=0.03)
+    assert stars.star_temperature_k(1.85) == pytest.approx(3400, rel=0.05)
     shown = stars.stars_above_horizon(
         -1.0, 1, np.diag([1.0, 1.0, -1.0])
     ).irradiance_wm2  # Sirius alone, which is in the south
@@ -111,25 +111,29 @@ def test_starlight_on_the_ground_is_nothing_beside_the_planets():
 
 def test_without_a_date_the_pole_of_the_stars_is_the_bodys():
     for latitude in (60.0, -80.0):
-        shown = sky(LIGHT | {"latitude_deg": latitude})
+        shown = compute_sky(LIGHT | {"latitude_deg": latitude})
         np.testing.assert_allclose(shown.from_j2000 @ shown.from_j2000.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(shown.from_j2000) == pytest.approx(1.0)
         assert elevation_deg(shown.from_j2000[:, 2]) == pytest.approx(latitude)
         assert azimuth_deg(shown.from_j2000[:, 1]) == pytest.approx(90.0)  # right ascension 6 h rises
         assert elevation_deg(shown.from_j2000[:, 0]) == pytest.approx(90 - abs(latitude))  # 0 h culminates
-    assert elevation_deg(sky(LIGHT | {"latitude_deg": 60.0}).from_j2000 @ star("Polaris")) == pytest.approx(60, abs=0.8)
+    assert elevation_deg(compute_sky(LIGHT | {"latitude_deg": 60.0}).from_j2000 @ star("Polaris")) == pytest.approx(
+        60, abs=0.8
+    )
 
 
 @pytest.mark.parametrize(("body", "declination"), [("ENCELADUS", 83.52), ("EUROPA", 64.5)])
 def test_at_a_date_the_stars_turn_about_the_bodys_axis(body, declination):
     light = LIGHT | {"directions_from": "DATE", "body": body, "latitude_deg": 30.0}
-    now = sky(light | {"date_utc": "2035-03-01T12:00:00"})
+    now = compute_sky(light | {"date_utc": "2035-03-01T12:00:00"})
     axis = np.array([0.0, math.cos(math.radians(30)), math.sin(math.radians(30))])
     assert angle_deg(now.from_j2000[:, 2], axis) == pytest.approx(90 - declination, abs=2.0)  # the normal leans
     rate = {"ENCELADUS": 262.7318996, "EUROPA": 101.3747235}[body]
     day = np.datetime64("2035-03-01T12:00:00", "ms") + np.timedelta64(round(360 / rate * 86.4e6), "ms")
-    again = sky(light | {"date_utc": str(day)})
+    again = compute_sky(light | {"date_utc": str(day)})
     assert angle_deg(now.from_j2000 @ star("Vega"), again.from_j2000 @ star("Vega")) < 0.01
     # Of the Sun, which the stars carry: its right ascension and declination are those of the elements.
-    toward = -ephemeris.heliocentric_au(ephemeris.BODIES[body].orbit, ephemeris.days_since_j2000("2035-03-01T12:00:00"))
+    toward = -ephemeris.heliocentric_position_au(
+        ephemeris.BODIES[body].orbit, ephemeris.days_since_j2000("2035-03-01T12:00:00")
+    )
     assert angle_deg(now.from_j2000 @ toward, now.sun) < 1e-6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.mesh.broken_walls import break_walls, scoops, steepness
+from icymoon.physics.mesh.broken_walls import break_walls, scoop_depth, wall_steepness
 from icymoon.physics.mesh.graded_ground import grade_ground
 from icymoon.physics.terrain.landforms import Walls
 from icymoon.physics.terrain.terrain import make_terrain
@@ -47,17 +47,17 @@ def _meshed(*changed):
 def test_scoops_are_continuous_and_differ_in_all_directions():
     random = np.random.default_rng(1)
     at = random.uniform(-20, 20, (4000, 3))
-    depth = scoops(at, 3)
+    depth = scoop_depth(at, 3)
     assert depth.min() >= 0.0
     assert 0.3 < depth.mean() < 1.0
     assert depth.std() > 0.1  # as deep from edge to middle as the least of them
     assert depth.max() < 1.4
     for axis in np.eye(3):
         # A bowl's slope is at most 0.45 + 2 * 1.3 * sqrt(3), at the far corner of a cell.
-        assert np.abs(scoops(at + 1e-4 * axis, 3) - depth).max() < 5e-4
-        assert abs(np.corrcoef(scoops(at + 2.0 * axis, 3), depth)[0, 1]) < 0.1
-    assert np.array_equal(scoops(at, 3), depth)
-    assert not np.array_equal(scoops(at, 4), depth)
+        assert np.abs(scoop_depth(at + 1e-4 * axis, 3) - depth).max() < 5e-4
+        assert abs(np.corrcoef(scoop_depth(at + 2.0 * axis, 3), depth)[0, 1]) < 0.1
+    assert np.array_equal(scoop_depth(at, 3), depth)
+    assert not np.array_equal(scoop_depth(at, 4), depth)
 
 
 @pytest.mark.parametrize("most", [100_000, 4000, 1681])
@@ -105,8 +105,8 @@ def test_what_is_not_seen_stays_as_it_is():
 
 def test_steepness_rises_from_ground_to_wall():
     normals = np.array([[np.sin(a), 0.0, np.cos(a)] for a in np.radians([0.0, 51.0, 60.0, 69.0, 90.0])])
-    assert steepness(5.0 * normals)[[0, 1, 3, 4]].tolist() == [0, 0, 1, 1]
-    assert 0.2 < steepness(normals)[2] < 0.8
+    assert wall_steepness(5.0 * normals)[[0, 1, 3, 4]].tolist() == [0, 0, 1, 1]
+    assert 0.2 < wall_steepness(normals)[2] < 0.8
 
 
 def test_walls_of_plates_are_broken_where_it_is_asked_for_and_within_the_limit():
@@ -134,7 +134,7 @@ def test_the_mesh_depends_on_the_heading_only_with_broken_walls(change):
     broken = {"mesh": {"walls": "BROKEN"}}
 
     def scene(*changed):
-        return changes.scene(merged(defaults(), PLATES, broken, *changed))
+        return changes.select_scene(merged(defaults(), PLATES, broken, *changed))
 
     turned = {"rig": {"heading_deg": 30.0}}
     assert scene() != scene(turned)

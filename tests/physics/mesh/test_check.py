@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 from icymoon.formats import mesh_file
-from icymoon.physics.mesh.check import examine, face_normals, label_components, repair
+from icymoon.physics.mesh.check import examine_mesh, face_normals, label_components, repair_mesh
 from icymoon.physics.mesh.mesh_heights import MeshGround
 from icymoon.physics.mesh.subdivide import count_halvings, edge_length_m, halve_edges, vertex_normals
 from icymoon.support.errors import IcyMoonError
@@ -46,7 +46,7 @@ def test_components_are_those_of_a_plain_search():
 
 
 def test_a_cube_is_in_order():
-    report = examine(CUBE, BOX)
+    report = examine_mesh(CUBE, BOX)
     assert (report.vertices, report.triangles, report.parts) == (8, 12, 1)
     assert report.boundary_edges == report.boundary_loops == 0
     assert report.non_manifold_edges == report.inconsistent_edges == report.duplicate_vertices == 0
@@ -57,19 +57,19 @@ def test_a_cube_is_in_order():
 
 
 def test_an_open_box_has_one_rim_and_two_holes_make_two_more():
-    report = examine(CUBE, BOX[2:])
+    report = examine_mesh(CUBE, BOX[2:])
     assert (report.boundary_edges, report.boundary_loops) == (4, 1)
     positions, faces = sheet(9)
     k = [8 * 2 + 2, 8 * 5 + 5]
     holed = np.delete(faces, [*k, *(np.array(k) + 64)], axis=0)
-    report = examine(positions, holed)
+    report = examine_mesh(positions, holed)
     assert report.boundary_loops == 3
     assert "2 holes beside the outer rim" in " ".join(report.lines())
 
 
 def test_three_faces_on_an_edge_are_not_a_manifold():
     positions = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)], float)
-    report = examine(positions, np.array([(0, 1, 2), (1, 0, 3), (0, 1, 4)]))
+    report = examine_mesh(positions, np.array([(0, 1, 2), (1, 0, 3), (0, 1, 4)]))
     assert report.non_manifold_edges == 1
 
 
@@ -77,21 +77,21 @@ def test_flipped_faces_are_counted_and_turned_back():
     positions, faces = sheet()
     flipped = faces.copy()
     flipped[[7, 20, 21, 40]] = flipped[[7, 20, 21, 40], ::-1]
-    report = examine(positions, flipped)
+    report = examine_mesh(positions, flipped)
     assert report.inconsistent_edges > 0
     assert report.facing_down > 0.05
     for broken in (flipped, flipped[:, ::-1], faces[:, ::-1]):
-        positions_after, mended, _ = repair(positions, broken)
+        positions_after, mended, _ = repair_mesh(positions, broken)
         assert (face_normals(positions_after, mended)[:, 2] > 0).all()
-        assert examine(positions_after, mended).inconsistent_edges == 0
+        assert examine_mesh(positions_after, mended).inconsistent_edges == 0
 
 
 def test_a_closed_part_is_turned_outward_wherever_it_lies():
     positions, faces = sheet()
     both = np.concatenate([positions, CUBE + np.array([2, 2, 50])])
     inside_out = np.concatenate([faces, BOX[:, ::-1] + len(positions)])
-    after, mended, _ = repair(both, inside_out)
-    assert examine(after, mended).parts == 2
+    after, mended, _ = repair_mesh(both, inside_out)
+    assert examine_mesh(after, mended).parts == 2
     normals = face_normals(after, mended)
     boulder = after[mended].mean(axis=1)[:, 2] > 10
     away = after[mended].mean(axis=1)[boulder] - (2.5, 2.5, 50.5)
@@ -113,10 +113,10 @@ def test_a_moebius_strip_is_left_as_it_is():
         if k == n - 1:
             c, d = d, c
         faces += [(a, b, d), (a, d, c)]
-    report = examine(positions, np.array(faces))
+    report = examine_mesh(positions, np.array(faces))
     assert report.boundary_loops == 1
     assert report.inconsistent_edges == 1
-    _, mended, _ = repair(positions, np.array(faces))
+    _, mended, _ = repair_mesh(positions, np.array(faces))
     assert len(mended) == 2 * n
 
 
@@ -125,15 +125,15 @@ def test_what_cannot_be_rendered_goes_and_the_rest_stays():
     positions = np.concatenate([positions, positions[:6], [(np.nan, 0, 0), (9, 9, np.inf), (7, 7, 7)]])
     faces = np.concatenate([faces, [(0, 1, 42), (1, 2, 43)], [(3, 3, 4), (0, 36, 1)], faces[:3][:, [1, 2, 0]]])
     faces[faces == 2] = 38
-    report = examine(positions, faces)
+    report = examine_mesh(positions, faces)
     assert report.non_finite_vertices == 2
     assert report.degenerate_faces == 2
     assert report.duplicate_vertices == 6
     assert report.duplicate_faces == 3
-    after, mended, _ = repair(positions, faces)
+    after, mended, _ = repair_mesh(positions, faces)
     assert (len(after), len(mended)) == (36, 50)
-    again = examine(after, mended)
-    assert again.area_m2 == pytest.approx(examine(*sheet()).area_m2)
+    again = examine_mesh(after, mended)
+    assert again.area_m2 == pytest.approx(examine_mesh(*sheet()).area_m2)
     assert len(again.lines()) == 1
 
 
@@ -144,16 +144,16 @@ def test_nothing_left_is_a_report_too():
         (np.zeros((3, 3)), one),
         (np.empty((0, 3)), np.empty((0, 3), int)),
     ):
-        report = examine(positions, faces)
+        report = examine_mesh(positions, faces)
         assert report.area_m2 == 0.0
-        assert len(repair(positions, faces)[1]) == 0
+        assert len(repair_mesh(positions, faces)[1]) == 0
 
 
 def test_the_axis_that_the_ground_faces_is_named():
     positions, faces = sheet()
-    assert examine(positions, faces).up == "Z"
-    assert examine(positions[:, [0, 2, 1]], faces).up == "Y"
-    assert examine(positions[:, [2, 0, 1]], faces).up == "X"
+    assert examine_mesh(positions, faces).up == "Z"
+    assert examine_mesh(positions[:, [0, 2, 1]], faces).up == "Y"
+    assert examine_mesh(positions[:, [2, 0, 1]], faces).up == "X"
 
 
 def test_costs_come_from_the_header_or_the_size(tmp_path):
@@ -227,7 +227,7 @@ def test_the_height_of_a_mesh_is_that_of_its_highest_triangle():
 def test_halving_keeps_the_shape_and_halves_the_edges():
     positions, faces = sheet()
     fine, cut = halve_edges(positions, faces)
-    before, after = examine(positions, faces), examine(fine, cut)
+    before, after = examine_mesh(positions, faces), examine_mesh(fine, cut)
     assert (after.triangles, after.inconsistent_edges, after.boundary_loops) == (4 * before.triangles, 0, 1)
     assert after.duplicate_vertices == 0
     assert after.area_m2 == pytest.approx(before.area_m2)
@@ -249,5 +249,5 @@ def test_fine_triangles_of_a_wide_ground_stay():
     fine = (positions - positions.mean(axis=0)) * 0.01
     far = np.array([(-6e4, -6e4, -9), (6e4, -6e4, -9), (0, 6e4, -9)])
     together = np.concatenate([fine, far]), np.concatenate([faces, [np.arange(3) + len(fine)]])
-    assert examine(*together).degenerate_faces == 0
-    assert len(repair(*together)[1]) == len(faces) + 1
+    assert examine_mesh(*together).degenerate_faces == 0
+    assert len(repair_mesh(*together)[1]) == len(faces) + 1

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.mesh.cut_lines import cut_along
+from icymoon.physics.mesh.cut_lines import cut_along_lines
 from icymoon.physics.mesh.graded_ground import grade_ground
-from icymoon.physics.mesh.vertex_rings import Rings
+from icymoon.physics.mesh.vertex_rings import VertexRings
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged
 
@@ -16,7 +16,7 @@ STEP = 0.05
 def _disc():
     """Places, triangles and steps of rings 5 cm apart, to 2 m."""
     radii = np.arange(1, 41) * STEP
-    rings = Rings.of(radii, np.full(len(radii), STEP))
+    rings = VertexRings.of(radii, np.full(len(radii), STEP))
     return np.stack(rings.map_positions(), axis=1), rings.faces(), np.full(rings.vertices, STEP)
 
 
@@ -47,7 +47,7 @@ LINES = {
 @pytest.mark.parametrize("name", LINES)
 def test_the_mesh_stays_closed_and_unfolded_and_follows_the_line(name):
     places, faces, step = _disc()
-    cut = cut_along(places, faces, step, LINES[name], 1.0)
+    cut = cut_along_lines(places, faces, step, LINES[name], 1.0)
     area = _areas(cut.places, cut.faces)
     assert (area > 0).all()
     # Only vertices of the rim that were moved change the outline.
@@ -75,7 +75,7 @@ def test_the_mesh_stays_closed_and_unfolded_and_follows_the_line(name):
 
 def test_triangles_that_are_too_coarse_stay_whole():
     places, faces, step = _disc()
-    cut = cut_along(places, faces, step, LINES["straight"], 0.1)
+    cut = cut_along_lines(places, faces, step, LINES["straight"], 0.1)
     assert cut.places is places
     assert cut.faces is faces
     assert not cut.on_line.any()

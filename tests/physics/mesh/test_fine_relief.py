@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from icymoon.physics.mesh import fine_relief
 from icymoon.physics.mesh.graded_ground import grade_ground
-from icymoon.physics.mesh.grading import fine_relief_of, view_of
-from icymoon.physics.rig.seen_points import is_seen
+from icymoon.physics.mesh.grading import find_fine_relief, make_grading_view
+from icymoon.physics.rig.seen_points import is_in_view
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import changes, description
 
@@ -32,8 +32,8 @@ def meshed(settings):
 def test_the_default_scene_has_no_fine_relief_in_its_mesh_and_does_not_pay_for_it():
     """Its relief is 1.1 mm high, half a pixel at 1.1 m, and nothing is seen nearer than 1.6 m."""
     default = description.defaults()
-    assert fine_relief_of(default) is None
-    assert changes.relief_in_mesh(default) == ""
+    assert find_fine_relief(default) is None
+    assert changes.describe_mesh_relief(default) == ""
 
 
 @pytest.mark.parametrize(
@@ -47,14 +47,14 @@ def test_the_default_scene_has_no_fine_relief_in_its_mesh_and_does_not_pay_for_i
     ids=str,
 )
 def test_only_real_relief_of_procedural_ground_is_in_the_mesh(change):
-    assert fine_relief_of(described()) is not None
-    assert fine_relief_of(described(change)) is None
+    assert find_fine_relief(described()) is not None
+    assert find_fine_relief(described(change)) is None
 
 
 def test_relief_ends_where_it_is_half_a_pixel_high():
-    relief = fine_relief_of(described())
-    at = view_of(described().rig)
-    assert fine_relief.height_m(described().surface) * at.pixels_per_radian / relief.to_m == pytest.approx(0.5)
+    relief = find_fine_relief(described())
+    at = make_grading_view(described().rig)
+    assert fine_relief.relief_height_m(described().surface) * at.pixels_per_radian / relief.to_m == pytest.approx(0.5)
 
 
 def test_the_mesh_is_as_fine_as_the_image_where_the_cameras_see_it():
@@ -64,7 +64,7 @@ def test_the_mesh_is_as_fine_as_the_image_where_the_cameras_see_it():
     corners = made.positions[made.faces[made.fine]]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     away = np.linalg.norm(corners.mean(axis=1) - eye, axis=1)
-    px = np.median(sides, axis=1) / away * view_of(settings.rig).pixels_per_radian
+    px = np.median(sides, axis=1) / away * make_grading_view(settings.rig).pixels_per_radian
     assert np.median(px) < 1.4
     assert np.quantile(px, 0.99) < 3.0  # slopes lengthen the sides
     assert made.positions[made.faces[made.fine]].mean(axis=(0, 1))[1] > 0.1  # north, where the cameras look
@@ -96,7 +96,7 @@ def test_a_camera_that_turns_needs_another_mesh_only_for_real_relief():
         one, other = (
             described({"surface": {"relief": relief}, "rig": {"heading_deg": heading}}) for heading in (0.0, 30.0)
         )
-        assert (changes.scene(one) != changes.scene(other)) == differs
+        assert (changes.select_scene(one) != changes.select_scene(other)) == differs
 
 
 FINE = {"mesh": {"seen": "FINE"}}
@@ -108,12 +108,12 @@ def _middles(settings, made):
     east, north = middles[:, 0], middles[:, 1]
     away = np.hypot(east, north)
     above = middles[:, 2] - made.positions[0, 2] - settings.rig.height_m
-    return middles, (away > 1.0) & (away < 50.0) & is_seen(settings.rig, east, north, above)
+    return middles, (away > 1.0) & (away < 50.0) & is_in_view(settings.rig, east, north, above)
 
 
 def _off_the_ground(settings):
     """RMS distance in pixels of the middles of triangles that are seen from the ground with all its waves."""
-    ground, at = meshed(settings), view_of(settings.rig)
+    ground, at = meshed(settings), make_grading_view(settings.rig)
     middles, seen = _middles(settings, ground.mesh_with_relief())
     x, y, z = middles[seen].T
     return np.sqrt(np.mean(((z - ground.heights(x, y)) * at.pixels_per_radian / at.nearest_m(np.hypot(x, y))) ** 2))
@@ -143,7 +143,7 @@ def test_finer_ground_ends_where_the_cameras_see_nothing():
 
 def test_a_camera_that_turns_needs_another_mesh_where_it_is_finer():
     def scene(*changed):
-        return changes.scene(described({"surface": {"relief": "BUMP"}}, *changed))
+        return changes.select_scene(described({"surface": {"relief": "BUMP"}}, *changed))
 
     turned = {"rig": {"heading_deg": 30.0}}
     assert scene(turned) == scene()
@@ -163,11 +163,11 @@ def test_a_mesh_may_be_too_large_to_be_finer_and_says_so():
 
 def test_displacement_that_loses_relief_says_how_much():
     settings = described({"surface": {"relief": "DISPLACEMENT"}})
-    assert fine_relief.displacement_advice(settings, 0.001) == []
-    (sentence,) = fine_relief.displacement_advice(settings, 0.02)
+    assert fine_relief.advise_on_displacement(settings, 0.001) == []
+    (sentence,) = fine_relief.advise_on_displacement(settings, 0.02)
     assert "20 mm apart" in sentence
     assert f"{fine_relief.carried_share(settings.surface, 0.02):.0%}" in sentence
-    assert fine_relief.displacement_advice(described(), 0.02) == []
+    assert fine_relief.advise_on_displacement(described(), 0.02) == []
 
 
 def test_the_share_that_is_carried_falls_from_all_to_nothing():

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.physics.mesh.graded_ground import grade_ground
-from icymoon.physics.mesh.grading import EDGE_OVER_SPACING, view_of
+from icymoon.physics.mesh.grading import EDGE_OVER_SPACING, make_grading_view
 from icymoon.physics.mesh.horizon import drop_m, horizon_m
-from icymoon.physics.mesh.vertex_rings import Rings
+from icymoon.physics.mesh.vertex_rings import VertexRings
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import check, defaults, merged
 from icymoon.support.arrays import Array
@@ -61,7 +61,7 @@ def _edges(faces: Array) -> Array:
     return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
 
 
-def _check_closed(rings: Rings) -> None:
+def _check_closed(rings: VertexRings) -> None:
     x, y = rings.map_positions()
     faces = rings.faces()
     assert len(x) == rings.vertices
@@ -88,7 +88,7 @@ def _check_closed(rings: Rings) -> None:
 @given(st.lists(st.integers(6, 60), min_size=1, max_size=8))
 def test_rings_of_any_numbers_close_without_a_crack(counts):
     # Rings so far apart that a chord of one does not reach the next, however few its vertices.
-    _check_closed(Rings(2.5 ** np.arange(len(counts)), np.array(counts)))
+    _check_closed(VertexRings(2.5 ** np.arange(len(counts)), np.array(counts)))
 
 
 @pytest.mark.parametrize("name", GROUNDS)
@@ -116,10 +116,10 @@ def test_no_edge_on_level_ground_is_longer_than_stated():
 
 
 def test_the_pixels_of_a_radian_are_those_of_the_image():
-    at = view_of(merged(defaults(), {"rig": {"focal_length_mm": 1000.0}}).rig)
+    at = make_grading_view(merged(defaults(), {"rig": {"focal_length_mm": 1000.0}}).rig)
     # A narrow lens has f pixels per radian everywhere: 640 * 1000 / 60.
     assert at.pixels_per_radian == pytest.approx(640 * 1000 / 60, rel=1e-3)
-    wide = view_of(defaults().rig)
+    wide = make_grading_view(defaults().rig)
     # The mean over the paper's image of 1 + tan², on a grid.
     a, b = np.linspace(-30, 30, 601) / 32, np.linspace(-22.5, 22.5, 451) / 32
     assert wide.pixels_per_radian == pytest.approx(640 * 32 / 60 * (1 + (a**2).mean() + (b**2).mean()), rel=1e-2)

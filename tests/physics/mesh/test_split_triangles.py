@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.physics.mesh.split_triangles import split_triangles
-from icymoon.physics.mesh.vertex_rings import Rings
+from icymoon.physics.mesh.vertex_rings import VertexRings
 
-RINGS = Rings.of(np.arange(1.0, 9.0), np.full(8, 1.0))
+RINGS = VertexRings.of(np.arange(1.0, 9.0), np.full(8, 1.0))
 
 
 def places():

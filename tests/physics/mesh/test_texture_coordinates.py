@@ -13,7 +13,7 @@ import pytest
 from icymoon.formats import mesh_images
 from icymoon.formats.ply import read_texture_coordinates
 from icymoon.physics.mesh import texture_coordinates
-from icymoon.physics.mesh.check import repair
+from icymoon.physics.mesh.check import repair_mesh
 from icymoon.physics.mesh.subdivide import halve_edges
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
@@ -52,10 +52,10 @@ def test_repair_keeps_every_corner_on_its_place_of_the_image():
         [np.where(flipped[:, None, None], uv[:, ::-1], uv), np.zeros((2, 3, 2)), uv[:5, [1, 2, 0]]]
     ).astype(np.float32)
     order = np.random.default_rng(1).permutation(len(broken))
-    after, mended, kept = repair(loose, broken[order], of_broken[order])
+    after, mended, kept = repair_mesh(loose, broken[order], of_broken[order])
     assert (len(after), len(mended), kept.shape) == (n, len(faces), (len(faces), 3, 2))
     assert agrees(after, mended, kept)
-    plain = repair(loose, broken[order])
+    plain = repair_mesh(loose, broken[order])
     assert np.array_equal(plain[0], after)
     assert np.array_equal(plain[1], mended)
     assert plain[2] is None
@@ -71,7 +71,7 @@ def test_cutting_puts_new_corners_in_the_middle_and_keeps_seams():
 
 
 def mean_shown(image: Array, points: Array, weight: Array) -> Array:
-    return weight @ image[texture_coordinates.pixels_at(points, *image.shape[:2])]
+    return weight @ image[texture_coordinates.find_pixels(points, *image.shape[:2])]
 
 
 def test_the_mean_is_of_what_the_surface_shows():

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.rig.focal_length import focal_px
-from icymoon.physics.rig.seen_points import find_seen_facets, is_seen, sides_passed
+from icymoon.physics.rig.seen_points import find_seen_facets, find_sides_passed, is_in_view
 from icymoon.settings import description
 from icymoon.settings.topics.camera import RigSettings
 
@@ -21,8 +21,8 @@ def test_points_are_seen_from_the_place_that_the_image_shows():
     half = rig.sensor_width_mm / rig.focal_length_mm / 2
     east = np.full(5, 10.0)
     north = -east * half * np.array([-1.3, -0.9, 0.0, 0.9, 1.3])  # south is to the right of east
-    assert is_seen(rig, east, north, np.zeros(5)).tolist() == [False, True, True, True, False]
-    assert not is_seen(rig, -east, north, np.zeros(5)).any()
+    assert is_in_view(rig, east, north, np.zeros(5)).tolist() == [False, True, True, True, False]
+    assert not is_in_view(rig, -east, north, np.zeros(5)).any()
 
 
 @pytest.mark.parametrize("rig", [{}, {"toe_in_deg": 3.0}, {"principal_x_px": 60.0, "principal_y_px": -40.0}])
@@ -39,7 +39,7 @@ def test_every_point_that_either_eye_projects_into_its_frame_is_seen(rig):
             u = focal_px(rig) * across / ahead + rig.width_px / 2 + rig.principal_x_px
             v = focal_px(rig) * down / ahead + rig.height_px / 2 + rig.principal_y_px
         seen |= (ahead > 0) & (u >= 0) & (u <= rig.width_px) & (v >= 0) & (v <= rig.height_px)
-    inside = ~sides_passed(rig, right, down, depth).any(axis=-1)
+    inside = ~find_sides_passed(rig, right, down, depth).any(axis=-1)
     assert inside[seen].all()
     assert seen.sum() > 0.5 * inside.sum()  # and not much more
 
@@ -48,11 +48,11 @@ def test_a_facet_of_which_any_point_is_seen_is_found():
     """Also one that is larger than the image, of which no corner is seen."""
     rig, random = described(), np.random.default_rng(6)
     corners = random.uniform(-6.0, 6.0, (3000, 3, 3))
-    passed = sides_passed(rig, *corners.reshape(-1, 3).T)
+    passed = find_sides_passed(rig, *corners.reshape(-1, 3).T)
     found = find_seen_facets(passed, 3 * np.arange(3000), np.arange(9000))
     weights = random.dirichlet((0.6, 0.6, 0.6), 400)
     points = np.einsum("pk,nkd->npd", weights, corners).reshape(-1, 3)
-    seen = (~sides_passed(rig, *points.T).any(axis=-1)).reshape(3000, 400).any(axis=1)
+    seen = (~find_sides_passed(rig, *points.T).any(axis=-1)).reshape(3000, 400).any(axis=1)
     assert found[seen].all()
     by_a_corner = (~passed.any(axis=-1)).reshape(3000, 3).any(axis=1)
     assert (seen & ~by_a_corner).any()

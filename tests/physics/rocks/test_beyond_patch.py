@@ -5,13 +5,13 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.rocks.beyond_patch import View, draw_beyond, view_beyond
-from icymoon.physics.rocks.rocks import scatter
+from icymoon.physics.rocks.beyond_patch import ViewBeyond, draw_beyond, make_view_beyond
+from icymoon.physics.rocks.rocks import scatter_rocks
 from icymoon.physics.rocks.shapes import make_rock_shapes
-from icymoon.physics.rocks.size_laws import size_law
+from icymoon.physics.rocks.size_laws import make_size_law
 from icymoon.settings.description import defaults, merged
 
-SIZE_M, VIEW = 20.0, View(0.003, 1.6, 1e5)
+SIZE_M, VIEW = 20.0, ViewBeyond(0.003, 1.6, 1e5)
 LAWS = {"power": {"law": "POWER", "coverage": 0.1}, "golombek": {"law": "GOLOMBEK", "coverage": 0.1}}
 
 
@@ -36,7 +36,7 @@ def test_they_lie_outside_the_patch_and_are_wide_enough(law):
 @pytest.mark.parametrize("law", LAWS)
 def test_there_are_as_many_as_the_law_has_of_those_that_are_seen(law):
     rocks = _rocks(**LAWS[law])
-    drawn, sizes = draw_beyond(rocks, SIZE_M, VIEW, np.random.default_rng(2)), size_law(rocks)
+    drawn, sizes = draw_beyond(rocks, SIZE_M, VIEW, np.random.default_rng(2)), make_size_law(rocks)
     radius = np.hypot(*drawn.places_m.T)
     edges = np.array([16.0, 25.0, 40.0, 80.0, 160.0])
     for low, high in itertools.pairwise(edges):
@@ -53,10 +53,10 @@ def test_there_are_as_many_as_the_law_has_of_those_that_are_seen(law):
 def test_rocks_beside_the_patch_have_all_sizes_of_the_law():
     """Just outside, the smallest are drawn as on the patch, so that no edge shows."""
     rocks = _rocks()
-    drawn = draw_beyond(rocks, SIZE_M, View(0.003, 1.6, 1e5), np.random.default_rng(3))
+    drawn = draw_beyond(rocks, SIZE_M, ViewBeyond(0.003, 1.6, 1e5), np.random.default_rng(3))
     beside = (np.hypot(*drawn.places_m.T) < 30.0) & (np.abs(drawn.places_m).max(axis=1) > 10.5)
     area = np.pi * 30.0**2 - 21.0**2
-    assert beside.sum() == pytest.approx(size_law(rocks).total_per_m2 * area, rel=0.05)
+    assert beside.sum() == pytest.approx(make_size_law(rocks).total_per_m2 * area, rel=0.05)
 
 
 def test_clusters_keep_the_number_and_lie_close():
@@ -88,12 +88,12 @@ def test_a_law_of_one_size_and_one_smaller_than_the_patch_allows():
     drawn = draw_beyond(_rocks(smallest_m=0.5, largest_m=0.5), SIZE_M, VIEW, np.random.default_rng(6))
     assert np.allclose(drawn.diameter_m, 0.5)
     assert np.hypot(*drawn.places_m.T).max() < 0.5 / VIEW.smallest_rad + 15.0
-    assert len(draw_beyond(_rocks(), SIZE_M, View(5.0, 1.6, 1e5), np.random.default_rng(6)).diameter_m) == 0
+    assert len(draw_beyond(_rocks(), SIZE_M, ViewBeyond(5.0, 1.6, 1e5), np.random.default_rng(6)).diameter_m) == 0
 
 
 def _scattered(beyond):
     rocks = _rocks(most=300, smallest_m=0.2)
-    return scatter(
+    return scatter_rocks(
         rocks, SIZE_M, 7, lambda x, y: 0.1 * np.asarray(x), make_rock_shapes("MIXED", 0.7, 7), (0.0, 0.0, 0.0), beyond
     )
 
@@ -114,7 +114,7 @@ def test_rocks_on_the_patch_are_the_same_and_come_first():
 def test_the_view_is_of_the_camera_and_not_of_where_it_stands():
     asked = {"rocks": {"beyond_px": 2.0}, "rig": {"width_px": 640, "focal_length_mm": 32.0, "sensor_width_mm": 64.0}}
     here, there = (
-        view_beyond(merged(defaults(), asked, {"rig": {"x_m": x, "heading_deg": 9 * x}})) for x in (0.0, 5.0)
+        make_view_beyond(merged(defaults(), asked, {"rig": {"x_m": x, "heading_deg": 9 * x}})) for x in (0.0, 5.0)
     )
     assert here == there
     assert here.smallest_rad == pytest.approx(2.0 / 320.0)
@@ -124,4 +124,4 @@ def test_the_view_is_of_the_camera_and_not_of_where_it_stands():
     "changes", [{"rocks": {"beyond_px": 0.0}}, {"mesh": {"kind": "GRID"}}, {"source": {"kind": "MESH"}}]
 )
 def test_none_lie_where_there_is_no_ground(changes):
-    assert view_beyond(merged(defaults(), {"rocks": {"beyond_px": 2.0}}, changes)) is None
+    assert make_view_beyond(merged(defaults(), {"rocks": {"beyond_px": 2.0}}, changes)) is None

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as budget
 from hypothesis import strategies as st
-from icymoon.physics.rocks.rocks import draw_places, euler_xyz, scatter
-from icymoon.physics.rocks.shapes import FAMILIES, LEVELS, corners_of, icosphere, make_rock_shapes
-from icymoon.physics.rocks.size_laws import Golombek, PowerLaw, draw_diameters, size_law
+from icymoon.physics.rocks.rocks import draw_places, euler_xyz, scatter_rocks
+from icymoon.physics.rocks.shapes import FAMILIES, LEVELS, find_polyhedron_corners, make_icosphere, make_rock_shapes
+from icymoon.physics.rocks.size_laws import GolombekLaw, PowerLaw, draw_diameters, make_size_law
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.rocks import RocksSettings
 from icymoon.support.arrays import Array
@@ -30,7 +30,9 @@ def described(**changes: Any) -> RocksSettings:
 def strewn(surface, seed: int = 5, clear=(0.0, 0.0, 0.0), size_m: float = SIZE_M, **changes):
     """Blocks on a surface."""
     rocks = described(**changes)
-    return scatter(rocks, size_m, seed, surface, make_rock_shapes(rocks["family"], rocks["angularity"], seed), clear)
+    return scatter_rocks(
+        rocks, size_m, seed, surface, make_rock_shapes(rocks["family"], rocks["angularity"], seed), clear
+    )
 
 
 def level(x, y):
@@ -105,7 +107,7 @@ def test_the_realised_sizes_follow_the_law(law, seed):
     [(0.05, 413, 32, 0.15), (0.10, 745, 84, 1.2), (0.20, 1330, 184, 4.8), (0.40, 2447, 375, 13)],
 )
 def test_golombeks_law_gives_the_counts_that_were_worked_out_by_hand(k, above_10cm, above_30cm, above_1m):
-    law = Golombek(k, 0.1, 50.0)
+    law = GolombekLaw(k, 0.1, 50.0)
     counts = law.per_m2_above(np.array([0.1, 0.3, 1.0])) * 400
     assert counts == pytest.approx([above_10cm, above_30cm, above_1m], rel=0.04)
 
@@ -122,7 +124,7 @@ def test_power_law_and_its_inverse_agree(smallest, ratio, index, coverage):
 
 @given(st.floats(0.01, 0.5), st.floats(0.01, 1.0), st.floats(1.01, 50.0))
 def test_golombeks_law_and_its_inverse_agree_and_cover_what_it_says(k, smallest, ratio):
-    law = Golombek(k, smallest, smallest * ratio)
+    law = GolombekLaw(k, smallest, smallest * ratio)
     shares = np.linspace(0.001, 1.0, 50) * law.total_per_m2
     assert np.allclose(law.per_m2_above(law.diameter_m(shares)), shares, rtol=1e-4)
     n = 20_000
@@ -145,7 +147,7 @@ def test_the_smallest_size_is_the_settings_unless_rocks_are_left_out(law):
 
 def test_too_many_rocks_lose_the_smallest_and_keep_the_law():
     rocks = described(smallest_m=0.01, largest_m=1.0)
-    law = size_law(rocks)
+    law = make_size_law(rocks)
     sizes, smallest = draw_diameters(law, 400.0, 500, np.random.default_rng(0))
     assert len(sizes) == 500
     assert sizes.min() >= smallest > 0.01
@@ -348,7 +350,7 @@ def test_mixed_rocks_are_those_of_three_families_as_before():
 
 def test_corners_of_a_cube():
     normals = np.concatenate([np.eye(3), -np.eye(3)])
-    corners = corners_of(normals, np.full(6, 0.5))
+    corners = find_polyhedron_corners(normals, np.full(6, 0.5))
     assert {tuple(c) for c in np.round(corners, 12).tolist()} == {
         (a, b, c) for a in (-0.5, 0.5) for b in (-0.5, 0.5) for c in (-0.5, 0.5)
     }
@@ -356,7 +358,7 @@ def test_corners_of_a_cube():
 
 @pytest.mark.parametrize("subdivisions", LEVELS)
 def test_the_sphere_is_a_sphere(subdivisions):
-    directions, triangles = icosphere(subdivisions)
+    directions, triangles = make_icosphere(subdivisions)
     assert len(directions) == 10 * 4**subdivisions + 2
     assert len(triangles) == 20 * 4**subdivisions
     assert np.allclose(np.linalg.norm(directions, axis=1), 1.0)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.rocks.rocks import scatter
+from icymoon.physics.rocks.rocks import scatter_rocks
 from icymoon.physics.rocks.shapes import make_rock_shapes
-from icymoon.physics.rocks.table import covered_share, read_table
+from icymoon.physics.rocks.table import covered_share, read_rock_table
 from icymoon.settings.description import defaults
 from icymoon.support.arrays import Array
 from icymoon.support.errors import IcyMoonError
@@ -20,8 +20,8 @@ def written(tmp_path, text: str):
 
 def test_columns_are_found_by_name_and_the_largest_come_first(tmp_path):
     path = written(tmp_path, "name, diameter_m,y_m,x_m\na,0.5,2,1\n\nb,1.5,-3,4\n")
-    assert read_table(path).tolist() == [[4, -3, 1.5], [1, 2, 0.5]]
-    assert covered_share(read_table(path), 10.0) == pytest.approx(np.pi / 4 * (0.25 + 2.25) / 100)
+    assert read_rock_table(path).tolist() == [[4, -3, 1.5], [1, 2, 0.5]]
+    assert covered_share(read_rock_table(path), 10.0) == pytest.approx(np.pi / 4 * (0.25 + 2.25) / 100)
 
 
 @pytest.mark.parametrize(
@@ -37,12 +37,12 @@ def test_columns_are_found_by_name_and_the_largest_come_first(tmp_path):
 )
 def test_what_is_no_rock_is_refused_by_its_line(tmp_path, text, words):
     with pytest.raises(IcyMoonError, match=words):
-        read_table(written(tmp_path, text))
+        read_rock_table(written(tmp_path, text))
 
 
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(IcyMoonError, match=r"none\.csv.*rocks\.file"):
-        read_table(tmp_path / "none.csv")
+        read_rock_table(tmp_path / "none.csv")
 
 
 def test_rocks_are_where_the_table_has_them(tmp_path):
@@ -53,9 +53,9 @@ def test_rocks_are_where_the_table_has_them(tmp_path):
     def ground(x: Array, y: Array) -> Array:
         return np.where(np.maximum(np.abs(x), np.abs(y)) <= 10.0, 0.1 * x, np.nan)
 
-    found = scatter(rocks, 20.0, 1, ground, shapes, (0.0, 0.0, -np.inf))
+    found = scatter_rocks(rocks, 20.0, 1, ground, shapes, (0.0, 0.0, -np.inf))
     # The third lies beyond the ground, where none is.
     assert found.position_m[:, :2].tolist() == [[-3, 4], [1, 2]]
     assert found.diameter_m.tolist() == [1.0, 0.5]
-    few = scatter(rocks | {"most": 1}, 20.0, 1, ground, shapes, (0.0, 0.0, -np.inf))
+    few = scatter_rocks(rocks | {"most": 1}, 20.0, 1, ground, shapes, (0.0, 0.0, -np.inf))
     assert few.smallest_m == 2.0, "what is left out is told"

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.physics.surfaces.fractures import gap_reflectance, has_fractures, sight_m
+from icymoon.physics.surfaces.fractures import gap_reflectance, has_fractures, sight_depth_m
 from icymoon.settings.description import defaults
 
 ICE = 1.31
@@ -37,7 +37,7 @@ def test_one_sees_further_into_ice_with_fewer_or_larger_bubbles_and_not_into_opa
     bubbly = surface | {"bubble_share": 0.01, "bubble_radius_m": 5e-4}
     # One bubble of radius a hides a disc: with N per volume the mean free path is 1 / (N pi a^2).
     number = 0.01 / (4 / 3 * math.pi * 5e-4**3)
-    assert sight_m(bubbly) == pytest.approx(1 / (number * math.pi * 5e-4**2))
+    assert sight_depth_m(bubbly) == pytest.approx(1 / (number * math.pi * 5e-4**2))
     assert has_fractures(bubbly)
     assert has_fractures(surface | {"transmission": 0.5})
     assert not has_fractures(surface)

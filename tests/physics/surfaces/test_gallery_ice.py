@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from icymoon.physics.surfaces.fractures import sight_m
+from icymoon.physics.surfaces.fractures import sight_depth_m
 from icymoon.settings import description, preset_files
 
 #: Slopes that grains have, in degrees: no steeper facet is seen.
@@ -32,4 +32,4 @@ def test_level_snow_in_the_middle_has_facets_that_mirror_the_sun_and_no_denoiser
 
 def test_nobody_sees_through_rocks_of_bubbly_ice():
     scene = _described("gallery/subsurface_ice")
-    assert 0.0 < sight_m(scene.rock_surface) < scene.rocks.smallest_m
+    assert 0.0 < sight_depth_m(scene.rock_surface) < scene.rocks.smallest_m

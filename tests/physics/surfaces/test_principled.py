@@ -36,7 +36,7 @@ def fresnel(index: float) -> float:
 
 @pytest.mark.parametrize("index", [1.1, 1.22, 1.31, 1.5, 2.0, 3.0])
 def test_smooth_black_ice_reflects_as_fresnel_says(index):
-    reflectance = principled.curve(surface(refractive_index=index, specular=0.5, roughness=0.0))[1][0]
+    reflectance = principled.albedo_curve(surface(refractive_index=index, specular=0.5, roughness=0.0))[1][0]
     # Measured at eight emission angles to four digits, interpolated between six indices: a thousandth of the light.
     assert reflectance == pytest.approx(fresnel(index), rel=0.01, abs=0.002)
 
@@ -60,22 +60,22 @@ def test_base_colour_gives_the_albedo_or_the_nearest_there_is(albedo, roughness,
         transmission=share,
         grain_amplitude_m=bumps,
     )
-    base, reflectance = principled.curve(settings)
+    base, reflectance = principled.albedo_curve(settings)
     assert np.all(np.diff(reflectance) >= -1e-12)
     assert 0.0 <= reflectance[0] <= reflectance[-1] <= 1.0
     chosen = principled.base_colour(settings, albedo)
     assert 0.0 <= chosen <= 1.0
     assert np.interp(chosen, base, reflectance) == pytest.approx(principled.real_albedo(settings), abs=1e-9)
-    told = principled.albedo_advice(settings)
+    told = principled.advise_on_albedo(settings)
     assert bool(told) == (abs(principled.real_albedo(settings) - albedo) > 0.01 * albedo)
 
 
 def test_advice_names_what_takes_the_light():
-    assert principled.albedo_advice(surface(albedo=0.9)) == ""
-    assert "transmission" in principled.albedo_advice(surface(albedo=0.9, transmission=0.5))
-    assert "subsurface_weight" in principled.albedo_advice(surface(albedo=1.0, subsurface_weight=1.0))
-    assert "grain_amplitude_m" in principled.albedo_advice(surface(albedo=1.0, grain_amplitude_m=0.05))
-    assert "specular" in principled.albedo_advice(surface(albedo=0.01, specular=1.0))
+    assert principled.advise_on_albedo(surface(albedo=0.9)) == ""
+    assert "transmission" in principled.advise_on_albedo(surface(albedo=0.9, transmission=0.5))
+    assert "subsurface_weight" in principled.advise_on_albedo(surface(albedo=1.0, subsurface_weight=1.0))
+    assert "grain_amplitude_m" in principled.advise_on_albedo(surface(albedo=1.0, grain_amplitude_m=0.05))
+    assert "specular" in principled.advise_on_albedo(surface(albedo=0.01, specular=1.0))
 
 
 @pytest.mark.parametrize(("index", "share"), [(1.0, 0.0), (1.31, 0.0627), (1.5, 0.0918)])

@@ -27,12 +27,12 @@ def test_it_is_reciprocal_and_dark_below_the_horizon():
 
 def test_the_escape_function_has_the_mean_of_a_normalized_flux():
     mu, weight = np.polynomial.legendre.leggauss(8)
-    assert 2 * np.sum(snow.escape((mu + 1) / 2) * (mu + 1) / 2 * weight / 2) == pytest.approx(1.0)
+    assert 2 * np.sum(snow.escape_function((mu + 1) / 2) * (mu + 1) / 2 * weight / 2) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("albedo", [0.6, 0.8, 0.9, 0.98, 1.0])
 def test_the_albedo_is_the_spherical_albedo(albedo):
     """Theory has it exactly; the measured constants keep it within 2 %."""
     surface = defaults().surface | {"model": "SNOW", "albedo": albedo}
-    law = albedos.law_of(surface, defaults().hapke)
+    law = albedos.make_law(surface, defaults().hapke)
     assert photometry.bond_albedo(law) == pytest.approx(albedo, rel=0.02)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.physics.terrain import skyline
-from icymoon.physics.terrain.skyline import skyline_advice, skyline_deg
+from icymoon.physics.terrain.skyline import advise_on_skyline, find_skyline_deg
 from icymoon.physics.terrain.terrain import Terrain
 from icymoon.settings.description import defaults, merged
 
@@ -30,7 +30,7 @@ class _Wall(Terrain):
 def test_a_wall_is_as_high_as_it_is():
     # The wall is met within a step of 1 % of its distance.
     def seen_deg(north_m, azimuth_deg):
-        return skyline_deg(_Wall(), (0.0, north_m), azimuth_deg, FLAT, 1e4)
+        return find_skyline_deg(_Wall(), (0.0, north_m), azimuth_deg, FLAT, 1e4)
 
     assert seen_deg(0.0, 0.0) == pytest.approx(math.degrees(math.atan(50 / 300)), rel=0.01)
     assert seen_deg(150.0, 0.0) == pytest.approx(math.degrees(math.atan(50 / 150)), rel=0.01)
@@ -42,10 +42,10 @@ def test_a_wall_is_as_high_as_it_is():
 def test_the_body_falls_away_and_the_ground_ends():
     radius = 2.5e5
     fallen = 50.0 - 3000.0**2 / (2 * radius)
-    assert skyline_deg(_Wall(away_m=3000.0), (0.0, 0.0), 0.0, radius, 1e5) == pytest.approx(
+    assert find_skyline_deg(_Wall(away_m=3000.0), (0.0, 0.0), 0.0, radius, 1e5) == pytest.approx(
         math.degrees(math.atan(fallen / 3000)), rel=0.01
     )
-    assert skyline_deg(_Wall(away_m=3000.0), (0.0, 0.0), 0.0, radius, 2000.0) < 0.0
+    assert find_skyline_deg(_Wall(away_m=3000.0), (0.0, 0.0), 0.0, radius, 2000.0) < 0.0
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_what_is_said_of_a_hidden_sun(monkeypatch, elevation_deg, begins):
     monkeypatch.setattr(skyline, "make_terrain", lambda settings, seed: _Wall())
     settings = merged(defaults(), {"hills": {"rms_slope_deg": 10.0}, "terrain": {"body_radius_m": 1e8}})
     up = math.radians(elevation_deg)
-    said = skyline_advice(settings, np.array([0.0, math.cos(up), math.sin(up)]), 0.1)
+    said = advise_on_skyline(settings, np.array([0.0, math.cos(up), math.sin(up)]), 0.1)
     assert bool(said) == bool(begins)
     assert not begins or said[0].startswith(begins)
 
@@ -72,4 +72,4 @@ def test_what_is_said_of_a_hidden_sun(monkeypatch, elevation_deg, begins):
 def test_ground_without_hills_is_not_asked(monkeypatch, changes):
     monkeypatch.setattr(skyline, "make_terrain", lambda settings, seed: pytest.fail("asked"))
     settings = merged(defaults(), {"hills": {"rms_slope_deg": 10.0}}, changes)
-    assert skyline_advice(settings, np.array([0.0, 1.0, 0.01]), 0.1) == []
+    assert advise_on_skyline(settings, np.array([0.0, 1.0, 0.01]), 0.1) == []

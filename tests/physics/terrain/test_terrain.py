@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
-from icymoon.physics.terrain.fine_detail import relief
+from icymoon.physics.terrain.fine_detail import relief_heights_m
 from icymoon.physics.terrain.landforms import MAKERS
-from icymoon.physics.terrain.terrain import Terrain, make_terrain, terrain_advice
+from icymoon.physics.terrain.terrain import Terrain, advise_on_terrain, make_terrain
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_names
 from icymoon.settings.table import TOPICS
@@ -125,7 +125,7 @@ def test_a_variant_moves_layers_and_fine_relief_too():
     points = np.random.default_rng(0).uniform(-20, 20, (500, 3))
     for make in (
         lambda variant: _grid(_ground(layers, {"terrain": {"variant": variant}})),
-        lambda variant: relief(points, _settings({"terrain": {"variant": variant}}), 1),
+        lambda variant: relief_heights_m(points, _settings({"terrain": {"variant": variant}}), 1),
     ):
         first, other = make(0), make(1)
         assert abs(np.corrcoef(first.ravel(), other.ravel())[0, 1]) < 0.5
@@ -154,7 +154,7 @@ def test_variant_0_is_the_ground_of_versions_without_variants():
         ground = _ground(LANDSCAPES[landscape], {"pits": {"depth_m": 0.0}})
         assert np.allclose(ground.heights(x, y), heights, rtol=0, atol=1e-12)
     detail = [0.034927785216915724, -0.41137797994166303, -0.1615126772637722, -0.8241138366359264, 0.03156309846204845]
-    assert np.allclose(relief(np.stack([x, y, 0.1 * x], axis=1), _settings(), 1), detail, rtol=0, atol=1e-12)
+    assert np.allclose(relief_heights_m(np.stack([x, y, 0.1 * x], axis=1), _settings(), 1), detail, rtol=0, atol=1e-12)
 
 
 def test_a_landform_more_does_not_move_the_others():
@@ -260,13 +260,13 @@ def test_no_points_have_no_heights():
 
 def test_what_a_mesh_cannot_show_is_said():
     settings = _settings({"penitentes": {"height_m": 1.0, "spacing_m": 1.0}})
-    assert terrain_advice(settings, 0.04) == []
-    (gone,) = terrain_advice(settings, 1.2)[-1:]
+    assert advise_on_terrain(settings, 0.04) == []
+    (gone,) = advise_on_terrain(settings, 1.2)[-1:]
     assert "penitentes" in gone
     assert "left out" in gone
-    (lower,) = terrain_advice(settings, 0.8)[-1:]
+    (lower,) = advise_on_terrain(settings, 0.8)[-1:]
     assert "50% of their height" in lower
-    assert any("the ground is flat" in note for note in terrain_advice(settings, 9.0))
+    assert any("the ground is flat" in note for note in advise_on_terrain(settings, 9.0))
 
 
 @pytest.mark.parametrize("name", preset_names("terrains"))
@@ -274,7 +274,7 @@ def test_a_preset_is_what_its_mesh_can_show(name):
     settings = _settings(load_preset(name))
     ground = settings.terrain
     spacing = ground.size_m / (ground.resolution - 1)
-    assert terrain_advice(settings, 2 * spacing) == []
+    assert advise_on_terrain(settings, 2 * spacing) == []
     assert np.isfinite(_grid(make_terrain(settings, 1), 65, 2 * spacing)).all()
 
 

@@ -11,7 +11,7 @@ from icymoon.render.cost.estimate import spread_before, work_of
 from icymoon.render.cost.quality_presets import QualityPreset, list_qualities, pair_seconds
 from icymoon.render.cost.speed import wall_seconds
 from icymoon.settings.description import defaults, merged
-from icymoon.settings.preset_files import load_preset, preset_header, preset_names, preset_path
+from icymoon.settings.preset_files import find_preset, load_preset, preset_names, read_preset_header
 from icymoon.settings.toml_text import read_toml
 from stand_ins import stand_in
 
@@ -51,7 +51,7 @@ def test_all_presets_are_listed_cheapest_first_and_the_scene_s_own_last():
     assert (own.seconds, own.factor) == pair_seconds(settings, 1e6, None)
     for quality in shipped:
         whole = merged(settings, load_preset(quality.name))
-        assert quality.title == preset_header(quality.name)[0]
+        assert quality.title == read_preset_header(quality.name)[0]
         assert (quality.seconds, quality.factor) == pair_seconds(whole, 1e6, None)
 
 
@@ -115,7 +115,7 @@ def test_what_a_pair_bakes_for_itself_is_part_of_its_seconds_and_what_all_share_
 
 @pytest.mark.parametrize("name", preset_names("qualities"))
 def test_each_quality_states_its_cost_and_its_distance_from_a_converged_render(name):
-    measured = read_toml(preset_path(name))["measured"]
+    measured = read_toml(find_preset(name))["measured"]
     assert measured["command"] == "python benchmarks qualities --scale 0.25 --reference-samples 1024 --write"
     assert measured["cpu_s"] > 0
     assert (measured["bake_cpu_s"] > 0) == (load_preset(name).quality.indirect == "AUTO")

@@ -132,10 +132,10 @@ def test_hapkes_ice_is_as_bright_as_the_snow_that_it_stands_for():
     (hapke,) = (v for v in variants(base, ["subsurface"]) if v.name == "Hapke")
     from math import radians
 
-    from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
+    from icymoon.physics.surfaces.hapke import bidirectional_reflectance, hapke_from_settings
     from icymoon.physics.surfaces.photometry import hemispherical_albedo
 
-    parameters = from_settings(hapke.settings.hapke)
+    parameters = hapke_from_settings(hapke.settings.hapke)
     assert float(
         hemispherical_albedo(lambda i, e, psi: bidirectional_reflectance(i, e, psi, parameters), radians(60))
     ) == pytest.approx(0.8, abs=1e-6)

@@ -19,7 +19,7 @@ from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.verify import verify
 from icymoon.stereo.report.row_log import RowLog
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.files import part_of
+from icymoon.support.files import make_part_path
 from pairs import Scene, camera, write_pair
 from plans import grid
 
@@ -56,7 +56,7 @@ def victim(tmp_path):
     folder.mkdir()
     for name in ("thesis.txt", "left.exr", "pair.json", f"{ID}.1"):
         (folder / name).write_text("work")
-    part_of(folder / ID).mkdir()
+    make_part_path(folder / ID).mkdir()
     yield folder
     assert {p.name.split(".")[0] for p in folder.iterdir()} == {"thesis", "left", "pair", ID}
     assert len(list(folder.iterdir())) == 5
@@ -153,7 +153,7 @@ def test_a_finished_render_does_not_push_a_persons_folder_aside(dataset, again):
     folder = dataset / "pairs" / ID
     folder.mkdir(parents=True)
     (folder / "notes.txt").write_text("mine")
-    part = write_pair(part_of(folder), Scene(), camera(32, 24))
+    part = write_pair(make_part_path(folder), Scene(), camera(32, 24))
     with pytest.raises(IcyMoonError, match=r"stays as it is: notes\.txt"):
         publish(part, folder, lambda: False, again)
     assert everything(dataset / "pairs") == {
@@ -197,11 +197,11 @@ def test_names_that_only_look_like_ours_stay(dataset):
 def test_what_is_ours_goes(dataset):
     (dataset / "pairs" / ID).mkdir(parents=True)
     ours = [
-        write_pair(part_of(dataset / "pairs" / ID), Scene(), camera(32, 24)),
+        write_pair(make_part_path(dataset / "pairs" / ID), Scene(), camera(32, 24)),
         dataset / "pairs" / ID,
         dataset / "claims" / f"{ID}.3",
-        part_of(dataset / "plan.jsonl"),
-        part_of(dataset / "pairs" / ".clock"),
+        make_part_path(dataset / "plan.jsonl"),
+        make_part_path(dataset / "pairs" / ".clock"),
     ]
     for name in (
         "left.exr",
@@ -210,7 +210,7 @@ def test_what_is_ours_goes(dataset):
         ".DS_Store",
         "._left.exr",
         "Thumbs.db",
-        part_of(Path("pair.json")).name,
+        make_part_path(Path("pair.json")).name,
     ):
         (dataset / "pairs" / ID / name).write_text("")
     for path in ours[2:]:
@@ -234,7 +234,11 @@ def test_a_data_set_that_is_reached_by_a_link_is_ours(dataset, tmp_path):
 
 
 def test_a_folder_with_the_name_of_a_file_of_ours_stays(dataset):
-    places = [part_of(dataset / "plan.jsonl"), dataset / "claims" / f"{ID}.1", part_of(dataset / "pairs" / ".clock")]
+    places = [
+        make_part_path(dataset / "plan.jsonl"),
+        dataset / "claims" / f"{ID}.1",
+        make_part_path(dataset / "pairs" / ".clock"),
+    ]
     for place in places[:2]:
         place.mkdir(parents=True)
         (place / "thesis.txt").write_text("work")
@@ -259,7 +263,7 @@ def test_no_checksum_is_made_of_what_lies_elsewhere(dataset, victim, name, monke
     folder.mkdir(parents=True)
     (folder / "pair.json").write_text(json.dumps({"files": {name: {"bytes": 4, "sha256": "0" * 64}}}))
     read = []
-    monkeypatch.setattr(verification, "sha256", lambda path: read.append(path) or "0" * 64)
+    monkeypatch.setattr(verification, "hash_file", lambda path: read.append(path) or "0" * 64)
     assert "broken" in {problem.kind for problem in verify(dataset).problems if problem.what == ID}
     assert not read
 

@@ -165,7 +165,7 @@ def test_dataset_folders(tmp_path):
 
 def test_removing_a_job_removes_what_a_killed_worker_left(tmp_path):
     job = Job(tmp_path, description.defaults())
-    files.part_of(tmp_path / "pairs" / ("0" * 12)).mkdir(parents=True)
+    files.make_part_path(tmp_path / "pairs" / ("0" * 12)).mkdir(parents=True)
     (tmp_path / "pairs" / "def").mkdir()
     job.remove()
     assert not job.folder.exists()

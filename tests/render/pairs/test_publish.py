@@ -16,7 +16,7 @@ from icymoon.render.pairs.publish import discard, publish
 from icymoon.render.workers.claims import CLAIMS_FOLDER, Claims
 from icymoon.settings.description import defaults, merged
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.files import PART, part_of
+from icymoon.support.files import PART, make_part_path
 from marks import heavy_but
 
 PAIR = "0123456789ab"
@@ -100,7 +100,7 @@ class Worker:
     def finish(self) -> None:
         try:
             if self.again or not is_complete(self.folder):
-                part = part_of(self.folder)
+                part = make_part_path(self.folder)
                 try:
                     write(part, self.name)
                     publish(part, self.folder, lambda: self.claims.is_lost(PAIR), self.again)

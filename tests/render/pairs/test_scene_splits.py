@@ -10,12 +10,12 @@ from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.render.pairs.scene_splits import scene_of
 from icymoon.settings.description import defaults, merged
-from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.table import TOPICS, list_all_settings
 
 
 def pair(**changes) -> Pair:
     """A pair of the values that older versions had, and changes."""
-    settings = merged(defaults(), *({topic: {s.key: s.old_value}} for topic, s in all_settings()), changes)
+    settings = merged(defaults(), *({topic: {s.key: s.old_value}} for topic, s in list_all_settings()), changes)
     return Pair(Path(), "0" * 12, settings, StereoCamera.from_settings(settings.rig), {})
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.nodes.ground.dug_ground import _key
-from icymoon.physics.excavation.jitter import jittered_rig
-from icymoon.physics.light.sky import sky
+from icymoon.physics.excavation.jitter import jitter_rig
+from icymoon.physics.light.sky import compute_sky
 from icymoon.render.plans.plan_file import find_plan, read_plan
 
 
@@ -41,7 +41,7 @@ def test_all_states_are_dug_from_one_ground(pairs):
 
 
 def test_the_camera_jitters_as_much_as_is_stated(pairs):
-    rigs = [jittered_rig(pair.settings) for pair in pairs]
+    rigs = [jitter_rig(pair.settings) for pair in pairs]
     off = np.array(
         [
             [
@@ -58,5 +58,5 @@ def test_the_camera_jitters_as_much_as_is_stated(pairs):
 
 
 def test_the_sun_rises_by_the_clock(pairs):
-    heights = [sky(pair.settings.light).sun_elevation_deg for pair in pairs]
+    heights = [compute_sky(pair.settings.light).sun_elevation_deg for pair in pairs]
     assert (np.diff(heights) > 0).all()

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 from icymoon.commands.cli import main
-from icymoon.physics.camera.blur import blur_identity
+from icymoon.physics.camera.blur import describe_blur_identity
 from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.plan_file import read_plan
@@ -42,7 +42,7 @@ def test_its_plan_gives_the_same_pairs(old, dataset):
     plan = read_plan(DATA / old / "plan.toml")
     assert {pair.id for pair in plan.pairs()} == {pair.id for pair in datasets.read_frozen_plan(dataset).pairs}
     for pair in datasets.read_frozen_plan(dataset).pairs:
-        assert description.digest(pair.settings, blur_identity(pair.settings)) == pair.id
+        assert description.digest(pair.settings, describe_blur_identity(pair.settings)) == pair.id
 
 
 def test_batch_has_nothing_to_render(old, dataset):

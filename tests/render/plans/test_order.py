@@ -27,8 +27,8 @@ def test_whatever_the_plan_each_scene_is_built_once_and_each_light_once_in_it(rn
     rng.shuffle(shuffled)
     found = ordered(shuffled)
     assert sorted(p.id for p in found) == sorted(p.id for p in PAIRS)
-    assert changed(found, changes.scene) == 3 - 1
-    assert changed(found, changes.light) == 3 * 2 - 1  # two lights in each scene, and each scene begins with one
+    assert changed(found, changes.select_scene) == 3 - 1
+    assert changed(found, changes.select_light) == 3 * 2 - 1  # two lights in each scene, and each scene begins with one
     assert found[0].id == shuffled[0].id
 
 
@@ -45,7 +45,10 @@ def test_a_surface_is_dearer_than_a_light_and_a_light_dearer_than_a_camera():
             for a in (0.5, 0.8)
         ]
     )
-    counts = [changed(found, part) for part in (changes.scene, changes.look, changes.light, changes.camera)]
+    counts = [
+        changed(found, part)
+        for part in (changes.select_scene, changes.select_look, changes.select_light, changes.select_camera)
+    ]
     assert counts == [0, 1, 3, 7]
 
 
@@ -138,9 +141,16 @@ def test_shares_are_whole_scenes_if_there_are_as_many(count):
 
 def test_what_decides_the_order_is_every_setting_but_response_and_run():
     settings = PAIRS[0].settings
-    parts = changes.scene, changes.look, changes.light, changes.lander, changes.camera, changes.sampling
+    parts = (
+        changes.select_scene,
+        changes.select_look,
+        changes.select_light,
+        changes.select_lander,
+        changes.select_camera,
+        changes.select_sampling,
+    )
     listed = {(topic, name) for part in parts for topic, values in part(settings).items() for name in values}
-    from icymoon.settings.table import all_settings
+    from icymoon.settings.table import list_all_settings
 
-    needed = {(topic, s.key) for topic, s in all_settings() if s.effect not in ("response", "run")}
+    needed = {(topic, s.key) for topic, s in list_all_settings() if s.effect not in ("response", "run")}
     assert needed <= listed

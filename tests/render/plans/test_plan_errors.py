@@ -12,7 +12,7 @@ from hypothesis import settings as trials
 from hypothesis import strategies as st
 from icymoon.formats.toml_lines import Place, find_line
 from icymoon.render.plans.plan_file import find_plan, read_plan
-from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.table import TOPICS, list_all_settings
 from icymoon.support.errors import IcyMoonError
 
 HEAD = '[plan]\ntitle = "Test"\n'
@@ -134,7 +134,7 @@ WRONG = {
         + '[[sweep]]  # !\nkind = "sobol"\ncount = 2\n'
         + "".join(
             f"{t}.{s.key} = {{ choice = [{s.default}] }}\n"
-            for t, s in all_settings()
+            for t, s in list_all_settings()
             if s.kind == "float" and t in ("surface", "hapke", "rocks")
         ),
         ("latin_hypercube",),

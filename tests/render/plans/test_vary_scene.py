@@ -28,7 +28,7 @@ from icymoon.render.plans.vary_scene import (
     why_fixed,
 )
 from icymoon.settings import description, preset_files
-from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.table import TOPICS, list_all_settings
 from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.scene import Settings
 from icymoon.support.errors import IcyMoonError
@@ -66,7 +66,7 @@ def value(settings, name):
 def differing(settings, other):
     return {
         f"{topic}.{s.key}"
-        for topic, s in all_settings()
+        for topic, s in list_all_settings()
         if s.effect != "run" and settings[topic][s.key] != other[topic][s.key]
     }
 
@@ -274,7 +274,7 @@ def test_what_cannot_be_combined_is_refused_in_a_sentence(variations, problem):
 
 def test_every_setting_varies_around_its_default_or_says_why_not():
     described = description.defaults()
-    for topic, setting in all_settings():
+    for topic, setting in list_all_settings():
         name = f"{topic}.{setting.key}"
         if why_fixed(topic, setting.key):
             assert name not in names_that_vary()
@@ -303,7 +303,7 @@ def test_a_value_beyond_the_slider_keeps_its_place():
 def test_what_changes_the_picture_can_vary_but_for_texts_and_lists():
     fixed = {
         name
-        for topic, s in all_settings()
+        for topic, s in list_all_settings()
         if (name := f"{topic}.{s.key}") not in names_that_vary()
         and s.effect not in ("response", "run")
         and s.kind not in ("text", "list")

@@ -91,7 +91,7 @@ def test_of_many_that_try_at_once_one_gets_it(tmp_path):
 
 
 def test_a_dead_process_of_this_machine_holds_nothing(tmp_path):
-    left_by(tmp_path, dead_process(), system.process_scope(), 0.0)
+    left_by(tmp_path, dead_process(), system.find_process_scope(), 0.0)
     (tmp_path / "pairs" / f"{PAIR}.host-1-1.part").mkdir(parents=True)
     mine = Claims(tmp_path)
     assert mine.take(PAIR)
@@ -214,7 +214,7 @@ def test_sweeping_puts_a_whole_pair_into_its_place_if_that_is_free(tmp_path):
 
 def test_forgetting_a_process_leaves_what_others_write_of_the_same_pair(tmp_path):
     pid = dead_process()
-    left_by(tmp_path, pid, system.process_scope(), 0.0)
+    left_by(tmp_path, pid, system.find_process_scope(), 0.0)
     theirs = tmp_path / "pairs" / f"{PAIR}.{socket.gethostname()}-{pid}-1.part"
     ours = tmp_path / "pairs" / f"{PAIR}.{socket.gethostname()}-{pid}1-1.part"
     for folder in (theirs, ours):
@@ -229,7 +229,7 @@ def test_forgetting_a_process_leaves_what_others_write_of_the_same_pair(tmp_path
 
 def test_forgetting_a_process_leaves_its_namesake_elsewhere_and_its_neighbours(tmp_path):
     pid = dead_process()
-    left_by(tmp_path, pid, system.process_scope(), 0.0)  # "host": "elsewhere"
+    left_by(tmp_path, pid, system.find_process_scope(), 0.0)  # "host": "elsewhere"
     neighbour = Claims(tmp_path)
     neighbour.take("ffffffffffff")
     Claims(tmp_path).clean_up_after(pid)

@@ -302,7 +302,7 @@ def test_a_claim_that_states_anything_else_is_no_statement(dataset, stated):
     folder = dataset / CLAIMS_FOLDER
     folder.mkdir(parents=True)
     path = folder / f"{KEY}.1"
-    path.write_text(json.dumps({"pid": 2**30, "place": system.process_scope(), "host": "here", "light": stated}))
+    path.write_text(json.dumps({"pid": 2**30, "place": system.find_process_scope(), "host": "here", "light": stated}))
     os.utime(path, (1, 1))
     assert get(opened(dataset), Baker())[0].light.values.max() == 1.0
 

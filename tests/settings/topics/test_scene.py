@@ -72,7 +72,7 @@ def is_typed(settings: Settings) -> bool:
         lambda whole: description.merged(whole, {"rig": {"width_px": 64}}),
         lambda whole: description.merged({"rig": {"width_px": 64}}, json.loads(json.dumps(whole))),
         lambda whole: description.check(json.loads(json.dumps(whole)), "a test"),
-        lambda whole: description.restored(json.loads(json.dumps(whole)), "a test"),
+        lambda whole: description.restore_settings(json.loads(json.dumps(whole)), "a test"),
         lambda whole: description.changed(whole, description.defaults()),
         lambda whole: preset_files.load_preset("europa_rough_ice"),
         lambda whole: description.override("rig.width_px=64"),

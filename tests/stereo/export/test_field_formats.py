@@ -13,7 +13,7 @@ import pairs
 import pytest
 from icymoon.formats.cahvor import read_model
 from icymoon.formats.fits import Image, encode_fits
-from icymoon.physics.camera.lens_distortion import distort
+from icymoon.physics.camera.lens_distortion import distort_points
 from icymoon.physics.camera.rotations import quaternion
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
@@ -154,7 +154,10 @@ def test_the_sensors_model_has_its_distortion(dataset, tmp_path, points):
     model = read_model(folder / "left_sensor.cahvor")
     assert model.kind == "CAHVOR"
     world, _ = points
-    bent = distort(pixel_rays(RIG)[..., :2], (float(np.float32(-0.2)), float(np.float32(0.05)), 0, 0, 0)) * RIG.focal_px
+    bent = (
+        distort_points(pixel_rays(RIG)[..., :2], (float(np.float32(-0.2)), float(np.float32(0.05)), 0, 0, 0))
+        * RIG.focal_px
+    )
     known = np.isfinite(world[..., 0])
     wanted = bent + np.array([RIG.cx_px - 0.5, RIG.cy_px - 0.5])
     assert np.abs(model.project(world[known]) - wanted[known]).max() < 1e-6

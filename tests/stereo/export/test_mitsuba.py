@@ -16,7 +16,7 @@ import pairs
 import pytest
 from icymoon.physics.light.planetshine import VisibleCap, irradiance_wm2
 from icymoon.physics.light.scene_sun import SceneSun
-from icymoon.physics.light.sky import sky
+from icymoon.physics.light.sky import compute_sky
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.settings.description import check, defaults, merged
 from icymoon.stereo.export import mitsuba
@@ -45,7 +45,7 @@ def settings(*parts):
     ids=str,
 )
 def test_the_map_of_the_sky_brings_the_planets_light(changes, error):
-    shown = sky(settings(PLANET, {"light": changes}).light)
+    shown = compute_sky(settings(PLANET, {"light": changes}).light)
     found = mitsuba._make_sky_map(VisibleCap(shown.planet))[..., 0].astype(float)
     rows = len(found)
     polar, around = np.arange(rows) / (rows - 1) * math.pi, (np.arange(2 * rows) + 0.5) / rows * math.pi
@@ -68,7 +68,7 @@ def test_what_the_planet_hides_of_the_sun_is_left_out_once(tmp_path):
     """A pair's record states the irradiance without what is hidden."""
     half = SceneSun(np.array([0.0, 0.6, 0.8]), 7.0, 0.05, "ANGLES", eclipse=0.5)
     pair = Pair(tmp_path, "0" * 12, settings(), pairs.camera(), {"light": {"sun": half.to_json()}})
-    shown = sky(settings({"light": {"planet": False}}).light)
+    shown = compute_sky(settings({"light": {"planet": False}}).light)
     lights = mitsuba._light_plugins(pair, shown, tmp_path)
     radiance, angle = lights["sun"]["emitter"]["radiance"][0], math.radians(0.05 / 2)
     assert radiance * math.pi * math.sin(angle) ** 2 == pytest.approx(7.0)
@@ -102,7 +102,7 @@ def test_what_is_left_out_is_named():
     described = settings(
         {"surface": {"model": "PRINCIPLED", "grain_amplitude_m": 0.01, "salt_share": 0.2}, "textures": {"set": "FROST"}}
     )
-    text = " ".join(mitsuba.find_left_out(described, sky(described.light)))
+    text = " ".join(mitsuba.find_left_out(described, compute_sky(described.light)))
     for word in ("PRINCIPLED", "grain_amplitude_m", "salt_share", "textures.set"):
         assert word in text
     layered = settings(
@@ -117,11 +117,11 @@ def test_what_is_left_out_is_named():
             }
         }
     )
-    text = " ".join(mitsuba.find_left_out(layered, sky(layered.light)))
+    text = " ".join(mitsuba.find_left_out(layered, compute_sky(layered.light)))
     for key in ("ice_colour", "trough_dirt", "glint_share", "crust_share", "frost_share", "bubble_share"):
         assert f"surface.{key} is left out" in text
     plain = settings({"surface": {"model": "LAMBERT", "grain_amplitude_m": 0.0, "albedo_variation": 0.0}})
-    assert not mitsuba.find_left_out(plain, sky(plain.light))
+    assert not mitsuba.find_left_out(plain, compute_sky(plain.light))
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ def test_snow_is_exported_as_snow():
         {"surface": {"model": "SNOW", "albedo": 0.93, "grain_amplitude_m": 0.0, "albedo_variation": 0.0}}
     )
     assert mitsuba._surface_plugin(described, "terrain") == {"type": "icymoon_snow", "albedo": 0.93}
-    assert not mitsuba.find_left_out(described, sky(described.light))
+    assert not mitsuba.find_left_out(described, compute_sky(described.light))
 
 
 def test_code_that_comes_with_a_scene_is_not_run(tmp_path):

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.physics.light.directions import toward
+from icymoon.physics.light.directions import direction_toward
 from icymoon.physics.light.scene_sun import SceneSun
 from icymoon.render.pairs.pair_folder import Pair, find_pair_folders, read_pair
 from icymoon.render.pairs.scene_splits import SPLITS, scene_of, split_of
@@ -47,7 +47,7 @@ def with_sun(folder: Path, elevation_deg: float | None) -> None:
     pairs.write_pair(folder, SCENE, RIG, settings=settings)
     record = json.loads((folder / "pair.json").read_text())
     if elevation_deg is not None:
-        record["light"] = {"sun": SceneSun(toward(30.0, elevation_deg), 50.0, 0.1, "HAND").to_json()}
+        record["light"] = {"sun": SceneSun(direction_toward(30.0, elevation_deg), 50.0, 0.1, "HAND").to_json()}
         record["edited_by_hand"] = True
     (folder / "pair.json").write_text(json.dumps(record))
 

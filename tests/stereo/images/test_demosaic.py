@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from icymoon.physics.camera.colour import mosaic
+from icymoon.physics.camera.colour import apply_mosaic
 from icymoon.stereo.images.demosaic import demosaic
 
 OPENCV = {
@@ -27,7 +27,7 @@ def test_means_are_those_of_opencv(pattern):
 def test_edge_aware_demosaicing_returns_flat_colours_and_ramps_inside(pattern, bits):
     y, x = np.mgrid[:20, :24]
     planes = np.stack([60 + 4 * x, 200 - 2 * y, 40 + 2 * x + 2 * y]).astype(np.uint16)
-    found = demosaic(mosaic(planes, pattern), bits, pattern, "EDGE_AWARE")[4:-4, 4:-4]
+    found = demosaic(apply_mosaic(planes, pattern), bits, pattern, "EDGE_AWARE")[4:-4, 4:-4]
     assert np.abs(found - planes.transpose(1, 2, 0)[4:-4, 4:-4]).max() <= 2 ** (bits - 16)
 
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.physics.camera.colour import mosaic
+from icymoon.physics.camera.colour import apply_mosaic
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.cli import main
@@ -116,7 +116,7 @@ def test_bent_lenses_and_odd_sizes_have_colours(pair):
     assert images.colour_left.shape == (*images.left.shape, 3)
     assert not np.array_equal(images.detected_left, images.left)
     odd = np.arange(3 * 7 * 5, dtype=float).reshape(3, 7, 5)
-    assert mosaic(odd, "BGGR").shape == (7, 5)
+    assert apply_mosaic(odd, "BGGR").shape == (7, 5)
 
 
 def test_no_light_and_filters_that_pass_nothing_are_dark(pair):

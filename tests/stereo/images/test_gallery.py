@@ -20,9 +20,9 @@ def test_there_are_fifteen_of_960_by_720_each_another():
     described = [description.merged(description.defaults(), preset_files.load_preset(name)) for name in NAMES]
     assert len({description.digest(each) for each in described}) == len(NAMES) == 15
     assert {(each.rig.width_px, each.rig.height_px) for each in described} == {(960, 720)}
-    assert len({preset_files.preset_header(name)[0] for name in NAMES}) == 15
+    assert len({preset_files.read_preset_header(name)[0] for name in NAMES}) == 15
     for name in NAMES:  # the sheet's letters are ASCII
-        assert preset_files.preset_header(name)[0].isascii()
+        assert preset_files.read_preset_header(name)[0].isascii()
 
 
 def test_a_picture_shows_the_light_as_a_screen_does(tmp_path):

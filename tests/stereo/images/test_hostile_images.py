@@ -22,7 +22,7 @@ from icymoon.stereo.datasets.data_files import MapFile, find_inside, read_image,
 from icymoon.stereo.images import bounded_decoding
 from icymoon.stereo.images.image_files import read_pfm, read_png
 from icymoon.support.errors import IcyMoonError
-from icymoon.support.system import count_processors, is_ended_by_time_limit, is_gone, process_scope
+from icymoon.support.system import count_processors, find_process_scope, is_ended_by_time_limit, is_gone
 
 READERS = {
     "image": read_image,
@@ -253,7 +253,7 @@ def test_the_other_process_ends_with_this_one(tmp_path):
         [sys.executable, "-c", program, str(tmp_path / "a.png")], capture_output=True, timeout=60, check=False
     )
     pid, end = int(ended.stdout), time.monotonic() + 20
-    while not is_gone(pid, process_scope()):
+    while not is_gone(pid, find_process_scope()):
         assert time.monotonic() < end
         time.sleep(0.05)
 

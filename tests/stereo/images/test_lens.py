@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.physics.camera.lens_distortion import distort, overscan_needed, refuse_folds, undistort
+from icymoon.physics.camera.lens_distortion import distort_points, find_overscan, refuse_folds, undistort_points
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
@@ -32,18 +32,18 @@ def lens_settings(k=BARREL):
 def test_the_model_is_opencvs():
     points = np.concatenate([GRID.reshape(-1, 2), np.ones((GRID.size // 2, 1))], axis=1)
     expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), np.eye(3), np.array(BARREL))
-    np.testing.assert_allclose(distort(GRID, BARREL).reshape(-1, 2), expected[:, 0], atol=1e-12)
+    np.testing.assert_allclose(distort_points(GRID, BARREL).reshape(-1, 2), expected[:, 0], atol=1e-12)
 
 
 @pytest.mark.parametrize("k", [BARREL, (0.3, 0.1, 0.0, 0.0, 0.0), (0.0, 0.0, 0.01, 0.01, 0.0), (0.0,) * 5])
 def test_taking_distortion_away_is_its_inverse(k):
-    np.testing.assert_allclose(undistort(distort(GRID, k), k), GRID, atol=1e-9)
+    np.testing.assert_allclose(undistort_points(distort_points(GRID, k), k), GRID, atol=1e-9)
 
 
 def test_beyond_the_fold_there_is_nothing_and_a_folded_image_is_refused():
     strong = (-0.5, 0.0, 0.0, 0.0, 0.0)  # r (1 - r²/2) turns back at r = 0.816, where it is 0.544
-    assert np.isnan(undistort(np.array([[0.6, 0.0]]), strong)).all()
-    np.testing.assert_allclose(undistort(np.array([[0.5, 0.0]]), strong), [[0.618, 0.0]], atol=1e-3)
+    assert np.isnan(undistort_points(np.array([[0.6, 0.0]]), strong)).all()
+    np.testing.assert_allclose(undistort_points(np.array([[0.5, 0.0]]), strong), [[0.618, 0.0]], atol=1e-3)
     refuse_folds(GRID * 0.5, strong)
     with pytest.raises(IcyMoonError, match=r"rig\.distortion_k1"):
         refuse_folds(GRID, strong)
@@ -62,7 +62,7 @@ def test_a_place_is_folded_where_the_determinant_of_the_map_is_not_positive():
     folded = 0
     for point, k in zip(random.uniform(-1.0, 1.0, (400, 2)), random.normal(0.0, 0.6, (400, 5)), strict=True):
         step = 1e-6 * np.eye(2)
-        slope = (distort(point + step, tuple(k)) - distort(point - step, tuple(k))) / 2e-6
+        slope = (distort_points(point + step, tuple(k)) - distort_points(point - step, tuple(k))) / 2e-6
         if np.linalg.det(slope) > 0:
             refuse_folds(point, tuple(k))
             continue
@@ -76,7 +76,9 @@ def test_distortion_is_taken_away_up_to_a_tenth_before_the_fold():
     """Of a fold at r² = -1 / (3 k1), in all directions: the steps there are exact, or they would not arrive."""
     k, angle = (-0.3, 0.0, 0.0, 0.0, 0.0), np.radians(np.arange(0, 360, 15))
     points = 0.9 * np.sqrt(-1 / (3 * k[0])) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    np.testing.assert_allclose(undistort(distort(points, k), k), points, atol=1e-9 / 0.19)  # the slope there
+    np.testing.assert_allclose(
+        undistort_points(distort_points(points, k), k), points, atol=1e-9 / 0.19
+    )  # the slope there
 
 
 @pytest.mark.parametrize("k1", [-0.5, -0.2])
@@ -85,7 +87,7 @@ def test_the_far_side_of_a_fold_is_no_answer(k1):
     axis; the solver may find it, and no lens shows it."""
     turn = np.sqrt(-1 / (3 * k1))
     seen = np.linspace(-4.0, 4.0, 800)  # no zero
-    found = undistort(np.stack([seen, np.zeros_like(seen)], axis=-1), (k1, 0.0, 0.0, 0.0, 0.0))[:, 0]
+    found = undistort_points(np.stack([seen, np.zeros_like(seen)], axis=-1), (k1, 0.0, 0.0, 0.0, 0.0))[:, 0]
     np.testing.assert_array_equal(np.isfinite(found), np.abs(seen) < turn * 2 / 3)
     near = np.isfinite(found)
     assert (np.abs(found[near]) < turn).all()
@@ -213,7 +215,7 @@ def test_the_overscan_that_is_needed_lights_every_pixel_and_less_does_not(k, shi
         | lens_settings(k)
         | {"width_px": 200, "height_px": 160, "principal_x_px": shift[0], "principal_y_px": shift[1]}
     )
-    needed = overscan_needed(rig)
+    needed = find_overscan(rig)
     assert 0 < needed < 0.5
 
     def darkest(overscan):
@@ -225,9 +227,9 @@ def test_the_overscan_that_is_needed_lights_every_pixel_and_less_does_not(k, shi
 
 
 def test_a_lens_that_sees_less_needs_no_overscan_and_beyond_a_fold_none_helps():
-    assert overscan_needed(defaults().rig) == 0.0
-    assert overscan_needed(defaults().rig | lens_settings((0.1, 0.0, 0.0, 0.0, 0.0))) == 0.0
-    assert overscan_needed(defaults().rig | lens_settings((-0.3, 0.0, 0.0, 0.0, 0.0))) is None
+    assert find_overscan(defaults().rig) == 0.0
+    assert find_overscan(defaults().rig | lens_settings((0.1, 0.0, 0.0, 0.0, 0.0))) == 0.0
+    assert find_overscan(defaults().rig | lens_settings((-0.3, 0.0, 0.0, 0.0, 0.0))) is None
 
 
 @pytest.mark.parametrize("toe_in", [0.0, 5.0, 45.0])
@@ -254,11 +256,11 @@ def test_rectification_of_turned_eyes_is_the_homography_of_the_turn(toe_in):
 def test_a_point_beyond_the_fold_has_no_answer_where_the_polynomial_rises_again(k):
     """A lens shows what is within the fold: radii up to the first that no larger one is seen nearer than."""
     radii = np.linspace(0.0, 4.0, 40001)
-    seen = distort(np.stack([radii, np.zeros_like(radii)], axis=-1), k)[:, 0]
+    seen = distort_points(np.stack([radii, np.zeros_like(radii)], axis=-1), k)[:, 0]
     fold = int(np.argmax(np.diff(seen) <= 0))
     assert seen.max() > seen[fold]  # it rises again, beyond
     asked = np.linspace(0.0, 1.5 * seen[fold], 601)
-    found = undistort(np.stack([asked, np.zeros_like(asked)], axis=-1), k)[:, 0]
+    found = undistort_points(np.stack([asked, np.zeros_like(asked)], axis=-1), k)[:, 0]
     inside = asked < seen[fold] * (1 - 1e-4)
     assert np.isfinite(found[inside]).all()
     assert (np.abs(found[inside]) <= radii[fold + 1]).all()

@@ -10,7 +10,7 @@ import re
 import numpy as np
 import pairs
 import pytest
-from icymoon.physics.camera.occlusion import matching_column
+from icymoon.physics.camera.occlusion import find_matching_column
 from icymoon.stereo.measure.eye_offsets import measure_light_offsets, measure_truth_offsets
 from icymoon.stereo.measure.self_check import Eye, find_visibility, run_self_check
 
@@ -229,7 +229,7 @@ def test_what_an_eye_does_not_see_is_neither_sky_nor_ground():
     """A pixel that is not seen is not sky: the other eye does not see through it, and it is not visible in both."""
     pair = toed(eyes(pairs.Scene(rock=False)), 60)
     visible = find_visibility(pair[0], pair[1], RIG)
-    column = matching_column(RIG.disparity(pair[0].depth))
+    column = find_matching_column(RIG.disparity(pair[0].depth))
     assert not visible["left"][column > 256 - 60].any()
     assert visible["left"][(column < 256 - 62) & (column > 1) & pair[0].seen].all()
     # As it was: unseen pixels without truth were taken for sky, through which the ground was seen.
@@ -300,7 +300,7 @@ def test_the_stated_error_of_the_light_is_its_spread():
     """Over independent noise, offsets spread by what each of them states, within the chance of 16 draws: the standard
     deviation of 16 has an error of 18 %, and the jackknife over 48 tiles, of which some are empty, errs too."""
     left, right = eyes(pairs.Scene(rock=False))
-    column, visible = matching_column(RIG.disparity(left.depth)), find_visibility(left, right, RIG)["left"]
+    column, visible = find_matching_column(RIG.disparity(left.depth)), find_visibility(left, right, RIG)["left"]
     found = [
         measure_light_offsets(a.grey, b.grey, column, visible).shift_px
         for a, b in (noisy((left, right), 0.5, seed) for seed in range(16))

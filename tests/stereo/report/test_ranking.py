@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from icymoon.settings.description import defaults, merged
-from icymoon.settings.preset_files import load_preset, preset_header
+from icymoon.settings.preset_files import load_preset, read_preset_header
 from icymoon.stereo.measure.row_metrics import NUMBERS
 from icymoon.stereo.report.by_setting import find_swept_settings
 from icymoon.stereo.report.conditions import (
@@ -43,7 +43,7 @@ def test_terrains_are_one_condition_each_and_settings_of_the_same_label_name_the
     rocks = [{"rocks": {"coverage": share}} for share in (0.05, 0.08)]
     conditions, titles = named([(load_preset(f"terrains/{each}"), own) for each in terrains for own in rocks])
     names = [condition.name for condition in conditions]
-    assert names[:5] == sorted(f"Terrain: {preset_header(f'terrains/{each}')[0]}" for each in terrains)
+    assert names[:5] == sorted(f"Terrain: {read_preset_header(f'terrains/{each}')[0]}" for each in terrains)
     assert names[5:] == ["Rocks: Coverage 0.05", "Rocks: Coverage 0.08"]
     assert titles[0] == "Terrain: Low ruggedness, snow swells, Rocks: Coverage 0.05"
     assert len(set(titles)) == 10
@@ -54,7 +54,7 @@ def test_a_level_has_the_name_of_a_preset_only_if_all_of_its_pairs_are_from_it()
     together = {"mesh": {"error_px": 2.0}, "terrain": {"hurst": 0.61}}
     conditions, _ = named([(snow,), (ice, together), (blue, together)])
     at_two = next(each for each in conditions if each.pairs.tolist() == [False, True, True])
-    assert not {preset_header(f"surfaces/{each}")[0] for each in ("rough_ice", "blue_ice")} & {at_two.name}
+    assert not {read_preset_header(f"surfaces/{each}")[0] for each in ("rough_ice", "blue_ice")} & {at_two.name}
 
 
 def test_ground_from_files_has_no_terrain_and_own_ground_leaves_all_settings():
@@ -93,9 +93,9 @@ def test_titles_of_pairs_differ():
 def test_settings_of_presets_are_named_by_the_preset():
     names = ("surfaces/fresh_snow", "surfaces/rough_ice")
     conditions, _ = named([(load_preset(name),) for name in names])
-    assert {condition.name for condition in conditions} == {preset_header(name)[0] for name in names}
+    assert {condition.name for condition in conditions} == {read_preset_header(name)[0] for name in names}
     scene = merged(defaults(), load_preset("scenes/europa_rough_ice"))
-    assert find_preset_title(scene) == preset_header("scenes/europa_rough_ice")[0]
+    assert find_preset_title(scene) == read_preset_header("scenes/europa_rough_ice")[0]
     assert find_preset_title({}) == ""
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pairs
 import pytest
-from icymoon.physics.light.sky import sky, sky_facts
+from icymoon.physics.light.sky import compute_sky, describe_sky
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings.description import check, merged
 from icymoon.stereo.matchers.methods import parse_methods
@@ -50,7 +50,7 @@ def out(study, tmp_path, monkeypatch):
     for name, pair in planned.items():
         folder = pairs.write_pair(pair.folder(tmp_path), SCENE, RIG, noise=NOISE[name], settings=settings)
         data = json.loads((folder / "pair.json").read_text())
-        data |= {"light": sky_facts(sky(settings.light)), "cpu_seconds": {"before": 1.0, "pair": 2.0}}
+        data |= {"light": describe_sky(compute_sky(settings.light)), "cpu_seconds": {"before": 1.0, "pair": 2.0}}
         (folder / "pair.json").write_text(json.dumps(data))
     monkeypatch.setattr(Study, "pairs_of", lambda self, view: planned)
     return tmp_path

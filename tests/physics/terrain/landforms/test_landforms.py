@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.physics.terrain.landforms import MAKERS, Landform, craters, ridges
-from icymoon.physics.terrain.snow_mantle import fill
+from icymoon.physics.terrain.snow_mantle import snow_depth_m
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged
 from icymoon.support.arrays import Array
@@ -111,7 +111,7 @@ def test_a_coarse_mesh_gets_rounder_blades_not_saws():
 
 def test_the_profile_of_a_double_ridge():
     place = np.linspace(-1.2, 1.2, 2401)
-    heights = ridges.profile(place, 0.4)
+    heights = ridges.ridge_profile(place, 0.4)
     assert heights[1200] == pytest.approx(0.6)  # the trough is 0.4 deep
     assert heights.max() == pytest.approx(1.0)
     assert np.allclose(np.abs(place[heights > 0.9999]), 0.4, atol=1e-3)  # two crests
@@ -388,7 +388,7 @@ def test_hollows_can_be_long():
 
 def test_the_profile_of_a_crater():
     r = np.linspace(0, 3.5, 3501)
-    heights = craters.profile(r, 0.2, 0.04)
+    heights = craters.crater_profile(r, 0.2, 0.04)
     assert heights[0] == pytest.approx(0.04 - 0.2)
     assert heights.max() == pytest.approx(0.04)
     assert r[np.argmax(heights)] == pytest.approx(1.0, abs=1e-3)
@@ -458,14 +458,14 @@ def test_craters_that_cannot_be():
 
 def test_the_law_of_the_snow():
     below = np.linspace(-1.0, 3.0, 4001)
-    snow = fill(below, 0.5)
+    snow = snow_depth_m(below, 0.5)
     assert np.all(snow[below <= 0] == 0.0)  # nothing on heights
     assert np.all(snow[below >= 1.0] == 0.5)  # the stated thickness in deep hollows
     assert np.all(snow <= np.maximum(below, 0.0))  # never above the surroundings
     assert np.all(np.diff(snow) >= 0)
     assert np.all(np.diff(below - snow) >= 0)  # what was lower stays lower
-    assert np.allclose(fill(below, 1e9), np.maximum(below, 0.0))  # all the snow there is fills to the brim
-    assert np.all(fill(below, 0.0) == 0.0)
+    assert np.allclose(snow_depth_m(below, 1e9), np.maximum(below, 0.0))  # all the snow there is fills to the brim
+    assert np.all(snow_depth_m(below, 0.0) == 0.0)
     # Snow starts with a crease, but where it gets as thick as it can there is none: its curvature is at most 1/2T.
     assert np.abs(np.diff(snow, 2))[below[1:-1] > 0.01].max() < 1.01e-6 / (2 * 0.5)
 

@@ -47,9 +47,9 @@ def test_its_heights_are_added_to_the_ground(install):
 def test_a_mesh_that_is_too_coarse_leaves_it_out_and_says_so(install):
     install()
     assert not relief(with_steps(0.7), shortest_m=2.0).any()
-    advice = " ".join(terrain.terrain_advice(with_steps(0.7), 2.0))
+    advice = " ".join(terrain.advise_on_terrain(with_steps(0.7), 2.0))
     assert "The mesh is too coarse for the landform_steps" in advice
-    assert "landform_steps" not in " ".join(terrain.terrain_advice(with_steps(0.7), 0.1))
+    assert "landform_steps" not in " ".join(terrain.advise_on_terrain(with_steps(0.7), 0.1))
 
 
 def test_one_that_is_not_installed_is_refused_and_never_left_out():

@@ -7,7 +7,7 @@ import math
 import noise_reference as reference
 import numpy as np
 import pytest
-from icymoon.physics.terrain.layers import Layer, make_layer
+from icymoon.physics.terrain.layers import NoiseLayer, make_layer
 from icymoon.physics.terrain.noise.bases_and_fractals import BASES, FRACTALS
 from icymoon.physics.terrain.roughness.statistics import power_spectrum, rms_deviation
 from icymoon.settings.topics.ground import TerrainLayer
@@ -15,7 +15,7 @@ from icymoon.settings.topics.ground import TerrainLayer
 DEFAULTS = TerrainLayer.from_values({setting.key: setting.default for setting in TerrainLayer.fields})
 
 
-def _layer(seed: int = 0, **changes: object) -> Layer:
+def _layer(seed: int = 0, **changes: object) -> NoiseLayer:
     made = make_layer(DEFAULTS | changes, np.random.default_rng(seed))
     assert made is not None
     return made
@@ -81,7 +81,7 @@ def test_a_layer_fades_without_steps_and_does_not_depend_on_its_neighbours(fract
 def test_a_warp_moves_the_points_by_its_rms():
     made = _layer(warp_m=0.7, scale_m=2.0)
     x, y = np.random.default_rng(4).uniform(-500, 500, (2, 50_000))
-    east, north = made._warped(x, y)
+    east, north = made._warp_points(x, y)
     for moved in (east - x, north - y):
         assert moved.std() == pytest.approx(0.7, rel=0.03)  # five standard errors of 5e4 values
     still = _layer(warp_m=0.0, scale_m=2.0)

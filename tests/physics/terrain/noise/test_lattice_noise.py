@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from icymoon.physics.terrain.noise import lattice_noise, voronoi
 from icymoon.physics.terrain.noise.bases_and_fractals import BASES
-from icymoon.physics.terrain.roughness.structure_function import NOISE_DEVIATION, structure
+from icymoon.physics.terrain.roughness.structure_function import NOISE_DEVIATION, structure_function
 
 COORDINATE = st.floats(-1e6, 1e6) | st.integers(-1000, 1000).map(float)
 KEY = st.integers(0, 2**32 - 1)
@@ -52,7 +52,7 @@ def test_looking_cells_up_and_hashing_each_point_give_the_same_bits(basis, monke
     made = []
     for per_point in (0, 10**9):
         monkeypatch.setattr(lattice_noise, "_TABLE_PER_POINT", per_point)
-        cells = voronoi.voronoi(x, y, 5)
+        cells = voronoi.find_voronoi_cells(x, y, 5)
         made.append((BASES[basis](x, y, 5), cells.f1, cells.edge_distance(3.0, 0.5), cells.random(1)))
     for hashed, looked_up in zip(*made, strict=True):
         assert np.array_equal(hashed, looked_up)
@@ -61,7 +61,7 @@ def test_looking_cells_up_and_hashing_each_point_give_the_same_bits(basis, monke
 @settings(deadline=None)
 @given(x=COORDINATE, y=COORDINATE, key=KEY)
 def test_a_voronoi_cell_is_the_nearest_point_of_many(x, y, key):
-    cells = voronoi.voronoi(np.array([x]), np.array([y]), key)
+    cells = voronoi.find_voronoi_cells(np.array([x]), np.array([y]), key)
     (f1, px, py, column, row), (f2, *_), *_ = reference.points_near(x, y, key)
     assert (cells.f1[0], cells.f2[0]) == pytest.approx((f1, f2), abs=1e-9)
     if f2 - f1 > 1e-9:
@@ -72,7 +72,7 @@ def test_a_voronoi_cell_is_the_nearest_point_of_many(x, y, key):
 @pytest.mark.parametrize("lengths", [(1.0, 1.0), (5.0, 0.5)])
 def test_the_distance_to_the_edge_of_a_cell(lengths):
     x, y = np.random.default_rng(1).uniform(-20, 20, (2, 1500))
-    made = voronoi.voronoi(x, y, 3).edge_distance(*lengths)
+    made = voronoi.find_voronoi_cells(x, y, 3).edge_distance(*lengths)
     true = np.array([reference.edge_distance(a, b, 3, *lengths) for a, b in zip(x, y, strict=True)])
     near = true < 0.29 * min(lengths)
     assert near.sum() > 500
@@ -83,7 +83,7 @@ def test_the_distance_to_the_edge_of_a_cell(lengths):
 def test_the_distance_to_the_edge_has_no_steps_where_three_cells_meet():
     axis = np.linspace(0, 12, 1501)
     x, y = np.meshgrid(axis, axis)
-    distance = voronoi.voronoi(x, y, 8).edge_distance()
+    distance = voronoi.find_voronoi_cells(x, y, 8).edge_distance()
     # A distance changes by no more than one walks; the far places where the search ends are left out.
     near = distance < 0.25
     for step, both in (
@@ -133,7 +133,7 @@ def test_the_closed_form_of_the_structure_function(distance):
     there = lattice_noise.gradient_noise(x + distance * np.cos(angle), y + distance * np.sin(angle), 11)
     measured = np.mean((there - lattice_noise.gradient_noise(x, y, 11)) ** 2)
     # Five standard errors of a mean of 3e5 squares, and the table's interpolation.
-    assert float(structure(np.array(distance))) == pytest.approx(measured, rel=0.015)
+    assert float(structure_function(np.array(distance))) == pytest.approx(measured, rel=0.015)
 
 
 def test_hash_bits_are_even():

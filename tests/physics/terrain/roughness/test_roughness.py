@@ -8,10 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from icymoon.physics.terrain.roughness.roughness import amplitudes, asked_numbers, wavelengths_m
-from icymoon.physics.terrain.roughness.statistics import detrend, lags, measure, power_spectrum, rms_deviation
-from icymoon.physics.terrain.roughness.structure_function import structure
-from icymoon.physics.terrain.terrain import law_range_m, make_terrain, terrain_advice
+from icymoon.physics.terrain.roughness.roughness import fit_amplitudes, list_asked_statistics, octave_wavelengths_m
+from icymoon.physics.terrain.roughness.statistics import (
+    list_lags,
+    measure_roughness,
+    power_spectrum,
+    remove_plane,
+    rms_deviation,
+)
+from icymoon.physics.terrain.roughness.structure_function import structure_function
+from icymoon.physics.terrain.terrain import advise_on_terrain, law_range_m, make_terrain
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.ground import TerrainSettings
 from icymoon.support.arrays import Array
@@ -35,7 +41,7 @@ def _built(seed: int, n: int = N, **changes: Any) -> Array:
 
 def _holds(seed: int, hurst: float, multifractality: float) -> None:
     heights = _built(seed, hurst=hurst, multifractality=multifractality)
-    found = measure(heights, SPACING, 1.0, (0.999 * SHORTEST, 1.001 * LONGEST))
+    found = measure_roughness(heights, SPACING, 1.0, (0.999 * SHORTEST, 1.001 * LONGEST))
     inside = (found.lag_m > 0.999 * SHORTEST) & (found.lag_m < 1.001 * LONGEST)
     asked = math.tan(math.radians(12.0)) * found.lag_m**hurst
     assert found.lag_m[inside][-1] / found.lag_m[inside][0] > 25
@@ -74,9 +80,9 @@ def test_the_deviation_and_the_spectrum_are_as_stated_for_every_seed(hurst, mult
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_independent_octaves_sum_to_the_law(hurst, lacunarity, dimensions):
     wavelength = 10.0 / lacunarity ** np.arange(round(math.log(1000) / math.log(lacunarity)))
-    unit = amplitudes(wavelength, hurst, dimensions)
+    unit = fit_amplitudes(wavelength, hurst, dimensions)
     lag = np.geomspace(wavelength[-1], 0.25 * wavelength[0], 60)
-    deviation = np.sqrt(structure(lag[:, None] / wavelength, dimensions) @ unit**2)
+    deviation = np.sqrt(structure_function(lag[:, None] / wavelength, dimensions) @ unit**2)
     assert np.abs(deviation / lag**hurst - 1).max() < 0.07
     # A pure power of the wavelength between the ends, which is the slope of the spectrum.
     inner = unit[2:-1] / wavelength[2:-1] ** hurst
@@ -90,7 +96,7 @@ def test_independent_octaves_sum_to_the_law(hurst, lacunarity, dimensions):
 def test_the_patch_has_the_stated_slope_at_its_baseline(slope, baseline):
     for seed in (1, 2):
         heights = _built(seed, 513, rms_slope_deg=slope, slope_baseline_m=baseline, inner_scale_m=0.12)
-        found = measure(heights, SIZE / 512, baseline)
+        found = measure_roughness(heights, SIZE / 512, baseline)
         assert math.tan(math.radians(found.slope_deg)) == pytest.approx(math.tan(math.radians(slope)), rel=0.04)
 
 
@@ -112,7 +118,7 @@ def test_a_surface_is_smooth_below_and_level_above_its_cut_offs():
     heights = _built(3, multifractality=0.0, outer_scale_m=1.0, inner_scale_m=0.25)
     saturated = [rms_deviation(heights, round(lag / SPACING)) for lag in (1.5, 3.0, 5.0)]
     # Independent heights differ by √2 times their RMS whatever their distance; 400 waves leave 5 % to chance.
-    assert np.allclose(saturated, math.sqrt(2) * detrend(heights).std(), rtol=0.08)
+    assert np.allclose(saturated, math.sqrt(2) * remove_plane(heights).std(), rtol=0.08)
 
 
 def test_multifractal_ground_is_smooth_in_hollows():
@@ -129,7 +135,7 @@ def test_multifractal_ground_is_smooth_in_hollows():
 
 def test_an_exponent_under_a_half_is_warned_of_where_it_is_absurd():
     def notes(shortest_m: float = 0.04, **changes: Any) -> list[str]:
-        return terrain_advice(merged(defaults(), {"terrain": changes}), shortest_m)
+        return advise_on_terrain(merged(defaults(), {"terrain": changes}), shortest_m)
 
     (steep, _) = notes(hurst=0.3)
     # tan 12° (0.04)^(0.3 - 1) = 2.02: 64 degrees, as in the field's own examples.
@@ -142,7 +148,7 @@ def test_an_exponent_under_a_half_is_warned_of_where_it_is_absurd():
 def test_a_mesh_that_loses_the_law_says_so():
     def lost(hurst: float, **changes: Any) -> list[str]:
         settings = merged(defaults(), {"terrain": {"hurst": hurst, "rms_slope_deg": 5.0, **changes}})
-        return [note for note in terrain_advice(settings, 2 * SPACING) if "smoother" in note]
+        return [note for note in advise_on_terrain(settings, 2 * SPACING) if "smoother" in note]
 
     (note,) = lost(0.3)
     share = int(note.split("%")[0].split()[-1])
@@ -150,7 +156,7 @@ def test_a_mesh_that_loses_the_law_says_so():
     heights = _built(1, multifractality=0.0, **settings)
     asked = math.tan(math.radians(5.0)) * SHORTEST**0.3
     # The law is met by the whole surface within 10 %.
-    assert 1 - share / 100 == pytest.approx(rms_deviation(detrend(heights), 6) / asked, abs=0.05)
+    assert 1 - share / 100 == pytest.approx(rms_deviation(remove_plane(heights), 6) / asked, abs=0.05)
     assert lost(0.8) == []
     assert lost(0.3, inner_scale_m=0.0625) == []
 
@@ -158,7 +164,7 @@ def test_a_mesh_that_loses_the_law_says_so():
 @pytest.mark.parametrize("lacunarity", [1.3, 2.0, 3.7])
 @pytest.mark.parametrize("inner", [0.02, 0.3, 7.9, 8.0])
 def test_octaves_go_from_one_cut_off_to_the_other(inner, lacunarity):
-    wavelength = wavelengths_m(TerrainSettings(outer_scale_m=8.0, inner_scale_m=inner, lacunarity=lacunarity))
+    wavelength = octave_wavelengths_m(TerrainSettings(outer_scale_m=8.0, inner_scale_m=inner, lacunarity=lacunarity))
     assert (wavelength[0], wavelength[-1]) == pytest.approx((8.0, inner))
     ratios = wavelength[:-1] / wavelength[1:]
     assert np.ptp(ratios) < 1e-6 if len(ratios) else inner == 8.0
@@ -171,7 +177,7 @@ def test_cut_offs_that_make_no_sense():
         ({"outer_scale_m": 1e5, "inner_scale_m": 1e-4, "lacunarity": 1.2}, "octaves"),
     ):
         with pytest.raises(IcyMoonError, match=word):
-            wavelengths_m(merged(defaults(), {"terrain": changes}).terrain)
+            octave_wavelengths_m(merged(defaults(), {"terrain": changes}).terrain)
     assert law_range_m(defaults().terrain) == pytest.approx((0.01, 2.4))
 
 
@@ -184,20 +190,20 @@ def test_the_measures_on_surfaces_that_are_known():
             math.sqrt(4 * (1 - math.cos(2 * math.pi * lag / 40)) / 2), rel=0.01
         )
     plane = 0.2 * axis[None, :] - 0.1 * axis[:, None] + 7.0
-    assert np.abs(detrend(plane)).max() < 1e-10
+    assert np.abs(remove_plane(plane)).max() < 1e-10
     white = np.random.default_rng(0).normal(size=(512, 512))
     waves, density = power_spectrum(white, 0.5)
     # White noise: variance 1 spread over the square of Nyquist wave numbers, side 1/spacing.
     assert np.average(density, weights=waves) == pytest.approx(0.25, rel=0.02)
-    assert lags(256)[0] == 1
-    assert lags(256)[-1] == 256
+    assert list_lags(256)[0] == 1
+    assert list_lags(256)[-1] == 256
     assert math.isnan(rms_deviation(plane, 400))
-    found = measure(plane, 1.0, 10.0)
+    found = measure_roughness(plane, 1.0, 10.0)
     assert found.slope_deg == pytest.approx(0.0, abs=1e-6)
-    numbers = measure(white, 0.5, 10.0).numbers()
+    numbers = measure_roughness(white, 0.5, 10.0).numbers()
     assert numbers["rms_slope_deg"] == pytest.approx(math.degrees(math.atan(math.sqrt(2) / 10.0)), rel=0.01)
     assert numbers["rms_height_m"] == pytest.approx(1.0, rel=0.01)
-    assert measure(white, 0.5, 1000.0).numbers()["rms_slope_deg"] is None
+    assert measure_roughness(white, 0.5, 1000.0).numbers()["rms_slope_deg"] is None
 
 
 @pytest.mark.parametrize("hurst", [0.5, 0.9])
@@ -205,7 +211,7 @@ def test_the_statistics_that_are_asked_are_those_of_a_patch_of_many_waves(hurst)
     """On 20 m with waves up to 2 m, chance hardly counts."""
     terrain = defaults().terrain | TerrainSettings(outer_scale_m=2.0, hurst=hurst, slope_baseline_m=0.5)
     heights = _built(1, 513, outer_scale_m=2.0, hurst=hurst, slope_baseline_m=0.5)
-    asked, made = asked_numbers(terrain), measure(heights, SIZE / 512, 0.5).numbers()
+    asked, made = list_asked_statistics(terrain), measure_roughness(heights, SIZE / 512, 0.5).numbers()
     assert asked["rms_slope_deg"] == 12.0
     assert made["rms_slope_deg"] == pytest.approx(12.0, rel=0.05)
     assert made["rms_height_m"] == pytest.approx(asked["rms_height_m"], rel=0.1)
