@@ -46,7 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     system = importlib.import_module("icymoon.support.system")
     importlib.import_module("icymoon.support.printer").open_streams()
-    importlib.import_module("icymoon.support.bundled_wheels").use()
+    importlib.import_module("icymoon.support.bundled_wheels").use_wheels()
     # These may be busy for minutes, and leave nothing unfinished.
     system.obey_starter(at_once=arguments[:1] in (["worker"], ["resident-worker"], ["assets"]))
     if arguments and arguments[0] in _PROGRAMS:

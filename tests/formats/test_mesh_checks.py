@@ -664,7 +664,7 @@ def test_many_lines_together_are_judged_as_each_by_itself(tmp_path, monkeypatch,
         together = outcome()
         with monkeypatch.context() as patch:
             for module in (obj, ply, stl):
-                patch.setattr(module, "reduced", refuse)
+                patch.setattr(module, "reduce_digits", refuse)
             assert outcome() == together
         judged.add(together == "passed")
     assert judged == {True, False}
