@@ -9,21 +9,34 @@ PROCESSES ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
 PYTEST := PYTHONPATH=tests/support $(RUN) -m pytest -p processor_time --numprocesses $(PROCESSES) --maxprocesses 4 \
   --dist worksteal
 
-.PHONY: demo env test test-ci test-all test-lanes measure-tests test-ends mutants lint zip store lock docs docs-pages clean
+# Without their compiled files each of these processes would compile the tests and the package anew, for 10 s.
+unexport PYTHONDONTWRITEBYTECODE
+
+# Runs the tests of these options with the type checker beside them, which uses one processor. It fails the target as a
+# test does, and what it finds is told last.
+define TESTS
+@told=$$(mktemp); $(VENV)/bin/mypy >"$$told" 2>&1 & types=$$!; trap "kill $$types" INT TERM; \
+  $(PYTEST) $(1); tests_failed=$$?; \
+  wait $$types; types_failed=$$?; trap - INT TERM; \
+  cat "$$told"; rm "$$told"; exit $$((tests_failed ? tests_failed : types_failed))
+endef
+
+.PHONY: demo env test test-ci test-all test-lanes measure-tests test-ends mutants style lint zip store lock docs \
+  docs-pages clean
 
 demo: $(VENV)/.demo
 	$(RUN) -m icymoon demo
 
 env: $(VENV)/.tests
 
-test: $(VENV)/.tests lint
-	$(PYTEST) -m "not slow and not heavy and not over_a_second"
+test: $(VENV)/.tests style .types/icymoon
+	$(call TESTS,-m "not slow and not heavy and not over_a_second")
 
-test-ci: $(VENV)/.tests lint
-	$(PYTEST) -m "not long"
+test-ci: $(VENV)/.tests style .types/icymoon
+	$(call TESTS,-m "not long")
 
-test-all: $(VENV)/.tests lint
-	$(PYTEST)
+test-all: $(VENV)/.tests style .types/icymoon
+	$(call TESTS,)
 
 # Every Blender that can be had: wheels 4.2, 4.5 and 5.2, real Blenders with their window.
 test-lanes: $(VENV)/.tests zip
@@ -49,9 +62,11 @@ test-ends: $(VENV)/bin/python
 mutants: $(VENV)/.mutants
 	$(RUN) tests/mutants.py $(OF)
 
-lint: $(VENV)/.tests .types/icymoon
+style: $(VENV)/.tests
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check --quiet .
+
+lint: style .types/icymoon
 	$(VENV)/bin/mypy
 
 # A link to the repository under the package's name, by which mypy finds it whatever the folder is called.

@@ -6,7 +6,7 @@ import io
 import os
 import warnings
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -69,8 +69,8 @@ def damaged_npy(good: Array) -> dict[str, bytes]:
     }
 
 
-def damaged_npz(name: str, good: Array) -> dict[str, bytes]:
-    """No npz files with an array of numbers of this name."""
+def damaged_npz(name: str, good: Array) -> dict[str, bytes | Callable[[], bytes]]:
+    """No npz files with an array of numbers of this name, for ``Files``."""
     whole = packed({name: good})
     with warnings.catch_warnings(action="ignore"):  # of a name that is there twice
         stream = io.BytesIO()
@@ -98,7 +98,7 @@ def damaged_npz(name: str, good: Array) -> dict[str, bytes]:
         "wrong sum": patched(16, b"\0\0\0\0"),
         "place beyond": patched(42, b"\xfe\xff\xff\x7f"),
         "many members": packed({str(k): b"" for k in range(1200)}),
-        "bomb": packed({name: np.zeros(2**25)}),
+        "bomb": lambda: packed({name: np.zeros(2**25)}),
     }
 
 

@@ -6,9 +6,11 @@ import io
 import struct
 import zipfile
 import zlib
+from functools import partial
 
 import cv2
 import numpy as np
+from files_when_asked import Files
 from icymoon.support.arrays import Array
 
 WIDTH, HEIGHT = 24, 16
@@ -152,7 +154,6 @@ _JPEG, _COLOURED = encode(".jpg", texture()), encode(".jpg", texture(3))
 _PROGRESSIVE = encode(".jpg", texture(3), cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
 _SCAN = _JPEG.index(b"\xff\xda")
 _SIZE = (256, 3, 1, WIDTH), (257, 3, 1, HEIGHT)
-_BLACK = zlib.compress(bytes(10**8))
 
 #: What no reader may take. All are small, and none may cost much memory or time.
 PNGS = {
@@ -315,24 +316,26 @@ ARRAYS = {
     "nested": b"\x93NUMPY\x02\0" + struct.pack("<I", 9000) + b"(" * 9000,
     "a pixel too many": npy("(8193, 8193)", "|u1"),
 }
-ARCHIVES = {
-    "a bomb": npz(disparity=np.zeros((9000, 9000))),
-    "two arrays": npz(a=np.zeros((2, 2)), b=np.zeros((2, 2))),
-    "a huge shape": zipped(("disparity.npy", ARRAYS["huge"])),
-    "no array": zipped(("disparity.npy", b"")),
-    "a text": zipped(("disparity.npy", b"hello")),
-    "nothing": zipped(),
-    "bzip2": zipped(("disparity.npy", npy("(1, 1)", body=bytes(4))), kind=zipfile.ZIP_BZIP2),
-    "lzma": zipped(("disparity.npy", npy("(1, 1)", body=bytes(4))), kind=zipfile.ZIP_LZMA),
-    "objects": zipped(("disparity.npy", ARRAYS["objects"])),
-    "texts": npz(a=np.array([["b"]])),
-    "a mark": b"PK\x03\x04",
-    "members": zipped(*((f"{k}.npy", b"") for k in range(1001))),
-    "cut": npz(a=np.eye(9))[:-30],
-    "three axes": npz(a=np.ones((2, 2, 2))),
-    "no numbers": npz(a=np.zeros((0, 3))),
-    "an escape": zipped(("\x1b[2J.npy", b"1"), ("b", b"2")),
-}
+ARCHIVES = Files(
+    {
+        "a bomb": lambda: npz(disparity=np.zeros((9000, 9000))),
+        "two arrays": npz(a=np.zeros((2, 2)), b=np.zeros((2, 2))),
+        "a huge shape": zipped(("disparity.npy", ARRAYS["huge"])),
+        "no array": zipped(("disparity.npy", b"")),
+        "a text": zipped(("disparity.npy", b"hello")),
+        "nothing": zipped(),
+        "bzip2": zipped(("disparity.npy", npy("(1, 1)", body=bytes(4))), kind=zipfile.ZIP_BZIP2),
+        "lzma": zipped(("disparity.npy", npy("(1, 1)", body=bytes(4))), kind=zipfile.ZIP_LZMA),
+        "objects": zipped(("disparity.npy", ARRAYS["objects"])),
+        "texts": npz(a=np.array([["b"]])),
+        "a mark": b"PK\x03\x04",
+        "members": zipped(*((f"{k}.npy", b"") for k in range(1001))),
+        "cut": npz(a=np.eye(9))[:-30],
+        "three axes": npz(a=np.ones((2, 2, 2))),
+        "no numbers": npz(a=np.zeros((0, 3))),
+        "an escape": zipped(("\x1b[2J.npy", b"1"), ("b", b"2")),
+    }
+)
 TIFFS = {
     "65536 wide": tiff((256, 4, 1, 65536), (257, 4, 1, 65536)),
     "2^32 wide": tiff((256, 4, 1, 2**32 - 1), (257, 4, 1, 2**32 - 1)),
@@ -364,41 +367,53 @@ OTHERS = {
     "escapes": b"\x1b]0;a\7" * 9,
     "a page": b"<svg xmlns='http://www.w3.org/2000/svg'/>",
 }
-IMAGES = {
-    f"{kind}: {name}": content
-    for kind, those in (("png", PNGS), ("jpg", JPEGS), ("webp", WEBPS), ("tif", TIFFS), ("x", OTHERS))
-    for name, content in those.items()
-}
-MAPS = {
-    f"{kind}: {name}": content
-    for kind, those in (
-        ("png", PNGS),
-        ("exr", EXRS),
-        ("pfm", PFMS),
-        ("npy", ARRAYS),
-        ("npz", ARCHIVES),
-        ("tif", TIFFS),
-        ("x", OTHERS),
-    )
-    for name, content in those.items()
-}
+IMAGES = Files(
+    {
+        f"{kind}: {name}": partial(those.__getitem__, name)
+        for kind, those in (("png", PNGS), ("jpg", JPEGS), ("webp", WEBPS), ("tif", TIFFS), ("x", OTHERS))
+        for name in those
+    }
+)
+MAPS = Files(
+    {
+        f"{kind}: {name}": partial(those.__getitem__, name)
+        for kind, those in (
+            ("png", PNGS),
+            ("exr", EXRS),
+            ("pfm", PFMS),
+            ("npy", ARRAYS),
+            ("npz", ARCHIVES),
+            ("tif", TIFFS),
+            ("x", OTHERS),
+        )
+        for name in those
+    }
+)
+
+
+def unfolding() -> bytes:
+    """A PNG with a text and a profile of a hundred million zeros each."""
+    black = zlib.compress(bytes(10**8))
+    return png(between=chunk(b"zTXt", b"a\0\0" + black) + chunk(b"iCCP", b"a\0\0" + black))
+
+
 #: What is right, although it has much that a reader need not read.
-WHOLE = {
-    "png: texts and profiles that unfold": png(
-        between=chunk(b"zTXt", b"a\0\0" + _BLACK) + chunk(b"iCCP", b"a\0\0" + _BLACK)
-    ),
-    "png: an animation": png(between=chunk(b"acTL", struct.pack(">II", 2**30, 0)) + chunk(b"fcTL", bytes(26))),
-    "png: pixels that go on": png(data=bytes(HEIGHT * (WIDTH + 1)) + bytes(10**7)),
-    "png: more behind": png() + bytes(500),
-    "jpg: more behind": _JPEG + bytes(5000),
-    "jpg: marks behind": _JPEG + b"\xff\xd8\xff\xda" * 99,
-    "jpg: fill": b"\xff\xd8\xff" + _JPEG[2:],
-    "jpg: progressive": _PROGRESSIVE,
-    "jpg: colour": _COLOURED,
-    "jpg: restarts": encode(".jpg", texture(3), cv2.IMWRITE_JPEG_RST_INTERVAL, 1),
-    "webp: colour": encode(".webp", texture(3)),
-    "webp: opacity": encode(".webp", texture(4)),
-    "webp: without loss": encode(".webp", texture(3), cv2.IMWRITE_WEBP_QUALITY, 101),
-    "webp: more behind": encode(".webp", texture(3)) + bytes(99),
-    "tif: 16 bits": encode(".tif", texture().astype(np.uint16) * 257),
-}
+WHOLE = Files(
+    {
+        "png: texts and profiles that unfold": unfolding,
+        "png: an animation": png(between=chunk(b"acTL", struct.pack(">II", 2**30, 0)) + chunk(b"fcTL", bytes(26))),
+        "png: pixels that go on": png(data=bytes(HEIGHT * (WIDTH + 1)) + bytes(10**7)),
+        "png: more behind": png() + bytes(500),
+        "jpg: more behind": _JPEG + bytes(5000),
+        "jpg: marks behind": _JPEG + b"\xff\xd8\xff\xda" * 99,
+        "jpg: fill": b"\xff\xd8\xff" + _JPEG[2:],
+        "jpg: progressive": _PROGRESSIVE,
+        "jpg: colour": _COLOURED,
+        "jpg: restarts": encode(".jpg", texture(3), cv2.IMWRITE_JPEG_RST_INTERVAL, 1),
+        "webp: colour": encode(".webp", texture(3)),
+        "webp: opacity": encode(".webp", texture(4)),
+        "webp: without loss": encode(".webp", texture(3), cv2.IMWRITE_WEBP_QUALITY, 101),
+        "webp: more behind": encode(".webp", texture(3)) + bytes(99),
+        "tif: 16 bits": encode(".tif", texture().astype(np.uint16) * 257),
+    }
+)

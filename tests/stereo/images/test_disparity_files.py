@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from files_when_asked import Files
 from hostile_arrays import NO_FILES, damaged_npz, flipped, packed, put
 from icymoon.stereo.images.disparity_files import read_disparity
 from icymoon.stereo.images.image_files import write_disparity
 
 GOOD = np.linspace(0.0, 9.0, 12, dtype=np.float32).reshape(3, 4)
-DAMAGED = damaged_npz("disparity", GOOD)
+DAMAGED = Files(damaged_npz("disparity", GOOD))
 
 
 def test_what_was_written_is_read(tmp_path):

@@ -9,12 +9,13 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from files_when_asked import Files
 from hostile_arrays import NO_FILES, damaged_npy, damaged_npz, flipped, packed, put, saved
 from icymoon.stereo.measure.measure_files import measure_files, read_map
 from icymoon.support.errors import IcyMoonError
 
 GOOD = np.linspace(1.0, 9.0, 12).reshape(3, 4)
-DAMAGED = damaged_npy(GOOD) | damaged_npz("disparity", GOOD)
+DAMAGED = Files({**damaged_npy(GOOD), **damaged_npz("disparity", GOOD)})
 
 
 @pytest.mark.parametrize("kind", ["<f4", ">f8", "<f2", "u1", ">i4", "<u8"])
