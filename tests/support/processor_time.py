@@ -25,7 +25,7 @@ LEAVE_S, JOIN_S, FAIL_S = 0.6, 1.2, 10.0
 #: New modules from which on a test's time is that of imports.
 _MANY_MODULES = 20
 #: Marks of tests that `make test` leaves out without the list.
-_APART = {"slow", "heavy", "long"}
+APART = {"slow", "heavy", "long"}
 _start = pytest.StashKey[tuple[float, int]]()
 
 
@@ -66,7 +66,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     if call.when == "teardown":  # the last report of a test
         seconds, modules = item.stash[_start]
         if len(sys.modules) - modules < _MANY_MODULES:
-            apart = any(item.get_closest_marker(mark) for mark in _APART)
+            apart = any(item.get_closest_marker(mark) for mark in APART)
             item.user_properties.append(("processor_s", [spent_s() - seconds, apart]))
 
 
