@@ -8,6 +8,8 @@ ZIP := dist/icymoon.zip
 PROCESSES ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
 PYTEST := PYTHONPATH=tests/support $(RUN) -m pytest -p processor_time --numprocesses $(PROCESSES) --maxprocesses 4 \
   --dist worksteal
+# What every change is tried by, and the environments of test-ends.
+QUICK := not slow and not heavy and not long
 
 # Without their compiled files each of these processes would compile the tests and the package anew, for 10 s.
 unexport PYTHONDONTWRITEBYTECODE
@@ -30,7 +32,7 @@ demo: $(VENV)/.demo
 env: $(VENV)/.tests
 
 test: $(VENV)/.tests style .types/icymoon
-	$(call TESTS,-m "not slow and not heavy and not over_a_second")
+	$(call TESTS,-m "$(QUICK) and not over_a_second")
 
 test-ci: $(VENV)/.tests style .types/icymoon
 	$(call TESTS,-m "not long")
@@ -53,7 +55,7 @@ test-ends: $(VENV)/bin/python
 	  $(PYTHON) -m venv .venvs/$$end && \
 	  .venvs/$$end/bin/python -m pip install --quiet --disable-pip-version-check -c constraints/$$end.txt \
 	    -e ".[evaluate]" pytest pytest-timeout hypothesis packaging && \
-	  .venvs/$$end/bin/python -m pytest -m "not slow and not heavy" tests/stereo/images tests/stereo/report \
+	  .venvs/$$end/bin/python -m pytest -m "$(QUICK)" tests/stereo/images tests/stereo/report \
 	    tests/stereo/matchers || exit 1; \
 	done
 

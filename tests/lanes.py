@@ -46,7 +46,7 @@ PYTEST = (
     "-m",
     "pytest",
     "-m",
-    "not slow and not heavy",
+    "not slow and not heavy and not long",
     "-p",
     "no:cacheprovider",
     "--numprocesses",

@@ -1,11 +1,14 @@
 """What `make` runs for the tests, by stand-ins for the programs."""
 
 import os
+import re
 import shutil
 import subprocess
 
+import lanes
 import pytest
 from icymoon.support.version import ROOT
+from processor_time import APART
 
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
 
@@ -57,6 +60,15 @@ def test_a_fault_of_style_is_told_before_any_test(tmp_path):
     status, said = run(tmp_path, "test", style="false")
     assert status != 0
     assert "tests" not in said
+
+
+def test_what_takes_long_is_left_out(tmp_path):
+    """A mark does not tell the other ones: what is ``long`` need not be ``slow`` or ``heavy``."""
+    apart = {f"not {mark}" for mark in APART}
+    _, said = run(tmp_path, "test")
+    assert set(re.search(r" -m (not .*) \[", said)[1].split(" and ")) == apart | {"not over_a_second"}
+    assert set(lanes.PYTEST[lanes.PYTEST.index("-m", 2) + 1].split(" and ")) == apart
+    assert "$(QUICK)" in (ROOT / "Makefile").read_text(encoding="utf-8").partition("\ntest-ends:")[2]
 
 
 def test_programs_keep_what_they_compile(tmp_path):

@@ -25,6 +25,7 @@ from pathlib import Path
 
 processor_time.LIST = Path("list.txt").absolute()
 processor_time.LEAVE_S, processor_time.JOIN_S, processor_time.FAIL_S = 0.05, 0.2, {most}
+processor_time.TOGETHER_FAIL_S = {together}
 from processor_time import *
 """
 TESTS = """
@@ -37,6 +38,9 @@ def test_quick():
 def test_slow():
     busy()
 
+def test_as_slow():
+    busy()
+
 @pytest.mark.heavy
 def test_marked():
     busy()
@@ -46,6 +50,7 @@ def test_that_imports_much():
     busy()
     sys.modules |= {f"made_up_{k}": types.ModuleType("made_up") for k in range(30)}
 """
+SLOW = "test_it.py::test_as_slow\ntest_it.py::test_slow\n"
 
 
 def test_the_list_is_sorted_and_names_tests_that_there_are():
@@ -66,9 +71,14 @@ def test_a_time_between_the_limits_changes_no_place():
     assert wrong_places({"a": 1.01 * JOIN_S, "b": 0.99 * LEAVE_S}, ["b", "c"]) == ({"a"}, {"b"})
 
 
-def session(folder, listed, *options, most=9.0):
+def session(folder, listed, *options, most=9.0, together=9.0):
     """Exit status and output of a session over ``TESTS``, and its list."""
-    texts = {"list.txt": listed, "busy.py": BUSY, "limits.py": PLUGIN.format(most=most), "test_it.py": TESTS}
+    texts = {
+        "list.txt": listed,
+        "busy.py": BUSY,
+        "limits.py": PLUGIN.format(most=most, together=together),
+        "test_it.py": TESTS,
+    }
     for name, text in texts.items():
         (folder / name).write_text(text)
     (folder / "pytest.ini").write_text("[pytest]\nmarkers =\n  heavy\npythonpath = .\n")
@@ -94,10 +104,18 @@ def test_a_slow_test_outside_the_list_is_told_and_then_fails_the_session(tmp_pat
     status, said, _ = session(tmp_path, "", *workers, most=0.25)
     assert status == 1
     assert "test_it.py::test_slow must be in list.txt" in said
-    assert session(tmp_path, "test_it.py::test_slow\n", *workers, most=0.25)[0] == 0
+    assert session(tmp_path, SLOW, *workers, most=0.25)[0] == 0
+
+
+def test_many_slow_tests_outside_the_list_fail_the_session(tmp_path):
+    """Each takes 0.3 s, and two take more than 0.5 s; of a listed one nothing counts."""
+    status, said, _ = session(tmp_path, "", together=0.5)
+    assert status == 1
+    assert "2 tests that must be in list.txt" in said
+    assert session(tmp_path, "test_it.py::test_slow\n", together=0.5)[0] == 0
 
 
 def test_the_list_is_written_anew(tmp_path):
     listed = ["other.py::test_elsewhere", "test_it.py::test_gone", "test_it.py::test_marked", "test_it.py::test_quick"]
     status, _, written = session(tmp_path, "\n".join(listed), "--measure-tests")
-    assert (status, written) == (0, ["other.py::test_elsewhere", "test_it.py::test_slow"])
+    assert (status, written) == (0, ["other.py::test_elsewhere", *SLOW.split()])

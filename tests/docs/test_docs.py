@@ -210,7 +210,8 @@ def is_there(name: str) -> bool:
     if folder in preset_files.KINDS and "." not in name:
         return name in preset_files.preset_names()
     source, code = texts_of_files()
-    last = re.compile(rf"(?<![\w.]){re.escape(name.split('/')[-1])}(?!\w)")
+    file = re.escape(name.split("/")[-1])
+    last = re.compile(rf"{file}(?<![\w.]{file})(?!\w)")  # the name first, which is found fast in all sources
     written = not name.endswith(".py") and last.search(source)
     return bool(name in OF_USERS or written or last.search(code))
 

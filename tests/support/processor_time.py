@@ -5,7 +5,8 @@ test has waited for. The cost of a module's fixture counts for the first test th
 modules is not judged, because the next test of the process finds them loaded.
 
 The end of a session tells the tests whose place in the list is wrong, and the processor time of the tests that `make
-test` takes. The session fails only if a test outside the list takes ``FAIL_S``. A test between ``LEAVE_S`` and
+test` takes. The session fails if a test outside the list takes ``FAIL_S``, or if those that should join it take
+``TOGETHER_FAIL_S`` together: so the list stays nearly true without being watched. A test between ``LEAVE_S`` and
 ``JOIN_S`` stays where it is, so two machines agree on the list. ``--measure-tests`` writes the list anew.
 """
 
@@ -21,11 +22,14 @@ import pytest
 
 LIST = Path(__file__).resolve().parents[1] / "over_a_second.txt"
 #: Processor seconds below which a test leaves the list, above which it joins it, and above which it must be in it.
-LEAVE_S, JOIN_S, FAIL_S = 0.6, 1.2, 10.0
+LEAVE_S, JOIN_S, FAIL_S = 0.6, 1.2, 4.0
+#: Processor seconds that all tests that should join the list may take together. One machine that has much else to do
+#: puts tests there that take 40 s.
+TOGETHER_FAIL_S = 90.0
 #: New modules from which on a test's time is that of imports.
 _MANY_MODULES = 20
 #: Marks of tests that `make test` leaves out without the list.
-_APART = {"slow", "heavy", "long"}
+APART = {"slow", "heavy", "long"}
 _start = pytest.StashKey[tuple[float, int]]()
 
 
@@ -66,7 +70,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     if call.when == "teardown":  # the last report of a test
         seconds, modules = item.stash[_start]
         if len(sys.modules) - modules < _MANY_MODULES:
-            apart = any(item.get_closest_marker(mark) for mark in _APART)
+            apart = any(item.get_closest_marker(mark) for mark in APART)
             item.user_properties.append(("processor_s", [spent_s() - seconds, apart]))
 
 
@@ -92,6 +96,11 @@ class Judge:
         """The tests outside the list that take ``FAIL_S`` or more."""
         return sorted(test for test, taken in self._seconds.items() if taken >= FAIL_S and test not in self._listed)
 
+    def together_too_slow(self) -> float | None:
+        """Processor seconds of the tests that should join the list, where these are too many."""
+        together = sum(self._seconds[test] for test in wrong_places(self._seconds, self._listed)[0])
+        return together if together >= TOGETHER_FAIL_S else None
+
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         if self._writes:
             join, leave = wrong_places(self._seconds, self._listed)
@@ -100,7 +109,7 @@ class Judge:
             gone = {test for test in self._listed - self._ran if test.partition("::")[0] in files}
             self._listed = (self._listed | join) - leave - gone - self._marked
             LIST.write_text("".join(f"{test}\n" for test in sorted(self._listed)), encoding="utf-8")
-        elif self.too_slow() and session.exitstatus == pytest.ExitCode.OK:
+        elif (self.too_slow() or self.together_too_slow()) and session.exitstatus == pytest.ExitCode.OK:
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
@@ -110,6 +119,8 @@ class Judge:
         join, leave = wrong_places(self._seconds, self._listed)
         for test in self.too_slow():
             terminalreporter.write_line(f"ERROR {self._seconds[test]:.1f} CPU s: {test} must be in {LIST.name}.")
+        if together := self.together_too_slow():
+            terminalreporter.write_line(f"ERROR {together:.1f} CPU s: {len(join)} tests that must be in {LIST.name}.")
         for tests, what in ((join - set(self.too_slow()), "could join"), (leave, "could leave")):
             for test in sorted(tests)[:20]:
                 terminalreporter.write_line(f"{self._seconds[test]:.1f} CPU s: {test} {what} {LIST.name}.")
