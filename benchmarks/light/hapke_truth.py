@@ -62,7 +62,7 @@ def of_mitsuba(folder: Path) -> None:
             "fov": scene["fov_deg"],
             "fov_axis": "x",
             "near_clip": 0.01,
-            "to_world": mi.ScalarTransform4f().look_at(*scene["look_at"]),
+            "to_world": mi.ScalarTransform4f().check_lines(*scene["look_at"]),
             "film": {
                 "type": "hdrfilm",
                 "width": scene["width"],
